@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from beamsim.analyses.designs.result import Coordinate, DesignsResult
+from beamsim.analyses.designs.choice import Objective
+from beamsim.analyses.designs.result import Coordinate, DesignsResult, parameter_label
 from beamsim.analyses.limits import limit_label
 from beamsim.cli.report import Row, Texts, aligned, margins
-from beamsim.plots.style import amount
+from beamsim.plots.style import amount, margin_text
 
 MOST_ROWS = 24
+MOST_BEST = 5
 
-_DESIGNS = {"grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of ", "draws": "ensemble of "}
+_DESIGNS = {
+    "grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of ", "sobol": "Sobol' sample of ",
+    "draws": "ensemble of ",
+}  # fmt: skip
 
 
 def _cases(result: DesignsResult, cases: int) -> Iterator[Row]:
@@ -20,7 +25,7 @@ def _cases(result: DesignsResult, cases: int) -> Iterator[Row]:
     size = " x ".join(map(str, result.shape)) if len(result.shape) > 1 else str(cases)
     yield "", f"{_DESIGNS[result.kind]}{size}, each a {result.analysis.replace('_', ' ')}{failed}"
     for k, coordinate in enumerate(result.coordinates):
-        yield "" if k else "varied", f"{coordinate.path}: {_extent(coordinate)}"
+        yield "" if k else "varied", f"{coordinate.label}: {_extent(coordinate)}"
 
 
 def _extent(coordinate: Coordinate) -> str:
@@ -37,12 +42,57 @@ def _margins(result: DesignsResult, compared: Mapping[str, Mapping[str, Any]]) -
     units = {c.path: c.unit for c in result.coordinates}
     for name, item in compared.items():
         if item["exceeded"]:
-            worst = ", ".join(
-                f"{path} = {value if isinstance(value, str) else amount(value, units.get(path, '1'))}"
-                for path, value in item["parameters"].items()
-            )
+            worst = _parameters(units, item["parameters"])
             share = f"{item['cases_exceeding']} of {result.cases} cases"
             yield "", f"{limit_label(name)} exceeded in {share}, most with {worst}"
+
+
+def _parameters(units: Mapping[str, str], values: Mapping[str, Any]) -> str:
+    return ", ".join(
+        f"{parameter_label(path)} {value if isinstance(value, str) else amount(value, units.get(path, '1'))}"
+        for path, value in values.items()
+    )
+
+
+def _passing(result: DesignsResult, passing: int) -> str:
+    every = "every limit" if len(result.limits) > 1 else "the limit"
+    return f"{passing} of {result.cases} cases meet {every}" if passing else f"no case meets {every}"
+
+
+def _best(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
+    """The first of the best cases, one a row."""
+    objective = Objective.of(result.scenario.vary)
+    units = {c.path: c.unit for c in result.coordinates}
+    asked = next((r.unit for r in result.responses.values() if f"/{r.name}".endswith(f"/{objective.response}")), "1")
+    for k, item in enumerate(best[:MOST_BEST]):
+        value = f"{objective.text.partition(' ')[2]} {amount(item['value'], asked)}, " if objective.response else ""
+        margin = f"margin {margin_text(item['margin'], 1.0)} ({limit_label(item['limit'])})" if "limit" in item else ""
+        about = f"{value}{margin}".removesuffix(", ")
+        yield f"best, {objective.text}" if k == 0 else "", f"{_parameters(units, item['parameters'])}: {about}"
+
+
+def _sensitivity(result: DesignsResult, indices: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
+    """Shares of the parameters in the variance of each response, largest first."""
+    texts = {}
+    for name, shares in list(indices.items())[:MOST_ROWS]:
+        order = sorted(shares.items(), key=lambda item: -item[1]["total_order"])
+        texts[_response_label(name)] = ", ".join(
+            f"{parameter_label(path)} {_share(s['total_order'])} "
+            f"({_share(s['total_order_low'])} to {_share(s['total_order_high'])})"
+            for path, s in order
+        )
+    yield "", "share of the variance by each parameter with its interactions (Sobol' total index, 95 % interval)"
+    yield from aligned(texts)
+
+
+def _share(index: float) -> str:
+    """An index in percent; small samples estimate some below zero or above one."""
+    return f"{100 * max(index, 0.0):.0f} %"
+
+
+def _response_label(name: str) -> str:
+    label = name.removeprefix("probes/").removeprefix("snubbers/").removeprefix("outputs/")
+    return label.replace("/", " ").removesuffix("_hz").replace("_", " ")
 
 
 def _responses(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
@@ -50,14 +100,7 @@ def _responses(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]
     for name, item in list(responses.items())[:MOST_ROWS]:
         unit = result.responses[name].unit if name in result.responses else "1"
         mean = f", mean {amount(item['mean'], unit)}" if "mean" in item else ""
-        label = (
-            name.removeprefix("probes/")
-            .removeprefix("snubbers/")
-            .removeprefix("outputs/")
-            .replace("/", " ")
-            .removesuffix("_hz")
-        )
-        texts[label.replace("_", " ")] = f"{amount(item['smallest'], unit)} to {amount(item['largest'], unit)}{mean}"
+        texts[_response_label(name)] = f"{amount(item['smallest'], unit)} to {amount(item['largest'], unit)}{mean}"
     yield from aligned(texts)
     if len(responses) > MOST_ROWS:
         yield "", f"and {len(responses) - MOST_ROWS} more in the file"
@@ -65,7 +108,10 @@ def _responses(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]
 
 TEXTS: Texts = {
     "cases": _cases,
+    "passing": _passing,
+    "best": _best,
     "margins": _margins,
+    "sensitivity": _sensitivity,
     "responses": _responses,
     "processor_time_s": lambda _, time: f"processor time {amount(time, 's')}",
 }

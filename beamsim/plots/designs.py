@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response
+from beamsim.analyses.designs.choice import Objective
+from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response, SobolIndices
 from beamsim.plots.outputs import output_label, output_scale
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, legend, scale_for
 from beamsim.scenario.limits import OF_OUTPUTS
@@ -23,6 +24,9 @@ SHOWN = (
 )  # fmt: skip
 MOST_PANELS = 6
 MOST_MODES = 3
+MOST_SLICES = 4  # maps of one response of three or more parameters
+MOST_SLICED = 3  # responses
+CONTOURS = 5
 MOST_PARAMETERS = 6  # columns of a matrix
 NAMED = {
     "closed_frequencies_hz": "Natural frequencies, closed",
@@ -40,7 +44,8 @@ def shown_quantities(result: DesignsResult) -> list[str]:
     peaks = [q for q in known if q.endswith(_PEAK)]
     ranked = [q for q in SHOWN if q in known] + peaks
     ranked += [q for q in known if q not in (*SHOWN, *peaks) and not q.endswith("_output") and len(ranked) < 3]
-    limited = [q for q in ranked if _limit(result, q) is not None]
+    objective = Objective.of(result.scenario.vary).response
+    limited = [q for q in ranked if f"/{objective}".endswith(f"/{q}") or _limit(result, q) is not None]
     ranked = limited + [q for q in ranked if q not in limited]
     return [q for q in ranked if any(_varies(r) for r in _of(result, q))][:MOST_PANELS] or ranked[:1]
 
@@ -73,37 +78,89 @@ def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes
     return ax
 
 
-def plot_response_map(result: DesignsResult, ax: Axes, response: Response) -> Axes:
-    """One response over the first two parameters of a grid, with the contour of its limit."""
-    from matplotlib.ticker import MaxNLocator
+def plot_response_map(
+    result: DesignsResult, ax: Axes, response: Response, at: tuple[int, ...] = (), best: int | None = None
+) -> Axes:
+    """One response over the first two parameters of a grid, with labelled contours, its limit and the best case.
 
+    Parameters
+    ----------
+    at : numbers of the values of all further parameters.
+    best : number of the best case, which is marked if it is on the map.
+    """
     (x, xticks, xlabel), (y, yticks, ylabel) = (_axis(c) for c in result.coordinates[:2])
     quantity = _quantity(response)
     scale = _scale(result, quantity, [response.values])
-    values = np.ma.masked_invalid(response.values.T * scale.factor)
-    mesh = ax.pcolormesh(_edges(x, result.coordinates[0]), _edges(y, result.coordinates[1]), values, cmap="cividis")
+    every: Any = np.ma.masked_invalid(response.values * scale.factor)
+    values = every[(slice(None), slice(None), *at)].T
+    mesh = ax.pcolormesh(
+        _edges(x, result.coordinates[0]), _edges(y, result.coordinates[1]), values, cmap="cividis",
+        vmin=every.min(), vmax=every.max(),
+    )  # fmt: skip
     where = f", {response.place}" if response.place else ""
     assert ax.figure is not None
     bar = ax.figure.colorbar(mesh, ax=ax)
     bar.set_label(_label(result, quantity, scale) + where)
     limit = _limit(result, quantity)
-    if limit is not None and min(values.shape) > 1:
-        reached = limit * scale.factor
-        if values.min() < reached < values.max():
-            ax.contour(x, y, values, levels=[reached], colors=_LIMIT, linewidths=1.8)
-        bar.ax.axhline(reached, color=_LIMIT, linewidth=1.8)
+    if min(values.shape) > 1 and values.count():
+        _draw_contours(ax, x, y, values, None if limit is None else limit * scale.factor)
+    if limit is not None:
+        bar.ax.axhline(limit * scale.factor, color=_LIMIT, linewidth=1.8)
+    if best is not None:
+        i, j, *others = np.unravel_index(best, result.shape)
+        if tuple(others) == at:
+            ax.plot(x[i], y[j], marker="*", markersize=11, color="white", markeredgecolor="black", clip_on=False)
     for axis, ticks, coordinate in (
         (ax.xaxis, xticks, result.coordinates[0]),
         (ax.yaxis, yticks, result.coordinates[1]),
     ):
-        if ticks is not None:
-            axis.set_ticks(np.arange(len(ticks)), ticks)
-        elif _logarithmic(coordinate):
-            _logarithmic_axis(axis)
-        else:
-            axis.set_major_locator(MaxNLocator(5))
+        _ticks_along(axis, ticks, coordinate)
     finish(ax, xlabel, ylabel)
     ax.grid(visible=False)
+    return ax
+
+
+def _draw_contours(ax: Axes, x: Floats, y: Floats, values: Any, limit: float | None) -> None:
+    """Labelled contours, that of the limit in its own colour."""
+    low, high = float(values.min()), float(values.max())
+    if high - low > 1e-9 * max(abs(low), abs(high)):
+        lines = ax.contour(x, y, values, levels=CONTOURS, colors="white", linewidths=0.6)
+        ax.clabel(lines, fontsize="x-small", fmt="%g")
+    if limit is not None and low < limit < high:
+        line = ax.contour(x, y, values, levels=[limit], colors=_LIMIT, linewidths=1.8)
+        ax.clabel(line, fontsize="x-small", fmt=lambda _: "limit")
+
+
+def _ticks_along(axis: Any, ticks: list[str] | None, coordinate: Coordinate) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    if ticks is not None:
+        axis.set_ticks(np.arange(len(ticks)), ticks)
+    elif _logarithmic(coordinate):
+        _logarithmic_axis(axis)
+    else:
+        axis.set_major_locator(MaxNLocator(5))
+
+
+def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> Axes:
+    """Sobol' indices of a response: first and total of every parameter, with their 95 % intervals."""
+    place = np.arange(len(result.coordinates))
+    for shift, name, values, low, high, colour in (
+        (-0.2, "alone", indices.first_order, indices.first_order_low, indices.first_order_high, "#8fb8de"),
+        (0.2, "with interactions", indices.total_order, indices.total_order_low, indices.total_order_high, "#0b3c5d"),
+    ):
+        spread = np.abs(np.stack([np.minimum(low - values, 0.0), np.maximum(high - values, 0.0)]))
+        ax.barh(place + shift, 100.0 * values, 0.38, label=name, color=colour)
+        ax.errorbar(
+            100.0 * values, place + shift, xerr=100.0 * spread, fmt="none", ecolor="0.35", elinewidth=0.9, capsize=2
+        )
+    ax.set_yticks(place, [c.label for c in result.coordinates])
+    ax.invert_yaxis()
+    ax.set_xlim(left=min(0.0, ax.get_xlim()[0]))
+    response = result.responses[indices.name]
+    what = _label(result, _quantity(response), Scale(1.0, ""))
+    ax.set_title(f"{what}{f', {response.place}' if response.place else ''}", fontsize="small", loc="left")
+    finish(ax, "Share of the variance (%)", "")
     return ax
 
 
@@ -133,12 +190,16 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
 
     if not np.any(result.solved):
         return {}
+    best = result.summary["best"][0]["case"] if result.summary.get("best") else None
 
-    def panels(count: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
+    def panels(
+        count: int, columns: int, size: tuple[float, float], *, starred: bool = False
+    ) -> tuple[Figure, list[Axes]]:
         rows = -(-count // columns)
         figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
-        if result.title:
-            figure.suptitle(result.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+        title = result.title + (f"   (star: best case, {result.summary['objective']})" if starred else "")
+        if title:
+            figure.suptitle(title, x=0.012, ha="left", fontsize="medium", color="0.3")
         axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
         for ax in axes[count:]:
             ax.set_visible(False)
@@ -154,10 +215,34 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
     if dimensions == 2 and result.kind == "grid" and min(result.shape) > 1:
         maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == 2 and _varies(r)][:MOST_PANELS]
         if maps:
-            figure, axes = panels(len(maps), min(2, len(maps)), (5.2, 3.6))
+            figure, axes = panels(len(maps), min(2, len(maps)), (5.2, 3.6), starred=best is not None)
             for ax, response in zip(axes, maps, strict=False):
-                plot_response_map(result, ax, response)
+                plot_response_map(result, ax, response, (), best)
             return {"maps": figure}
+    figures = {}
+    if dimensions > 2 and result.kind == "grid" and min(result.shape[:2]) > 1:
+        shown = [r for q in quantities for r in _of(result, q)[:1] if r.values.ndim == dimensions and _varies(r)]
+        if shown:
+            places = _slices(result, best)
+            rows = shown[:MOST_SLICED]
+            figure, axes = panels(len(rows) * len(places), len(places), (3.9, 3.1), starred=best is not None)
+            for k, ax in enumerate(axes):
+                at = places[k % len(places)]
+                plot_response_map(result, ax, rows[k // len(places)], at, best)
+                ax.set_title(
+                    ", ".join(_value_text(c, i) for c, i in zip(result.coordinates[2:], at, strict=True)),
+                    fontsize="small", loc="left",
+                )  # fmt: skip
+            figures["slices"] = figure
+    if result.sensitivity:
+        chosen = [s for q in quantities for s in result.sensitivity if _quantity(result.responses[s.name]) == q]
+        chosen = chosen[:MOST_PANELS] or list(result.sensitivity[:MOST_PANELS])
+        figure, axes = panels(len(chosen), min(2, len(chosen)), (4.8, 0.9 + 0.45 * dimensions))
+        for ax, indices in zip(axes, chosen, strict=False):
+            plot_sensitivity(result, ax, indices)
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize="small", frameon=False)
+        figures["sensitivity"] = figure
     scalar = [q for q in quantities if any(r.values.shape == result.shape for r in _of(result, q))][:4]
     columns = min(dimensions, MOST_PARAMETERS)
     figure, axes = panels(len(scalar) * columns, columns, (2.9, 2.4))
@@ -168,7 +253,22 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
             ax.set_xlabel("")
         if column:
             ax.set_ylabel("")
-    return {"scatter": figure}
+    return figures | {"scatter": figure}
+
+
+def _slices(result: DesignsResult, best: int | None) -> list[tuple[int, ...]]:
+    """Of all parameters but the first two, numbers of the values at which maps are shown.
+
+    The third takes up to `MOST_SLICES` of its values, the others that of the best case, or their middle.
+    """
+    further = result.shape[2:]
+    middle = tuple(n // 2 for n in further)
+    fixed = middle if best is None else tuple(int(k) for k in np.unravel_index(best, result.shape)[2:])
+    along = {*np.linspace(0, further[0] - 1, min(further[0], MOST_SLICES)).round().astype(int).tolist()}
+    if best is not None and fixed[0] not in along:
+        along.remove(min(along, key=lambda k: abs(k - fixed[0])))
+        along.add(fixed[0])
+    return [(k, *fixed[1:]) for k in sorted(along)]
 
 
 def _quantity(response: Response) -> str:
@@ -211,14 +311,29 @@ def _cases(result: DesignsResult, coordinate: int, x: Floats) -> Floats:
 
 def _axis(coordinate: Coordinate) -> tuple[Floats, list[str] | None, str]:
     """Values along the axis, tick labels if the values are words, and the axis label."""
+    name = coordinate.label[:1].upper() + coordinate.label[1:]
     if not coordinate.numeric:
         words = list(dict.fromkeys(str(v) for v in coordinate.values))
-        return np.array([words.index(str(v)) for v in coordinate.values], dtype=float), words, coordinate.path
-    values = coordinate.values.astype(float)
+        return np.array([words.index(str(v)) for v in coordinate.values], dtype=float), words, name
+    values, scale = coordinate.values.astype(float), _unit_scale(coordinate)
+    return values * scale.factor, None, f"{name} ({scale.unit})" if scale.unit else name
+
+
+def _unit_scale(coordinate: Coordinate) -> Scale:
+    """The scale of numbers along the axis."""
     if coordinate.unit == "1":
-        return values, None, coordinate.path
-    scale = scale_for(coordinate.unit, values) if " " not in coordinate.unit else Scale(1.0, coordinate.unit)
-    return values * scale.factor, None, f"{coordinate.path} ({scale.unit})"
+        return Scale(1.0, "")
+    if " " in coordinate.unit:
+        return Scale(1.0, coordinate.unit)
+    return scale_for(coordinate.unit, coordinate.values.astype(float))
+
+
+def _value_text(coordinate: Coordinate, k: int) -> str:
+    """``tip gap = 0.1 mm`` for value k of the axis."""
+    if not coordinate.numeric:
+        return f"{coordinate.label} = {coordinate.values[k]}"
+    scale = _unit_scale(coordinate)
+    return f"{coordinate.label} = {coordinate.values[k] * scale.factor:.4g} {scale.unit}".rstrip()
 
 
 def _logarithmic(coordinate: Coordinate) -> bool:

@@ -109,7 +109,10 @@ def margin_text(margin: float | None, value: float) -> str:
     """A margin in percent; that of a value of zero has no bound, which result files cannot hold."""
     if value == 0.0:
         return "without bound"
-    return f"{100 * margin:+.3g} %" if is_known(margin) and margin is not None else "unknown"
+    if not is_known(margin) or margin is None:
+        return "unknown"
+    percent = 100.0 * margin
+    return f"{percent:+.3g} %" if abs(percent) < 999.5 else f"{percent:+.0f} %"
 
 
 def amount(value: float | None, unit: str, digits: int = 4) -> str:

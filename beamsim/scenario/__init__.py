@@ -17,7 +17,7 @@ from beamsim.scenario.body import Body, Located
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.continuation import Continuation
 from beamsim.scenario.damping import ModalDamping, RayleighDamping, ViscousDamping
-from beamsim.scenario.designs import Grid, LatinHypercube, Zipped
+from beamsim.scenario.designs import Grid, LatinHypercube, Sobol, Zipped
 from beamsim.scenario.driven import AppliedTo
 from beamsim.scenario.excitation import Excitation, HalfSine, Harmonic, MultiTone, NoExcitation, Step, Tone
 from beamsim.scenario.identification import IdentifyStiffness, Pad
@@ -128,6 +128,7 @@ __all__ = [
     "Snubber",
     "SnubberRatioDamping",
     "SnubberViscousDamping",
+    "Sobol",
     "SpectrumSettings",
     "Step",
     "SteppedSine",

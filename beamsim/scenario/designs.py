@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol, Self
 
-from pydantic import Field, Tag
+from pydantic import Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from beamsim.errors import Problem, ScenarioError
@@ -135,6 +135,18 @@ class _Study(Schema):
 
     responses: tuple[Text, ...] = ()
     """Responses that are computed, such as peak_force; all by default, of which the bending stress takes longest."""
+    minimise: Text = ""
+    """Response that is smallest in the best case that meets every limit: a quantity such as peak_force, which counts
+    where it is largest, or a response by name, such as snubbers/tip/peak_force. Without it the best case is the one
+    with the largest margin."""
+    maximise: Text = ""
+    """Response that is largest in the best case; see minimise."""
+
+    @model_validator(mode="after")
+    def _one_objective(self) -> Self:
+        if self.minimise and self.maximise:
+            raise fail("stands beside minimise", "name one objective, minimise or maximise", ("maximise",))
+        return self
 
 
 class Grid(_Study):
@@ -168,7 +180,20 @@ class LatinHypercube(_Study):
     """The varied parameters."""
 
 
-Vary = Annotated[Grid | Zipped | LatinHypercube, BY_KIND]
+class Sobol(_Study):
+    """A sample for Sobol' indices: which parameter accounts for which share of a response's variance."""
+
+    kind: Literal["sobol"] = "sobol"
+    """A sample for Sobol' indices."""
+    samples: SteppedCount
+    """Size n of the sample, a power of two; there are n times the number of parameters plus two cases."""
+    seed: NotNegativeWhole = 0
+    """Seed of the random generator."""
+    parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
+    """The varied parameters, which are independent of each other."""
+
+
+Vary = Annotated[Grid | Zipped | LatinHypercube | Sobol, BY_KIND]
 
 
 @dataclass(frozen=True)
@@ -255,15 +280,17 @@ def _drawn_parameter(scenario: Schema, path: str, values: list[Any]) -> VariedPa
     )  # fmt: skip
 
 
-def case_count(vary: Grid | Zipped | LatinHypercube) -> int:
+def case_count(vary: Vary) -> int:
     """Number of cases."""
     if isinstance(vary, LatinHypercube):
         return vary.samples
+    if isinstance(vary, Sobol):
+        return vary.samples * (len(vary.parameters) + 2)
     counts = [_count(parameter) for parameter in vary.parameters]
     return counts[0] if isinstance(vary, Zipped) else math.prod(counts)
 
 
-def design_problems(scenario: Schema, vary: Grid | Zipped | LatinHypercube) -> Iterator[Problem]:
+def design_problems(scenario: Schema, vary: Vary) -> Iterator[Problem]:
     """Unknown paths, values that their fields do not accept, too many cases."""
     taken: dict[Path, int] = {}
     for index, parameter in enumerate(vary.parameters):
@@ -290,6 +317,9 @@ def design_problems(scenario: Schema, vary: Grid | Zipped | LatinHypercube) -> I
                 f"have {', '.join(map(str, counts))} values, which cannot be zipped",
                 "give all of them equally many, or write kind: grid",
             )
+    if isinstance(vary, Sobol) and vary.samples & (vary.samples - 1):
+        power = 2 ** (vary.samples - 1).bit_length()
+        yield Problem("vary.samples", f"= {vary.samples} is not a power of two", f"take {power // 2} or {power}")
     count = case_count(vary)
     if count > MOST_CASES:
         yield Problem(

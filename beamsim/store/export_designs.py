@@ -33,6 +33,9 @@ def export_designs(result: DesignsResult, path: Path) -> Path:
         for k, column in enumerate(table.T, 1):
             names.append(_header(f"{name}_{k}" if many else name, r.unit))
             columns.append(column.tolist())
+    if result.passing is not None:
+        names.append("passing")
+        columns.append(result.passing.ravel().astype(int).tolist())
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(names)

@@ -69,11 +69,69 @@ def test_a_study_leaves_its_file_and_maps_and_prints_margins(call, here):
     done = call("sweep", "case.yaml", "--workers", 1)
     assert done.exit_code == 0, done.output
     assert set(os.listdir(here)) == {"case.yaml", "case.h5", "case_maps.png"}
-    for text in ("grid of 2 x 3, each a run", "snubbers.tip.gap: 0 m to 0.3 mm, 3 values", "EXCEEDED, margin -",
-                 "peak force exceeded in", "of 6 cases, most with snubbers.tip.stiffness = 200 kN/m",
+    for text in ("grid of 2 x 3, each a run", "tip gap: 0 m to 0.3 mm, 3 values", "EXCEEDED, margin -",
+                 "peak force exceeded in", "of 6 cases, most with tip stiffness 200 kN/m",
                  "tip peak force", "case_maps.png"):  # fmt: skip
         assert text in done.stdout, text
     assert open_designs("case.h5").complete
+
+
+def test_the_best_of_the_cases_that_meet_every_limit(call, here):
+    """Without an objective the one with the largest margin; the picture marks it."""
+    arguments = ("sweep", "case.yaml", "--workers", 1, "--json", "--no-plots")
+    done = call(*arguments, "--set", "limits.peak_force=17 N", "--set", "vary.minimise=peak_displacement")
+    summary = json.loads(done.stdout)
+    result = open_designs("case.h5")
+    displacement = result.responses["probes/tip/peak_displacement"].values.ravel()
+    passing = result.responses["snubbers/tip/peak_force"].values.ravel() <= 17.0
+    assert 0 < summary["passing"] == passing.sum() < 6
+    np.testing.assert_array_equal(result.passing.ravel(), passing)
+    order = np.flatnonzero(passing)[np.argsort(displacement[passing], kind="stable")]
+    assert [case["case"] for case in summary["best"]] == order.tolist()
+    assert summary["best"][0]["value"] == displacement[order[0]]
+    assert summary["best"][0]["parameters"] == dict(
+        zip(("snubbers.tip.stiffness", "snubbers.tip.gap"), result.case_values(int(order[0])), strict=True)
+    )
+    margins = json.loads(call(*arguments, "--set", "limits.peak_force=17 N").stdout)
+    assert margins["objective"] == "largest margin"
+    assert [case["margin"] for case in margins["best"]] == sorted((c["margin"] for c in margins["best"]), reverse=True)
+    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots", "--set", "limits.peak_force=1 N")
+    assert "no case meets every limit" in done.stdout
+    assert "best" not in done.stdout
+
+
+def test_shares_of_the_parameters_in_the_variance(call, here):
+    text = (
+        CASE[: CASE.index("vary:")]
+        + """\
+vary:
+  kind: sobol
+  samples: 8
+  parameters: [{path: excitation.level, tolerance: 10 %}, {path: snubbers.tip.gap, tolerance: 0.01 mm}]
+"""
+    )
+    (here / "case.yaml").write_text(text)
+    done = call("sweep", "case.yaml", "--workers", 1)
+    assert done.exit_code == 0, done.output
+    assert "Sobol' sample of 32" in done.stdout
+    assert "sensitivity" in done.stdout
+    assert (here / "case_sensitivity.png").stat().st_size > 10_000
+    (here / "case.yaml").write_text(text.replace("samples: 8", "samples: 9"))
+    done = call("sweep", "case.yaml")
+    assert done.exit_code == 2
+    assert "vary.samples = 9 is not a power of two; take 8 or 16" in done.stderr
+
+
+def test_objectives_that_cannot_be(call, here):
+    done = call("sweep", "case.yaml", "--set", "vary.minimise=peak_forse")
+    assert done.exit_code == 2
+    assert "vary.minimise = peak_forse is not a response; did you mean peak_force" in done.stderr
+    done = call("sweep", "case.yaml", "--set", "vary.minimise=peak_force", "--set", "vary.maximise=peak_force")
+    assert done.exit_code == 2
+    assert "vary.maximise stands beside minimise" in done.stderr
+    done = call("sweep", "case.yaml", "--no-plots", "--workers", 1, "--set", "vary.minimise=snubbers/top/peak_force")
+    assert "vary.minimise = snubbers/top/peak_force: no case has such a response; they have " in done.stderr
+    assert "best" not in done.stdout
 
 
 def test_json_is_alone_on_standard_output(call, here):

@@ -37,6 +37,8 @@ STUDIES = {
     "map_of_words": f"vary: {{kind: grid, parameters: [{ONE}, {WORD}]}}",
     "three": f"vary: {{kind: grid, parameters: [{ONE}, {TWO}, {WORD}]}}",
     "zip": f"vary: {{kind: zip, parameters: [{ONE}, {{path: excitation.level, from: 1, to: 2, points: 5}}]}}",
+    "sobol": "vary: {kind: sobol, samples: 4, minimise: peak_force, parameters: "
+    "[{path: beam.thickness, tolerance: 5 %}, {path: snubbers.tip.gap, tolerance: 0.1 mm}]}",
     "sample": "vary: {kind: latin_hypercube, samples: 12, parameters: "
     "[{path: beam.thickness, tolerance: 5 %}, {path: snubbers.tip.gap, tolerance: 0.1 mm}]}",
 }
@@ -89,7 +91,12 @@ def test_what_is_written_is_read(name, tmp_path):
             assert (kept[key].unit, kept[key].long_name) == (read[key].unit, read[key].long_name)
     assert list(stored.responses) == list(result.responses)
     assert stored.summary["margins"] == result.summary["margins"]
-    assert stored.summary["responses"] == result.summary["responses"]
+    for entry in ("responses", "passing", "best", "objective", "sensitivity"):
+        assert stored.summary.get(entry) == result.summary.get(entry), entry
+    np.testing.assert_array_equal(stored.passing, result.passing)
+    assert [s.name for s in stored.sensitivity] == [s.name for s in result.sensitivity]
+    for one, other in zip(result.sensitivity, stored.sensitivity, strict=True):
+        np.testing.assert_array_equal(one.total_order, other.total_order)
 
 
 @pytest.mark.filterwarnings("default")
@@ -137,6 +144,7 @@ def test_the_table_as_csv(tmp_path):
     assert float(rows[4]["closed_frequencies_hz_2 (Hz)"]) == result.responses["closed_frequencies_hz"].values[1, 1, 1]
     assert float(rows[4]["margins/peak_force"]) == result.margins["peak_force"].values[1, 1]
     assert rows[1]["bending_stress (Pa)"] == "nan"
+    assert [int(row["passing"]) for row in rows] == result.passing.ravel().tolist()
 
 
 @pytest.mark.parametrize("how", ["missing", "text", "other"])
@@ -170,13 +178,13 @@ def test_damaged_and_foreign_versions(tmp_path):
 @pytest.mark.parametrize(
     ("name", "picture"),
     [("curve", "curves"), ("words", "curves"), ("zip", "curves"), ("map", "maps"), ("map_of_words", "maps"),
-     ("three", "scatter"), ("sample", "scatter")],
+     ("three", "slices scatter"), ("sample", "scatter"), ("sobol", "scatter")],
 )  # fmt: skip
 def test_pictures(name, picture, tmp_path):
     result = fabricated(name, failed=(1,))
-    (path,) = save_figures(design_figures(result), tmp_path, "study")
-    assert path.name == f"study_{picture}.png"
-    assert path.stat().st_size > 10_000
+    paths = save_figures(design_figures(result), tmp_path, "study")
+    assert [path.name for path in paths] == [f"study_{name}.png" for name in picture.split()]
+    assert all(path.stat().st_size > 10_000 for path in paths)
 
 
 def test_limited_quantities_come_first_and_their_limit_is_drawn():

@@ -16,15 +16,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.designs.cases import CaseSolver, CaseTask, Place, Study, analysis_of, solve_case, warm_up
+from beamsim.analyses.designs.choice import Objective, best_cases, passing_cases
 from beamsim.analyses.designs.responses import QUANTITIES, describe
-from beamsim.analyses.designs.result import CaseFailure, CaseOutcome, Coordinate, DesignsResult, Response, is_scalar
+from beamsim.analyses.designs.result import (
+    CaseFailure,
+    CaseOutcome,
+    Coordinate,
+    DesignsResult,
+    Response,
+    SobolIndices,
+    is_scalar,
+)
+from beamsim.analyses.designs.sampling import latin_hypercube, listed_values, sobol
+from beamsim.analyses.designs.sensitivity import sensitivities
 from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.limits import margin_of
 from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine, on_threads
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.base import suggestion
-from beamsim.scenario.designs import LatinHypercube, VariedParameter, drawn_parameters, varied_parameters
+from beamsim.scenario.designs import LatinHypercube, Sobol, VariedParameter, Vary, drawn_parameters, varied_parameters
 from beamsim.scenario.draws import Draws
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.system.outputs import output_units
@@ -37,9 +48,12 @@ Value = float | str
 
 MOST_CHECKED = 400  # cases checked before the first is solved
 MOST_SHOWN = 5  # problems and failures in a message
-NORMAL_REACH = 3.0  # standard deviations in a tolerance
 
-SAMPLES = ("latin_hypercube", "draws")  # kinds of studies whose cases are a sample, so that they have statistics
+SAMPLES = (
+    "latin_hypercube",
+    "sobol",
+    "draws",
+)  # kinds of studies that have statistics
 THREADED = ("run", "swept_sine")  # analyses whose time is spent in compiled code, which threads execute side by side
 
 
@@ -117,10 +131,14 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
         )
     varied = varied_parameters(scenario)
     if isinstance(vary, LatinHypercube):
-        columns = _latin_hypercube(varied, vary.samples, vary.seed)
+        columns = latin_hypercube(varied, vary.samples, vary.seed)
+    elif isinstance(vary, Sobol):
+        columns = sobol(varied, vary.samples, vary.seed)
     else:
-        columns = [_values(parameter) for parameter in varied]
-    return _plan(scenario, vary.kind, varied, columns, _asked(scenario, vary.responses, "vary.responses"))
+        columns = [listed_values(parameter) for parameter in varied]
+    _check_objective(scenario, vary)
+    objective = Objective.of(vary).response
+    return _plan(scenario, vary.kind, varied, columns, _asked(scenario, vary.responses, "vary.responses", objective))
 
 
 def plan_draws(
@@ -146,16 +164,28 @@ def plan_draws(
     return _plan(scenario, "draws", varied, columns, _asked(scenario, responses, "responses"))
 
 
-def _asked(scenario: Scenario, responses: Sequence[str], where: str) -> tuple[str, ...]:
-    """The responses asked for, and those that limits are compared with; empty for all."""
+def _check_objective(scenario: Scenario, vary: Vary) -> None:
+    for key in ("minimise", "maximise"):
+        if name := getattr(vary, key):
+            _check_response(scenario, name, f"vary.{key}")
+
+
+def _check_response(scenario: Scenario, name: str, where: str) -> None:
+    quantity = name.rpartition("/")[2]
+    if quantity not in QUANTITIES:
+        remedy = suggestion(quantity, QUANTITIES, "the quantities are")
+        raise scenario.located(ScenarioError(Problem(where, f"= {name} is not a response", remedy)))
+
+
+def _asked(scenario: Scenario, responses: Sequence[str], where: str, objective: str = "") -> tuple[str, ...]:
+    """The responses asked for, the objective, and those that limits are compared with; empty for all."""
     for k, name in enumerate(responses):
-        if name.rpartition("/")[2] not in QUANTITIES:
-            remedy = suggestion(name.rpartition("/")[2], QUANTITIES, "the quantities are")
-            raise scenario.located(ScenarioError(Problem(f"{where}[{k}]", f"= {name} is not a response", remedy)))
+        _check_response(scenario, name, f"{where}[{k}]")
     if not responses:
         return ()
     limits = () if scenario.limits is None else scenario.limits.given
-    return tuple(dict.fromkeys((*responses, *(limited_response(name).rpartition("/")[2] for name in limits))))
+    needed = (objective,) if objective else ()
+    return tuple(dict.fromkeys((*responses, *needed, *(limited_response(name).rpartition("/")[2] for name in limits))))
 
 
 def _plan(
@@ -270,6 +300,12 @@ def gather(plan: DesignPlan, table: CaseTable, wall_time_s: float = 0.0) -> Desi
     }
     limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
     margins, where = _margins(plan, responses, limits)
+    solved = table.solved.reshape(plan.shape)
+    passing = passing_cases(margins, solved)
+    objective = Objective.of(plan.scenario.vary)
+    chosen = plan.kind not in SAMPLES or bool(objective.response)  # the best of many parts is no choice
+    best = best_cases(objective, responses, margins, passing) if chosen else []
+    sensitivity, gaps = sensitivities(responses, len(plan.coordinates)) if plan.kind == "sobol" else ((), [])
     failures = tuple(
         CaseFailure(k, plan.tasks[k].values, table.failures[k].outcome) for k in sorted(table.failures)
     )  # fmt: skip
@@ -279,21 +315,44 @@ def gather(plan: DesignPlan, table: CaseTable, wall_time_s: float = 0.0) -> Desi
         kind=plan.kind,
         outcome=_outcome(len(plan.tasks), len(plan.tasks) - table.count, failures),
         coordinates=plan.coordinates,
-        solved=table.solved.reshape(plan.shape),
+        solved=solved,
         responses=responses,
         margins=margins,
         limits=limits,
+        passing=passing if limits else None,
+        sensitivity=sensitivity,
         failures=failures,
-        warnings=(*plan.scenario.warnings, *_about_seeds(plan)),
+        warnings=(*plan.scenario.warnings, *_about_seeds(plan), *_about_choice(plan, objective, responses, gaps)),
         wall_time_s=wall_time_s,
         fingerprint=plan.fingerprint,
     ).with_summary(
         solved=table.count - len(failures),
         failed=len(failures),
         responses=_extremes(plan, responses),
+        passing=int(passing.sum()) if limits else None,
+        objective=objective.text if best else None,
+        best=[{**item, "parameters": _named(plan, item["case"])} for item in best] or None,
         margins=_worst_margins(plan, margins, where, limits) if limits else None,
+        sensitivity={item.name: _by_parameter(plan, item) for item in sensitivity} or None,
         processor_time_s=table.processor_time_s,
     )
+
+
+def _about_choice(
+    plan: DesignPlan, objective: Objective, responses: Mapping[str, Response], gaps: Sequence[str]
+) -> Iterator[str]:
+    """What the choice of a case and the indices lack."""
+    if objective.response and responses and objective.values(responses, plan.shape) is None:
+        scalar = [name for name, response in responses.items() if is_scalar(response, plan.shape)]
+        key = "maximise" if objective.largest else "minimise"
+        yield f"vary.{key} = {objective.response}: no case has such a response; they have {', '.join(scalar)}"
+    if gaps:
+        yield f"no Sobol' indices of {', '.join(gaps)}, which are not known in all cases"
+
+
+def _by_parameter(plan: DesignPlan, indices: SobolIndices) -> dict[str, dict[str, float]]:
+    names = ("first_order", "first_order_low", "first_order_high", "total_order", "total_order_low", "total_order_high")
+    return {c.path: {name: float(getattr(indices, name)[k]) for name in names} for k, c in enumerate(plan.coordinates)}
 
 
 def _solved(plan: DesignPlan, table: CaseTable, workers: int | None, scheduler: str | None) -> Iterator[CaseOutcome]:
@@ -373,37 +432,6 @@ def _array(column: list[Value]) -> NDArray[Any]:
     if any(isinstance(value, str) for value in column):
         return np.array([value if isinstance(value, str) else f"{value:g}" for value in column])
     return np.array(column, dtype=float)
-
-
-def _values(parameter: VariedParameter) -> list[Value]:
-    if parameter.values:
-        return list(parameter.values)
-    spaced = np.geomspace if parameter.spacing == "logarithmic" else np.linspace
-    values = spaced(parameter.low, parameter.high, parameter.points)
-    values[0], values[-1] = parameter.low, parameter.high
-    return [*dict.fromkeys(int(v) for v in np.rint(values))] if parameter.whole else values.tolist()
-
-
-def _latin_hypercube(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[list[Value]]:
-    """Sample the unit cube and map each column by the inverse distribution of its parameter."""
-    from scipy.stats import truncnorm
-    from scipy.stats.qmc import LatinHypercube as Sampler
-
-    cube = Sampler(len(varied), rng=np.random.default_rng(seed)).random(samples)
-    columns: list[list[Value]] = []
-    for parameter, u in zip(varied, cube.T, strict=True):
-        low, high = parameter.low, parameter.high
-        if parameter.spacing == "logarithmic":
-            values = low * (high / low) ** u
-        elif parameter.distribution == "normal":
-            deviation = truncnorm.ppf(u, -NORMAL_REACH, NORMAL_REACH) / NORMAL_REACH
-            values = 0.5 * (low + high) + 0.5 * (high - low) * deviation
-        elif parameter.whole:
-            values = np.minimum(np.floor(low + u * (high - low + 1.0)), high)
-        else:
-            values = low + u * (high - low)
-        columns.append([int(v) for v in values] if parameter.whole else values.tolist())
-    return columns
 
 
 def _margins(

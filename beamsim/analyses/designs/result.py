@@ -10,14 +10,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.result import Result
-from beamsim.fields import Axes, Counter, Entry, arrays, attribute, axis, dataset, declared, key, stored
+from beamsim.fields import Axes, Counter, Entry, arrays, attribute, axis, dataset, declared, key, numbered, stored
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.typing import Bools, Floats, Ints
 
 Value = float | str
 
 _GROUP = "designs"
+_OF_NAMED = (
+    "snubbers", "probes", "bodies", "joints", "springs_to_ground", "springs_between", "friction", "outputs",
+)  # sections of things with names  # fmt: skip
 _CASES = Axes("axes", "parameters of a grid, otherwise case", auxiliary="auxiliary")
+
+
+def parameter_label(path: str) -> str:
+    """A path of the scenario in words.
+
+    >>> parameter_label("snubbers.tip.gap"), parameter_label("snubbers[*].gap")
+    ('tip gap', 'snubbers gap')
+    >>> parameter_label("beam.youngs_modulus"), parameter_label("beam.point_masses[0].mass")
+    ("beam Young's modulus", 'beam point mass 1 mass')
+    """
+    first, *others = path.split(".")
+    parts = others if len(others) > 1 and first in _OF_NAMED else [first, *others]
+    words = []
+    for part in parts:
+        name, _, index = part.partition("[")
+        if index not in ("", "*]"):
+            singular = name.removesuffix("es") if name.endswith("ses") else name.removesuffix("s")
+            name = f"{singular} {int(index[:-1]) + 1}"
+        words.append("Young's modulus" if name == "youngs_modulus" else name.replace("_", " "))
+    return " ".join(words)
 
 
 @dataclass(frozen=True)
@@ -43,6 +66,11 @@ class Coordinate:
     def numeric(self) -> bool:
         """Whether the values are numbers."""
         return self.values.dtype.kind == "f"
+
+    @property
+    def label(self) -> str:
+        """The parameter in words: ``tip gap`` for ``snubbers.tip.gap``."""
+        return parameter_label(self.path)
 
 
 @declared
@@ -70,6 +98,22 @@ class Response:
         return " ".join([name, *curve]).strip()
 
 
+_PARAMETER = Counter("parameter", "number of the varied parameter")
+
+
+@declared
+class SobolIndices:
+    """Sobol' indices of a response, one of each varied parameter, with their 95 % confidence intervals."""
+
+    name: str = attribute("", "name of the response")
+    first_order: Floats = dataset("1", "share of the variance of {name} by the parameter alone", along=(_PARAMETER,))
+    total_order: Floats = dataset("1", "the same with what it causes together with others", along=(_PARAMETER,))
+    first_order_low: Floats = dataset("1", "lower end of the 95 % interval of first_order", along=(_PARAMETER,))
+    first_order_high: Floats = dataset("1", "upper end of the 95 % interval of first_order", along=(_PARAMETER,))
+    total_order_low: Floats = dataset("1", "lower end of the 95 % interval of total_order", along=(_PARAMETER,))
+    total_order_high: Floats = dataset("1", "upper end of the 95 % interval of total_order", along=(_PARAMETER,))
+
+
 @dataclass(frozen=True)
 class CaseFailure:
     """A case without responses."""
@@ -84,10 +128,16 @@ _SUMMARY = (
     Entry("cases", "1", "number of cases", "cases", of="cases"),
     Entry("solved", "1", "cases with responses"),
     Entry("failed", "1", "cases that failed"),
+    Entry("passing", "1", "cases that meet every limit", "passing"),
+    Entry("objective", "", "what makes a case the best: the response that is smallest or largest, or the margin"),
+    Entry("best", "", "the best cases that meet every limit, best first, at most 10: case, value of the objective, "
+             "parameters, smallest margin and its limit", "best"),
     Entry("margins", "", "by limit, of the worst case: limit, value, margin, at, exceeded, case, parameters; and "
              "the number of cases beyond the limit", "limits"),
     Entry("responses", "", "by response: extremes and their parameters; of a sample also mean, "
              "standard deviation and the 5 % and 95 % quantiles", "responses"),
+    Entry("sensitivity", "", "Sobol' indices by response and parameter: first_order and total_order, each with the "
+             "ends of its 95 % interval", "sensitivity"),
     Entry("processor_time_s", "s", "processor time of all cases", "solver"),
 )  # fmt: skip
 
@@ -103,7 +153,7 @@ class DesignsResult(Result):
     SUMMARY = _SUMMARY
 
     analysis: str = attribute("", "what was done with each case: run, or the kind of sweep", at=_GROUP)
-    kind: str = attribute("", "grid, zip, latin_hypercube, or draws of an ensemble", at=_GROUP)
+    kind: str = attribute("", "grid, zip, latin_hypercube, sobol, or draws of an ensemble", at=_GROUP)
     coordinates: tuple[Coordinate, ...] = arrays(_GROUP, called="parameter", listed="paths")
     solved: Bools = dataset(  # the design's shape
         "1", "whether the case has responses", name=f"{_GROUP}/solved", along=_CASES, flags=("missing", "solved")
@@ -115,6 +165,11 @@ class DesignsResult(Result):
         "", "cases that failed: number from 0, values of the parameters, and why; JSON list", codec="failures",
         at=_GROUP,
     )  # fmt: skip
+    passing: Bools | None = dataset(  # the design's shape; None without limits
+        "1", "whether the case has responses and meets every limit", name=f"{_GROUP}/passing", along=_CASES,
+        flags=("failing", "passing"), default=None,
+    )  # fmt: skip
+    sensitivity: tuple[SobolIndices, ...] = numbered(f"{_GROUP}/sensitivity", default=())  # of a Sobol' sample
     fingerprint: str = attribute("", "hash of all that the responses depend on", at=_GROUP, default="")
 
     @property
