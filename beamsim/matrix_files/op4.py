@@ -35,28 +35,21 @@ class _Entries:
     form: int
     kind: int  # 1, 2: real; 3, 4: complex; even ones have double precision
     name: str
-    first: list[int] = field(default_factory=list)  # row of each string, from 0
-    column: list[int] = field(default_factory=list)  # of each string, from 0
-    count: list[int] = field(default_factory=list)  # real numbers of each string
+    strings: list[int] = field(default_factory=list)  # row and column from 1, and real numbers, of each string in turn
     numbers: list[Floats] = field(default_factory=list)  # of all strings, one after the other
-
-    def add(self, row: int, column: int, count: int) -> None:
-        """A string, rows and columns from 1."""
-        self.first.append(row - 1)
-        self.column.append(column - 1)
-        self.count.append(count)
 
     def matrix(self) -> FileMatrix:
         from scipy.sparse import csc_array
 
         numbers = np.concatenate([np.zeros(0), *self.numbers])
-        lengths, first = np.array(self.count, dtype=np.int64), np.array(self.first, dtype=np.int64)
+        first, column, lengths = np.array(self.strings, dtype=np.int64).reshape(-1, 3).T
+        first = first - 1
         if self.kind > 2:
             numbers, lengths = numbers[0::2] + 1j * numbers[1::2], lengths // 2
         if np.any((first < 0) | (first + lengths > self.rows)):
             raise MethodError("file", f"has rows of {self.name} beyond the {self.rows} that its heading states")
         rows = _consecutive(first, lengths)
-        columns = np.repeat(np.array(self.column, dtype=np.int64), lengths)
+        columns = np.repeat(column - 1, lengths)
         matrix = csc_array((numbers, (rows, columns)), shape=(self.rows, self.columns))
         matrix.eliminate_zeros()
         return FileMatrix(self.name, mirrored(matrix) if self.form == _SYMMETRIC else matrix)
@@ -123,6 +116,7 @@ def _read_binary(data: bytes, only: str | None, order: str, integer: str) -> Ite
         entries = _Entries(abs(rows), columns, form, kind, "".join(name.split()).lower())  # 4 characters a word
         real = np.dtype(f"{order}f{8 if wide or kind % 2 == 0 else 4}")
         starts: list[int] = []
+        strings = entries.strings
         while True:
             at, end = record()
             column, row, _ = read_column(data, at)
@@ -133,7 +127,7 @@ def _read_binary(data: bytes, only: str | None, order: str, integer: str) -> Ite
             at += 3 * word
             if row > 0:
                 starts.append(at)
-                entries.add(row, column, (end - at) // real.itemsize)
+                strings += (row, column, (end - at) // real.itemsize)
                 continue
             while at < end:
                 if rows < 0:
@@ -143,11 +137,11 @@ def _read_binary(data: bytes, only: str | None, order: str, integer: str) -> Ite
                     (packed,) = read_packed(data, at)
                     length, first, at = (packed >> 16) - 1, packed & 0xFFFF, at + word
                 starts.append(at)
-                entries.add(first, column, length * word // real.itemsize)
+                strings += (first, column, length * word // real.itemsize)
                 at += length * word
                 if length < 0 or at > end:
                     raise ValueError(f"a string of column {column} ends beyond its record")
-        entries.numbers.append(_gathered(data, starts, entries.count, real))
+        entries.numbers.append(_gathered(data, starts, strings[2::3], real))
         yield entries
 
 
@@ -205,7 +199,7 @@ def _read_ascii(text: str, only: str | None) -> Iterator[_Entries]:
                 if kept:
                     block = "".join([line.ljust(text_width)[:text_width] for line in lines[at:end]])
                     block = block.replace("D", "E").replace("d", "e")
-                    entries.add(first, column, count)
+                    entries.strings += (first, column, count)
                     entries.numbers.append(
                         np.array([float(block[k : k + width]) for k in range(0, count * width, width)])
                     )

@@ -12,6 +12,7 @@ import numpy as np
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.damping import damping_matrix
+from beamsim.structures.dissection import dissection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
 from beamsim.structures.imported import (
@@ -65,6 +66,7 @@ class MatricesStructure(BodyStructure):
     influence: Floats  # (rows,) displacement for a unit displacement of the base
     given_stiffness: Any  # (N, N) scaled K
     factors: SymmetricLU | None = None  # of K, where they are known
+    order: Ints | None = None  # (N,) of elimination, of a large model whose nodes have coordinates
     notes: tuple[str, ...] = field(default=())
     _influences: dict[BaseDirection, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -78,18 +80,23 @@ class MatricesStructure(BodyStructure):
         """Factors of K; with rigid-body modes bordered by them."""
         if self.rigid.shape[1]:
             return super().factorised_stiffness
-        return symmetric_lu(self.stiffness, definite=True) if self.factors is None else self.factors
+        return self.factors or symmetric_lu(self.stiffness, definite=True, order=self.order)
+
+    @property
+    def elimination_order(self) -> Ints | None:
+        """(N,) rows by nested dissection of a large model whose nodes have coordinates."""
+        return self.order
 
     def factorise(self, matrix: Any) -> Any:
         """Factors with an ordering for symmetric matrices, which have far less fill.
 
         Exchanged pivots would undo that: they are exchanged only where the factors are not accurate without.
         """
-        factors = symmetric_lu(matrix, definite=True)
+        factors = symmetric_lu(matrix, definite=True, order=self.order)
         load = np.linspace(1.0, 2.0, self.size)
         solution = factors.solve(load)
         error = np.abs(matrix @ solution - load).max() / (abs(matrix) @ np.abs(solution) + load).max()
-        return factors if error <= _INACCURATE else symmetric_lu(matrix, definite=False)
+        return factors if error <= _INACCURATE else symmetric_lu(matrix, definite=False, order=self.order)
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -112,7 +119,7 @@ class MatricesStructure(BodyStructure):
             If it stays hidden.
         """
         for aside in (0.0, *_ASIDE):
-            count = negative_eigenvalues(self.stiffness - (omega * (1 + aside)) ** 2 * self.mass)
+            count = negative_eigenvalues(self.stiffness - (omega * (1 + aside)) ** 2 * self.mass, self.order)
             if count is not None:
                 return count + int(self.rigid.shape[1])
         limit = omega * self.frequency_scale / (2 * np.pi)
@@ -382,14 +389,17 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     reduced_mass, reduced_stiffness = (
         ((m + m.T) / 2).tocsc() for m in (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
     )
-    rigid, flexible, factors = rigid_modes(reduced_stiffness, reduced_mass, given.table.part(free), expansion)
+    order = None
+    if expansion.shape[0] == expansion.shape[1]:  # nothing was condensed, so that rows are those of nodes
+        order = dissection(abs(reduced_stiffness) + abs(reduced_mass), given.table.part(free).coordinates)
+    rigid, flexible, factors = rigid_modes(reduced_stiffness, reduced_mass, given.table.part(free), expansion, order)
     if held.size and rigid.shape[1]:
         places = dict.fromkeys(_largest_at(given.table.part(free), motion) for motion in (expansion @ rigid).T)
         motions = "a motion" if rigid.shape[1] == 1 else f"{rigid.shape[1]} motions"
         remarks.append(f"{NOT_HELD}: {motions} without stiffness, largest at {', '.join(places)}")
     lu = None
     if held.size and not rigid.shape[1]:
-        lu = _held_factors(stiffness) if factors is None or massless.shape[1] else factors
+        lu = _held_factors(stiffness, order) if factors is None or massless.shape[1] else factors
     influence = base_influence(given, held, free, _default_motion(given, held), lu)
     inertia, ground = _base_forces(given, held, free, influence)
     viscous = None if given.damping is None else given.damping[free][:, free].tocsc()
@@ -403,7 +413,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     return MatricesStructure(
         name=name,
         mass=reduced_mass / mass_scale,
-        factor=stiffness_factor(scaled, rigid, factors),
+        factor=stiffness_factor(scaled, rigid, factors, order),
         damping=viscous,
         inertia=np.asarray(expansion.T @ inertia) / mass_scale,
         ground=np.asarray(expansion.T @ ground),
@@ -419,6 +429,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         influence=influence[free],
         given_stiffness=scaled.tocsc(),
         factors=factors,
+        order=order,
         notes=tuple(remarks),
     )
 
@@ -431,10 +442,10 @@ def _largest_at(table: DofTable, motion: Floats) -> str:
     return f"node {table.dofs[row][0]} {table.dofs[row][1]}"
 
 
-def _held_factors(stiffness: Any) -> SymmetricLU:
+def _held_factors(stiffness: Any, order: Ints | None) -> SymmetricLU:
     """Factors of the stiffness of a structure that the base holds."""
     try:
-        return symmetric_lu(stiffness, definite=True)
+        return symmetric_lu(stiffness, definite=True, order=order)
     except RuntimeError:  # exactly singular, yet no motion was found to be rigid
         raise MethodError("stiffness", "is singular although the base holds the structure", _SOFT) from None
 
@@ -477,7 +488,9 @@ def _held_rows(given: NamedMatrices) -> Ints:
     return given.table.rows_of(given.base)
 
 
-def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> tuple[Floats, float, SymmetricLU | None]:
+def rigid_modes(
+    stiffness: Any, mass: Any, table: DofTable, expansion: Any, order: Ints | None = None
+) -> tuple[Floats, float, SymmetricLU | None]:
     """(N, r) motions without strain energy, orthonormal in the mass matrix, and the first flexible frequency, rad/s.
 
     Of a large structure that is held firmly, by its pivots, also the factors of its stiffness; else None.
@@ -497,7 +510,7 @@ def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> t
             squared, vectors = eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1])
         except LinAlgError:
             raise MethodError("mass", "is not positive definite", "check the model that wrote it") from None
-    elif (held := _held_firmly(stiffness)) is not None:
+    elif (held := _held_firmly(stiffness, order)) is not None:
         inverse = LinearOperator(mass.shape, matvec=held.solve)
         squared = eigsh(
             stiffness, k=1, M=mass, sigma=0.0, OPinv=inverse, v0=np.linspace(1.0, 2.0, size), return_eigenvectors=False
@@ -505,7 +518,9 @@ def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> t
         return np.zeros((size, 0)), float(np.sqrt(squared[0])), held
     else:
         shift = -1e-9 * float(np.median(stiffness.diagonal()) / np.mean(mass.diagonal()))
-        inverse = LinearOperator(mass.shape, matvec=symmetric_lu(stiffness - shift * mass, definite=True).solve)
+        inverse = LinearOperator(
+            mass.shape, matvec=symmetric_lu(stiffness - shift * mass, definite=True, order=order).solve
+        )
         squared, vectors = eigsh(stiffness, k=count, M=mass, sigma=shift, OPinv=inverse, v0=np.linspace(1.0, 2.0, size))
         order = np.argsort(squared)
         squared, vectors = squared[order], vectors[:, order]
@@ -528,16 +543,18 @@ def rigid_modes(stiffness: Any, mass: Any, table: DofTable, expansion: Any) -> t
     return np.asarray(null), float(np.sqrt(lowest[0])) if lowest.size else 0.0, None
 
 
-def _held_firmly(stiffness: Any) -> SymmetricLU | None:
+def _held_firmly(stiffness: Any, order: Ints | None) -> SymmetricLU | None:
     """Factors of a stiffness whose pivots are all far above those that a motion without strain energy leaves."""
     try:
-        factors = symmetric_lu(stiffness, definite=True)
+        factors = symmetric_lu(stiffness, definite=True, order=order)
     except RuntimeError:  # exactly singular
         return None
     return factors if factors.pivots.min() > _FIRM else None
 
 
-def stiffness_factor(stiffness: Any, rigid: Floats, factors: SymmetricLU | None = None) -> Any:
+def stiffness_factor(
+    stiffness: Any, rigid: Floats, factors: SymmetricLU | None = None, order: Ints | None = None
+) -> Any:
     """(p, N) sparse B with K = B^T B and B R = 0: the Cholesky factor of what is left when rigid motions are held.
 
     Held at as many degrees of freedom as there are rigid motions, where these differ most, the structure has a positive
@@ -552,7 +569,11 @@ def stiffness_factor(stiffness: Any, rigid: Floats, factors: SymmetricLU | None 
     others = np.setdiff1d(np.arange(size), pinned)
     if not others.size:
         return csr_array((0, size))
-    lu = symmetric_lu(stiffness[others][:, others], definite=True) if factors is None else factors
+    if factors is None:
+        within = None if order is None else np.argsort(np.argsort(order)[others])
+        lu = symmetric_lu(stiffness[others][:, others], definite=True, order=within)
+    else:
+        lu = factors
     if np.any(lu.pivots <= 0):
         raise MethodError(
             "stiffness",

@@ -134,6 +134,11 @@ class Structure(ABC):
         return splu(csc_array(matrix))
 
     @property
+    def elimination_order(self) -> Ints | None:
+        """(N,) rows in the order in which factorisations take least; None where they find one themselves."""
+        return None
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """What was done to the data of the bodies that a user should know."""
         return tuple(remark for member in self.members if member.body is not self for remark in member.body.remarks)

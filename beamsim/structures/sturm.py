@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.structures.symmetric_lu import symmetric_lu, unit_diagonal
-from beamsim.typing import Floats
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.structures.structure import Structure
@@ -25,18 +25,22 @@ _DENSE = 3000
 # Relative distance that a limit is moved by where the matrix is singular at it.
 _ASIDE = 1e-7
 _FEW = 3
+# Size above which a count takes longer than a somewhat wider bound is worth.
+_LARGE = 5000
 # Where between the last kept frequency and the guess for the next one frequencies are counted, until it is the next.
 _SHARES = (0.97, 0.9, 0.7, 0.4)
 
 
-def negative_eigenvalues(matrix: Any) -> int | None:
+def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
     """Number of negative eigenvalues of a symmetric sparse matrix; None where round-off leaves it unknown.
+
+    ``order`` may be the rows in the order of elimination.
 
     The sparse factorisation keeps to the diagonal, so its error is checked; a small matrix for which that fails is
     factorised densely with pivoting (Bunch and Kaufman).
     """
     try:
-        factors = symmetric_lu(matrix, definite=True)
+        factors = symmetric_lu(matrix, definite=True, order=order)
     except RuntimeError:  # exactly singular
         factors = None
     if factors is not None and not factors.exchanged:
@@ -64,12 +68,15 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
     """
     stiffness = model.stiffness
     last = float(kept[-1]) if kept.size else 0.0
+    if model.size > _LARGE and kept.size > _FEW:  # counts are dear: half of where the next one is expected
+        guess = min(guess, last + (last - float(kept[-1 - _FEW])) / _FEW / 2)
     between = last + (guess - last) * np.array(_SHARES)
     limits = [*between[between > last], last * (1 + _ASIDE), last * (1 - _ASIDE)]
     undecided = False
     while limits:
         omega = limits.pop(0)
-        count, known = negative_eigenvalues(stiffness - omega**2 * model.mass), int(np.sum(kept < omega))
+        count = negative_eigenvalues(stiffness - omega**2 * model.mass, model.elimination_order)
+        known = int(np.sum(kept < omega))
         if count == known:
             return float(omega)
         undecided |= count is None

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.typing import Floats
+from beamsim.typing import Floats, Ints
 
 _MULTIPLIED = 3000  # largest size for which the factors are multiplied with each other
 _POWERS = 8
@@ -15,25 +15,39 @@ _POWERS = 8
 
 @dataclass(frozen=True)
 class SymmetricLU:
-    """Factors of D A D with a unit diagonal, so that rotations in rad and displacements in m have like pivots."""
+    """Factors of D A D with a unit diagonal, so that rotations in rad and displacements in m have like pivots.
+
+    The rows may be in another order than those of A, which `symmetric_lu` was given.
+    """
 
     lu: Any  # SuperLU
-    scale: Floats  # (N,) diagonal of D
-    matrix: Any  # (N, N) D A D
+    scale: Floats  # (N,) diagonal of D, in the order of A
+    matrix: Any  # (N, N) D A D, in the order of the factors
+    order: Ints | None = None  # (N,) rows of A in the order of the factors; None where it is the same
 
     def solve(self, load: Floats) -> Floats:
         """(N,) or (N, k) solution."""
         scale = self.scale if load.ndim == 1 else self.scale[:, None]
-        return np.asarray(scale * self.lu.solve(scale * load))
+        load = scale * load
+        if self.order is None:
+            return np.asarray(scale * self.lu.solve(load))
+        solution = np.empty_like(load)
+        solution[self.order] = self.lu.solve(load[self.order])
+        return np.asarray(scale * solution)
 
     @property
     def pivots(self) -> Floats:
         """(N,) pivots, of the scaled matrix, by row of A; without exchanges as many are negative as eigenvalues."""
-        return np.asarray(self.lu.U.diagonal()[self.lu.perm_c])
+        pivots = np.asarray(self.lu.U.diagonal()[self.lu.perm_c])
+        if self.order is None:
+            return pivots
+        by_row = np.empty_like(pivots)
+        by_row[self.order] = pivots
+        return by_row
 
     def of_multiple(self, factor: float) -> SymmetricLU:
         """Factors of ``factor * A``."""
-        return SymmetricLU(self.lu, self.scale / np.sqrt(factor), self.matrix)
+        return SymmetricLU(self.lu, self.scale / np.sqrt(factor), self.matrix, self.order)
 
     @property
     def exchanged(self) -> bool:
@@ -71,7 +85,8 @@ class SymmetricLU:
         from scipy.sparse import diags_array
 
         upper = self.lu.U.tocsr()
-        return (diags_array(1 / np.sqrt(upper.diagonal())) @ upper)[:, self.lu.perm_c] @ diags_array(1 / self.scale)
+        columns = self.lu.perm_c if self.order is None else self.lu.perm_c[np.argsort(self.order)]
+        return (diags_array(1 / np.sqrt(upper.diagonal())) @ upper)[:, columns] @ diags_array(1 / self.scale)
 
 
 def unit_diagonal(matrix: Any) -> tuple[Any, Floats]:
@@ -84,18 +99,21 @@ def unit_diagonal(matrix: Any) -> tuple[Any, Floats]:
     return csc_array(unit @ matrix @ unit), scale
 
 
-def symmetric_lu(matrix: Any, *, definite: bool) -> SymmetricLU:
-    """Factors by minimum degree; raises `RuntimeError` for a matrix that is exactly singular.
+def symmetric_lu(matrix: Any, *, definite: bool, order: Ints | None = None) -> SymmetricLU:
+    """Factors, by minimum degree or in a given order; raises `RuntimeError` for a matrix that is exactly singular.
 
     Parameters
     ----------
     definite : whether no pivots are exchanged; else very small ones are, for indefinite matrices.
+    order : (N,) rows in the order of elimination, such as `beamsim.structures.dissection.dissection` gives.
     """
     from scipy.sparse.linalg import splu
 
     scaled, scale = unit_diagonal(matrix)
+    if order is not None:
+        scaled = scaled[order][:, order].tocsc()
     lu = splu(
-        scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0 if definite else 1e-6,
-        options={"SymmetricMode": True},
+        scaled, permc_spec="MMD_AT_PLUS_A" if order is None else "NATURAL",
+        diag_pivot_thresh=0.0 if definite else 1e-6, options={"SymmetricMode": True},
     )  # fmt: skip
-    return SymmetricLU(lu, scale, scaled)
+    return SymmetricLU(lu, scale, scaled, order)

@@ -5,16 +5,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.sparse import diags_array, identity, kron
 
 from beamsim.matrix_files.op4 import read_op4, write_op4
 from beamsim.scenario import load_scenario
 from beamsim.structures import matrices, modes, reduction_error, sturm
 from beamsim.structures.assembly import assemble
+from beamsim.structures.dissection import dissection
 from beamsim.structures.dof_table import write_dof_table
 from beamsim.structures.matrices import structure_of
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place
 from beamsim.structures.sturm import frequency_beyond, negative_eigenvalues
+from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.system.build import build_system
 
 PLATE = """
@@ -85,9 +88,9 @@ def test_a_firmly_held_stiffness_is_factorised_once(panel, monkeypatch):
     factorised = []
     known = matrices.symmetric_lu
 
-    def counted(matrix, *, definite):
+    def counted(matrix, *, definite, order):
         factorised.append(matrix.shape[0])
-        return known(matrix, definite=definite)
+        return known(matrix, definite=definite, order=order)
 
     monkeypatch.setattr(matrices, "symmetric_lu", counted)
     given, _ = panel
@@ -132,11 +135,50 @@ def test_counts_of_a_large_model_go_where_the_next_mode_is_expected(monkeypatch)
     omega = natural_modes(model, 40).omega
     counted = []
     known = sturm.negative_eigenvalues
-    monkeypatch.setattr(sturm, "negative_eigenvalues", lambda matrix: counted.append(1) or known(matrix))
+    monkeypatch.setattr(sturm, "negative_eigenvalues", lambda *given: counted.append(1) or known(*given))
     monkeypatch.setattr(sturm, "_DENSE", 1000)
     beyond = frequency_beyond(model, omega[:5], float(omega[38]))
     assert omega[4] < beyond <= omega[5]
     assert len(counted) <= 3
+    counted.clear()
+    monkeypatch.setattr(sturm, "_LARGE", 1000)
+    assert omega[19] < frequency_beyond(model, omega[:20], float(omega[38])) <= omega[20]
+    assert len(counted) == 1
+
+
+def test_nested_dissection_leaves_less_fill_than_minimum_degree_in_a_solid():
+    """On a grid of 20^3 points with 27 neighbours each; rows without a place come last."""
+    count = 20
+    line = diags_array([1.0, 1.0, 1.0], offsets=[-1, 0, 1], shape=(count, count))
+    grid = kron(line, kron(line, line)).tocsc() + 30 * identity(count**3)
+    places = np.stack(np.unravel_index(np.arange(count**3), 3 * [count]), axis=1).astype(float)
+    places[7] = np.nan
+    order = dissection(grid, places)
+    np.testing.assert_array_equal(np.sort(order), np.arange(count**3))
+    assert order[-1] == 7
+    found, expected = (symmetric_lu(grid, definite=True, order=each) for each in (order, None))
+    assert found.lu.L.nnz < 0.8 * expected.lu.L.nnz
+    load = np.linspace(1.0, 2.0, 2 * count**3).reshape(-1, 2)
+    np.testing.assert_allclose(found.solve(load), expected.solve(load), rtol=1e-12)
+    assert dissection(grid, None) is None
+
+
+def test_an_order_of_elimination_changes_no_result(panel, monkeypatch):
+    given, _ = panel
+    plain = structure_of(given)
+    monkeypatch.setattr("beamsim.structures.dissection._SMALL", 100)
+    ordered = structure_of(given)
+    assert plain.elimination_order is None
+    assert ordered.elimination_order is not None
+    omega = [natural_modes(each, 6).omega[:6] * each.frequency_scale for each in (plain, ordered)]
+    np.testing.assert_allclose(omega[1], omega[0], rtol=1e-9)
+    for each in (plain, ordered):
+        difference = abs(each.factor.T @ each.factor - each.stiffness).max()
+        assert difference < 1e-9 * abs(each.stiffness).max()
+    np.testing.assert_allclose(ordered.unit_stiffness(_corner(given)), plain.unit_stiffness(_corner(given)), rtol=1e-8)
+    limit = (plain.frequency_scale, ordered.frequency_scale)
+    counts = [each.frequency_count(1.5 * omega[0][3] / s) for each, s in zip((plain, ordered), limit, strict=True)]
+    assert counts[0] == counts[1] > 3
 
 
 def test_matrices_that_are_not_asked_for_are_passed_over(tmp_path):

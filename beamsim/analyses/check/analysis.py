@@ -182,7 +182,9 @@ def _worst_rows(structure: MatricesStructure) -> CheckRow:
     """Rows whose pivot is smallest beside their diagonal entry: what holds them cancels most digits."""
     factors = structure.factorised_stiffness
     if structure.rigid.shape[1]:
-        factors = symmetric_lu(structure.stiffness + 1e-3 * structure.mass, definite=True)
+        factors = symmetric_lu(
+            structure.stiffness + 1e-3 * structure.mass, definite=True, order=structure.elimination_order
+        )
     ratio = np.abs(factors.pivots)
     worst = np.argsort(ratio)[:3]
     rows = np.argmax(np.abs(structure.expansion[:, worst].toarray()), axis=0)
