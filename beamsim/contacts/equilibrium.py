@@ -30,6 +30,9 @@ _RIGID = 1e4  # stiffness of a spring against all others from which on it holds 
 # has to grow: soft contacts that carry the load alone converge as one over weight times their share of the stiffness.
 _PENALTIES = (*(10.0**p for p in range(3, 11)), *(1e10,) * 20)
 
+_REFINEMENTS, _REFINES = 3, 1e-2  # steps of the refinement, and the largest share that one changes
+_REFINED = 1e-11  # of each coordinate: less than this was round-off already
+
 UNBALANCED = "the loads are not in balance: no support or snubber can hold the structure against them"
 FLOATS = "the structure floats: it has rigid-body motions that no support or closed snubber holds in place"
 
@@ -103,12 +106,65 @@ def find_equilibrium(
     NotTrustedError
         If the contact conditions are not met within round-off (a relative 1e-9).
     """
+    cubic = CubicSprings(np.zeros((0, stiffness.size)), np.zeros(0)) if cubic is None else cubic
+    load = loads.sum(axis=0)
     if np.any(springs.stiffness < 0):
-        return _by_newton(stiffness, springs, loads.sum(axis=0), cubic, Equilibrium(None, springs.gap))
+        return _refined(
+            _by_newton(stiffness, springs, load, cubic, Equilibrium(None, springs.gap)), stiffness, springs, load, cubic
+        )
     linear = _by_forces(stiffness, rigid, springs, loads)
-    if cubic is None or cubic.count == 0 or (linear.q is not None and not np.any(cubic.shape @ linear.q)):
-        return linear
-    return _by_newton(stiffness, springs, loads.sum(axis=0), cubic, linear)
+    if cubic.count and (linear.q is None or np.any(cubic.shape @ linear.q)):
+        linear = _by_newton(stiffness, springs, load, cubic, linear)
+    return _refined(linear, stiffness, springs, load, cubic)
+
+
+def _refined(
+    equilibrium: Equilibrium, stiffness: Floats, springs: Springs, load: Floats, cubic: CubicSprings
+) -> Equilibrium:
+    """The same with residuals at the round-off of what each coordinate feels, where it is unique.
+
+    A stiff stop carries a load that soft coordinates hardly feel: the round-off of the load is not that of the little
+    they feel. Newton's method on coordinates and forces of closed springs together, residuals in extended precision:
+    deflections of stiff springs do not have to be differences of others.
+    """
+    if equilibrium.q is None:
+        return equilibrium
+    closed = equilibrium.force != 0.0
+    normal = springs.sign[closed, None] * springs.shape[closed]
+    n = stiffness.size
+    exact = np.concatenate([equilibrium.q, equilibrium.force[closed]]).astype(np.longdouble)
+    wide = [x.astype(np.longdouble) for x in (stiffness, normal, springs.stiffness[closed], cubic.shape, load)]
+    third = 3 * cubic.stiffness * (cubic.shape @ equilibrium.q) ** 2
+    tangent = np.diag(stiffness) + cubic.shape.T @ (third[:, None] * cubic.shape)
+    compliance = 1.0 / springs.stiffness[closed]
+    size = np.diag(tangent) + np.abs(springs.stiffness[closed]) @ normal**2
+    if not np.all(size > 0):
+        return equilibrium
+    scale = np.sqrt(np.concatenate([1.0 / size, 1.0 / np.abs(compliance)]))
+    matrix = np.block([[tangent, -normal.T], [normal, np.diag(compliance)]]) * np.outer(scale, scale)
+    for _ in range(_REFINEMENTS):
+        q, force = exact[:n], exact[n:]
+        bent = wide[3] @ q
+        residual = np.concatenate(
+            [
+                wide[0] * q + wide[3].T @ (cubic.stiffness * bent**3) - wide[1].T @ force - wide[4],
+                springs.gap[closed] + wide[1] @ q + force / wide[2],
+            ]
+        )
+        try:
+            step = scale * np.linalg.solve(matrix, scale * -residual.astype(float))
+        except np.linalg.LinAlgError:
+            return equilibrium
+        if not np.linalg.norm(step / scale) <= _REFINES * np.linalg.norm(exact.astype(float) / scale):
+            return equilibrium
+        exact += step
+    if np.any(exact[n:] * springs.stiffness[closed] <= 0):
+        return equilibrium
+    if np.all(np.abs(exact[:n] - equilibrium.q) <= _REFINED * np.abs(exact[:n])):
+        return equilibrium
+    pressed = equilibrium.force.copy()
+    pressed[closed] = exact[n:]
+    return Equilibrium(np.asarray(exact[:n], dtype=float), pressed)
 
 
 def _by_forces(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -> Equilibrium:
