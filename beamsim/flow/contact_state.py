@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.flow.basis import basis_derivatives
 from beamsim.flow.held import held_contacts
 from beamsim.flow.invariant_blocks import Block, SimpleModes, block_diagonalise, second_order_blocks
 from beamsim.flow.neighbouring_modes import SMALLEST, can_update, neighbouring_modes
@@ -28,7 +27,6 @@ from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
 
 RESONANCE = 0.02  # |nu - lambda| * window below which a forced response is written as a power series
-HIGHEST_DERIVATIVE = 6  # used to decide to which side a motion that starts at zero gap goes
 SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
 
 
@@ -61,6 +59,13 @@ class LinearOutput:
     def values(self, y: Floats, inputs: Floats, slopes: Floats) -> Floats:
         """(n, k) outputs at states y (n, N), with the inputs and their time derivatives (n, F)."""
         return np.asarray(y @ self.row.T + inputs @ self.direct.T + slopes @ self.direct_slope.T)
+
+    def at(self, y: Floats, inputs: Complexes) -> tuple[Floats, Floats]:
+        """(k,) values at a state (N,) and inputs with their time derivatives (2, F), and sums of their terms' sizes."""
+        value = self.row @ y + (self.direct @ inputs[0] + self.direct_slope @ inputs[1]).real
+        size = np.abs(self.row) @ np.abs(y)
+        size += np.abs(self.direct) @ np.abs(inputs[0]) + np.abs(self.direct_slope) @ np.abs(inputs[1])
+        return value, size
 
     def __neg__(self) -> LinearOutput:
         return LinearOutput(-self.row, -self.direct, -self.direct_slope)
@@ -121,11 +126,6 @@ class ContactState:
         at_start = (self.term_source < count) & (self.power[self.term_basis] == 0)
         np.add.at(forced, self.term_source[at_start], self.term_vector[at_start])
         return forced
-
-    @cached_property
-    def derivatives_at_start(self) -> Complexes:
-        """(K, B) derivatives of the basis functions at the start of a segment, from order 0 on."""
-        return basis_derivatives(self.exponent, self.power, 0.0, HIGHEST_DERIVATIVE + 1)
 
     def states_after(self, zeta: Complexes, tau: Floats) -> Floats:
         """(n, N) states at times tau (n,) after those at which the amplitudes are zeta (n, F + Z)."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.contacts.contacts import Watched
+from beamsim.flow.basis import basis_derivatives
 from beamsim.flow.contact_state import ContactState, LinearOutput, acting_loads, build_state, state_matrices
 from beamsim.flow.equal_steps import PieceStep, as_arrays, common_length, step_of
 from beamsim.flow.held import held_contacts
@@ -31,6 +32,9 @@ LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series o
 FIRST = 1e6  # factor of functions that are looked at before others
 AT_REST = 1e-12  # of the parts of a penetration rate: a smaller one is none
 ROUND_OFF = 1e-12  # of the terms of a derivative: below it the derivative counts as zero
+DEGREE_OF_FITS = 6  # of polynomials that are fitted to inputs, at least
+EPS = 1e-15  # round-off of a state and of what makes up its rate
+HIGHEST_DERIVATIVE = 6  # used to decide to which side a motion that starts at zero gap goes
 FEWEST_STATES = 8  # that are kept in any case
 
 
@@ -387,12 +391,9 @@ class ExactFlow:
 
         while True:
             index = self.state_index(phases)
-            watched, s = self._tables.watched[index], self.states[index]
-            zeta = s.amplitudes(given, state[None])[0, s.term_source]
-            watch = self.tables().watch[index, : zeta.size, : watched.guards]
-            gamma = np.zeros((s.exponent.size, watched.guards), dtype=complex)
-            np.add.at(gamma, s.term_basis, zeta[:, None] * watch)
-            signs, orders = _first_signs(gamma, s.derivatives_at_start)
+            watched = self._tables.watched[index]
+            guards = self.watched(watched, phases).some(slice(0, watched.guards))
+            signs, orders = self._first_signs(guards, phases, given[0], state)
             acting = [g for g in range(watched.guards) if signs[g] < 0 and hands_over(watched, g, int(orders[g]))]
             if not acting:
                 return phases, entered & (phases != start)
@@ -405,15 +406,54 @@ class ExactFlow:
             entered[j] |= orders[g] > 0
             entered_by[j] = orders[g]
 
+    def _first_signs(
+        self, functions: LinearOutput, phases: Ints, given: Complexes, state: Floats
+    ) -> tuple[Floats, Ints]:
+        """(k,) signs and orders of the first derivatives of functions at a start that are beyond their round-off.
 
-def _first_signs(gamma: Complexes, derivatives: Complexes) -> tuple[Floats, Ints]:
-    """(g,) signs and orders of the first derivatives at 0 of functions that are beyond their round-off.
+        ``given`` (F,) are the inputs' amplitudes, ``state`` (N,) the motion. A sign is 0 where all derivatives are
+        within round-off. The derivatives of the state follow from the equation of motion: in a sum over the modes of
+        a stiff contact the round-off of the highest would hide them.
+        """
+        inputs = given * basis_derivatives(self.sources.exponent, self.sources.power, 0.0, HIGHEST_DERIVATIVE + 2)
+        fit = self._round_off_of_fits(given)
+        sign, orders = np.zeros(functions.row.shape[0]), np.zeros(functions.row.shape[0], dtype=np.int64)
+        y, doubt, rates = state, EPS * np.abs(state), None
+        for order in range(HIGHEST_DERIVATIVE + 1):
+            value, terms = functions.at(y, inputs[order : order + 2])
+            hidden = ROUND_OFF * terms + np.abs(functions.row) @ doubt + np.abs(functions.direct) @ fit[order]
+            beyond = (sign == 0.0) & (np.abs(value) > hidden)
+            sign[beyond], orders[beyond] = np.sign(value[beyond]), order
+            if np.all(sign):
+                break
+            rates = self._rates(phases) if rates is None else rates
+            y, terms = rates.at(y, inputs[order : order + 2])
+            doubt = np.abs(rates.row) @ doubt + EPS * terms + np.abs(rates.direct) @ fit[order]
+        return sign, orders
 
-    ``gamma`` (B, g) are the functions' factors of basis functions with ``derivatives`` (K, B). A sign is 0 where all
-    derivatives are within round-off.
-    """
-    value = (derivatives @ gamma).real
-    beyond = np.abs(value) > ROUND_OFF * (np.abs(derivatives) @ np.abs(gamma))
-    order = np.argmax(beyond, axis=0)
-    first = (order, np.arange(order.size))
-    return np.where(beyond[first], np.sign(value[first]), 0.0), order
+    def _round_off_of_fits(self, given: Complexes) -> Floats:
+        """(orders, F) of the derivatives of inputs that are fitted by polynomials (swept sines), with amplitudes (F,).
+
+        A coefficient is known to the round-off of the whole polynomial on its piece, not to its own.
+        """
+        sources, orders = self.sources, np.arange(HIGHEST_DERIVATIVE + 1)[:, None]
+        fit = np.zeros((orders.size, sources.count))
+        for channel in set(sources.channel[sources.power >= DEGREE_OF_FITS].tolist()):
+            of = sources.channel == channel
+            length = float(sources.longest_piece[of].max())
+            fit[:, of] = ROUND_OFF * float(np.abs(given[of]) @ length ** sources.power[of]) / length**orders
+        return fit
+
+    def _rates(self, phases: Ints) -> LinearOutput:
+        """(N,) time derivative of the state in given phases."""
+        n, output = self.system.size, self.empty_output(self.size)
+        stiffness, damping, internal, load, slope = self.equation_of_motion(phases)
+        output.row[:n, n : 2 * n] = np.eye(n)
+        output.row[n : 2 * n] = np.hstack([-stiffness, -damping, internal])
+        output.direct[n : 2 * n], output.direct_slope[n : 2 * n] = load.T, slope.T
+        if self.size > 2 * n:
+            own = self.internal_rates(phases)
+            output.row[2 * n :], output.direct[2 * n :], output.direct_slope[2 * n :] = (
+                own.row, own.direct, own.direct_slope
+            )  # fmt: skip
+        return output

@@ -134,3 +134,26 @@ def test_a_derivative_of_round_off_closes_no_gap():
     assert [(float(t), int(k)) for t, k in zip(result.events.time[:1], result.events.snubber, strict=False)] == [(0, 0)]
     assert result.events.time[1] > 2.9
     assert result.summary["contacts"] == {"above": 1, "below": 0}
+
+
+def test_a_low_derivative_beside_the_motion_of_a_stiff_stop():
+    """A force presses the third mass on a stiff stop of no gap; the second follows with the fourth power of time, away
+    from its stop against the first. The fifth and sixth derivatives, of the stiff stop's motion, do not close that."""
+    stops = [
+        {"name": "stiff", "mass": 3, "side": "above", "stiffness": 1017981760.4290954, "gap": 0.0, "law": "no_tension",
+         "damping": {"kind": "ratio", "ratio": 0.013463566347538893}},
+        {"name": "link", "between": [1, 2], "resists": "approach", "stiffness": 40091304.99072216, "gap": 0.0,
+         "law": "no_tension", "damping": {"kind": "viscous", "coefficient": 565.6045869647984}},
+    ]  # fmt: skip
+    chain = {
+        "masses": [0.6547235862052709, 1.1685060115409205, 0.2253091757318123],
+        "springs": [2724.2261594142165, 10139.044940880842, 9244.698788197386, 3577.571708195824],
+        "dashpots": [0.4818315935467764, 9.354736748265548, 4.351030650090999, 3.214652597187318],
+        "snubbers": stops,
+    }
+    push = {"kind": "harmonic", "applied_to": {"mass": 3}, "level": 0.026626204090475593,
+            "frequency": 10.970105961486704, "phase": 1.0182723814572388}  # fmt: skip
+    result = beamsim.run(case("rest", chain=chain, excitation=push, run={"duration": 0.02}))
+    assert result.events.snubber.tolist() == [0]
+    assert result.events.time.tolist() == [0.0]
+    assert result.summary["contacts"] == {"stiff": 1, "link": 0}
