@@ -167,7 +167,10 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         if table is not None and table.remark
     ]
     motion, forcing = time_dependent_loads(parts, bool(contacts.on_ground.any() or cubic.felt.any()))
-    initial[: 2 * basis.size] += carried_start(parts, forcing)
+    initial += carried_start(parts, forcing)
+    base = 0.0 if forcing.base_displacement is None else float(forcing.base_displacement(0.0))
+    stretch = contacts.shape @ initial[: basis.size] + contacts.on_ground * base
+    initial = np.append(initial, contacts.settled_states(-contacts.gap - contacts.sign * stretch))
 
     corrections = None if motion is None else motion.corrections
     correction = None if corrections is None else CorrectionSize.of(corrections)

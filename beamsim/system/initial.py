@@ -24,8 +24,7 @@ _FIELDS = ("displacement", "velocity")
 def initial_state(
     parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings, equilibrium: Equilibrium
 ) -> tuple[Floats, list[str]]:
-    """q then q' at t = 0, relative to the base, and the contacts' internal states after a long rest there, (N,); and
-    warnings.
+    """q then q' at t = 0, relative to the base, (2 n,); and warnings.
 
     Raises
     ------
@@ -72,8 +71,7 @@ def initial_state(
         q, v = (_given_field(parts, {parts.scenario.default_body: start}, name, warnings) for name in _FIELDS)
     elif isinstance(start, BodiesStart):
         q, v = (_given_field(parts, start.bodies, name, warnings) for name in _FIELDS)
-    settled = contacts.settled_states(-contacts.gap - contacts.sign * (contacts.shape @ q))
-    return np.concatenate([q, v, settled]), warnings
+    return np.concatenate([q, v]), warnings
 
 
 def _why(parts: Parts, equilibrium: Equilibrium) -> str:
