@@ -63,10 +63,16 @@ class Inputs:
 
 
 def rate_of_inputs(count):
-    """(U, U) matrix D with d/dt (1, inputs) = D (1, inputs) where that is linear: d' = v, v' = a; others unused."""
+    """(U, U) matrix D with d/dt (1, inputs) = D (1, inputs) where that is linear: d' = v, v' = a; others unused.
+
+    Two or more forces are followed by their rates.
+    """
     D = np.zeros((count + 1, count + 1))
     if count == 3:
         D[3, 2] = D[2, 1] = 1.0
+    elif count % 2 == 0:
+        half = count // 2
+        D[np.arange(1, half + 1), np.arange(half + 1, count + 1)] = 1.0
     return D
 
 

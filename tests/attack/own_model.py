@@ -10,8 +10,9 @@ from itertools import pairwise
 import numpy as np
 from dense_stepper import EPS, Inputs, Linear, integrate
 from independent import Beam
+from own_laws import Curve, Pad, RigidFriction, SpringFriction, TableStop
 from scipy.interpolate import CubicSpline, PPoly
-from scipy.linalg import eigh
+from scipy.linalg import eigh, null_space
 from scipy.optimize import brentq
 
 ROUND_OFF = 64 * EPS  # of the size of a motion, in its penetrations: what the search for contacts allows
@@ -23,6 +24,7 @@ class Contact:
 
     One-sided: penetration delta = -gap - sign (row @ x + felt d); the push on the structure along the row is sign N.
     Piecewise linear: stretch s = row @ x + felt d, the pull beyond the linear part -(f(s) - k0 s) along the row.
+    Others are laws of `own_laws`, of a penetration or, for friction, of a stretch.
     """
 
     name: str
@@ -35,6 +37,20 @@ class Contact:
     gap: float = 0.0
     bends: tuple = ()
     slopes: tuple = ()
+    of: object = None  # its law, of `own_laws`
+
+    @property
+    def pushes(self):
+        """Whether it is one-sided."""
+        return self.of.pushes if self.of else not self.slopes
+
+    @property
+    def states(self):
+        """Number of states of its own."""
+        return self.of.states if self.of else int(self.relaxing)
+
+    def touching(self, phase):
+        return self.of.touching(phase) if self.of else phase == 1
 
     @property
     def relaxing(self):
@@ -43,6 +59,8 @@ class Contact:
 
     @property
     def phases(self):
+        if self.of:
+            return self.of.phases
         return len(self.slopes) if self.slopes else 2
 
     def segment_at(self, stretch):
@@ -187,6 +205,12 @@ class Body:
             return self.beam.row(place["position"])
         return np.eye(len(self.M))[place["mass"] - 1]
 
+    def slope(self, place):
+        """Slope at a node of a beam."""
+        row = np.zeros(2 * self.beam.elements + 2)
+        row[2 * round(place["position"] / self.beam.h) + 1] = 1.0
+        return row[self.beam.free]
+
     def field(self, numbers):
         """Coordinates of an initial field: a polynomial that the supports and cubic elements allow, or a list."""
         if not numbers:
@@ -216,6 +240,20 @@ class Structure:
             M[part, part], K[part, part], C[part, part] = body.M, body.K, body.C
             self.inertia[part], self.ground[part] = body.inertia, body.ground
         self.rigid = sum(body.rigid for body in self.bodies.values())
+        held = []
+        for joint in case.get("joints", ()):
+            first, second = joint["between"]
+            across = self.across(second) - self.across(first)
+            if joint["kind"] == "spring":
+                K += joint["stiffness"] * np.outer(across, across)
+                C += joint.get("dashpot", 0.0) * np.outer(across, across)
+                continue
+            held.append(across)
+            if joint["kind"] == "rigid":
+                held.append(self.across(second, slope=True) - self.across(first, slope=True))
+        self.free = null_space(np.array(held)) if held else np.eye(size)  # motions that joints allow
+        M, K, C = (self.free.T @ matrix @ self.free for matrix in (M, K, C))
+        self.inertia, self.ground = self.inertia @ self.free, self.ground @ self.free
         squares, self.shapes = eigh(K, M)
         squares[: self.rigid] = 0.0
         self.omega = np.sqrt(np.maximum(squares, 0.0))
@@ -224,11 +262,14 @@ class Structure:
 
     def row(self, place):
         """(n,) deflection at a place in modal coordinates."""
-        place = place.get("at", place)
+        return self.across(place.get("at", place)) @ self.free @ self.shapes
+
+    def across(self, place, slope=False):
+        """Deflection or slope at a place in the coordinates of all bodies."""
         name = place.get("body", next(iter(self.bodies)))
-        row = np.zeros(len(self.M))
-        row[self.parts[name]] = self.bodies[name].row(place)
-        return row @ self.shapes
+        row = np.zeros(max(part.stop for part in self.parts.values()))
+        row[self.parts[name]] = (self.bodies[name].slope if slope else self.bodies[name].row)(place)
+        return row
 
     def modal(self, load):
         return self.shapes.T @ load
@@ -255,21 +296,51 @@ def contacts_of(case, structure):
         else:
             row, felt = structure.row(snubber), float(snubber.get("mounted_on") == "ground")
             sign = 1.0 if snubber["side"] == "below" else -1.0
-        k, damping = snubber["stiffness"], snubber.get("damping", {})
+        k, damping = snubber.get("stiffness", 0.0), snubber.get("damping", {})
         c = damping.get("coefficient", 0.0)
         if damping.get("kind") == "ratio":
             c = 2 * damping["ratio"] * k / np.sqrt(lowest_square(structure.omega**2, row, k))
         law = snubber.get("law", "kelvin_voigt")
         name = snubber.get("name", f"snubber_{i + 1}")
-        found.append(Contact(name, law, row, sign, felt, k, c, snubber.get("gap", 0.0)))
+        table, branches = snubber.get("force_deflection"), snubber.get("maxwell", ())
+        gap = snubber.get("gap", 0.0)
+        if table or branches:
+            knots, slopes = (0.0,), (k,)
+            if table:
+                x, force = np.transpose(table)
+                knots, slopes = tuple(x[:-1].tolist()), tuple((np.diff(force) / np.diff(x)).tolist())
+            curve = Curve(knots, slopes)
+            branches = tuple((b["stiffness"], b["relaxation_time"]) for b in branches)
+            pad = law == "no_tension" and (c > 0 or branches)
+            of = Pad(curve, c, branches) if pad else TableStop(curve, c)
+            k = max(slopes) + sum(b[0] for b in branches)
+            found.append(Contact(name, law, row, sign, felt, k, c, gap, of=of))
+        else:
+            found.append(Contact(name, law, row, sign, felt, k, c, gap))
         preloads.append(snubber.get("preload"))
     for name, body in structure.bodies.items():
         for spring in body.springs:
-            whole = np.zeros(len(structure.M))
+            whole = np.zeros(len(structure.free))
             whole[structure.parts[name]] = spring.row
-            found.append(Contact(**{**vars(spring), "row": whole @ structure.shapes}))
+            found.append(Contact(**{**vars(spring), "row": whole @ structure.free @ structure.shapes}))
             preloads.append(None)
+    for friction in case.get("friction", ()):
+        found.append(friction_of(friction, structure))
+        preloads.append(None)
     return found, preloads
+
+
+def friction_of(friction, structure):
+    """Dry friction as a contact whose penetration is the stretch."""
+    if "between" in friction:
+        first, second = friction["between"]
+        row, felt = structure.row(second) - structure.row(first), 0.0
+    else:
+        row, felt = structure.row(friction), float(friction["mounted_on"] == "ground")
+    limits = [friction["normal_force"] * friction["coefficient"][key] for key in ("static", "sliding")]
+    stiffness = friction.get("stiffness", 0.0)
+    law = SpringFriction(stiffness, *limits) if stiffness else RigidFriction(*limits)
+    return Contact(friction["name"], "friction", row, -1.0, felt, stiffness, of=law)
 
 
 def lowest_square(squares, row, stiffness):
@@ -309,6 +380,12 @@ def equilibrium(structure, contacts, load, pushes=None):
             for c, push in zip(contacts, pushes, strict=True):
                 if np.isfinite(push):
                     r = r + c.sign * push * c.row
+                elif c.of:
+                    delta = -c.gap - c.sign * (c.row @ x)
+                    if c.pushes and delta > 0:
+                        slope, force = c.of.static(delta)
+                        K = K + slope * np.outer(c.row, c.row)
+                        r = r + c.sign * force * c.row
                 elif c.slopes:
                     stretch = c.row @ x
                     slope, zero = c.line(c.segment_at(stretch))
@@ -337,7 +414,8 @@ def sines(amplitude, omega, phase, quantity):
     """A force, or the base's acceleration, velocity and displacement without drift, from sines of one of them."""
     amplitude, omega, phase = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (amplitude, omega, phase))
     if quantity == "force":
-        return Inputs(0, np.zeros(1), omega, amplitude[None], phase[None], np.zeros(2), np.zeros((1, 1, 1)))
+        amplitudes, phases = np.array([amplitude, amplitude * omega]), np.array([phase, phase + np.pi / 2])
+        return Inputs(0, np.zeros(1), omega, amplitudes, phases, np.zeros(2), np.zeros((2, 1, 1)))
     power = {"acceleration": 0, "velocity": 1, "displacement": 2}[quantity]
     amplitudes = np.array([amplitude * omega ** (power - i) for i in range(3)])
     phases = np.array([phase + (power - i) * np.pi / 2 for i in range(3)])
@@ -375,11 +453,26 @@ def random_lines(spec, duration):
     return 2 * np.pi * f[inside], np.sqrt(2 * density / period), phase[inside], count / period
 
 
+def several(forces):
+    """Forces that are sines, then their rates, as one input."""
+    omega = np.concatenate([force.omega for force in forces])
+    amplitude, phase = np.zeros((2, 2 * len(forces), omega.size))
+    ends = np.cumsum([0, *(force.omega.size for force in forces)])
+    for i, force in enumerate(forces):
+        for j in range(2):
+            amplitude[i + j * len(forces), ends[i] : ends[i + 1]] = force.amplitude[j]
+            phase[i + j * len(forces), ends[i] : ends[i + 1]] = force.phase[j]
+    count = 2 * len(forces)
+    return Inputs(0, np.zeros(1), omega, amplitude, phase, np.zeros(2), np.zeros((count, 1, 1)))
+
+
 def inputs_of(case, duration):
     spec = case.get("excitation", {"kind": "none"})
     kind = spec["kind"]
     if kind == "none":
         return Inputs(0, *NOTHING[:1], np.zeros(0), *NOTHING[2:])
+    if kind == "forces":
+        return several([inputs_of({"excitation": force}, duration) for force in spec["forces"]])
     force = spec["applied_to"] != "base"
     quantity = "force" if force else spec.get("quantity", "acceleration")
     C = 1 if force else 3
@@ -423,9 +516,9 @@ def model_of(case, duration):
         constant = constant + force["force"] * structure.row(force)
     spec = case.get("excitation", {"kind": "none"})
     loads = np.zeros((inputs.count, structure.omega.size))
-    if inputs.count == 1:
-        loads[0] = structure.row(spec["applied_to"])
-    elif inputs.count == 3:
+    for i, force in enumerate(spec.get("forces", [spec] if inputs.count in (1, 2) else [])):
+        loads[i] = structure.row(force["applied_to"])
+    if inputs.count == 3:
         loads[0], loads[2] = -structure.modal(structure.inertia), structure.modal(structure.ground)
     contacts, preloads = contacts_of(case, structure)
     if any(p is not None for p in preloads):
@@ -465,8 +558,9 @@ class Equations:
     def __post_init__(self):
         m = self.model
         self.n = m.omega.size
-        self.faces = [i for i, c in enumerate(m.contacts) if c.relaxing]
-        self.N = 2 * self.n + len(self.faces)
+        ends = np.cumsum([2 * self.n, *(c.states for c in m.contacts)])
+        self.inside = [slice(a, b) for a, b in pairwise(ends)]  # states of each contact
+        self.N = int(ends[-1])
         self.scale = max(float(m.omega.max()), 1e-3 * float(self.stiffest()))
         self.U = m.inputs.count + 1
 
@@ -480,7 +574,7 @@ class Equations:
     def penetration(self, contact):
         """Rows of delta (or stretch) and its rate over y and u."""
         n, N, U = self.n, self.N, self.U
-        sign = 1.0 if contact.slopes else -contact.sign
+        sign = 1.0 if contact.slopes else -contact.sign  # friction has -1
         y, u, rate_y, rate_u = np.zeros(N), np.zeros(U), np.zeros(N), np.zeros(U)
         y[:n], rate_y[n : 2 * n] = sign * contact.row / self.scale, sign * contact.row
         u[0] = 0.0 if contact.slopes else -contact.gap
@@ -497,9 +591,19 @@ class Equations:
             u = u * (slope - c.slope_at_rest)
             u[0] += zero
             return y * (slope - c.slope_at_rest), u
+        if c.of:
+            return self.combined(i, c.of.force(phase))
         if phase == 0:
             return np.zeros(self.N), np.zeros(self.U)
         return c.stiffness * y + c.dashpot * rate_y, c.stiffness * u + c.dashpot * rate_u
+
+    def combined(self, i, row):
+        """Rows over y and u of a row of a contact's penetration, its rate, 1 and its own states."""
+        y, u, rate_y, rate_u = self.penetration(self.model.contacts[i])
+        y, u = row[0] * y + row[1] * rate_y, row[0] * u + row[1] * rate_u
+        u[0] += row[2]
+        y[self.inside[i]] += row[3:] / self.scale
+        return y, u
 
     def linear(self, phases):
         """The equations of one contact state."""
@@ -517,10 +621,24 @@ class Equations:
             direction = np.asarray(-c.row if c.slopes else c.sign * c.row, dtype=np.longdouble)
             A[n : 2 * n] += np.outer(direction, y)
             B[n : 2 * n] += np.outer(direction, u)
-        for k, i in enumerate(self.faces):
-            if phases[i] == 0:
-                A[2 * n + k, 2 * n + k] = -m.contacts[i].stiffness / m.contacts[i].dashpot
-        guards = [guard for i, phase in enumerate(phases) for guard in self.guards(i, phase)]
+        for i, phase in enumerate(phases):
+            c, part = m.contacts[i], self.inside[i]
+            if c.of:
+                for k, row in enumerate(c.of.rates(phase)):
+                    y, u = self.combined(i, row)
+                    A[part.start + k], B[part.start + k] = s * y, s * u
+            elif c.relaxing and phase == 0:
+                A[part.start, part.start] = -c.stiffness / c.dashpot
+        holding = {}
+        stuck = [i for i, phase in enumerate(phases) if isinstance(m.contacts[i].of, RigidFriction) and phase == 0]
+        if stuck:  # no acceleration along their rows
+            rows = np.array([m.contacts[i].row for i in stuck])
+            share = np.linalg.solve(rows @ rows.T, rows)
+            force_y, force_u = (share @ matrix[n : 2 * n].astype(float) for matrix in (A, B))
+            A[n : 2 * n] -= rows.T @ force_y
+            B[n : 2 * n] -= rows.T @ force_u
+            holding = {i: (force_y[k], force_u[k]) for k, i in enumerate(stuck)}
+        guards = [guard for i, phase in enumerate(phases) for guard in self.guards(i, phase, holding.get(i))]
         watches = self.watches(phases)
         G = len(guards)
         table = [np.array([g[k] for g in guards]).reshape(G, -1) for k in (0, 1, 5, 6)]
@@ -531,13 +649,28 @@ class Equations:
             np.array([w[0] for w in watches]), np.array([w[1] for w in watches]),
         )  # fmt: skip
 
-    def guards(self, i, phase):
+    def guards(self, i, phase, holding=None):
         """(row over y, over u, contact, next phase, entry reset, its row over y, over u) of each guard of a contact."""
         c = self.model.contacts[i]
         y, u, rate_y, rate_u = self.penetration(c)
         nothing = (-1, np.zeros(self.N), np.zeros(self.U))
         one = np.eye(self.U)[0]
         late = self.late * np.linalg.norm(c.row) * one
+        if holding is not None:  # the force that rigid friction resists with
+            limit = c.of.static_limit * one
+            return [
+                (-sign * holding[0], limit - sign * holding[1], i, k, *nothing) for k, sign in ((1, 1.0), (2, -1.0))
+            ]
+        if c.of:
+            found = []
+            for leave in c.of.exits(phase):
+                row_y, row_u = self.combined(i, leave.row)
+                start = nothing
+                if leave.state >= 0:
+                    value = self.combined(i, leave.value)
+                    start = (self.inside[i].start + leave.state, *(self.scale * row for row in value))
+                found.append((row_y, row_u + leave.late * late, i, leave.following, *start))
+            return found
         if c.slopes:
             found = []
             if phase > 0:
@@ -547,7 +680,7 @@ class Equations:
             return found
         if not c.relaxing:
             return [(-y, late - u, i, 1, *nothing)] if phase == 0 else [(y, u + late, i, 0, *nothing)]
-        entry = 2 * self.n + self.faces.index(i)
+        entry = self.inside[i].start
         if phase == 0:
             return [(np.eye(self.N)[entry] / self.scale - y, late - u, i, 1, *nothing)]
         force = c.stiffness * y + c.dashpot * rate_y, c.stiffness * u + c.dashpot * rate_u
@@ -561,7 +694,7 @@ class Equations:
             whole[: self.n] = row / self.scale
             rows += [(whole, np.zeros(self.U)), (-whole, np.zeros(self.U))]
         for i, c in enumerate(self.model.contacts):
-            if not c.slopes:
+            if c.pushes:
                 rows.append(self.force(i, phases[i]))
         return rows
 
@@ -582,10 +715,13 @@ class Equations:
         def phases_of(y, u, undecided):
             found = []
             for i, c in enumerate(m.contacts):
-                row_y, row_u, _, _ = self.penetration(c)
+                row_y, row_u, rate_y, rate_u = self.penetration(c)
                 value = float(row_y @ y + row_u @ u)
                 size = float(np.abs(row_y) @ np.abs(y) + np.abs(row_u) @ np.abs(u))
-                if c.slopes:
+                if c.of:
+                    near = c.pushes and min(abs(value - knot) - 1e-13 * knot for knot in c.of.knots) <= 1e-13 * size
+                    found.append(c.of.phase_at(value, float(rate_y @ y + rate_u @ u)))
+                elif c.slopes:
                     nearest = min(c.bends, key=lambda b: abs(b - value))
                     near = abs(value - nearest) <= 1e-13 * (size + abs(nearest))
                     found.append(c.segment_at(value))
@@ -646,7 +782,7 @@ class Equations:
 
     @property
     def one_sided(self):
-        return sum(not c.slopes for c in self.model.contacts)
+        return sum(c.pushes for c in self.model.contacts)
 
     def displacement(self, y, probe):
         return y[..., : self.n] @ self.model.probes[probe] / self.scale
@@ -660,13 +796,17 @@ class Equations:
         for i, c in enumerate(m.contacts):
             row_y, row_u, _, _ = self.penetration(c)
             delta = motion.y @ row_y + u @ row_u
+            if c.of:
+                states = motion.y[:, self.inside[i]] / self.scale
+                total += [c.of.stored(*each) for each in zip(motion.phases[:, i], delta, states, strict=True)]
+                continue
             if c.slopes:
                 total += [c.energy(s, d) for s, d in zip(motion.phases[:, i], delta, strict=True)]
                 continue
             closed = motion.phases[:, i] == 1
             total += np.where(closed, 0.5 * c.stiffness * delta**2, 0.0)
             if c.relaxing:
-                face = motion.y[:, 2 * n + self.faces.index(i)] / self.scale
+                face = motion.y[:, self.inside[i].start] / self.scale
                 total += np.where(closed, 0.0, 0.5 * c.stiffness * face**2)
         return total
 

@@ -4,7 +4,8 @@ Ranges: chains of 1 to 5 masses and beams of 1 to 3 elements (all of their modes
 one to three snubbers on either side, on the base, on the ground or between two places; stiffness 1e-3 to 1e8 times that
 of the structure; laws kelvin_voigt, no_tension and piecewise_linear; gaps of 0, backlash, prestress or a preload;
 dashpots by ratio (up to 1.5) or coefficient; no input, or each of the inputs on the base or as a force; every start
-but a mode. Seeds from `LARGE` on are chains of 30 to 80 masses with three or four snubbers.
+but a mode. Seeds from `MORE` on also have force-deflection tables, Maxwell branches, dry friction, several forces and
+joints; those from `LARGE` on are chains of 30 to 80 masses with three or four snubbers.
 """
 
 import numpy as np
@@ -12,6 +13,7 @@ from own_model import Structure
 
 SUPPORTS = ("clamped", "pinned", "free", "guided")
 LARGEST_RATIO, SMALLEST_RATIO = 8.0, -3.0  # powers of ten of the stiffness ratio
+MORE = 10_000_000  # first seed of the systems with tables, branches, friction, several forces and joints
 LARGE = 1_000_000_000  # first seed of the systems with many modes
 PERIODS = 30.0  # of the first mode, at most
 
@@ -26,6 +28,7 @@ class _Draw:
         self.rng, self.folder, self.seed = rng, folder, seed
         self.features = set()
         self.large = seed >= LARGE
+        self.more = MORE <= seed < LARGE
 
     def chance(self, share):
         return bool(self.rng.random() < share)
@@ -55,6 +58,8 @@ class _Draw:
             }
             case["reduction"] = {"modes": "all"}
             self.features.add("two bodies")
+            if self.more and self.chance(0.6):
+                self.joint(case)
         self.structure = Structure(case)
         moving = self.structure.omega[self.structure.omega > 0]
         self.omega = float(moving.min()) if moving.size else 1.0
@@ -68,6 +73,8 @@ class _Draw:
         self.snubbers(case, base)
         if kind == "chain" and not self.large and self.chance(0.35):
             self.bent_spring(case["chain"])
+        if self.more and self.chance(0.4):
+            self.friction(case, base)
         self.start(case)
         if self.chance(0.15) and not self.rigid:
             case["gravity"] = self.pick(-1.0, 1.0) * self.size * self.omega**2 * self.between(0.1, 1)
@@ -151,6 +158,38 @@ class _Draw:
         self.features |= {"beam", f"supports {supports['left']}-{supports['right']}", f"structural damping {kind}"}
         return beam
 
+    def joint(self, case):
+        """Join the two bodies at nodes; damping is what does not depend on their modes."""
+        bodies = case["bodies"]
+        for spec in bodies.values():
+            spec.pop("damping", None)
+        ends = [self.node(name, spec) for name, spec in bodies.items()]
+        turn = all("position" in end for end in ends) and not any(self.guided(bodies, end) for end in ends)
+        kind = self.pick("hinge", "spring", *(["rigid"] if turn else []))
+        joint = {"name": "joint", "kind": kind, "between": ends}
+        if kind == "spring":
+            joint["stiffness"] = self.reference_stiffness(case) * self.power(-1, 2)
+            if self.chance(0.5):
+                joint["dashpot"] = self.between(0, 0.1) * np.sqrt(joint["stiffness"])
+        case["joints"] = [joint]
+        self.features = {f for f in self.features if not f.startswith("structural damping")} | {f"joint {kind}"}
+
+    def node(self, name, spec):
+        """A mass of a chain, or a node of a beam that can move."""
+        if "masses" in spec:
+            return {"body": name, "mass": int(self.rng.integers(1, len(spec["masses"]) + 1))}
+        nodes = list(range(1, spec["elements"]))
+        nodes += [0] if spec["supports"]["left"] in ("free", "guided") else []
+        nodes += [spec["elements"]] if spec["supports"]["right"] in ("free", "guided") else []
+        if not nodes:
+            spec["elements"], nodes = 2, [1]
+        return {"body": name, "position": spec["length"] * self.pick(*nodes) / spec["elements"]}
+
+    @staticmethod
+    def guided(bodies, end):
+        supports, length = bodies[end["body"]]["supports"], bodies[end["body"]]["length"]
+        return supports["left" if end["position"] == 0 else "right"] == "guided" and end["position"] in (0.0, length)
+
     def reference_stiffness(self, case):
         """N/m, of a beam E I / L^3, of a chain its stiffest spring; of two bodies the smaller."""
         found = []
@@ -195,6 +234,8 @@ class _Draw:
         base = self.chance(0.65) and kind != "swept_sine"
         self.features.add("on the base" if base else "force at a point")
         place = self.place(case)
+        if self.more and not base and kind in ("harmonic", "multi_tone") and self.chance(0.5):
+            return self.forces(case, f)
         case["excitation"] = spec = {"kind": str(kind), "applied_to": "base" if base else place.get("at", place)}
         a = self.size * self.omega**2 * self.between(0.3, 3)  # m/s^2
         if not base:
@@ -257,6 +298,19 @@ class _Draw:
             spec |= {"seed": int(self.rng.integers(1000)), "period": self.duration * 1.1, "sample_rate": 6 * top}
         return base
 
+    def forces(self, case, f):
+        """Two or three sines at different places."""
+        found = []
+        for _ in range(int(self.rng.integers(2, 4))):
+            place = self.place(case)
+            row = np.abs(self.structure.row(place)).max()
+            level = self.size * (self.omega**2 / row**2 * 0.3 if row > 0 else self.stiffness) * self.between(0.1, 1)
+            tone = {"level": level, "frequency": f * self.power(-0.5, 1.0), "phase": self.between(-3, 3)}
+            found.append({"kind": "harmonic", "applied_to": place.get("at", place), **tone})
+        case["excitation"] = {"kind": "forces", "forces": found}
+        self.features = self.features - {"input harmonic", "input multi_tone"} | {"several forces"}
+        return False
+
     # -- contacts ------------------------------------------------------------------------------------------------------
 
     def snubbers(self, case, base):
@@ -302,9 +356,59 @@ class _Draw:
                 self.features.add(
                     "kelvin_voigt with dashpot" if "damping" in snubber else "kelvin_voigt without dashpot"
                 )
+            if self.more and self.chance(0.5):
+                self.pad(snubber)
             found.append(snubber)
         self.features.add(f"{count} snubber{'s' * (count > 1)}")
         (case["chain"] if chain else case)["snubbers"] = found
+
+    def pad(self, snubber):
+        """A table in the place of the stiffness, Maxwell branches beside it, or both; no preload."""
+        k, kind = snubber["stiffness"], self.pick("table", "branches", "both")
+        if "preload" in snubber:
+            snubber["gap"] = -snubber.pop("preload") / k
+        if snubber.get("damping", {}).get("kind") == "ratio":
+            mass = float(np.trace(self.structure.M)) / len(self.structure.M)
+            c = 2 * snubber["damping"]["ratio"] * np.sqrt(k * mass)
+            snubber["damping"] = {"kind": "viscous", "coefficient": c}
+        if kind != "branches":
+            deflection = self.size * np.cumsum([0.0, *10 ** self.rng.uniform(-1.5, 0, self.rng.integers(2, 5))])
+            slopes = k * 10 ** self.rng.uniform(-1, 0.5, deflection.size - 1)
+            force = np.cumsum([0.0, *(slopes * np.diff(deflection))])
+            snubber["force_deflection"] = np.transpose([deflection, force]).tolist()
+            del snubber["stiffness"]
+            self.features.add("table")
+        if kind != "table":
+            period = 2 * np.pi / self.omega
+            snubber["maxwell"] = [
+                {"stiffness": k * self.power(-1, 0.5), "relaxation_time": period * self.power(-2, 1)}
+                for _ in range(int(self.rng.integers(1, 3)))
+            ]
+            snubber["law"] = "no_tension"
+            self.features.add("Maxwell branches")
+
+    def friction(self, case, base):
+        """One or two frictions with a spring, or one that holds exactly."""
+        sines = case["excitation"]["kind"] in ("none", "harmonic", "multi_tone", "forces") and not base
+        branches = any("maxwell" in s for s in (case.get("chain") or case).get("snubbers", ()))
+        rigid = sines and not branches and self.chance(0.5)
+        found = []
+        for i in range(1 if rigid else int(self.rng.integers(1, 3))):
+            friction = {"name": f"friction_{i + 1}"}
+            if "bodies" in case and self.chance(0.4):
+                friction["between"] = [self.place(case, body)["at"] for body in ("one", "two")]
+            else:
+                place = self.place(case)
+                friction["at"] = place.get("at", place)
+                friction["mounted_on"] = "ground" if base and self.chance(0.4) else "base"
+            sliding = self.between(0.1, 0.4)
+            friction["coefficient"] = {"static": sliding * self.pick(1.0, self.between(1.0, 1.6)), "sliding": sliding}
+            friction["normal_force"] = self.size * self.stiffness * self.power(-2, 0.5)
+            if not rigid:
+                friction["stiffness"] = self.stiffness * self.power(-1, 3)
+            found.append(friction)
+        case["friction"] = found
+        self.features.add("friction that holds exactly" if rigid else "friction behind a spring")
 
     def gap(self, snubber, ratio):
         kind = self.rng.choice(["zero", "backlash", "prestress", "preload"], p=[0.25, 0.4, 0.25, 0.1])

@@ -1,0 +1,259 @@
+"""Contact laws with several segments or states of their own: force-deflection tables, Maxwell branches, dry friction.
+
+Each phase of a law is linear: rows are factors of the penetration (the stretch, of friction), its rate, 1, and the
+law's own states, all in m. Written from the forces of springs and dashpots: a branch has its elastic stretch as state,
+friction that of its spring, a released pad the compression of its face.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+NEVER = np.inf
+
+
+@dataclass(frozen=True)
+class Exit:
+    """An end of a phase: where a row falls through zero."""
+
+    row: np.ndarray  # (3 + s,)
+    following: int
+    state: int = -1  # that starts anew, -1: none
+    value: np.ndarray | None = None  # (3 + s,) row of its value
+    late: float = 1.0  # of the row for a unit of a penetration that has passed zero
+
+
+def unit(size, **entries):
+    """A row with some entries: ``d``, ``v``, ``one`` or ``s0``, ``s1``, …"""
+    row = np.zeros(size)
+    for name, value in entries.items():
+        row[{"d": 0, "v": 1, "one": 2}[name] if name in ("d", "v", "one") else 3 + int(name[1:])] = value
+    return row
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A rising force through points, from zero on; the last slope goes on."""
+
+    knots: tuple  # m, the first zero
+    slopes: tuple  # N/m
+
+    def segment(self, x):
+        return max(int(np.searchsorted(self.knots, x, side="right")) - 1, 0)
+
+    def line(self, i):
+        """(slope, force at zero) of a segment."""
+        below = sum(s * (b - a) for s, a, b in zip(self.slopes, self.knots, self.knots[1 : i + 1], strict=False))
+        return self.slopes[i], below - self.slopes[i] * self.knots[i]
+
+    def energy(self, i, x):
+        """Of a segment's parabola, from zero on."""
+        total = 0.0
+        for j in range(i + 1):
+            end = self.knots[j + 1] if j < i else x
+            slope, zero = self.line(j)
+            total += slope * (end**2 - self.knots[j] ** 2) / 2 + zero * (end - self.knots[j])
+        return total
+
+    def ends(self, i, row, shift):
+        """Exits at the ends of a segment but the first end, of a quantity with a row."""
+        one = unit(row.size, one=1.0)
+        found = [Exit(row - self.knots[i] * one, i - 1 + shift, late=0.0)] if i > 0 else []
+        if i + 1 < len(self.knots):
+            found.append(Exit(self.knots[i + 1] * one - row, i + 1 + shift, late=0.0))
+        return found
+
+
+@dataclass(frozen=True)
+class TableStop:
+    """A curve beside a dashpot while there is penetration; phases: open, then one for each segment."""
+
+    curve: Curve
+    dashpot: float
+    states = 0
+    pushes = True
+
+    @property
+    def phases(self):
+        return 1 + len(self.curve.slopes)
+
+    def touching(self, phase):
+        return phase > 0
+
+    def phase_at(self, delta, _):
+        return 1 + self.curve.segment(delta) if delta > 0 else 0
+
+    @property
+    def knots(self):
+        return self.curve.knots
+
+    def static(self, delta):
+        """(slope, force) under a slow penetration."""
+        slope, zero = self.curve.line(self.curve.segment(delta))
+        return slope, slope * delta + zero
+
+    def force(self, phase):
+        if phase == 0:
+            return np.zeros(3)
+        slope, zero = self.curve.line(phase - 1)
+        return unit(3, d=slope, v=self.dashpot, one=zero)
+
+    def rates(self, _):
+        return np.zeros((0, 3))
+
+    def exits(self, phase):
+        delta = unit(3, d=1.0)
+        if phase == 0:
+            return [Exit(-delta, 1)]
+        ends = self.curve.ends(phase - 1, delta, 1)
+        return ends if phase > 1 else [Exit(delta, 0), *ends]
+
+    def stored(self, phase, delta, _):
+        return self.curve.energy(phase - 1, delta) if phase else 0.0
+
+
+@dataclass(frozen=True)
+class Pad:
+    """A curve, a dashpot and Maxwell branches that never pull; phases: released on each segment, then touching.
+
+    States: compression of the released face, then the elastic stretch of each branch. The released face is without
+    force: the forces of curve, dashpot and branches balance.
+    """
+
+    curve: Curve
+    dashpot: float
+    branches: tuple  # (N/m, s) each
+    pushes = True
+
+    @property
+    def states(self):
+        return 1 + len(self.branches)
+
+    @property
+    def phases(self):
+        return 2 * len(self.curve.slopes)
+
+    def touching(self, phase):
+        return phase >= len(self.curve.slopes)
+
+    def phase_at(self, delta, _):
+        return len(self.curve.slopes) + self.curve.segment(delta) if delta > 0 else 0
+
+    @property
+    def knots(self):
+        return self.curve.knots
+
+    static = TableStop.static
+
+    def balance(self, i, quantity):
+        """Row of the force of curve and branches, the curve being compressed by a quantity with a row."""
+        slope, zero = self.curve.line(i)
+        row = slope * quantity + zero * unit(quantity.size, one=1.0)
+        for j, (k, _) in enumerate(self.branches):
+            row[4 + j] += k
+        return row
+
+    def force(self, phase):
+        size, m = 3 + self.states, len(self.curve.slopes)
+        if phase < m:
+            return np.zeros(size)
+        return self.balance(phase - m, unit(size, d=1.0)) + unit(size, v=self.dashpot)
+
+    def rates(self, phase):
+        size, m = 3 + self.states, len(self.curve.slopes)
+        rows = np.zeros((self.states, size))
+        if phase >= m:
+            moved = unit(size, v=1.0)
+        elif self.dashpot > 0:
+            moved = rows[0] = -self.balance(phase, unit(size, s0=1.0)) / self.dashpot
+        else:
+            stiffness = self.curve.slopes[phase] + sum(k for k, _ in self.branches)
+            for j, (k, time) in enumerate(self.branches):
+                rows[0, 4 + j] = k / time / stiffness
+            moved = rows[0]
+        for j, (_, time) in enumerate(self.branches):
+            rows[1 + j] = moved
+            rows[1 + j, 4 + j] -= 1.0 / time
+        return rows
+
+    def exits(self, phase):
+        size, m = 3 + self.states, len(self.curve.slopes)
+        delta, face = unit(size, d=1.0), unit(size, s0=1.0)
+        if phase < m:
+            return [Exit(face - delta, m + phase), *self.curve.ends(phase, face, 0)]
+        i = phase - m
+        slope = self.curve.slopes[i] + sum(k for k, _ in self.branches)
+        return [Exit(self.force(phase), i, 0, delta, late=slope), *self.curve.ends(i, delta, m)]
+
+    def stored(self, phase, delta, states):
+        m = len(self.curve.slopes)
+        of_curve = self.curve.energy(phase - m, delta) if phase >= m else self.curve.energy(phase, states[0])
+        return of_curve + sum(0.5 * k * e**2 for (k, _), e in zip(self.branches, states[1:], strict=True))
+
+
+@dataclass(frozen=True)
+class SpringFriction:
+    """Dry friction behind a spring, whose stretch is the state; phases: sticks, slides forwards, backwards."""
+
+    stiffness: float
+    static_limit: float  # N
+    sliding: float  # N
+    states, phases, pushes, knots = 1, 3, False, ()
+
+    def touching(self, phase):
+        return phase == 0
+
+    def phase_at(self, *_):
+        return 0
+
+    def static(self, _):
+        return 0.0, 0.0
+
+    def force(self, _):
+        return unit(4, s0=self.stiffness)
+
+    def rates(self, phase):
+        return unit(4, v=float(phase == 0))[None, :]
+
+    def exits(self, phase):
+        if phase:
+            return [Exit(unit(4, v=1.0 if phase == 1 else -1.0), 0, late=0.0)]
+        found = []
+        for following, sign in ((1, 1.0), (2, -1.0)):
+            row = unit(4, one=self.static_limit, s0=-sign * self.stiffness)
+            found.append(Exit(row, following, 0, unit(4, one=sign * self.sliding / self.stiffness), late=0.0))
+        return found
+
+    def stored(self, _, __, states):
+        return 0.5 * self.stiffness * states[0] ** 2
+
+
+@dataclass(frozen=True)
+class RigidFriction:
+    """Dry friction that holds a motion exactly while it sticks; phases as of `SpringFriction`."""
+
+    static_limit: float
+    sliding: float
+    states, phases, pushes, knots = 0, 3, False, ()
+
+    def touching(self, phase):
+        return phase == 0
+
+    def phase_at(self, _, rate):
+        return 0 if rate == 0.0 else 1 if rate > 0 else 2
+
+    def static(self, _):
+        return 0.0, 0.0
+
+    def force(self, phase):
+        return unit(3, one=(0.0, self.sliding, -self.sliding)[phase])
+
+    def rates(self, _):
+        return np.zeros((0, 3))
+
+    def exits(self, phase):
+        """Of sliding; those of sticking depend on the force that holds it."""
+        return [Exit(unit(3, v=1.0 if phase == 1 else -1.0), 0, late=0.0)] if phase else []
+
+    def stored(self, *_):
+        return 0.0
