@@ -172,7 +172,7 @@ def vibrating(several, stiffness, **section):
     )
 
 
-@pytest.mark.parametrize("several", [True, False], ids=["of two bodies", "alone"])
+@pytest.mark.parametrize("several", [pytest.param(True, marks=pytest.mark.slow), False], ids=["of two bodies", "alone"])
 def test_a_nonlinear_test_gives_the_stiffness(several):
     harmonics = steady_vibration(vibrating(False, 1e4)).harmonics(0, "absolute_acceleration", 8)
     time = np.arange(2000) / 10000.0

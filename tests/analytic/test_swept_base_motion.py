@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sampling import slow_after
 from scipy.special import exp1, wofz
 from sweep_windows import frequency_at
 
@@ -55,7 +56,7 @@ def values(windows, coefficient, sigma):
 
 
 @pytest.mark.parametrize("sweep", [pytest.param(s, marks=[pytest.mark.slow] * s.startswith(SLOWER)) for s in SWEEPS])
-@pytest.mark.parametrize("kind", PROFILES)
+@pytest.mark.parametrize("kind", slow_after(2, reversed(PROFILES)))
 def test_displacement_velocity_and_acceleration_belong_together(kind, sweep):
     legs, profile = SWEEPS[sweep], PROFILES[kind]
     corrections = jumps(legs, profile, 0.3)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import h5py
 import pytest
+from sampling import slow_after
 from typer.testing import CliRunner
 
 import beamsim
@@ -170,7 +171,7 @@ def test_schema_is_json_schema(call, here):
     assert json.loads((here / "s.json").read_text()) == schema
 
 
-@pytest.mark.parametrize("kind", COMMANDS)
+@pytest.mark.parametrize("kind", slow_after(3, COMMANDS))
 def test_new_writes_a_valid_case(kind, call, here):
     done = call("new", "mine.yaml", "--kind", kind)
     assert done.exit_code == 0, done.output

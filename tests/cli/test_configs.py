@@ -19,7 +19,7 @@ def test_config_loads(path):
 
 
 SHORTER = {"random_vibration": {"run.duration": 0.5, "run.spectrum.last": 0.3}}
-SLOW = ("plate_panel",)
+SLOW = ("plate_panel", "pressure_on_plate", "shock_panel")  # parts of these run in tests/analytic
 RUN = [path for path in PATHS if not path.stem.startswith(ALREADY_RUN) and shipped(path).run]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sampling import slow_after
 
 import beamsim
 from beamsim.analyses.nnm.analysis import nnm
@@ -53,7 +54,7 @@ def response():
     return frequency_response(load_scenario(RESPONSE))
 
 
-@pytest.mark.parametrize("points", [1, 20])
+@pytest.mark.parametrize("points", slow_after(1, [1, 20]))
 def test_a_mode_keeps_the_points_it_has(mode, points):
     request = After(points)
     part = nnm(load_scenario(MODE), request, stop=request.stop)
@@ -65,7 +66,7 @@ def test_a_mode_keeps_the_points_it_has(mode, points):
     nnm_figures(part)
 
 
-@pytest.mark.parametrize("points", [1, 20])
+@pytest.mark.parametrize("points", slow_after(1, [1, 20]))
 def test_a_response_keeps_the_points_it_has(response, points):
     request = After(points)
     part = frequency_response(load_scenario(RESPONSE), request, request.stop)

@@ -170,7 +170,10 @@ def test_point_force_on_a_chain():
         ({"nnm.phase_resonance.span": 0.9}, "nnm.phase_resonance.span", "10 %"),
         ({"snubbers[0].mounted_on": "ground"}, "snubbers[0].mounted_on", "mount it on the base"),
         ({"nnm.phase_resonance.levels": ["90 g"]}, "nnm.phase_resonance.levels[0]", "follow it to about"),
-        ({"nnm.phase_resonance.levels": ["0.1 g"]}, "nnm.phase_resonance.levels[0]", "below the backbone"),
+        pytest.param(
+            {"nnm.phase_resonance.levels": ["0.1 g"]}, "nnm.phase_resonance.levels[0]", "below the backbone",
+            marks=pytest.mark.slow,
+        ),
         (
             {"nnm.continue_in": {"kind": "stiffness_factor"}, "nnm.energy": "5 mJ"}, "nnm.phase_resonance",
             "continue_in: {kind: energy",

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from sampling import slow_after
 from typer.testing import CliRunner
 
 from beamsim.cli.app import app
@@ -89,7 +90,7 @@ def tried(file, tmp_path):
     return json.loads(re.search(r'<output id="trial">(.*?)</output>', done.stdout, re.S)[1].replace("&amp;", "&"))
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", slow_after(5, KINDS))
 def test_every_kind_of_result_has_a_report_in_one_file(name, tmp_path):
     file = reported(name, tmp_path)
     text = file.read_text(encoding="utf-8")

@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from sampling import slow_after
 from typer.testing import CliRunner
 
 import beamsim
@@ -294,7 +295,7 @@ def test_files_that_cannot_be_read(command, files, tmp_path):
         assert not done.stdout
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", slow_after(4, CASES))
 @pytest.mark.parametrize("command", [("info",), ("plot",)])
 def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path):
     """The first group or dataset that is taken away makes the file unreadable, never a traceback."""

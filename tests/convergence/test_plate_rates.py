@@ -7,6 +7,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 from numpy.polynomial import Legendre
+from sampling import slow_after
 
 from beamsim.scenario.plate import EDGES, Plate, PlateSupports
 from beamsim.structures.modes import natural_modes
@@ -71,7 +72,7 @@ def ritz(edges: str, count: int, degree: int = 22) -> np.ndarray:
     return np.sqrt(squared[squared > 1e-3][:count])
 
 
-@pytest.mark.parametrize("edges", COMBINATIONS)
+@pytest.mark.parametrize("edges", slow_after(8, COMBINATIONS))
 def test_all_combinations_of_edges_converge_from_above(edges: str) -> None:
     assert len(COMBINATIONS) == 21
     coarse, middle, fine = (finite_elements(edges, n, 4) for n in (4, 8, 16))

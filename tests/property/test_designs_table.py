@@ -283,6 +283,7 @@ def test_a_study_of_sweeps():
     assert result.summary["margins"]["peak_force"]["exceeded"]
 
 
+@pytest.mark.slow
 def test_a_study_of_stepped_sweeps_at_several_levels():
     text = BASE[: BASE.index("limits")] + (
         "sweep: {kind: stepped, from: 40 Hz, to: 50 Hz, points: 2, levels: [1 g, 2 g]}\n"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from independent import Stop, Structure
 from independent import integrate as integrate_with_restarts
+from sampling import slow_after
 from sweep_windows import frequency_at, values_at
 
 from beamsim.analyses.run.outputs import accelerations, displacements, stack
@@ -113,7 +114,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("rigid", [0, pytest.param(1, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", slow_after(3, CASES))
 def test_random_structure(make_system, case, rigid):
     rng = np.random.default_rng(len(case) + rigid)
     n, legs = 3, THROUGH_RESONANCE
@@ -174,7 +175,7 @@ def test_laws_and_profiles(make_system, legs):
         pytest.param(
             [Leg(0.05, 1.0, 0.1, False), Leg(1.0, 0.05, 0.05, False)], id="up and down", marks=pytest.mark.slow
         ),
-        pytest.param([Leg(1.0, 0.05, 0.2, False)], id="down, fast"),
+        pytest.param([Leg(1.0, 0.05, 0.2, False)], id="down, fast", marks=pytest.mark.slow),
     ],
 )
 def test_base_motion_with_corners_and_notches(make_system, legs):
@@ -206,8 +207,9 @@ def test_base_motion_with_corners_and_notches(make_system, legs):
 @pytest.mark.parametrize(
     "kind",
     [
-        "undamped", "coupled damping",
-        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("hardly damped", "near-critical", "coincident")),
+        "undamped",
+        *(pytest.param(kind, marks=pytest.mark.slow)
+          for kind in ("coupled damping", "hardly damped", "near-critical", "coincident")),
     ],
 )  # fmt: skip
 def test_awkward_damping(make_system, kind):

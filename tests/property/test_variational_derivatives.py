@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sampling import slow_after
 
 from beamsim.flow.contact_state import state_matrices
 from beamsim.flow.passage import ContactDirection, Frequency, Level, PeriodicForcing, StructureDirection
@@ -47,7 +48,7 @@ def central(function, h=1e-7):
 
 
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", slow_after(2, range(4)))
 def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, seed):
     rng = np.random.default_rng(seed)
     system = build(make_system, case)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sampling import slow_after
 from scipy.integrate import solve_ivp
 
 from beamsim.analyses.response.analysis import frequency_response
@@ -81,6 +82,7 @@ def symmetric():
     return curve(BEAM, f"snubbers={STOPS}", continuation("64 Hz", "72 Hz"))
 
 
+@pytest.mark.slow
 def test_symmetry_broken_branches_are_followed_and_stable(symmetric):
     """To both sides of the symmetric curve, one the mirror image of the other half a period later."""
     main = symmetric.branches[0]
@@ -141,7 +143,7 @@ def test_bands_without_a_stable_motion_are_listed():
     assert bands == pytest.approx(first)
 
 
-@pytest.mark.parametrize("limit", ["most_side_points: 5", "most_points: 150", "most_branches: 2"])
+@pytest.mark.parametrize("limit", slow_after(1, ["most_side_points: 5", "most_points: 150", "most_branches: 2"]))
 def test_a_limit_that_is_reached_is_an_outcome(limit):
     case = CONFIGS / "continuation_60_120hz.yaml"
     named = f"raise sweep.{limit.partition(':')[0]}"

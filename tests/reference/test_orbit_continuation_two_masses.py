@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from sampling import slow_after
 from scipy.optimize import brentq
 
 from beamsim.flow.passage import ContactDirection, PeriodicForcing, moved_system
@@ -174,6 +175,7 @@ def test_fold_followed_in_the_level(flow_of, curve):
     assert min(abs(s.parameter - last.u[-2]) for s in found if s.kind == "fold") < 1e-6
 
 
+@pytest.mark.slow  # tests/cli/test_continuation_cli.py follows folds as well
 def test_fold_followed_in_the_gap(flow_of, curve):
     """Lengths scale: a fold at (level 1, gap g) is the fold at level 1/g of the original."""
     problem, _, _, special = curve
@@ -205,7 +207,7 @@ def test_grazing_followed_in_the_level(curve):
         assert abs(q1) * level == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("what", ["level", "gap", "shape", "stiffness"])
+@pytest.mark.parametrize("what", slow_after(2, ["level", "gap", "shape", "stiffness"]))
 @pytest.mark.parametrize("on_ground", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
     """Against central differences, at a motion that has contacts besides; base-mounted, or feeling a moving base."""
@@ -261,7 +263,7 @@ def test_level_does_not_matter_without_gap(flow_of):
     assert points[-1].parameter == 3.0
 
 
-@pytest.mark.parametrize("what", ["gap", "stiffness", "shape"])
+@pytest.mark.parametrize("what", slow_after(1, ["gap", "stiffness", "shape"]))
 def test_followed_in_a_contact_parameter(flow_of, what):
     """The end of a path of systems is the motion of the system at its end."""
     flow = flow_of(omega=0.7)

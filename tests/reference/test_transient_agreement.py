@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from independent import Beam, Stop, chain, integrate, static_equilibrium
+from sampling import slow_after
 
 import beamsim
 from beamsim.analyses.run.outputs import exact_flow
@@ -92,7 +93,7 @@ def differences(a, b):
     return [np.abs(x - y).max() / np.abs(y).max() for x, y in zip(a, b, strict=True)]
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", slow_after(3, CASES))
 def test_transient(case):
     """From the scenario to the motion: nothing of the package takes part in what is expected."""
     times = np.linspace(0.0, CASES[case][2], 301)

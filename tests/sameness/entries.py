@@ -131,6 +131,8 @@ SLOW = (
     *("point_force_* run", "plate_panel run", "vibeams run", "vibeams sweep", "vibeams_backbone nnm"),
     *("two_panels_opening sweep", "one_sided_65hz run swept_sine", "shock_panel run", "pressure_on_plate run"),
     *("chain_two_dof sweep", "continuation_harmonic_balance sweep", "yoke_reactions run", "hinged_yoke run"),
+    *("design_* run", "one_sided_45hz run", "one_sided_160hz run", "prestressed_465hz_1g run", "nnm_energy run"),
+    *("ms_chain_mode_4 nnm", "nnm_chain_mass_1 nnm", "identify_accelerometers run", "one_sided_65hz run viscous"),
     *("ms_forced_oscillator sweep compare", "continuation_gap sweep", "nnm_chain_thesis_method nnm"),
     *("nnm_never_at_rest nnm", "nnm_chain_mass_5 nnm full_period", "one_sided_78hz compare"),
 )

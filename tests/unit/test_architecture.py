@@ -182,25 +182,27 @@ def test_nothing_above_structures_asks_for_the_kind_of_structure():
 WORDINGS = ("complete", "converged", "interrupted", "stopped")
 
 
+def is_status(value):
+    if isinstance(value, ast.Subscript):
+        value = value.slice
+    text = {ast.Attribute: "attr", ast.Name: "id", ast.Constant: "value"}.get(type(value))
+    word = getattr(value, text) if text else ""
+    return isinstance(word, str) and (word == "status" or word.endswith("_status"))
+
+
+def is_wording(value):
+    return isinstance(value, ast.Constant) and str(value.value).startswith(WORDINGS)
+
+
+def is_text(value):
+    if isinstance(value, ast.Tuple | ast.List | ast.Set):
+        return any(is_text(x) for x in value.elts)
+    literal = isinstance(value, ast.JoinedStr) or (isinstance(value, ast.Constant) and isinstance(value.value, str))
+    return literal or (isinstance(value, ast.Name) and value.id.isupper())
+
+
 def compares_a_status_with_text(node):
     """Whether a node decides by the wording of a status: ``status == "..."``, ``status.startswith(...)``, ``re``."""
-
-    def is_status(value):
-        if isinstance(value, ast.Subscript):
-            value = value.slice
-        text = {ast.Attribute: "attr", ast.Name: "id", ast.Constant: "value"}.get(type(value))
-        word = getattr(value, text) if text else ""
-        return isinstance(word, str) and (word == "status" or word.endswith("_status"))
-
-    def is_wording(value):
-        return isinstance(value, ast.Constant) and str(value.value).startswith(WORDINGS)
-
-    def is_text(value):
-        if isinstance(value, ast.Tuple | ast.List | ast.Set):
-            return any(is_text(x) for x in value.elts)
-        literal = isinstance(value, ast.JoinedStr) or (isinstance(value, ast.Constant) and isinstance(value.value, str))
-        return literal or (isinstance(value, ast.Name) and value.id.isupper())
-
     if isinstance(node, ast.Compare):
         sides = [node.left, *node.comparators]
         statuses = [x for x in sides if is_status(x) and not isinstance(x, ast.Constant)]

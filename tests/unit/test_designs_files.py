@@ -5,6 +5,7 @@ import csv
 import h5py
 import numpy as np
 import pytest
+from sampling import slow_after
 
 from beamsim.analyses.designs.analysis import gather, plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
@@ -177,8 +178,10 @@ def test_damaged_and_foreign_versions(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "picture"),
-    [("curve", "curves"), ("words", "curves"), ("zip", "curves"), ("map", "maps"), ("map_of_words", "maps"),
-     ("three", "slices scatter"), ("sample", "scatter"), ("sobol", "scatter")],
+    slow_after(3, [
+        ("curve", "curves"), ("map", "maps"), ("sample", "scatter"), ("words", "curves"), ("zip", "curves"),
+        ("map_of_words", "maps"), ("three", "slices scatter"), ("sobol", "scatter"),
+    ]),
 )  # fmt: skip
 def test_pictures(name, picture, tmp_path):
     result = fabricated(name, failed=(1,))
