@@ -58,10 +58,10 @@ class SampledMotion:
     times: Floats  # (S + E,) s, the first S equidistant over a period
     q: Rows  # (k, n) rows -> (S + E, k) their products with the displacement
     v: Rows  # ... and of the velocity
-    penetration: Floats  # (S + E, m)
+    penetration: Floats  # (S + E, contacts of the system) m
     force: Floats  # (S + E, m) N
-    contact_share: Floats  # (m,)
-    contacts: Contacts
+    contact_share: Floats  # (contacts of the system,)
+    contacts: Contacts  # m of them
     owner: Ints  # (m,) contact of the system that each of these is, or is a part of
     direction: Floats  # (m,) of a part's force in that of its contact
 
@@ -123,7 +123,7 @@ def sampled_motion(
     """A motion found by harmonic balance."""
     owner, direction = contacts.owners_of_parts
     contacts = contacts.one_sided_parts()
-    m, w = contacts.count, motion.fundamental
+    m, owners, w = contacts.count, int(owner.max(initial=-1)) + 1, motion.fundamental
     even = np.arange(SAMPLES) * (motion.period / SAMPLES)
     closed = np.zeros((SAMPLES, m), dtype=bool)
     share = np.zeros(m)
@@ -162,7 +162,12 @@ def sampled_motion(
     both[edge.size :] = True  # the force just inside; just outside it is zero
     both &= np.abs(delta[SAMPLES:]) <= 1e-6 * np.abs(delta).max(axis=0, initial=0.0)
     force = contacts.forces(np.vstack([closed, both]).astype(np.int64), delta, rate, np.zeros((times.size, 0)))
-    return SampledMotion(omega, round(omega / w), level, times, q, v, delta, force, share, contacts, owner, direction)
+    parts = [[np.flatnonzero((owner == j) & (direction == sign)) for sign in (1.0, -1.0)] for j in range(owners)]
+    touching = np.array([sum(share[of].max(initial=0.0) for of in sides) for sides in parts])
+    deepest = np.array([delta[:, np.concatenate(sides)[0]] for sides in parts]).reshape(owners, times.size).T
+    return SampledMotion(
+        omega, round(omega / w), level, times, q, v, deepest, force, touching, contacts, owner, direction
+    )  # fmt: skip
 
 
 def measure(
@@ -182,7 +187,7 @@ def measure(
     x = motion.q(shapes)
     carried = np.zeros(motion.times.size) if base is None else base.at(motion)[:, 0]
     acceleration = _accelerations(system, loads, motion, shapes) + np.multiply.outer(carried, system.carried)
-    parts = {"x": x, "acceleration": acceleration, "force": motion.force}
+    parts = {"x": x, "acceleration": acceleration, "force": motion.by_contact}
     if "gap" in limited:
         parts["penetration"] = motion.penetration
     if "bending_stress" in limited and system.stress is not None:
