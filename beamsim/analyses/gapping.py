@@ -70,7 +70,7 @@ def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None
     if system.base_acceleration is not None:
         base = -1.0 / omega[:, None] ** 2
         pushed = contacts.dynamic_stiffness(phases, omega)
-        per_unit -= ((pushed * contacts.on_ground) @ contacts.shape) * base
+        per_unit -= ((pushed * contacts.felt) @ contacts.shape) * base
     return _solved(system, omega, phases, per_unit[:, :, None])[:, :, 0]
 
 
@@ -91,7 +91,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
 
     def opening(phases: Ints) -> Complexes:
         moved = transfer(system, frequency_hz, phases) @ contacts.shape.T
-        return np.asarray(moved + base[:, None] * contacts.on_ground)
+        return np.asarray(moved + base[:, None] * contacts.felt)
 
     resting = contacts.resting_phases(penetration)
     pressed = resting.copy()  # piecewise-linear springs keep their phase at rest

@@ -22,7 +22,7 @@ class PhaseArrays(NamedTuple):
     shape: Any  # (m, n)
     sign: Any  # (m,)
     gap: Any  # (m,)
-    on_ground: Any  # (m,) bool
+    felt: Any  # (m,) displacement of the ground contacts for a unit displacement of the base
     start: Any  # (m,) phase from which the search for the current one starts
     first: Any  # (m,) index of the contact's first internal state among those of all contacts
     states: Any  # (m,) number of its internal states
@@ -55,7 +55,7 @@ class Watched:
 
 @dataclass(frozen=True)
 class Contacts:
-    """m contacts with penetration ``delta = -gap - sign * (shape @ q [+ d])``.
+    """m contacts with penetration ``delta = -gap - sign * (shape @ q + felt d)``.
 
     The push on the structure along ``shape`` is ``sign * force``, the force being that of the law's phase.
     """
@@ -63,13 +63,24 @@ class Contacts:
     shape: Floats  # (m, n) deflection at the contact for a unit of each coordinate
     sign: Floats  # (m,) +1 below the structure (resists negative deflection), -1 above
     gap: Floats  # (m,) m; clearance positive, prestress negative
-    on_ground: Bools  # (m,) whether it depends on the absolute deflection, shape @ q + d(t)
+    on_ground: Bools  # (m,) whether it depends on the absolute deflection
     laws: tuple[ContactLaw, ...]  # (m,)
+    lever: Floats | None = None  # (m,) displacement of its place for a unit displacement d of the base; None: 1
 
     @property
     def count(self) -> int:
         """m."""
         return len(self.laws)
+
+    @cached_property
+    def felt(self) -> Floats:
+        """(m,) displacement by a unit displacement of the base of what is on the ground; 0 of what is on the base."""
+        return self.on_ground * self.levers
+
+    @property
+    def levers(self) -> Floats:
+        """(m,) displacement of each place for a unit displacement of the base."""
+        return np.ones(self.count) if self.lever is None else self.lever
 
     @cached_property
     def internal_states(self) -> int:
@@ -135,7 +146,8 @@ class Contacts:
                 gap.append(part.direction * self.gap[j] + part.offset)
                 laws.append(kelvin_voigt(part.stiffness, part.dashpot))
         d = np.array(direction)
-        return Contacts(self.shape[owner], d * self.sign[owner], np.array(gap), self.on_ground[owner], tuple(laws))
+        return Contacts(self.shape[owner], d * self.sign[owner], np.array(gap), self.on_ground[owner], tuple(laws),
+            self.levers[owner])  # fmt: skip
 
     @property
     def owners_of_parts(self) -> tuple[Ints, Floats]:
@@ -157,7 +169,8 @@ class Contacts:
     def take(self, which: slice) -> Contacts:
         """A selection of the contacts."""
         return Contacts(
-            self.shape[which], self.sign[which], self.gap[which], self.on_ground[which], self.laws[which]
+            self.shape[which], self.sign[which], self.gap[which], self.on_ground[which], self.laws[which],
+            self.levers[which],
         )  # fmt: skip
 
     def with_others(self, others: Contacts) -> Contacts:
@@ -165,7 +178,7 @@ class Contacts:
         return Contacts(
             np.concatenate([self.shape, others.shape]), np.concatenate([self.sign, others.sign]),
             np.concatenate([self.gap, others.gap]), np.concatenate([self.on_ground, others.on_ground]),
-            self.laws + others.laws,
+            self.laws + others.laws, np.concatenate([self.levers, others.levers]),
         )  # fmt: skip
 
     def with_numbers(self, contact: int, stiffness: float, dashpot: float) -> Contacts:
@@ -415,7 +428,7 @@ class Contacts:
         R = int(states.max(initial=0))
         out = PhaseArrays(
             np.ascontiguousarray(self.shape), np.asarray(self.sign, dtype=float), np.asarray(self.gap, dtype=float),
-            np.asarray(self.on_ground, dtype=bool), np.array([law.start for law in self.laws], dtype=np.int64),
+            np.asarray(self.felt, dtype=float), np.array([law.start for law in self.laws], dtype=np.int64),
             np.cumsum(states) - states, states, np.zeros((m, P), dtype=bool), np.zeros((m, P, 3 + R)),
             np.zeros((m, P, R, 3 + R)), np.zeros((m, P, 1 + R, 1 + R)), np.zeros((m, P, R)),
             np.zeros((m, P), dtype=np.int64), np.zeros((m, P, G, 3 + R)),

@@ -66,6 +66,7 @@ class CubicSprings:
     shape: Floats  # (nc, n)
     stiffness: Floats  # (nc,) N/m^3
     on_ground: Bools | None = None  # (nc,) whether the stretch includes the base's displacement d(t); None: all
+    lever: Floats | None = None  # (nc,) displacement of its place for a unit displacement of the base; None: 1
 
     @property
     def count(self) -> int:
@@ -74,8 +75,9 @@ class CubicSprings:
 
     @property
     def felt(self) -> Floats:
-        """(nc,) share of the base's displacement in each spring's stretch: 1 to the ground, 0 between masses."""
-        return np.ones(self.count) if self.on_ground is None else self.on_ground.astype(float)
+        """(nc,) stretch for a unit displacement of the base: the lever of a spring to the ground, 0 between masses."""
+        lever = np.ones(self.count) if self.lever is None else self.lever
+        return lever if self.on_ground is None else self.on_ground * lever
 
 
 @dataclass(frozen=True)

@@ -47,9 +47,15 @@ class SpringInfo:
     masses: tuple[int, ...]  # their numbers where they are masses
     shape: Floats  # (n,) stretch for a unit of each coordinate, 1/sqrt(kg)
     on_ground: bool  # whether it depends on the absolute displacement
+    lever: float  # displacement of its place for a unit displacement of the base
     cubic: float  # N/m^3
     linear: float  # N/m, the slope about zero
     law: ContactLaw | None  # the force apart from the linear part and the cubic one, by the stretch
+
+    @property
+    def felt(self) -> float:
+        """How much of the base's displacement adds to its stretch."""
+        return self.lever if self.on_ground else 0.0
 
     @property
     def relaxes(self) -> bool:
@@ -65,15 +71,16 @@ class SpringInfo:
         return np.asarray(force)
 
 
-def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringInfo, ...]:
+def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) -> tuple[SpringInfo, ...]:
     """Springs, joints and friction contacts with laws.
 
-    ``shape`` (count, n) is the stretch of each for a unit of each coordinate.
+    ``shape`` (count, n) is the stretch of each for a unit of each coordinate, ``levers`` (count,) the displacement of
+    its place for a unit displacement of the base.
     Raises ScenarioError if breakpoints do not increase, as cases of a study that varies them may.
     """
     infos: list[SpringInfo] = []
     numbers: tuple[float, float, ContactLaw | None]
-    for row, (path, body, spring) in zip(shape, springs, strict=True):
+    for row, lever, (path, body, spring) in zip(shape, levers, springs, strict=True):
         places = tuple(end.label for end in ends_of(site_of(spring, body)))
         masses = tuple(place.mass for place in spring.places if place.mass is not None)
         branches = [MaxwellBranch(b.stiffness, b.relaxation_time) for b in getattr(spring, "maxwell", ())]
@@ -97,7 +104,7 @@ def describe_springs(springs: Sequence[Located], shape: Floats) -> tuple[SpringI
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
             numbers = (0.0, float(spring.slope_at_rest), relaxing_law(law, branches) if branches else law)
         on_ground = len(places) == 1 and spring.kind != JOINT and getattr(spring, "mounted_on", "ground") == "ground"
-        infos.append(SpringInfo(spring.name, spring.kind, places, masses, row, on_ground, *numbers))
+        infos.append(SpringInfo(spring.name, spring.kind, places, masses, row, on_ground, float(lever), *numbers))
     return tuple(infos)
 
 
@@ -108,6 +115,7 @@ def cubic_springs(springs: Sequence[SpringInfo], size: int) -> CubicSprings:
         np.array([s.shape for s in cubic]).reshape(-1, size),
         np.array([s.cubic for s in cubic]),
         np.array([s.on_ground for s in cubic], dtype=bool),
+        np.array([s.lever for s in cubic]),
     )
 
 
@@ -121,4 +129,5 @@ def spring_contacts(springs: Sequence[SpringInfo], size: int) -> Contacts:
         gap=np.zeros(count),
         on_ground=np.array([s.on_ground for s in piecewise], dtype=bool),
         laws=tuple(s.law for s in piecewise if s.law is not None),
+        lever=np.array([s.lever for s in piecewise]),
     )

@@ -554,7 +554,7 @@ def acting_loads(
         if channel < len(forcing.signal):
             load[f, :n] = forcing.load[channel]
         elif channel == base_channel:
-            felt = -contacts.sign * contacts.on_ground  # penetration per unit of the base's displacement
+            felt = -contacts.sign * contacts.felt  # penetration per unit of the base's displacement
             load[f, :n] = (row[:, 0] * felt) @ pushing
             slope[f, :n] = (row[:, 1] * felt) @ pushing
             load[f, n:], slope[f, n:] = drive[:, :, 0] @ felt, drive[:, :, 1] @ felt

@@ -77,7 +77,7 @@ class ExactFlow:
     def __post_init__(self) -> None:
         channels = list(self.forcing.signal)
         self.base_channel = -1
-        if self.forcing.base_displacement is not None and bool(self.system.contacts.on_ground.any()):
+        if self.forcing.base_displacement is not None and bool(self.system.contacts.felt.any()):
             self.base_channel = len(channels)
             channels.append(self.forcing.base_displacement)
         self.first_observer = len(channels)
@@ -308,7 +308,7 @@ class ExactFlow:
         rate.row[:, n : 2 * n] = delta.row[:, :n]
         if self.base_channel >= 0:
             base = np.flatnonzero(self.sources.channel == self.base_channel)
-            sign = np.where(contacts.on_ground, -contacts.sign, 0.0)[:, None]
+            sign = -(contacts.felt * contacts.sign)[:, None]
             delta.direct[:, base] = sign
             rate.direct_slope[:, base] = sign
         return delta, rate

@@ -103,9 +103,9 @@ def _force_terms(  # type: ignore[no-untyped-def]
             extra = np.zeros(n, dtype=np.complex128)
             for j in range(m):
                 law = contacts.force[j, tables.phase[s, j]]
-                if contacts.on_ground[j] and (law[0] != 0.0 or law[1] != 0.0):
-                    z = complex(law[0], w * law[1])
-                    dz = complex(0.0, multiple[h] * law[1])
+                if contacts.felt[j] != 0.0 and (law[0] != 0.0 or law[1] != 0.0):
+                    z = contacts.felt[j] * complex(law[0], w * law[1])
+                    dz = contacts.felt[j] * complex(0.0, multiple[h] * law[1])
                     for i in range(n):
                         B[i, 0] -= z * contacts.shape[j, i] * base[h]
                         B[i, 1] -= z * contacts.shape[j, i] * level_base[h]
@@ -135,8 +135,7 @@ def _force_terms(  # type: ignore[no-untyped-def]
                 delta = 0.0j
                 for i in range(n):
                     delta += contacts.shape[j, i] * X[i, 0]
-                if contacts.on_ground[j]:
-                    delta += base[h]
+                delta += contacts.felt[j] * base[h]
                 delta *= -contacts.sign[j]
                 row = contacts.guard[j, tables.phase[s, j], _guard_of_contact(tables, s, g)]
                 tables.watch[s, t, g] = complex(row[0], w * row[1]) * delta
@@ -196,10 +195,9 @@ def phases_at_start(contacts, y, base, base_rate, phases):  # type: ignore[no-un
             w += contacts.shape[j, i] * y[i]
             v += contacts.shape[j, i] * y[n + i]
             scale += abs(contacts.shape[j, i] * y[i])
-        if contacts.on_ground[j]:
-            w += base
-            v += base_rate
-            scale += abs(base)
+        w += contacts.felt[j] * base
+        v += contacts.felt[j] * base_rate
+        scale += abs(contacts.felt[j] * base)
         delta = -contacts.gap[j] - contacts.sign[j] * w
         rate = -contacts.sign[j] * v
         k = contacts.start[j]
@@ -294,9 +292,10 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
                 delta -= contacts.gap[j]
                 along += df - k * dg
                 constant = f
-            elif 0 < source < F and contacts.on_ground[j]:
-                delta -= sign * base[source - 1]
-                rate -= sign * base[source - 1] * inputs.exponent[source]
+            elif 0 < source < F:
+                moved = contacts.felt[j] * base[source - 1]
+                delta -= sign * moved
+                rate -= sign * moved * inputs.exponent[source]
             direct[b] += z * (dk * delta + dc * rate + along)
             through[b] += z * (k * delta + c * rate + constant)
         for q in range(tables.n_terms[s]):
@@ -397,7 +396,8 @@ def _change_of_penetration(contacts, base, exponents, multiple, parameters, p, j
     for i in range(n):
         delta -= sign * parameters.shape[p, j, i] * y[i]
         rate -= sign * parameters.shape[p, j, i] * y[n + i]
-    if contacts.on_ground[j]:
+    felt = contacts.felt[j]
+    if felt != 0.0:
         for h in range(multiple.size):
             iw = exponents[1 + h]
             e = _exp(iw.real, iw.imag, t)
@@ -407,8 +407,8 @@ def _change_of_penetration(contacts, base, exponents, multiple, parameters, p, j
                 ik = complex(0.0, multiple[h])
                 d += ik * t * base[h]
                 dv = d * iw + ik * base[h]
-            delta -= sign * (d * e).real
-            rate -= sign * (dv * e).real
+            delta -= sign * felt * (d * e).real
+            rate -= sign * felt * (dv * e).real
     return delta, rate
 
 
@@ -556,10 +556,11 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
             delta -= sign * contacts.shape[j, i] * y[i]
             rate -= sign * contacts.shape[j, i] * y[n + i]
             turn -= sign * contacts.shape[j, i] * slope[n + i]
-        if contacts.on_ground[j]:
+        felt = contacts.felt[j]
+        if felt != 0.0:
             for h in range(H):
                 iw = inputs.exponent[1 + h]
-                e = _exp(iw.real, iw.imag, t1)
+                e = felt * _exp(iw.real, iw.imag, t1)
                 delta -= sign * (variation.base[h] * e).real
                 rate -= sign * (variation.base[h] * iw * e).real
                 turn -= sign * (variation.base[h] * iw * iw * e).real

@@ -43,7 +43,7 @@ def penetration_of_states(contacts: Contacts, y: Floats, base: tuple[Floats, Flo
     n, shape = contacts.shape.shape[1], -contacts.sign[:, None] * contacts.shape
     delta, rate = y[:, :n] @ shape.T - contacts.gap, y[:, n : 2 * n] @ shape.T
     if base is not None:
-        sign = -contacts.sign * contacts.on_ground
+        sign = -contacts.sign * contacts.felt
         delta, rate = delta + np.multiply.outer(base[0], sign), rate + np.multiply.outer(base[1], sign)
     return delta, rate
 

@@ -96,7 +96,7 @@ class PeriodicFlow(ABC):
     @property
     def base_moves(self) -> bool:
         """Whether a contact feels the motion of the base."""
-        return self.loads.count > 0 and bool(np.any(self.system.contacts.on_ground))
+        return self.loads.count > 0 and bool(np.any(self.system.contacts.felt))
 
     def base_motion(self, t: float) -> tuple[float, float]:
         """Displacement and velocity of the base."""
@@ -120,7 +120,7 @@ class PeriodicFlow(ABC):
         n, c, j = self.system.size, self.system.contacts, contact
         row = -c.sign[j] * c.shape[j]
         by = row @ passage.parameters[:n]
-        t, sign = passage.duration, -float(c.sign[j] * c.on_ground[j])
+        t, sign = passage.duration, -float(c.sign[j] * c.felt[j])
         for i, p in enumerate(parameters):
             if isinstance(p, ContactDirection):
                 by[i] -= p.gap[j] + c.sign[j] * float(p.shape[j] @ passage.end[:n])

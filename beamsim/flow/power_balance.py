@@ -58,7 +58,7 @@ def power_balance(flow: ExactFlow, phases: Ints) -> tuple[Floats, Floats]:
     if flow.base_channel >= 0:  # contacts on the ground: power in, and the change of E by the base's motion alone
         moving = np.zeros_like(delta)
         of_base = int(np.flatnonzero(flow.sources.channel == flow.base_channel)[0])
-        moving[contacts.on_ground, N + inputs + of_base - 1] = 1.0
+        moving[:, N + inputs + of_base - 1] = contacts.felt
         form += ((contacts.sign * factor[:, 1])[:, None] * rate).T @ moving
     return gradient, np.triu(form + form.T) - np.diag(np.diag(form))
 

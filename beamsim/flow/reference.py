@@ -234,8 +234,8 @@ class _RightHandSide:
         c = self.flow.system.contacts
         value, slope = self._sources(t)
         d, d_rate = float(value[self.base].sum()), float(slope[self.base].sum())
-        delta = -c.gap - c.sign * (c.shape @ y[: self.n] + np.where(c.on_ground, d, 0.0))
-        rate = -c.sign * (c.shape @ y[self.n : 2 * self.n] + np.where(c.on_ground, d_rate, 0.0))
+        delta = -c.gap - c.sign * (c.shape @ y[: self.n] + c.felt * d)
+        rate = -c.sign * (c.shape @ y[self.n : 2 * self.n] + c.felt * d_rate)
         return delta, rate
 
     def __call__(self, t: float, y: Floats) -> Floats:
@@ -261,7 +261,7 @@ class _RightHandSide:
             acceleration = self.held.free(acceleration)
         drive = self.driven_rates
         p_rate = self.own_rates @ p + drive[:, :, 0] @ delta + drive[:, :, 1] @ rate + drive[:, :, 2].sum(axis=1)
-        moved = np.where(c.on_ground, slope[self.base].sum(), 0.0)
+        moved = c.felt * slope[self.base].sum()
         power = outside @ v - (force * c.sign) @ moved + through
         loss = v @ resisted + (self.loss * rate + self.friction) @ rate + self.internal_loss @ p_rate**2
         return np.concatenate([v, acceleration, p_rate, [power, loss]])
@@ -271,7 +271,7 @@ class _RightHandSide:
         system, c, n = self.flow.system, self.flow.system.contacts, self.n
         q, v, p = y[:, :n], y[:, n : 2 * n], y[:, 2 * n : -2]
         value, slope = _source_values(self.flow, times, times)
-        base, base_rate = (x[:, self.base].sum(axis=1, keepdims=True) * c.on_ground for x in (value, slope))
+        base, base_rate = (x[:, self.base].sum(axis=1, keepdims=True) * c.felt for x in (value, slope))
         delta, rate = -c.gap - c.sign * (q @ c.shape.T + base), -c.sign * (v @ c.shape.T + base_rate)
         power = ((system.constant_load + value @ self.load) * v).sum(axis=1)
         power -= (c.forces(phases, delta, rate, p) * c.sign * base_rate).sum(axis=1)

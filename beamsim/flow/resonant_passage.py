@@ -145,8 +145,8 @@ def _rate(flow: SeriesFlow, y: Floats, phases: Ints, t: float) -> Floats:
 def _penetration(flow: SeriesFlow, y: Floats, t: float) -> tuple[Floats, Floats]:
     c, n = flow.system.contacts, flow.system.size
     d, v = flow.base_motion(t)
-    delta = -c.gap - c.sign * (c.shape @ y[:n] + np.where(c.on_ground, d, 0.0))
-    return delta, -c.sign * (c.shape @ y[n : 2 * n] + np.where(c.on_ground, v, 0.0))
+    delta = -c.gap - c.sign * (c.shape @ y[:n] + c.felt * d)
+    return delta, -c.sign * (c.shape @ y[n : 2 * n] + c.felt * v)
 
 
 def _by_start(flow: SeriesFlow, exact: ExactFlow, passage: Passage, t: float) -> Floats:
@@ -185,11 +185,11 @@ def _saltation(flow: SeriesFlow, before: Ints, j: int, after: int, y: Floats, t:
     rows[3:, first : first + r] = np.eye(r)
     _, speed = _penetration(flow, y, t)
     moving = rows @ rate_before
-    if c.on_ground[j] and flow.loads.count:
+    if c.felt[j] and flow.loads.count:
         iw = 1j * flow.loads.multiple * flow.omega
         base = flow.loads.at(flow.omega, flow.level)[1] * np.exp(iw * t)
         moving[0] = speed[j]
-        moving[1] -= c.sign[j] * float((iw**2 * base).sum().real)
+        moving[1] -= c.sign[j] * c.felt[j] * float((iw**2 * base).sum().real)
     delta, rate = _penetration(flow, y, t)
     motion = np.concatenate([[delta[j], rate[j], 1.0], y[first : first + r]])
     gradient = a.guard[j, before[j], guard, : 3 + r] @ rows

@@ -45,7 +45,8 @@ class SmoothFlow(PeriodicFlow):
         contact here.
     cubic_shape, cubic : (nc, n) and (nc,) N/m^3, springs ``force = cubic (shape @ q + d)^3``.
     forcing, omega, level : periodic loads.
-    on_ground : (nc,) which springs feel the base's displacement d (the others join masses); all of them by default.
+    on_ground : (nc,) how much of the base's displacement each spring feels (none of those between masses); all of it by
+        default.
     """
 
     differentiates = (Frequency, Level, ContactDirection, SpringFactor)
@@ -56,7 +57,7 @@ class SmoothFlow(PeriodicFlow):
     forcing: PeriodicForcing | None = None
     omega: float = 1.0
     level: float = 1.0
-    on_ground: Bools | None = None
+    on_ground: Bools | Floats | None = None
     passages: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
@@ -109,7 +110,7 @@ class SmoothFlow(PeriodicFlow):
             s.constant_load.astype(float),
             np.ascontiguousarray(self.cubic_shape).reshape(nc, n), self.cubic.astype(float),
             np.ones(nc) if self.on_ground is None else self.on_ground.astype(float),
-            np.ascontiguousarray(c.shape), c.sign, c.stiffness, c.dashpot, c.gap, c.on_ground.astype(float),
+            np.ascontiguousarray(c.shape), c.sign, c.stiffness, c.dashpot, c.gap, c.felt,
             self.loads.multiple * self.omega, np.ascontiguousarray(force).reshape(H, n), base.astype(complex),
             by_force, by_base, by_frequency, by_cubic, by_stiffness, by_gap,
         )  # fmt: skip
@@ -118,9 +119,9 @@ class SmoothFlow(PeriodicFlow):
         """Phases of the contacts, 1 where one is closed; at zero gap the one that is approached is."""
         n, c = self.system.size, self.system.contacts
         d, d_rate = self.base_motion(t)
-        delta = -c.gap - c.sign * (c.shape @ z[:n] + c.on_ground * d)
-        rate = -c.sign * (c.shape @ z[n : 2 * n] + c.on_ground * d_rate)
-        near = np.abs(delta) <= 1e-13 * (np.abs(c.gap) + np.abs(c.shape) @ np.abs(z[:n]) + c.on_ground * abs(d))
+        delta = -c.gap - c.sign * (c.shape @ z[:n] + c.felt * d)
+        rate = -c.sign * (c.shape @ z[n : 2 * n] + c.felt * d_rate)
+        near = np.abs(delta) <= 1e-13 * (np.abs(c.gap) + np.abs(c.shape) @ np.abs(z[:n]) + c.felt * abs(d))
         return np.asarray(np.where(near, rate > 0, delta > 0), dtype=np.int64)
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:

@@ -58,7 +58,7 @@ class SweptFlow:
         unit = Signal.harmonic(1.0, 1.0)
         base = unit if self.base_displacement else None
         # contacts that do not feel the base's displacement have no channel for it
-        felt = self.base_displacement and bool(self.system.contacts.on_ground.any())
+        felt = self.base_displacement and bool(self.system.contacts.felt.any())
         if self.base_displacement and not felt:
             self.channel = np.concatenate([self.channel[:L], self.channel[L + 1 :]])
             base = None

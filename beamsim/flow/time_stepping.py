@@ -73,7 +73,7 @@ class _Problem:
     def felt(self) -> Floats:
         """(m + mc,) share of the base's displacement in each penetration or stretch."""
         contacts = self.system.contacts
-        return np.concatenate([np.where(contacts.on_ground, -contacts.sign, 0.0), self.cubic.felt])
+        return np.concatenate([-(contacts.felt * contacts.sign), self.cubic.felt])
 
     def loads(self, time: Floats) -> Floats:
         """(nt, n)."""

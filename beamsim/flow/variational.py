@@ -322,8 +322,8 @@ class VariationalFlow(SeriesFlow):
             force = self.loads.at(self.omega, self.level)[0]
             load = load + (force * np.exp(1j * self.loads.multiple * self.omega * t)[:, None]).sum(axis=0).real
             q, v = z[:n], z[n : 2 * n]
-            delta = -contacts.gap - contacts.sign * (contacts.shape @ q + np.where(contacts.on_ground, d, 0.0))
-            rate = -contacts.sign * (contacts.shape @ v + np.where(contacts.on_ground, dv, 0.0))
+            delta = -contacts.gap - contacts.sign * (contacts.shape @ q + contacts.felt * d)
+            rate = -contacts.sign * (contacts.shape @ v + contacts.felt * dv)
             push = contacts.forces(phases[None], delta[None], rate[None], z[None, 2 * n :])[0] * contacts.sign
             acceleration = load - self.system.stiffness * q - self.system.damping @ v + push @ contacts.shape
             bend = -contacts.sign * (contacts.shape @ acceleration)
@@ -551,8 +551,8 @@ class VariationalFlow(SeriesFlow):
         force, moved, _, _ = self.loads.at(self.omega, self.level)
         for h, multiple in enumerate(self.loads.multiple):
             load[source == 1 + h] = force[h]
-            base[source == 1 + h] = np.where(contacts.on_ground, moved[h], 0.0)
-            base_rate[source == 1 + h] = 1j * multiple * self.omega * np.where(contacts.on_ground, moved[h], 0.0)
+            base[source == 1 + h] = contacts.felt * moved[h]
+            base_rate[source == 1 + h] = 1j * multiple * self.omega * contacts.felt * moved[h]
         velocity = vector[:, :, n : 2 * n]
         penetration = -contacts.sign * (vector[:, :, :n] @ contacts.shape.T + base)
         penetration[constant] -= contacts.gap

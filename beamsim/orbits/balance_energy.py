@@ -79,7 +79,7 @@ def _values(harmonics: Complexes, angle: Floats) -> Floats:
 
 def _penetration(contacts: Contacts, j: int, coordinates: Complexes, base: Complexes) -> Complexes:
     """(H + 1,) harmonics of a contact's penetration."""
-    delta = -contacts.sign[j] * (coordinates @ contacts.shape[j] + contacts.on_ground[j] * base)
+    delta = -contacts.sign[j] * (coordinates @ contacts.shape[j] + contacts.felt[j] * base)
     delta[0] = delta[0].real - contacts.gap[j]
     return np.asarray(delta)
 
@@ -97,9 +97,9 @@ def _of_contact(
         share = np.tile(half * weight, panels)
         speed = _values(rate, angle)
         rubbed += contacts.dashpot[j] * float(share @ speed**2)
-        if contacts.on_ground[j]:
+        if contacts.felt[j]:
             force = contacts.stiffness[j] * _values(delta, angle) + contacts.dashpot[j] * speed
-            pushed -= contacts.sign[j] * float(share @ (force * _values(base_rate, angle)))
+            pushed -= contacts.sign[j] * contacts.felt[j] * float(share @ (force * _values(base_rate, angle)))
     return pushed, rubbed
 
 

@@ -127,7 +127,7 @@ class _Springs:
         closed = []
         for j in range(c.count):
             s = float(c.sign[j])
-            D = -s * (W[:, j] + base if c.on_ground[j] else W[:, j])
+            D = -s * (W[:, j] + c.felt[j] * base)
             D[0] = D[0].real - c.gap[j]
             contact = one_sided(D)
             closed.append(contact.closed)
@@ -137,9 +137,8 @@ class _Springs:
             value[:, j] = s * rate * contact.positive
             by_x[j] = -rate[:, None] * toeplitz(contact.chi, H, H)
             by_w[:, j] = s * 1j * h * c.dashpot[j] * contact.positive
-            if c.on_ground[j]:
-                by_w[:, j] += by_x[j] @ to_real(base_w)
-                by_l[:, j] = by_x[j] @ to_real(base_l)
+            by_w[:, j] += c.felt[j] * (by_x[j] @ to_real(base_w))
+            by_l[:, j] = c.felt[j] * (by_x[j] @ to_real(base_l))
         for i, k in enumerate(self.cubic):
             j = c.count + i
             absolute = W[:, j] + self.felt[i] * base

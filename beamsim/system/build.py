@@ -54,6 +54,7 @@ if TYPE_CHECKING:
 
 DOUBTFUL_REDUCTION = 0.01
 """Estimated relative error of a reduced model above which results carry a warning."""
+_ROUND_OFF = 1e-9
 
 
 def build_system(
@@ -139,15 +140,16 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     tables = force_tables(scenario)
     curves = [None if table is None else table.curve for table in tables]
     stops = build_contacts(snubbers, curves, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
+    stops = replace(stops, lever=_levers(parts, parts.snubber_sites))
     nonlinear = scenario.nonlinear_springs
-    springs = describe_springs(nonlinear, parts.shapes([snubber_site(spring) for spring in nonlinear]))
+    spring_sites = [snubber_site(spring) for spring in nonlinear]
+    springs = describe_springs(nonlinear, parts.shapes(spring_sites), _levers(parts, spring_sites))
     cubic = cubic_springs(springs, basis.size)
 
     problems = held_problems(parts, _acting(parts))
     if problems:
         raise ScenarioError(problems)
     free = check_mechanisms(parts, np.vstack([stops.shape, *(spring.shape for spring in springs)]))
-    _check_base_directions(parts)
     _check_rigid_friction(parts, springs, stops)
     if parts.moved:
         check_places(parts.moved, _sensed_places(parts))
@@ -166,10 +168,10 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         for (path, _, _), table in zip(snubbers, tables, strict=True)
         if table is not None and table.remark
     ]
-    motion, forcing = time_dependent_loads(parts, bool(contacts.on_ground.any() or cubic.felt.any()))
+    motion, forcing = time_dependent_loads(parts, bool(contacts.felt.any() or cubic.felt.any()))
     initial += carried_start(parts, forcing)
     base = 0.0 if forcing.base_displacement is None else float(forcing.base_displacement(0.0))
-    stretch = contacts.shape @ initial[: basis.size] + contacts.on_ground * base
+    stretch = contacts.shape @ initial[: basis.size] + contacts.felt * base
     initial = np.append(initial, contacts.settled_states(-contacts.gap - contacts.sign * stretch))
 
     corrections = None if motion is None else motion.corrections
@@ -248,27 +250,15 @@ def _sensed_places(parts: Parts) -> list[tuple[Path, Site]]:
     return [*felt, *((("probes", k), site) for k, site in enumerate(parts.probe_sites))]
 
 
-def _check_base_directions(parts: Parts) -> None:
-    """Refuse contacts and nonlinear springs on the ground that do not feel the base's displacement itself."""
-    scenario, motion = parts.scenario, base_direction(parts.scenario)
-    if motion is None:
-        return
-    grounded: list[tuple[Path, Site]] = [
-        (located.path, snubber_site(located))
-        for located in (*scenario.located_snubbers, *scenario.nonlinear_springs)
-        if getattr(located.item, "mounted_on", "base") == "ground" or located.path[-2] == "springs_to_ground"
-    ]
-    across = [
-        Problem(
-            path_text(path),
-            f"is at {site.label} on the ground, and the base moves by another amount there than its level says",
-            "mount it on the base, or let the base move in the direction of the place",
-        )
-        for path, site in grounded
-        if isinstance(site, Place) and abs(parts.structure.base_motion_at(site, motion) - 1.0) > 1e-6
-    ]
-    if across:
-        raise ScenarioError(across)
+def _levers(parts: Parts, sites: Sequence[Site]) -> Floats:
+    """(k,) displacement of places for a unit displacement of the base; 1 of links, which do not feel it."""
+    motion = base_direction(parts.scenario)
+    levers = np.ones(len(sites))
+    for k, site in enumerate(sites):
+        if motion is not None and isinstance(site, Place):
+            lever = parts.structure.base_motion_at(site, motion)
+            levers[k] = 1.0 if abs(lever - 1.0) < _ROUND_OFF else lever
+    return levers
 
 
 def _check_rigid_friction(parts: Parts, springs: Sequence[SpringInfo], stops: Contacts) -> None:

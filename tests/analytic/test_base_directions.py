@@ -268,7 +268,6 @@ def test_gravity_as_a_vector_on_a_beam():
     np.testing.assert_allclose(a, b, rtol=1e-12)
 
 
-GROUND = {"name": "s", "position": L, "side": "below", "stiffness": 1e4, "gap": 0.0, "mounted_on": "ground"}
 CHAIN = {"masses": [1.0, 1.0], "springs": [100.0, 100.0]}
 
 
@@ -283,7 +282,6 @@ CHAIN = {"masses": [1.0, 1.0], "springs": [100.0, 100.0]}
         ({"excitation": {"kind": "harmonic", "applied_to": {"position": L}, "direction": "z", "level": 1.0,
                          "frequency": 3.0}}, "excitation.direction is the direction in which a base moves"),
         ({"gravity": [1.0, 0, 0]}, "gravity[0] acts along x, in which no point of beam, a beam, moves"),
-        ({"snubbers": [GROUND]}, "snubbers[0] is at 0.9 m on the ground, and the base moves by another amount"),
         ({"beam": None, "chain": CHAIN, "probes": None}, "excitation.direction = ry moves no point of chain"),
     ],
 )  # fmt: skip

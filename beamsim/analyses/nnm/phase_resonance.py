@@ -193,7 +193,7 @@ class _Levels:
         flow: PeriodicFlow
         if self.damped.cubic.count:
             cubic = self.damped.cubic
-            flow = SmoothFlow(weaker, cubic.shape, factor * cubic.stiffness, self.loads, omega, level, cubic.on_ground)
+            flow = SmoothFlow(weaker, cubic.shape, factor * cubic.stiffness, self.loads, omega, level, cubic.felt)
         else:
             flow = VariationalFlow(weaker, self.loads, omega, level)
         return ForcedOrbits(flow)

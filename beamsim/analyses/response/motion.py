@@ -155,7 +155,7 @@ def sampled_motion(
     def v(rows: Floats) -> Floats:
         return summed(iw[:, None] * (motion.coordinates @ rows.T))
 
-    ground = contacts.on_ground
+    ground = contacts.felt
     delta = -contacts.gap - contacts.sign * (q(contacts.shape) + np.multiply.outer(d, ground))
     rate = -contacts.sign * (v(contacts.shape) + np.multiply.outer(dv, ground))
     both = np.zeros((2 * edge.size, m), dtype=bool)

@@ -113,7 +113,7 @@ class ResponseModel:
         try:
             return SmoothFlow(
                 self.system.dynamics, self.system.cubic.shape, self.system.cubic.stiffness, self.loads, omega, level,
-                self.system.cubic.on_ground,
+                self.system.cubic.felt,
             )  # fmt: skip
         except ValueError as error:
             raise ScenarioError(

@@ -166,7 +166,7 @@ def _base_rate(flow: ExactFlow) -> LinearOutput | None:
         return None
     rate = flow.empty_output(flow.system.contacts.count)
     of_base = flow.sources.channel == flow.base_channel
-    rate.direct_slope[np.ix_(flow.system.contacts.on_ground, of_base)] = 1.0
+    rate.direct_slope[:, of_base] = flow.system.contacts.felt[:, None]
     return rate
 
 

@@ -285,8 +285,8 @@ def _force_and_rate(flow: ExactFlow, contact: int, phases: Ints) -> LinearOutput
         sign = contacts.sign[contact]
         shape = -sign * contacts.shape[one]
         faster = accelerations(flow, shape, phases)
-        if flow.observers and contacts.on_ground[contact]:
-            faster.direct[:, flow.sources.channel == flow.first_observer] -= sign
+        if flow.observers:
+            faster.direct[:, flow.sources.channel == flow.first_observer] -= sign * contacts.felt[contact]
         rate += faster.scaled(dashpot)
     if internal.shape[1]:
         rate += flow.internal_rates(phases).combined(internal[one])

@@ -100,7 +100,7 @@ def _deviations(system: StructuralSystem, phases: Ints, panels: Floats, at_hz: F
         displacement = moved @ rows.T
         stretch = moved @ contacts.shape.T
         if on_base:
-            stretch = stretch - contacts.on_ground / omega**2
+            stretch = stretch - contacts.felt / omega**2
         force = (contacts.dynamic_stiffness(phases, omega[:, 0]) * stretch)[:, : len(system.snubbers)]
         responses = np.hstack([displacement, system.carried - omega**2 * displacement, force])
         variance += (weight * density(frequency, at_hz, value)) @ np.abs(responses) ** 2

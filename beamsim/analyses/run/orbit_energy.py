@@ -150,7 +150,7 @@ def _by_quadrature(flow: PeriodicFlow, passage: Passage, panels: Ints) -> tuple[
     dashpots = np.array([contacts.losses(row)[0] for row in states])[of_state.reshape(-1)]
     each = np.repeat(np.arange(panels.size), panels * NODES)
     delta, rate = flow.penetration_of(y, times)
-    push = contacts.forces(phases[each], delta, rate, y[:, 2 * n :]) @ (contacts.sign * contacts.on_ground)
+    push = contacts.forces(phases[each], delta, rate, y[:, 2 * n :]) @ (contacts.sign * contacts.felt)
     v, force = y[:, n : 2 * n], loads.at(flow.omega, flow.level)[0]
     turning = np.exp(1j * np.multiply.outer(times, loads.multiple * flow.omega))
     outside = flow.system.constant_load + (turning @ force).real

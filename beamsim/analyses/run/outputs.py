@@ -40,7 +40,7 @@ def stretches(flow: ExactFlow, springs: Sequence[SpringInfo]) -> LinearOutput:
     output = displacements(flow, np.array([s.shape for s in springs]).reshape(-1, flow.system.size))
     if flow.base_channel >= 0:
         base = flow.sources.channel == flow.base_channel
-        output.direct[:, base] += np.array([s.on_ground for s in springs], dtype=float)[:, None]
+        output.direct[:, base] += np.array([s.felt for s in springs])[:, None]
     return output
 
 

@@ -73,7 +73,7 @@ class SteppedOutputs:
                 values["output"] = values["output"] + self._cubic_outputs(times, y)
         for i, spring in enumerate(system.springs):
             if spring.on_ground and flow.base_channel < 0 and system.base_displacement is not None:
-                values["stretch"][:, i] += system.base_displacement(times)  # which no contact feels
+                values["stretch"][:, i] += spring.felt * system.base_displacement(times)  # which no contact feels
         return values
 
     def searched(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> dict[str, Floats]:
