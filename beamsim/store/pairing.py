@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from beamsim.analyses.compare.analysis import QUANTITIES
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.run.result import RunResult
@@ -39,7 +41,7 @@ def pair_channels(
         signal = channel_named(
             signals, channel or signals[0].name, quantity or "absolute_acceleration", path, required=channel is not None
         )
-        compared = quantity or _quantity_of(signal)
+        compared = quantity or _quantity_of(signal.name, unit or signal.unit)
         at = place or _place_of(signal, list(result.snubbers if compared == "force" else result.probes), path)
         _known(result, at, compared)
         return [(at, compared, in_si(signal, unit, compared, "--unit"))]
@@ -73,16 +75,16 @@ def pair_channels(
         raise ScenarioError(Problem(problem.path, problem.message, remedy)) from None
 
 
-def _quantity_of(signal: MeasuredSignal) -> str:
+def _quantity_of(channel: str, unit: str) -> str:
     """The quantity that a channel's name or unit says."""
-    spoken = signal.name.lower().replace("_", " ")
+    spoken = channel.lower().replace("_", " ")
     longest_first = sorted(QUANTITIES, key=len, reverse=True)
     by_name = next((q for q in longest_first if q.replace("_", " ") in spoken), "")
-    if by_name or not signal.unit:
+    if by_name or not unit:
         return by_name or "absolute_acceleration"
     for q in ("absolute_acceleration", "velocity", "force", "displacement"):
         try:
-            in_si(signal, None, q, "")
+            in_si(MeasuredSignal(channel, np.zeros(0), np.zeros(0)), unit, q, "")
         except ScenarioError:
             continue
         return q

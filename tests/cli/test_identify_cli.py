@@ -273,6 +273,15 @@ def test_compare_asks_where_a_single_channel_was_measured(call, tmp_path):
     done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv")
     assert done.exit_code == 2
     assert "the channel sensor (m) is named after none of the probes; say where it was measured: --probe" in done.output
+    np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="time,mass_2", comments="")
+    done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv", "--unit", "m")
+    assert done.exit_code == 2
+    assert "the axis time has no unit" in done.output
+    given = ("--unit", "m", "--axis-unit", "s", "--json", "--no-plots", "--harmonics", 1)
+    done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv", *given)
+    assert done.exit_code == 0, done.output
+    (channel,) = json.loads(done.stdout)["comparisons"]
+    assert (channel["place"], channel["quantity"]) == ("mass_2", "displacement")  # by the unit that is given
     with_units = "time_s,mass_1 displacement,mass_1 velocity"
     np.savetxt(tmp_path / "lab.csv", np.c_[rows, rows[:, 1]], delimiter=",", header=with_units, comments="")
     done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv", "--unit", "mm")
