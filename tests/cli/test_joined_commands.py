@@ -150,8 +150,11 @@ def test_the_same_beam_otherwise_gives_the_same_figures(tmp_path, name, other):
     assert not different
 
 
-def test_compare_meets_the_file_of_the_whole_beam(tmp_path):
-    for name, case in (("one", ONE), ("two", TWO)):
+@pytest.mark.parametrize(
+    "other", [pytest.param(name, marks=pytest.mark.slow if k else ()) for k, name in enumerate(OTHERS)]
+)
+def test_compare_meets_the_file_of_the_whole_beam(tmp_path, other):
+    for name, case in (("one", ONE), ("two", OTHERS[other](tmp_path))):
         summary(tmp_path, name, case, "run")
     files = [str(tmp_path / f"{name}.h5") for name in ("two", "one")]
     result = CliRunner().invoke(app, ["compare", *files, "--json", "--no-plots", "-o", str(tmp_path)])
