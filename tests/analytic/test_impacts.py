@@ -200,6 +200,7 @@ def test_stress_and_force_are_counted_as_dense_samples_are():
     assert body.cycles * (body.equivalent_range_pa / 80e6) ** 5 / 2e6 == pytest.approx(body.damage, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_intervals_of_a_random_input():
     """That of the rate is Student's t interval of the counts in equal blocks; the others hold their value."""
     psd = "[{frequency: 20, density: 0.5 g^2/Hz}, {frequency: 300, density: 0.5 g^2/Hz}]"

@@ -102,6 +102,7 @@ def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(resu
     assert min(abs(f - at) for f in folds) < 1e-5 * at
 
 
+@pytest.mark.slow
 def test_folds_in_the_gap_are_those_in_the_level_scaled(results):
     """Lengths scale: at (level, gap) as at level / gap of a unit gap."""
     changes = ["sweep.follow_folds_in={kind: gap, from: 0.5 m, to: 2 m}"]

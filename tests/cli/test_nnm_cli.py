@@ -161,6 +161,7 @@ def test_continuation_of_a_response(tmp_path):
         assert file["branches/1"].attrs["period_multiple"] == 2
 
 
+@pytest.mark.slow
 def test_levels_without_gap_are_one_curve():
     """z = 0: the response divided by the level does not depend on the level."""
     changes = {"sweep": {"kind": "continuation", "from": "100 Hz", "to": "110 Hz", "levels": ["1 g", "3 g"]}}

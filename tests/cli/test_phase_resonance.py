@@ -6,6 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from sampling import slow_after
 from typer.testing import CliRunner
 
 import beamsim
@@ -124,6 +125,7 @@ def test_held_motion(held):
         assert h.time.size == h.displacement["tip"].size
 
 
+@pytest.mark.slow
 def test_scales_with_the_level():
     """Without gap: twice the level, twice the motion, one frequency."""
     changes = {
@@ -169,11 +171,10 @@ def test_point_force_on_a_chain():
         ({"nnm.phase_resonance.levels": [0.0]}, "nnm.phase_resonance.levels[0]", "positive levels"),
         ({"nnm.phase_resonance.span": 0.9}, "nnm.phase_resonance.span", "10 %"),
         ({"snubbers[0].mounted_on": "ground"}, "snubbers[0].mounted_on", "mount it on the base"),
-        ({"nnm.phase_resonance.levels": ["90 g"]}, "nnm.phase_resonance.levels[0]", "follow it to about"),
-        pytest.param(
-            {"nnm.phase_resonance.levels": ["0.1 g"]}, "nnm.phase_resonance.levels[0]", "below the backbone",
-            marks=pytest.mark.slow,
-        ),
+        *slow_after(0, [
+            ({"nnm.phase_resonance.levels": ["90 g"]}, "nnm.phase_resonance.levels[0]", "follow it to about"),
+            ({"nnm.phase_resonance.levels": ["0.1 g"]}, "nnm.phase_resonance.levels[0]", "below the backbone"),
+        ]),
         (
             {"nnm.continue_in": {"kind": "stiffness_factor"}, "nnm.energy": "5 mJ"}, "nnm.phase_resonance",
             "continue_in: {kind: energy",

@@ -6,6 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from sampling import slow_after
 from typer.testing import CliRunner
 
 import beamsim
@@ -117,7 +118,7 @@ def test_only_beside_a_continuation(tmp_path):
     assert "kind: continuation" in done.output
 
 
-@pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
+@pytest.mark.parametrize("share", slow_after(1, [0.05, 0.5, 0.95]))
 def test_an_expansion_that_is_stopped_leaves_the_response(share):
     """During the curve, its pictures and the exact motions."""
     response = beamsim.frequency_response(load_scenario(OSCILLATOR))

@@ -124,8 +124,9 @@ def by_balance(kind, harmonics, level=1.0, **more):
 
 @pytest.mark.parametrize(
     ("kind", "stop", "harmonics", "level"),
-    [("linear", {}, 3, 1.0), ("linear", {"mounted_on": "ground"}, 9, 1.0), ("cubic", {"mounted_on": "ground"}, 5, 0.3)],
-)
+    [("linear", {}, 3, 1.0), ("linear", {"mounted_on": "ground"}, 9, 1.0),
+     pytest.param("cubic", {"mounted_on": "ground"}, 5, 0.3, marks=pytest.mark.slow)],
+)  # fmt: skip
 def test_sums_of_harmonics_are_in_balance_whatever_their_number(kind, stop, harmonics, level):
     """Galerkin's balance leaves no work over a period, though the truncation is large."""
     result = by_balance(kind, harmonics, level, stop=stop)
