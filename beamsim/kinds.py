@@ -7,8 +7,9 @@ to their documentation, and to Python as a function and a class of the package. 
 
 from __future__ import annotations
 
+from enum import StrEnum
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 
 class Kind(NamedTuple):
@@ -106,3 +107,24 @@ def kind_of_class(cls: type) -> str:
     """
     place = f"{cls.__module__}:{cls.__qualname__}"
     return {kind.result: name for name, kind in KINDS.items()}[place]
+
+
+class TemplateKind(StrEnum):
+    """Scenarios that ``beamsim new`` writes, and the command that each is for."""
+
+    beam = "beam", "run"
+    chain = "chain", "run"
+    sweep = "sweep", "sweep"
+    shock = "shock", "run"
+    random = "random", "run"
+    panel_pair = "panel-pair", "run"
+    nnm = "nnm", "nnm"
+    identify = "identify", "identify-stiffness"
+
+    command: str
+
+    def __new__(cls, value: str, command: str) -> Self:
+        """A member that is its value, and knows its command."""
+        kind = str.__new__(cls, value)
+        kind._value_, kind.command = value, command
+        return kind

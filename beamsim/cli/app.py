@@ -10,7 +10,7 @@ import typer
 
 from beamsim.cli.failures import guarded, say
 from beamsim.cli.options import Case, Check, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS, TemplateKind, named
 
 app = typer.Typer(
     name="beamsim",
@@ -36,19 +36,6 @@ class PictureFormat(StrEnum):
     png = "png"
     pdf = "pdf"
     svg = "svg"
-
-
-class TemplateKind(StrEnum):
-    """Templates of ``beamsim new``."""
-
-    beam = "beam"
-    chain = "chain"
-    sweep = "sweep"
-    shock = "shock"
-    random = "random"
-    panel_pair = "panel-pair"
-    nnm = "nnm"
-    identify = "identify"
 
 
 def _version(show: bool) -> None:
@@ -175,13 +162,12 @@ def new(
     """Write a commented scenario to start from, and the schema by which editors check and complete it."""
     from beamsim.cli.printing import print_json
     from beamsim.cli.template import write_template
-    from beamsim.scenario.template import COMMANDS
 
     written = write_template(file, kind.value, force=force)
     if json:
         print_json({"files": [str(path) for path in written]})
     else:
-        print(f"{file}: written; edit it and `beamsim {COMMANDS[kind.value]} {file}`")
+        print(f"{file}: written; edit it and `beamsim {kind.command} {file}`")
 
 
 @app.command()

@@ -16,9 +16,9 @@ import beamsim
 from beamsim.cli.app import app
 from beamsim.cli.failures import verdict
 from beamsim.errors import NotTrustedError, Problem, ResultFileError, ScenarioError
+from beamsim.kinds import TemplateKind
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario import template
-from beamsim.scenario.template import COMMANDS
 from beamsim.store.results import write_run
 
 CASE = """\
@@ -171,11 +171,11 @@ def test_schema_is_json_schema(call, here):
     assert json.loads((here / "s.json").read_text()) == schema
 
 
-@pytest.mark.parametrize("kind", slow_after(3, COMMANDS))
+@pytest.mark.parametrize("kind", slow_after(3, TemplateKind))
 def test_new_writes_a_valid_case(kind, call, here):
     done = call("new", "mine.yaml", "--kind", kind)
     assert done.exit_code == 0, done.output
-    assert f"`beamsim {COMMANDS[kind]} mine.yaml`" in done.stdout
+    assert f"`beamsim {kind.command} mine.yaml`" in done.stdout
     valid = call("validate", "mine.yaml")
     assert valid.exit_code == 0, valid.output
     (here / "mine.yaml").write_text("precious")

@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from beamsim.errors import ScenarioError
+from beamsim.kinds import TemplateKind
 from beamsim.scenario import (
     AtPlace,
     GeneralSection,
@@ -25,7 +26,6 @@ from beamsim.scenario import (
     template,
     units,
 )
-from beamsim.scenario.template import COMMANDS
 from beamsim.scenario.tree import parse
 
 EXAMPLES = Path(__file__).parents[1] / "data" / "examples"
@@ -232,11 +232,11 @@ def test_doubts(override, says):
     assert any(says in doubt for doubt in doubts) if says else doubts == ()
 
 
-@pytest.mark.parametrize("kind", COMMANDS)
+@pytest.mark.parametrize("kind", TemplateKind)
 def test_templates_are_valid(kind):
     text = template(kind)
     scenario = load_scenario(text)
-    assert getattr(scenario, COMMANDS[kind].replace("-", "_")) is not None
+    assert getattr(scenario, kind.command.replace("-", "_")) is not None
     assert scenario.warnings == ()
     assert 20 <= len(text.splitlines()) <= 50
     assert text.count("#") >= 5
@@ -353,7 +353,7 @@ def test_every_example_of_the_schema_is_read_by_its_key():
 
 def test_schema_accepts_templates_and_partial_files_that_extend():
     schema = json_schema()
-    for kind in COMMANDS:
+    for kind in TemplateKind:
         assert valid(schema, parse(template(kind)).plain(), schema)
     assert valid(schema, {"extends": "a.yaml", "excitation": {"frequency": "45 Hz"}, "beam": {"length": 1}}, schema)
     assert valid(schema, {"extends": "a.yaml", "run": {"start": "rest"}, "beam": None}, schema)
