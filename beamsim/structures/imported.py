@@ -217,8 +217,8 @@ def _symmetric(key: str, matrix: Any, table: DofTable, remarks: list[str]) -> An
     difference = (matrix - matrix.T).tocoo()
     largest = float(np.abs(matrix.data).max(initial=0.0))
     asymmetry = float(np.abs(difference.data).max(initial=0.0))
-    if asymmetry == 0.0:
-        return matrix
+    if asymmetry <= np.finfo(float).eps * largest:  # that of a sum in another order
+        return matrix if asymmetry == 0.0 else ((matrix + matrix.T) / 2).tocsc()
     if asymmetry > ROUND_OFF * largest:
         worst = int(np.argmax(np.abs(difference.data)))
         row, column = (" ".join(map(str, table.dofs[i])) for i in (difference.row[worst], difference.col[worst]))

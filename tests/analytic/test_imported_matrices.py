@@ -232,6 +232,20 @@ def test_negative_mass_and_stiffness_are_refused(tmp_path):
     assert "not positive semidefinite" in text or "negative stiffness" in text
 
 
+def test_sizes_that_do_not_fit_are_named(tmp_path):
+    """Matrices of different size with and without a table, and one that is not square."""
+    model = exported()
+    mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
+    smaller = stiffness[:-1, :-1]
+    text = problems(tmp_path, mass, smaller, model.table)
+    assert "dofs has 17 rows, but the matrix stiffness has 16; give a line for each row" in text
+    body = BODY.replace("    dofs: {folder}/dofs.csv\n", "")
+    text = problems(tmp_path, mass, smaller, model.table, body=body)
+    assert "panel.stiffness and the others differ in size: mass has 17 rows, stiffness has 16 rows; export" in text
+    text = problems(tmp_path, mass, stiffness[:-1], model.table)
+    assert "panel.stiffness has 16 rows and 17 columns; give a square matrix" in text
+
+
 def test_what_nothing_holds_is_named(tmp_path):
     """A row that has mass and no stiffness, and a hinge within the matrices."""
     model = exported()
