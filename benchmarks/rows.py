@@ -250,6 +250,8 @@ ROWS = (
     Row("snubbers-4", "4 snubbers, 100 modes: one event", "us", panel(0.2, 100, 4, 0.1)),
     Row("balance", "harmonic balance, H = 31, 60 to 120 Hz", "s", harmonic_balance, ("shooting", shooting), False),
     Row("sweep", "swept sine 20 to 400 Hz, 6 modes, one direction: one cycle", "us", sweep),
-    Row("continuation", "continuation 20 to 400 Hz, with stability", "s",
+    Row("continuation", "continuation 20 to 400 Hz, main branch with stability", "s",
+        lambda quick: (continuation(20.0, 400.0, side_branches="none"), 2500.0), repeat=False),
+    Row("continuation-all", "the same with side branches, to the default limit on points", "s",
         lambda quick: (continuation(20.0, 400.0), 2500.0), repeat=False),
 )  # fmt: skip

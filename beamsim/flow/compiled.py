@@ -52,20 +52,26 @@ def kernel(function: Callable[..., Any]) -> Any:
     return njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
 
 
-def inner(function: Callable[..., Any]) -> Any:
-    """A compiled function that only compiled functions call.
+WITHIN: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
 
-    It has no entry from Python, which would take a third of the compilation: called from there it crashes.
+
+def inner(function: Callable[..., Any]) -> Any:
+    """A compiled function that only compiled functions call, and that neither makes nor returns arrays.
+
+    It has no entry from Python, which would take a third of the compilation: called from there it crashes. References
+    to arrays are not counted in it, which took a third of a swept sine: the caller holds them.
     """
-    return njit(cache=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)(function)
+    return njit(**WITHIN, _nrt=False)(function)
 
 
 def summing(function: Callable[..., Any]) -> Any:
     """As `inner`; sums may be taken in the order that suits the processor."""
-    any_order = {"reassoc", "contract", "nsz"}
-    return njit(cache=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True, fastmath=any_order)(
-        function
-    )
+    return njit(**WITHIN, _nrt=False, fastmath={"reassoc", "contract", "nsz"})(function)
+
+
+def allocating(function: Callable[..., Any]) -> Any:
+    """A compiled function that only compiled functions call, and that makes arrays."""
+    return njit(**WITHIN, _nrt=True)(function)  # not inherited from its caller
 
 
 @cache

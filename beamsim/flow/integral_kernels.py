@@ -22,37 +22,43 @@ LONG_TURN = 60.0  # rad of the fastest motion that has not decayed: from here on
 @inner
 def moments(x, ex, top, out):  # type: ignore[no-untyped-def]
     """``int_0^1 s^q e^{x s} ds`` for q = 0 ... top, with ex = e^x; the direction of recursion that is stable."""
-    if abs(x.real) + abs(x.imag) < 2.0:
-        term = 1.0 + 0.0j
-        total = complex(1.0 / (top + 1), 0.0)
+    xr, xi = x.real, x.imag  # parts: dividing a complex number by a real one would cost as much as by a complex one
+    if abs(xr) + abs(xi) < 2.0:
+        tr, ti = 1.0, 0.0
+        total, beside = 1.0 / (top + 1), 0.0
         for i in range(1, 60):
-            term = term * x / i
-            total += term / (top + 1 + i)
-            if abs(term.real) + abs(term.imag) < 1e-18:
+            factor = 1.0 / i
+            tr, ti = (tr * xr - ti * xi) * factor, (tr * xi + ti * xr) * factor
+            factor = 1.0 / (top + 1 + i)
+            total += tr * factor
+            beside += ti * factor
+            if abs(tr) + abs(ti) < 1e-18:
                 break
-        out[top] = total
+        out[top] = complex(total, beside)
         for q in range(top, 0, -1):
-            out[q - 1] = (ex - x * out[q]) / q
+            rest = ex - x * out[q]
+            factor = 1.0 / q
+            out[q - 1] = complex(rest.real * factor, rest.imag * factor)
         return
     inverse = 1.0 / x
     out[0] = (ex - 1.0) * inverse
     upward = top if top <= 8 else min(top, int(abs(x)))
     for q in range(1, upward + 1):
-        out[q] = (ex - q * out[q - 1]) * inverse
+        out[q] = complex(ex.real - q * out[q - 1].real, ex.imag - q * out[q - 1].imag) * inverse
     if upward < top:
         # e^x sum_k (-x)^k q! / (q + 1 + k)!, from an index where it converges quickly
         q = max(top, int(abs(x)) + 10)
         term = ex / (q + 1)
-        total = term
+        sum_of_terms = term
         for i in range(1, 400):
             term = -term * x / (q + 1 + i)
-            total += term
-            if abs(term) < 1e-18 * abs(total):
+            sum_of_terms += term
+            if abs(term) < 1e-18 * abs(sum_of_terms):
                 break
         while q > upward:
             if q <= top:
-                out[q] = total
-            total = (ex - x * total) / q
+                out[q] = sum_of_terms
+            sum_of_terms = (ex - x * sum_of_terms) / q
             q -= 1
 
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import inner, kernel, summing
+from beamsim.flow.compiled import allocating, inner, kernel, summing
 
 EPS = 2.220446049250313e-16
 LARGEST_SQUARE = 1e130  # larger outputs are left out of the search for extremes
@@ -195,7 +195,7 @@ def _safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
     return (slope + root) / bound
 
 
-@inner
+@allocating
 def _taylor_step(exponent, power, nb, gamma, size, j, sign, tau, reach, value):  # type: ignore[no-untyped-def]
     """Step from value > 0 over which a function with the derivatives of ``sign`` times function j stays positive.
 
@@ -385,7 +385,7 @@ def _first_internal(tables, contact, size):  # type: ignore[no-untyped-def]
     return first
 
 
-@inner
+@allocating
 def _parts(table):  # type: ignore[no-untyped-def]
     """Real and imaginary parts of a table; loops compile in a fraction of the time that array functions take."""
     real, imag = np.empty(table.shape), np.empty(table.shape)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import inner, kernel, summing
+from beamsim.flow.compiled import allocating, inner, kernel, summing
 from beamsim.flow.kernels import (
     PATIENCE,
     _clear_ahead,
@@ -70,7 +70,7 @@ class PieceSteps(NamedTuple):
     round_off: float  # s, within which a piece has that length
 
 
-@inner
+@allocating
 def _walk(tables, inputs, steps, s, piece, end, most, y, log, n_seg):  # type: ignore[no-untyped-def]
     """Carry y over whole pieces in state s, at most so many, until one may hold an event; returns their number."""
     F, N, Z, g = inputs.exponent.size, y.size, tables.n_free[s], tables.n_guards[s]

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import inner, kernel
+from beamsim.flow.compiled import allocating, inner, kernel
 from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _state_at
 
 
@@ -74,7 +74,7 @@ class PeriodicLoads(NamedTuple):
     base_derivative: Any  # (2, H) complex
 
 
-@inner
+@allocating
 def _force_terms(  # type: ignore[no-untyped-def]
     tables, inputs, contacts, first_forced, first_basis, K, C, omega, multiple, force, base, dforce, dbase, level_force,
     level_base, out,
@@ -247,7 +247,7 @@ def _difference(a, b, ea, eb, tau):  # type: ignore[no-untyped-def]
     return (eb - ea) / (b - a)
 
 
-@inner
+@allocating
 def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, tau, add):  # type: ignore[no-untyped-def]
     """Add to ``add`` (2n,) the response over a segment to the change of the contacts' forces with parameter p."""
     m, n = contacts.shape.shape
@@ -327,7 +327,7 @@ def _add_forcing(tables, s, inputs, contacts, base, parameters, p, zeta, basis, 
                     add[i] += u.real * total.real - u.imag * total.imag
 
 
-@inner
+@allocating
 def _add_structure(tables, s, first, variation, parameters, p, t0, zeta, basis, tau, add):  # type: ignore[no-untyped-def]
     """Add to ``add`` (2n,) the response over a segment to the change of the structure's matrices and loads.
 

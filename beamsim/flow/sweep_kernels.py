@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import inner
+from beamsim.flow.compiled import allocating, inner
 from beamsim.flow.integral_kernels import moments
 from beamsim.flow.kernels import EPS, _coefficients, _exp
 
@@ -30,6 +30,7 @@ FINEST = 1e-10  # of an output's range: peaks are found to this
 GRID = 0.3  # share of its range by which an output may miss the chord or the cubic between two points
 SLOPE = math.sqrt(3.0) / 216.0  # error of the slope of an interpolating cubic, over the fourth derivative and h^3
 MOST_POINTS = 260  # of the grid on a segment on which peaks are searched for
+EQUAL = 8  # steps of that grid, before its width is chosen anew
 
 
 class Forced(NamedTuple):
@@ -247,7 +248,7 @@ def _forced_rows(row, channel, slope, count, U, used, c, D, omega, out):  # type
                     out[j, p] += channel[j, a] * c[a, p] + slope[j, a] * rate
 
 
-@inner
+@allocating
 def make_response(swept, tables, N):  # type: ignore[no-untyped-def]
     """Work arrays of the forced response, empty where nothing is swept."""
     if swept is None:
@@ -459,10 +460,12 @@ def end_window(windows, cycles, k):  # type: ignore[no-untyped-def]
 
 
 class _Work(NamedTuple):
-    poly: Any  # (K, G, P)
+    poly: Any  # (K, P, G)
     degree: Any  # (G,)
     exponent: Any  # (G,) times the segment's length
     end: Any  # (G,) exp of it
+    turned: Any  # (G,) exp of it times the place that is looked at
+    ratio: Any  # (G,) of two such, a step of the grid apart
     live: Any  # (G,)
     moment: Any  # (2 P + D,)
     projector: Any  # (D + 1,)
@@ -476,13 +479,15 @@ class _Work(NamedTuple):
     length: Any  # (K, G, 5) sums over p of |poly| times 1, p, p (p - 1), ... p (p - 1) (p - 2) (p - 3)
 
 
-@inner
+@allocating
 def _make_work(outputs, K, B, DM):  # type: ignore[no-untyped-def]
     G = outputs.group_exponent.shape[1] + 1
     P = MOST_POWERS
     return _Work(
-        np.zeros((K, G, P), dtype=np.complex128),
+        np.zeros((K, P, G), dtype=np.complex128),
         np.zeros(G, dtype=np.int64),
+        np.zeros(G, dtype=np.complex128),
+        np.zeros(G, dtype=np.complex128),
         np.zeros(G, dtype=np.complex128),
         np.zeros(G, dtype=np.complex128),
         np.zeros(G, dtype=np.bool_),
@@ -534,13 +539,13 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
     for j in range(K):
         for g in range(groups + 1):
             for p in range(work.degree[g] + 1):
-                work.poly[j, g, p] = 0.0
+                work.poly[j, p, g] = 0.0
         for b in range(nb):
             p = tables.power[s, b]
-            work.poly[j, outputs.basis_group[s, b], p] += work.gamma[b, j] * T**p
+            work.poly[j, p, outputs.basis_group[s, b]] += work.gamma[b, j] * T**p
         factor = 1.0
         for p in range(top + 1):
-            work.poly[j, groups, p] = response.output[j, p] * factor
+            work.poly[j, p, groups] = response.output[j, p] * factor
             factor *= T
     for g in range(groups + 1):
         lam = complex(0.0, omega) if g == groups else outputs.group_exponent[s, g]
@@ -552,7 +557,8 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
             for q in range(5):
                 length[q] = 0.0
             for p in range(work.degree[g] + 1):
-                size = abs(work.poly[j, g, p])
+                a = work.poly[j, p, g]
+                size = math.sqrt(a.real**2 + a.imag**2)  # half the cost of abs, which avoids overflow
                 for q in range(5):
                     length[q] += size
                     size *= p - q
@@ -591,12 +597,12 @@ def _add_squares(work, G, K, T, cycles, cycle):  # type: ignore[no-untyped-def]
                 for j in range(K):
                     total = 0.0
                     for p in range(dg + 1):
-                        a = work.poly[j, g, p]
+                        a = work.poly[j, p, g]
                         if a == 0.0:
                             continue
                         inner = 0.0 + 0.0j
                         for q in range(dh + 1):
-                            b = work.poly[j, h, q]
+                            b = work.poly[j, q, h]
                             if conjugate == 1:
                                 b = np.conj(b)
                             inner += b * moment[p + q]
@@ -660,14 +666,24 @@ def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type:
                 for j in range(K):
                     total = 0.0 + 0.0j
                     for p in range(dg + 1):
-                        a = work.poly[j, g, p]
+                        a = work.poly[j, p, g]
                         total += (np.conj(a) if conjugate == 1 else a) * work.sums[p]
                     cycles.harmonic[cycle, j, r] += total
 
 
 @inner
+def _turn(work, G, s, out):  # type: ignore[no-untyped-def]
+    """Exponentials of the groups at s."""
+    for g in range(G):
+        if work.live[g]:
+            lam = work.exponent[g]
+            out[g] = _exp(lam.real, lam.imag, s)
+
+
+@inner
 def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
-    """Outputs first ... last - 1 at s: value, slope, curvature, and what bounds them up to 1.
+    """Outputs first ... last - 1 at s, of which `work` has the exponentials: value, slope, curvature, and what bounds
+    them up to 1.
 
     ``out`` rows: value, slope, curvature, bounds on curvature and on the fourth derivative from s to 1, round-off.
     """
@@ -678,10 +694,9 @@ def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
     for g in range(G):
         if not work.live[g]:
             continue
-        lam = work.exponent[g]
-        size = 1.0 if lam.real == 0.0 else math.exp(lam.real * s)
-        e = size * complex(math.cos(lam.imag * s), math.sin(lam.imag * s))
-        level = size if lam.real <= 0.0 else math.exp(lam.real)
+        lam, e = work.exponent[g], work.turned[g]
+        highest = work.end[g] if lam.real > 0.0 else e
+        level = math.sqrt(highest.real * highest.real + highest.imag * highest.imag)
         r = math.sqrt(lam.real * lam.real + lam.imag * lam.imag)
         dg = work.degree[g]
         if dg == 0:
@@ -690,7 +705,7 @@ def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
             b2 = r * r * level
             b4 = r * r * b2
             for j in range(first, last):
-                a = work.poly[j, g, 0]
+                a = work.poly[j, 0, g]
                 i = j - first
                 out[i, 0] += a.real * e.real - a.imag * e.imag
                 out[i, 1] += a.real * e1.real - a.imag * e1.imag
@@ -707,7 +722,7 @@ def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
             for p in range(dg, -1, -1):
                 d2 = d2 * s + 2.0 * d
                 d = d * s + v
-                v = v * s + work.poly[j, g, p]
+                v = v * s + work.poly[j, p, g]
             a0, a1 = work.length[j, g, 0], work.length[j, g, 1]
             a2, a3, a4 = work.length[j, g, 2], work.length[j, g, 3], work.length[j, g, 4]
             i = j - first
@@ -732,26 +747,40 @@ def _search_peaks(work, G, K, cycles, cycle):  # type: ignore[no-untyped-def]
     grid, times = work.grid, work.times
     last = 0
     times[0] = 0.0
+    work.turned[:] = 1.0
     _values(work, G, 0, K, 0.0, grid[0])
     for j in range(K):
         spread = 0.0
         for g in range(G):
             if work.live[g]:
-                spread = max(spread, abs(work.poly[j, g, 0]))
+                spread = max(spread, abs(work.poly[j, 0, g]))
         if spread > cycles.scale[j]:
             cycles.scale[j] = spread
     while times[last] < 1.0:
         value = grid[last]
-        h = 1.0 - times[last]
+        s = times[last]
+        h = 1.0 - s
         for j in range(K):
             if value[j, 3] > 0.0:
                 allowed = GRID * cycles.scale[j]
                 step = max(math.sqrt(8.0 * allowed / value[j, 3]), math.sqrt(math.sqrt(384.0 * allowed / value[j, 4])))
-                h = min(h, max(step, 1.0 / (MOST_POINTS - 4)))
-        s = times[last] + h
-        last += 1
-        times[last] = s if s < 1.0 - 1e-9 else 1.0
-        _values(work, G, 0, K, times[last], grid[last])
+                h = min(h, max(step, 1.0 / (MOST_POINTS - EQUAL - 4)))
+        # a few equal steps, over which exponentials follow from those before
+        steps = min(EQUAL, max(1, math.ceil((1.0 - s) / h - 1e-9)))
+        if s + steps * h > 1.0:
+            h = (1.0 - s) / steps
+        if steps > 1:
+            _turn(work, G, h, work.ratio)
+            _turn(work, G, s, work.turned)
+        for i in range(1, steps + 1):
+            last += 1
+            times[last] = s + i * h if s + i * h < 1.0 - 1e-9 else 1.0
+            if steps == 1:
+                _turn(work, G, times[last], work.turned)
+            else:
+                for g in range(G):
+                    work.turned[g] *= work.ratio[g]
+            _values(work, G, 0, K, times[last], grid[last])
     for j in range(K):
         slack = FINEST * cycles.scale[j] + 4.0 * EPS * max(grid[0, j, 5], grid[last, j, 5])
         cycles.high[cycle, j] = _highest(work, G, j, 1.0, last, slack, cycles.high[cycle, j])
@@ -835,6 +864,7 @@ def _newton(work, G, j, sign, u, v, t, slack, best):  # type: ignore[no-untyped-
             t = 0.5 * (u + v)
             if not (u < t < v):
                 break
+        _turn(work, G, t, work.turned)
         _values(work, G, j, j + 1, t, single)
         best = max(best, sign * single[0, 0])
         d, curve = sign * single[0, 1], sign * single[0, 2]
@@ -880,6 +910,7 @@ def _climb(work, G, j, sign, left, right, at_left, at_right, slack, best):  # ty
             t = 0.5 * (a + b)
         if depth + 2 > stack.shape[0] or not (a < t < b):
             continue
+        _turn(work, G, t, work.turned)
         _values(work, G, j, j + 1, t, single)
         best = max(best, sign * single[0, 0])
         for q in range(3):

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import inner, kernel
+from beamsim.flow.compiled import allocating, inner, kernel
 
 ORDER = 26
 LOOKS = 24  # times in a step at which the gaps are evaluated
@@ -95,7 +95,7 @@ def _penetration_coefficient(s, j, q, d, k):  # type: ignore[no-untyped-def]
     return value
 
 
-@inner
+@allocating
 def _series(s, closed, t, q, v, x, x2, x3, d):  # type: ignore[no-untyped-def]
     """Taylor coefficients (ORDER + 1, n) of q and v from their values in row 0; of the cubic springs' stretch; of d."""
     _base_series(s, t, d)
@@ -148,7 +148,7 @@ def _series(s, closed, t, q, v, x, x2, x3, d):  # type: ignore[no-untyped-def]
             phase[h] *= complex(0.0, s.frequency[h] / (k + 1))
 
 
-@inner
+@allocating
 def _varied(s, closed, t, q, v, x2, x3, d, p, dq, dv, dx, dd):  # type: ignore[no-untyped-def]
     """The same of a derivative of the motion; p is the parameter's number, -1 for a derivative by the start."""
     _varied_base_series(s, t, p, dd)

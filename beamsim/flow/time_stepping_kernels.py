@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.flow.compiled import inner, kernel
+from beamsim.flow.compiled import allocating, inner, kernel
 from beamsim.typing import Floats
 
 MOST_ITERATIONS = 40  # of the contacts' phases in one step
@@ -159,7 +159,7 @@ def march_in_steps(  # type: ignore[no-untyped-def]
     return unsettled
 
 
-@inner
+@allocating
 def _inside(  # type: ignore[no-untyped-def]
     dynamics, reset, j, phase, origin, pending, h, p, delta, rate, new_delta, new_rate, new
 ):

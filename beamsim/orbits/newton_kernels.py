@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import inner, kernel
+from beamsim.flow.compiled import allocating, inner, kernel
 from beamsim.flow.march_kernels import DONE, NEED_STATE, march
 from beamsim.flow.orbit_kernels import carry_sensitivity, phases_at_start, set_loads
 
@@ -44,7 +44,7 @@ def _number_of(tables, count, phases):  # type: ignore[no-untyped-def]
     return -1
 
 
-@inner
+@allocating
 def _fill_residual_scale(u, n, omega, smallest, out):  # type: ignore[no-untyped-def]
     """Sizes of the equations: the largest displacement, for velocities times omega."""
     q, v = u[:n], u[n : 2 * n] / omega
