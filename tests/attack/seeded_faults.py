@@ -1,7 +1,7 @@
 """Faults seeded into a copy of the event search: each must be caught by the random systems.
 
 A copy of the package with one change compiles its kernels and runs in a process of its own; events and states of its
-motions are compared as in `comparison`.
+motions are compared as in `comparison`. The first systems are aimed at double eigenvalues and slow decays.
 """
 
 import os
@@ -72,7 +72,8 @@ CHILD = """
 import sys
 from pathlib import Path
 from comparison import caught
-print(caught(range(int(sys.argv[1]), int(sys.argv[2])), Path(sys.argv[3])))
+from random_systems import AIMED
+print(caught([*AIMED, *range(int(sys.argv[1]), int(sys.argv[2]))], Path(sys.argv[3])))
 """
 
 

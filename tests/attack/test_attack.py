@@ -7,7 +7,7 @@ import pytest
 import seeded_faults
 import yaml_mutants
 from comparison import compare, own_motion
-from random_systems import random_case
+from random_systems import AIMED, MORE, random_case
 
 # the independent stepper compiles for 20 s; mutants, kills and full disks need processes of their own
 pytestmark = pytest.mark.slow
@@ -42,6 +42,10 @@ FOUND = {
     7007079: "a stop of no gap at which a mass rests until the input begins, seen late",
     8100004: "a contact that began and ended at t = 0, by round-off",
     8002001: "a stiff stop between masses that move together: round-off of its force in slow modes",
+    8004168: "an equilibrium beside a stiff stop, in coordinates that hardly feel it",
+    9000545: "a low derivative of a contact of no gap, hidden by the motion of a stiff stop",
+    10000012: "friction on the ground under a base that starts away from zero",
+    10000039: "Maxwell branches on the ground under a base that starts away from zero",
     8100246: "a contact that began and ended at t = 0, without the force of a pressed stop",
 }
 
@@ -49,6 +53,23 @@ FOUND = {
 @pytest.mark.parametrize("seed", FOUND)
 def test_what_was_found_before(tmp_path, seed):
     assert compare(seed, tmp_path).differences == []
+
+
+MORE_FEATURES = (
+    "table",
+    "Maxwell branches",
+    "friction behind a spring",
+    "friction that holds exactly",
+    "several forces",
+)
+
+
+def test_tables_branches_friction_forces_and_joints(tmp_path):
+    seeds = range(MORE, MORE + 24)
+    agreeing = assert_agreement(seeds, tmp_path)
+    features = {feature for f in agreeing for feature in f.features}
+    assert features.issuperset(MORE_FEATURES)
+    assert any(feature.startswith("joint") for feature in features)
 
 
 def test_the_same_contact_is_not_counted_twice(tmp_path):
@@ -107,6 +128,10 @@ def test_full_disks_and_places_that_cannot_be_written():
     assert codes["full: 2"] > 0
 
 
+def test_the_systems_aimed_at_seeded_faults_agree(tmp_path):
+    assert len(assert_agreement(AIMED, tmp_path)) == len(AIMED)
+
+
 def test_a_seeded_fault_is_caught():
-    """The others, and the twin without a fault, by `python -m tests.attack`."""
+    """Others, and the twin without a fault, by `python -m tests.attack`."""
     assert seeded_faults.catch("decay taken at the far end", 0, 20).startswith("seed 0: stop_1: event 1 of 1")
