@@ -10,6 +10,8 @@ from beamsim.analyses.run import analysis, parting, stretches
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.errors import ScenarioError
 from beamsim.flow import exact, long_motion
+from beamsim.flow.stopping import Stopped
+from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs import random_input, streamed
 from beamsim.inputs.random_input import random_signals
 from beamsim.outcomes import OutcomeCode
@@ -211,6 +213,32 @@ def test_an_interruption_evaluates_nothing_again(monkeypatch, pieces_made):
     assert result.impacts.begin.size > 0
     assert np.isfinite(result.probes["tip"].low_passed_acceleration).all()
     assert not any("spectra" in warning for warning in result.warnings)
+
+
+@pytest.mark.parametrize("memory", [64e6, 1e9], ids=["in stretches", "kept"])
+def test_an_interruption_of_the_spectra_samples_few_times(monkeypatch, memory):
+    """All samples were computed for spectra of samples: 17 s at 200 kHz over 40 s."""
+
+    def interrupted(*arguments):
+        raise Stopped
+
+    sampled, sample = [], Trajectory.sample
+
+    def counted(motion, times, output_of):
+        sampled.append(times.size)
+        return sample(motion, times, output_of)
+
+    monkeypatch.setattr(analysis, "SAMPLES_OF_A_STOPPED_RUN", 100)
+    monkeypatch.setattr(stretches, "FEW_SAMPLES", 100)
+    monkeypatch.setattr(analysis, "spectra_of_motion", interrupted)
+    monkeypatch.setattr(Trajectory, "sample", counted)
+    result = beamsim.run(scenario(memory=memory, sample_rate=20000.0))
+    assert result.outcome.code is OutcomeCode.INTERRUPTED
+    assert 50 < result.time.size <= 101
+    assert np.isfinite(result.probes["tip"].displacement).all()
+    assert np.isfinite(result.base_acceleration).all()
+    assert max(sampled) < 600  # of 2801
+    assert any("output times one is kept" in warning for warning in result.warnings)
 
 
 def test_an_interruption_in_the_first_stretch_keeps_samples(monkeypatch):

@@ -162,7 +162,7 @@ def run(
     except Stopped:
         whole = not motion.outcome.interrupted  # else the outcome says where in time the motion ends
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the spectra") if whole else motion.outcome
-        motion = replace(motion, trajectory=None, outcome=outcome)
+        motion = replace(_with_few_times(motion), trajectory=None, outcome=outcome)
         spectra = _spectra(scenario, system, motion)  # of the samples
     with_inputs = (motion.few_inputs if motion.outcome.interrupted else None) or system
     result = RunResult(
@@ -242,8 +242,7 @@ def _with_few_samples(result: RunResult, system: StructuralSystem, motion: _RunM
     step = _step_of_few(motion.histories.count)
     if step == 1:
         return result
-    low_passed = None if motion.low_passed is None else motion.low_passed[::step]
-    few = replace(motion, histories=motion.few or motion.histories.every(step), low_passed=low_passed)
+    few = _with_few_times(motion)
     system = motion.few_inputs or system
     outcome = result.outcome
     if outcome.complete:
@@ -275,6 +274,19 @@ def _with_impacts(
     except Stopped:
         return _given_up(result, "statistics of impacts or the damage of stress")
     return result
+
+
+def _with_few_times(motion: _RunMotion) -> _RunMotion:
+    """The motion at those of many output times that are quickly sampled and written."""
+    step = _step_of_few(motion.histories.count)
+    if step == 1:
+        return motion
+    return replace(
+        motion,
+        histories=motion.few or motion.histories.every(step),
+        low_passed=None if motion.low_passed is None else motion.low_passed[::step],
+        warnings=(*motion.warnings, _KEPT.format(step)),
+    )
 
 
 def _impacts_of(system: StructuralSystem, motion: _RunMotion, settings: ImpactSettings) -> ImpactRecord:
