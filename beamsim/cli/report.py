@@ -166,8 +166,12 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
 
 
 def _natural_frequencies(result: Result, opened: Sequence[float]) -> dict[str, str]:
-    """With open and with closed contacts; once where they are the same."""
-    closed = result.summary["closed_frequencies_hz"]
+    """Those of the modes kept, with open and with closed contacts; once where they are the same.
+
+    What the static vectors add are no frequencies of the structure.
+    """
+    kept = result.summary.get("kept_modes", len(opened))
+    opened, closed = opened[:kept], result.summary["closed_frequencies_hz"][:kept]
     states = {"open": str(shown(opened, "Hz")), "closed": str(shown(closed, "Hz"))}
     return states if opened != closed else {"": states["open"]}
 

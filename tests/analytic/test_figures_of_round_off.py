@@ -5,6 +5,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.designs.analysis import design_study
+from beamsim.cli.report import table_rows
 from beamsim.outcomes import OutcomeCode
 
 PINNED = {
@@ -58,3 +59,14 @@ def test_a_contact_throughout_has_no_opening():
     vary = {"kind": "grid", "parameters": [{"path": "snubbers.stop.stiffness", "values": [600.0, 700.0]}]}
     study = design_study(beamsim.load_scenario({**case, "vary": vary}), workers=1)
     np.testing.assert_array_equal(study.table["snubbers/stop/largest_gap"], 0.0)
+
+
+def test_frequencies_of_static_vectors_are_not_natural_frequencies():
+    """With three modes and a static vector a fourth one was printed, 80 % above that of the beam."""
+    case = {**PINNED, "reduction": {"modes": 3}, "run": {**PINNED["run"], "duration": 0.01}}
+    result = beamsim.run(beamsim.load_scenario(case))
+    (opened, closed) = (text for name, text in table_rows("run", result) if text.startswith(("open ", "closed ")))
+    assert opened.split()[1:] == ["56.01,", "224,", "504.1", "Hz"]
+    assert len(closed.split()) == 5
+    assert not any("frequencies" in name for name in result.summary["doubtful"])
+    assert set(result.summary["convergence"]["open_frequencies_hz"]) == {"1", "2", "3"}

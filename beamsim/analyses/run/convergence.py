@@ -152,6 +152,7 @@ def check_convergence(
             changes, lines = _with_lines(derived, _no_changes(_compared(first.figures) | derived.reported()))
             checked = Convergence(changes, lines=lines)
         return _disturbed_alone(checked, first, derived, disturbed, begin)
+    first = replace(first, figures=_of_modes(first.figures, modes))
     finer = scenario.refined(math.ceil(MORE_MODES * modes))
     try:
         second = solve(build_system(finer))
@@ -499,6 +500,11 @@ def _compared(figures: Mapping[str, Any]) -> Changes:
         else:
             compared[name] = dict(value) if isinstance(value, Mapping) else float(value)
     return compared
+
+
+def _of_modes(figures: Mapping[str, Any], modes: int) -> dict[str, Any]:
+    """The figures without the frequencies that static vectors add, which are not those of the structure."""
+    return {name: value[:modes] if isinstance(value, Sequence) else value for name, value in figures.items()}
 
 
 def _no_changes(figures: Changes) -> Changes:
