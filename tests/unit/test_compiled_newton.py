@@ -9,7 +9,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.response.paths import response_model
-from beamsim.flow.passage import Frequency
+from beamsim.flow.passage import Frequency, NotFinite
 from beamsim.flow.stopping import Stopped, heeding
 from beamsim.orbits.compiled_newton import NotCompiled, compiled_newton
 from beamsim.orbits.continuation import Settings, newton
@@ -90,6 +90,18 @@ def test_light_damping_is_left_to_python():
         compiled_newton(problem.flow, Frequency(), problem.omega, problem.level, 1, 1e-6, *arguments)
     own, python = problem.newton(*arguments, np.inf), newton(problem, *arguments)
     assert (own is None) == (python is None)
+
+
+def test_loads_that_are_not_finite_are_left_to_python_which_says_so():
+    problem = problem_of("frequency", 65.0)
+    guess = np.append(np.zeros(problem.flow.size), problem.flow.omega)
+    scale, row = problem.scale(guess)[0], np.eye(guess.size)[-1]
+    with pytest.raises(NotCompiled):
+        compiled_newton(problem.flow, Frequency(), problem.omega, np.nan, 1, 1e-6, guess, row, 1.0, scale, SETTINGS)
+    problem.level = np.nan
+    with pytest.raises(NotFinite):
+        problem.residual(guess)
+    assert problem.newton(guess, row, 1.0, scale, SETTINGS, np.inf) is None
 
 
 def test_a_request_to_stop_ends_it():

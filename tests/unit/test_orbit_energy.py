@@ -10,7 +10,9 @@ from beamsim.analyses.response.analysis import frequency_response
 from beamsim.analyses.response.paths import response_model
 from beamsim.analyses.run import orbit_energy
 from beamsim.cli.conclusion import exit_code
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.variational import VariationalFlow
+from beamsim.orbits.continuation import newton
+from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import OutcomeCode, OutcomeKind
 from beamsim.scenario import Scenario
 
@@ -92,12 +94,13 @@ def test_a_response_out_of_balance_is_not_trusted(monkeypatch):
 @pytest.mark.parametrize("stop", [{}, {"law": "no_tension"}], ids=str)
 def test_a_search_that_leaves_the_range_of_numbers_says_so(monkeypatch, stop):
     """The base's level becomes NaN above 0.77 Hz: before, the outcome was that of a step too small."""
-    at = PeriodicForcing.at
+    change = VariationalFlow.set
 
-    def broken(loads, omega, level):
-        return at(loads, omega, np.nan if omega > 2 * np.pi * 0.77 else level)
+    def broken(flow, omega=None, level=None):
+        change(flow, omega, np.nan if omega is not None and omega > 2 * np.pi * 0.77 else level)
 
-    monkeypatch.setattr(PeriodicForcing, "at", broken)
+    monkeypatch.setattr(VariationalFlow, "set", broken)
+    monkeypatch.setattr(ForcedOrbits, "newton", newton)  # not compiled: that would not call it
     result = frequency_response(forced("linear", stop=stop))
     ends = result.outcome.all_of(OutcomeCode.ORBIT_NOT_FINITE)
     ends += [b.outcome for b in result.branches if b.outcome.code is OutcomeCode.ORBIT_NOT_FINITE]
