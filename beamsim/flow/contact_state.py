@@ -60,12 +60,10 @@ class LinearOutput:
         """(n, k) outputs at states y (n, N), with the inputs and their time derivatives (n, F)."""
         return np.asarray(y @ self.row.T + inputs @ self.direct.T + slopes @ self.direct_slope.T)
 
-    def at(self, y: Floats, inputs: Complexes) -> tuple[Floats, Floats]:
-        """(k,) values at a state (N,) and inputs with their time derivatives (2, F), and sums of their terms' sizes."""
-        value = self.row @ y + (self.direct @ inputs[0] + self.direct_slope @ inputs[1]).real
-        size = np.abs(self.row) @ np.abs(y)
-        size += np.abs(self.direct) @ np.abs(inputs[0]) + np.abs(self.direct_slope) @ np.abs(inputs[1])
-        return value, size
+    def above(self, other: LinearOutput) -> LinearOutput:
+        """These outputs and then the others."""
+        pairs = (self.row, other.row), (self.direct, other.direct), (self.direct_slope, other.direct_slope)
+        return LinearOutput(*(np.concatenate(pair) for pair in pairs))
 
     def __neg__(self) -> LinearOutput:
         return LinearOutput(-self.row, -self.direct, -self.direct_slope)

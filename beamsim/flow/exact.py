@@ -417,19 +417,10 @@ class ExactFlow:
         """
         inputs = given * basis_derivatives(self.sources.exponent, self.sources.power, 0.0, HIGHEST_DERIVATIVE + 2)
         fit = self._round_off_of_fits(given)
-        sign, orders = np.zeros(functions.row.shape[0]), np.zeros(functions.row.shape[0], dtype=np.int64)
-        y, doubt, rates = state, EPS * np.abs(state), None
-        for order in range(HIGHEST_DERIVATIVE + 1):
-            value, terms = functions.at(y, inputs[order : order + 2])
-            hidden = ROUND_OFF * terms + np.abs(functions.row) @ doubt + np.abs(functions.direct) @ fit[order]
-            beyond = (sign == 0.0) & (np.abs(value) > hidden)
-            sign[beyond], orders[beyond] = np.sign(value[beyond]), order
-            if np.all(sign):
-                break
-            rates = self._rates(phases) if rates is None else rates
-            y, terms = rates.at(y, inputs[order : order + 2])
-            doubt = np.abs(rates.row) @ doubt + EPS * terms + np.abs(rates.direct) @ fit[order]
-        return sign, orders
+        signs, orders = _signs(functions, functions.row.shape[0], inputs[:2], fit[:1], state)
+        if np.all(signs):
+            return signs, orders
+        return _signs(functions.above(self._rates(phases)), functions.row.shape[0], inputs, fit, state)
 
     def _round_off_of_fits(self, given: Complexes) -> Floats:
         """(orders, F) of the derivatives of inputs that are fitted by polynomials (swept sines), with amplitudes (F,).
@@ -457,3 +448,26 @@ class ExactFlow:
                 own.row, own.direct, own.direct_slope
             )  # fmt: skip
         return output
+
+
+def _signs(output: LinearOutput, count: int, inputs: Complexes, fit: Floats, state: Floats) -> tuple[Floats, Ints]:
+    """As `ExactFlow._first_signs`, of ``count`` functions, which in ``output`` stand above the rates of the state.
+
+    ``inputs`` (orders + 1, F) are the derivatives of the inputs, ``fit`` (orders, F) their round-off.
+    """
+    row, size, direct = output.row, np.abs(output.row), np.abs(output.direct)
+    driven = (inputs[:-1] @ output.direct.T + inputs[1:] @ output.direct_slope.T).real
+    parts = np.abs(inputs)
+    terms_of_inputs = parts[:-1] @ direct.T + parts[1:] @ np.abs(output.direct_slope).T
+    fitted = fit @ direct.T
+    signs, orders = np.zeros(count), np.zeros(count, dtype=np.int64)
+    y, doubt = state, EPS * np.abs(state)
+    for order in range(fit.shape[0]):
+        value, terms = row @ y + driven[order], size @ np.abs(y) + terms_of_inputs[order]
+        hidden = size @ doubt + fitted[order]
+        beyond = (signs == 0.0) & (np.abs(value[:count]) > ROUND_OFF * terms[:count] + hidden[:count])
+        signs[beyond], orders[beyond] = np.sign(value[:count][beyond]), order
+        if np.all(signs):
+            break
+        y, doubt = value[count:], EPS * terms[count:] + hidden[count:]
+    return signs, orders
