@@ -379,7 +379,9 @@ class ExactFlow:
         start = contacts.starting_at(rate @ state[n : 2 * n], AT_REST * np.abs(rate) @ np.abs(state[n : 2 * n]))
         phases, entered = start, np.zeros(contacts.count, dtype=bool)
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
-        given = self.sources.amplitudes_at(np.array([time]), piece)
+        given = self.sources.amplitudes_at(np.array([time]), piece)[0]
+        inputs = given * basis_derivatives(self.sources.exponent, self.sources.power, 0.0, HIGHEST_DERIVATIVE + 2)
+        fit = self._round_off_of_fits(given)
         unvisited = [set(range(len(law.phases))) - {int(k)} for law, k in zip(contacts.laws, start, strict=True)]
 
         entered_by = np.zeros(contacts.count, dtype=np.int64)  # order of the derivative
@@ -393,7 +395,7 @@ class ExactFlow:
             index = self.state_index(phases)
             watched = self._tables.watched[index]
             guards = self.watched(watched, phases).some(slice(0, watched.guards))
-            signs, orders = self._first_signs(guards, phases, given[0], state)
+            signs, orders = self._first_signs(guards, phases, inputs, fit, state)
             acting = [g for g in range(watched.guards) if signs[g] < 0 and hands_over(watched, g, int(orders[g]))]
             if not acting:
                 return phases, entered & (phases != start)
@@ -407,16 +409,14 @@ class ExactFlow:
             entered_by[j] = orders[g]
 
     def _first_signs(
-        self, functions: LinearOutput, phases: Ints, given: Complexes, state: Floats
+        self, functions: LinearOutput, phases: Ints, inputs: Complexes, fit: Floats, state: Floats
     ) -> tuple[Floats, Ints]:
         """(k,) signs and orders of the first derivatives of functions at a start that are beyond their round-off.
 
-        ``given`` (F,) are the inputs' amplitudes, ``state`` (N,) the motion. A sign is 0 where all derivatives are
-        within round-off. The derivatives of the state follow from the equation of motion: in a sum over the modes of
-        a stiff contact the round-off of the highest would hide them.
+        ``inputs`` (orders + 1, F) are the derivatives of the inputs, ``fit`` (orders, F) their round-off. A sign is 0
+        where all derivatives are within round-off. The derivatives of the state follow from the equation of motion: in
+        a sum over the modes of a stiff contact the round-off of the highest would hide them.
         """
-        inputs = given * basis_derivatives(self.sources.exponent, self.sources.power, 0.0, HIGHEST_DERIVATIVE + 2)
-        fit = self._round_off_of_fits(given)
         signs, orders = _signs(functions, functions.row.shape[0], inputs[:2], fit[:1], state)
         if np.all(signs):
             return signs, orders
