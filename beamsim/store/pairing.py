@@ -41,7 +41,7 @@ def pair_channels(
         signal = channel_named(
             signals, channel or signals[0].name, quantity or "absolute_acceleration", path, required=channel is not None
         )
-        compared = quantity or _quantity_of(signal.name, unit or signal.unit)
+        compared = quantity or _quantity_of(signal.name, signal.unit or unit or "")
         at = place or _place_of(signal, list(result.snubbers if compared == "force" else result.probes), path)
         _known(result, at, compared)
         return [(at, compared, in_si(signal, unit, compared, "--unit"))]
