@@ -12,7 +12,7 @@ import numpy as np
 
 import beamsim
 from beamsim.analyses.designs.analysis import check_cases, design_study, plan_designs
-from beamsim.analyses.run.analysis import exact_flow
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 from benchmarks.measure import CASE, SECONDS, command, imports, march, processor_time

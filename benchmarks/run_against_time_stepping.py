@@ -20,7 +20,7 @@ from numba import njit
 from scipy.integrate import ode
 
 import beamsim
-from beamsim.analyses.run.analysis import exact_flow
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.flow.reference import integrate
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import analysis
+from beamsim.analyses.run import exact_motion
+from beamsim.analyses.run.motion import memory_of
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt, no_tension
 from beamsim.errors import ScenarioError
@@ -111,13 +112,13 @@ def test_the_summary_says_how_many_states_are_kept_where_some_were_dropped():
     settings = beamsim.load_scenario(CASE, SHORT).run
     for most, kept in ((5, 5), (None, None)):
         flow = simulate(flow_of(most), np.zeros(2 * N)).flow
-        assert analysis._memory(flow, settings).get("contact_states_kept") == kept
+        assert memory_of(flow, settings).get("contact_states_kept") == kept
 
 
 def test_the_setting_reaches_the_run(monkeypatch):
     given = []
-    original = analysis.exact_flow
-    monkeypatch.setattr(analysis, "exact_flow", lambda *a, **k: given.append(a[2]) or original(*a, **k))
+    original = exact_motion.exact_flow
+    monkeypatch.setattr(exact_motion, "exact_flow", lambda *a, **k: given.append(a[2]) or original(*a, **k))
     for most in (2, None):
         beamsim.run(beamsim.load_scenario(CASE, {**SHORT, "run.most_contact_states": most}))
     assert given == [2, None]

@@ -54,7 +54,7 @@ def counted(monkeypatch):
         ("beamsim.scenario.draws", "load_scenario"),
         ("importlib.metadata", "version"),
         ("beamsim.flow.exact", "build_state"),
-        ("beamsim.analyses.run.analysis", "spectra_of_motion"),
+        ("beamsim.analyses.run.motion", "spectra_of_motion"),
         ("beamsim.structures.beam", "beam_recovery"),
         ("beamsim.flow.kernels", "extremes"),
         ("scipy.sparse.linalg", "splu"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import analysis, asked
+from beamsim.analyses.run import asked, exact_motion
 from beamsim.analyses.run.energy import (
     LARGEST_ERROR,
     LEAST_SEGMENTS,
@@ -43,7 +43,7 @@ def tampered(share, since):
 
 @pytest.mark.parametrize(("share", "trusted"), [(0.0, True), (1e-8, True), (1e-4, False)])
 def test_lost_energy_is_an_outcome_with_its_time(monkeypatch, share, trusted):
-    monkeypatch.setattr(analysis, "simulate", tampered(share, 0.05))
+    monkeypatch.setattr(exact_motion, "simulate", tampered(share, 0.05))
     result = beamsim.run(load_scenario(CASE, SHORT))
     assert result.outcome.trusted is result.outcome.complete is trusted
     assert (result.summary["energy_error"] <= LARGEST_ERROR) is trusted
@@ -57,7 +57,7 @@ def test_lost_energy_is_an_outcome_with_its_time(monkeypatch, share, trusted):
 
 
 def test_lost_energy_is_stored_with_its_code(monkeypatch, tmp_path):
-    monkeypatch.setattr(analysis, "simulate", tampered(1e-4, 0.05))
+    monkeypatch.setattr(exact_motion, "simulate", tampered(1e-4, 0.05))
     write_result(beamsim.run(load_scenario(CASE, SHORT)), tmp_path / "case.h5")
     assert beamsim.open_result(tmp_path / "case.h5").outcome.code is OutcomeCode.ENERGY_NOT_BALANCED
 
@@ -66,7 +66,7 @@ def test_a_start_that_is_not_finite_has_an_outcome():
     system = build_system(load_scenario(CASE, SHORT))
     start = system.initial_state.copy()
     start[0] = np.nan
-    motion = simulate(analysis.exact_flow(system, 0.1), start)
+    motion = simulate(exact_motion.exact_flow(system, 0.1), start)
     assert motion.outcome.code is OutcomeCode.NOT_FINITE
     assert motion.outcome.numbers["time"] == motion.end == 0.0
     assert not motion.outcome.complete
@@ -80,7 +80,7 @@ def test_a_motion_that_overflows_is_kept_up_to_there(monkeypatch):
         later = motion.time[:, None] >= 0.05
         return replace(motion, y=np.where(later, np.inf, motion.y), final_y=motion.final_y * np.inf).up_to_finite()
 
-    monkeypatch.setattr(analysis, "simulate", solver)
+    monkeypatch.setattr(exact_motion, "simulate", solver)
     result = beamsim.run(load_scenario(CASE, SHORT))
     assert result.outcome.code is OutcomeCode.NOT_FINITE
     end = result.outcome.numbers["time"]
@@ -104,7 +104,7 @@ def test_energies_beyond_floating_point_are_an_outcome(size):
 
 def test_the_search_for_extremes_ends_whatever_the_size():
     system = build_system(load_scenario(CASE, SHORT))
-    motion = tampered(1e200, 0.05)(analysis.exact_flow(system, 0.1), system.initial_state)
+    motion = tampered(1e200, 0.05)(exact_motion.exact_flow(system, 0.1), system.initial_state)
     delta, _ = motion.flow.penetrations
     highest, _, evaluations = motion.maxima(lambda _: delta, np.zeros(1), np.zeros(1))
     assert np.isfinite(highest[0])

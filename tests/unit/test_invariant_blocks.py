@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from beamsim.analyses.run.analysis import exact_flow
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.flow.invariant_blocks import block_diagonalise, second_order_blocks
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system

@@ -170,13 +170,13 @@ def test_envelopes_of_parts_are_those_of_the_whole(monkeypatch):
 
 
 def test_the_bound_on_memory_is_in_the_summary_and_ends_a_motion_that_exceeds_it(monkeypatch):
-    from beamsim.analyses.run import analysis
+    from beamsim.analyses.run import exact_motion
 
     short = {"run.duration": "0.5 s", "run.sample_rate": "1 kHz"}
     result = long_run(**short, **{"run.memory": "100 MB"})
     assert result.summary["memory_bytes"] == 100_000_000
     assert result.complete
-    monkeypatch.setattr(analysis, "events_in_memory", lambda flow, memory: int(memory / 1e7))
+    monkeypatch.setattr(exact_motion, "events_in_memory", lambda flow, memory: int(memory / 1e7))
     limited = long_run(**short, **{"run.memory": "100 MB"})
     assert limited.summary["events"] < 15 < result.summary["events"]
     assert "raise run.memory" in limited.status

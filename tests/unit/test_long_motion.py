@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import analysis, parting, stretches
+from beamsim.analyses.run import analysis, long_run, parting, stretches
+from beamsim.analyses.run import motion as run_motion
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.errors import ScenarioError
 from beamsim.flow import exact, long_motion
@@ -34,9 +35,10 @@ def scenario(**run):
 def small_parts(monkeypatch):
     monkeypatch.setattr(random_input, "PIECES_AT_HAND", 1000)
     monkeypatch.setattr(streamed, "PIECES_OF_A_BLOCK", 700)
-    for module in (long_motion, analysis):
+    for module in (long_motion, long_run):
         monkeypatch.setattr(module, "CHECKPOINT_PIECES", 256)
-    monkeypatch.setattr(analysis, "BYTES_A_PIECE", 12800)
+    for module in (analysis, long_run):
+        monkeypatch.setattr(module, "BYTES_A_PIECE", 12800)
     monkeypatch.setattr(stretches, "SEEDS_OF_A_STRETCH", 8)
 
 
@@ -228,9 +230,9 @@ def test_an_interruption_of_the_spectra_samples_few_times(monkeypatch, memory):
         sampled.append(times.size)
         return sample(motion, times, output_of)
 
-    monkeypatch.setattr(analysis, "SAMPLES_OF_A_STOPPED_RUN", 100)
+    monkeypatch.setattr(run_motion, "SAMPLES_OF_A_STOPPED_RUN", 100)
     monkeypatch.setattr(stretches, "FEW_SAMPLES", 100)
-    monkeypatch.setattr(analysis, "spectra_of_motion", interrupted)
+    monkeypatch.setattr(run_motion, "spectra_of_motion", interrupted)
     monkeypatch.setattr(Trajectory, "sample", counted)
     result = beamsim.run(scenario(memory=memory, sample_rate=20000.0))
     assert result.outcome.code is OutcomeCode.INTERRUPTED

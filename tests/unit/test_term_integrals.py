@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.analysis import exact_flow
 from beamsim.analyses.run.energy import power_factors
-from beamsim.analyses.run.outputs import output_groups
+from beamsim.analyses.run.outputs import exact_flow, output_groups
 from beamsim.flow import fourier_kernels, integral_kernels, march_kernels
 from beamsim.flow.fourier import MotionPart
 from beamsim.flow.quadratic_forms import forms

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import analysis, histories
+from beamsim.analyses.run import exact_motion, histories
+from beamsim.analyses.run import motion as run_motion
 from beamsim.analyses.run.energy import energy_history
 from beamsim.flow import fourier, integral_kernels, kernels, march_kernels
 from beamsim.flow.exact import ExactFlow
@@ -49,7 +50,7 @@ def calls(monkeypatch):
 def test_energies_of_a_panel_thrown_on_a_stiff_damped_stop(calls):
     """Decays of 1e-8 s in a second of motion: panels as short as these would be 1e7 a contact-free segment."""
     system = build_system(load_scenario(CONFIGS / "released_panel.yaml", STIFF))
-    motion = simulate(analysis.exact_flow(system, 1.0), system.initial_state)
+    motion = simulate(exact_motion.exact_flow(system, 1.0), system.initial_state)
     assert max(np.abs(s.exponent).max() for s in motion.flow.states) > 9e7
     assert any(s.power.any() for s in motion.flow.states)  # the rigid rotation
     times = np.linspace(0.0, 1.0, 10_001)
@@ -119,18 +120,18 @@ def test_a_stopped_run_keeps_its_motion(monkeypatch):
 
 def test_fourier_integrals_in_pieces_are_those_in_one(monkeypatch):
     system = build_system(load_scenario(CONFIGS / "one_sided_65hz.yaml"))
-    motion = simulate(analysis.exact_flow(system, 0.8), system.initial_state)
-    acceleration = analysis.output_groups(system, motion.flow).groups["acceleration"]
-    part = fourier.MotionPart.of(motion, acceleration, 0.05, 0.2, np.inf).one(0)
+    motion = simulate(exact_motion.exact_flow(system, 0.8), system.initial_state)
+    acceleration = exact_motion.output_groups(system, motion.flow).groups["acceleration"]
+    one, other = (fourier.MotionPart.of(motion, acceleration, 0.05, 0.2, np.inf).one(0) for _ in range(2))
     omega = 2 * np.pi * np.linspace(0.0, 2000.0, 700)
     calls = []
     summed = fourier.summed_integrals
     monkeypatch.setattr(fourier, "summed_integrals", lambda *a: calls.append(a[3].size) or summed(*a))
-    whole = part.integrals(omega)
+    whole = one.integrals(omega)
     assert calls == [700] * (2 * len(motion.flow.states))  # terms and their conjugates
     calls.clear()
     monkeypatch.setattr(fourier, "EXPONENTIALS_A_CALL", 3000)
-    pieces = part.integrals(omega)
+    pieces = other.integrals(omega)
     assert max(calls) < 150
     np.testing.assert_allclose(pieces, whole, rtol=1e-12, atol=1e-13 * np.abs(whole).max())
 
@@ -150,7 +151,7 @@ def test_a_run_that_is_stopped_during_its_spectra_has_those_of_its_samples(name,
 
 
 def test_a_stopped_run_with_many_samples_keeps_some_of_its_whole_motion(monkeypatch):
-    monkeypatch.setattr(analysis, "SAMPLES_OF_A_STOPPED_RUN", 50)
+    monkeypatch.setattr(run_motion, "SAMPLES_OF_A_STOPPED_RUN", 50)
     scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml")
     whole = beamsim.run(scenario, stop=lambda: False)
     part = beamsim.run(scenario, stop=lambda: True)

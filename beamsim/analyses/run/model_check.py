@@ -1,0 +1,71 @@
+"""Whether the figures of a run depend on its model: the case again with a finer one and small disturbances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.analyses.run.convergence import Convergence, Solution, check_convergence, march_again, solve_exactly
+from beamsim.analyses.run.derived import DerivedFigures, OutputSamples
+from beamsim.analyses.run.motion import RunMotion, output_times
+from beamsim.analyses.run.parting import ContactEvents
+from beamsim.analyses.run.stepped_motion import stepped_motion_of
+from beamsim.analyses.run.summary import figures_of_motion
+from beamsim.flow.stopping import Stopped, check_stop, heeding
+from beamsim.scenario.run import OrbitStart
+from beamsim.system.structural import StructuralSystem
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+
+
+def convergence_of(
+    scenario: Scenario,
+    system: StructuralSystem,
+    motion: RunMotion,
+    figures: Mapping[str, Any],
+    derived: DerivedFigures,
+    stop: Callable[[], bool],
+) -> Convergence | None:
+    """What a finer model changes; None where that is not asked for, or the run is not complete."""
+    settings = scenario.run
+    assert settings is not None
+    if settings.convergence == "off" or not motion.outcome.complete:
+        return None
+
+    def solve(finer: StructuralSystem) -> Solution:
+        if finer.cubic.count:
+            again = stepped_motion_of(finer, settings, output_times(settings), None, stop)
+            check_stop()
+            assert again.contact_events is not None
+            sampled = OutputSamples(again.histories.time, again.histories.values)
+            return Solution(finer, settings, figures_of_motion(finer, again), again.contact_events, sampled=sampled)
+        seeds = np.concatenate([times for _, low, _, high in motion.extremes.values() for times in (low, high)])
+        return solve_exactly(finer, settings, seeds, motion.work, stop)
+
+    kept = {name: figures[name] for name in figures_of_motion(system, motion)}
+    assert motion.contact_events is not None
+    first = Solution(system, settings, kept, motion.contact_events, motion.trajectory)
+
+    def disturbed(share: float, end: float) -> ContactEvents:
+        again = march_again(disturbed_system(system, share), settings, end, motion.work, stop)
+        return ContactEvents.of(again, len(system.snubbers))
+
+    try:
+        with heeding(stop):
+            check_stop()  # before a finer model is built
+            return check_convergence(
+                scenario, first, derived, None if isinstance(settings.start, OrbitStart) else solve,
+                None if motion.trajectory is None else disturbed,
+            )  # fmt: skip
+    except Stopped:
+        return Convergence({}, reason="interrupted")
+
+
+def disturbed_system(system: StructuralSystem, share: float) -> StructuralSystem:
+    """The system with its stiffness changed by a share of itself."""
+    dynamics = replace(system.dynamics, stiffness=(1.0 + share) * system.dynamics.stiffness)
+    return replace(system, dynamics=dynamics)

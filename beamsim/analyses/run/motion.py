@@ -1,0 +1,322 @@
+"""The motion of a run at its output times, and what a result holds of it, by place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.analyses.run.energy import EnergyBalance
+from beamsim.analyses.run.figures import Extreme, Extremes, largest, largest_pulls
+from beamsim.analyses.run.friction import friction_contacts, sliding_figures
+from beamsim.analyses.run.histories import Histories
+from beamsim.analyses.run.impacts import ImpactRecord
+from beamsim.analyses.run.output_times import OutputTimes
+from beamsim.analyses.run.outputs import OutputSet, energies_of_rows, output_groups
+from beamsim.analyses.run.parting import ContactEvents
+from beamsim.analyses.run.result import (
+    ONLY_BEAM,
+    BodyResult,
+    ContactInstant,
+    EventLog,
+    FrictionHistory,
+    OutputHistory,
+    ProbeHistory,
+    SnubberHistory,
+    Spectrum,
+    SpringHistory,
+    Work,
+)
+from beamsim.analyses.run.spectra import SPECTRAL_GROUPS, spectra_of_motion, spectra_of_samples
+from beamsim.contacts.springs import FRICTION
+from beamsim.errors import Problem, ScenarioError
+from beamsim.fields import later
+from beamsim.flow.long_motion import LongMotion
+from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats
+
+if TYPE_CHECKING:
+    from beamsim.flow.exact import ExactFlow
+    from beamsim.flow.reference import ReferenceTrajectory
+    from beamsim.flow.trajectory import Trajectory
+    from beamsim.scenario import Run, Scenario
+
+MOST_SAMPLES = 50_000_000
+SAMPLES_OF_A_STOPPED_RUN = 20_000
+KEPT = "interrupted: of {} output times one is kept"
+SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
+
+
+def histories_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[str, Any]:
+    """Everything at the output times, as fields of the result."""
+    return {
+        "time": motion.histories.signal(lambda time: time),
+        "probes": _probes(system, motion),
+        "snubbers": _snubbers(system, motion),
+        "springs": _springs(system, motion),
+        "friction": _friction(scenario, system, motion),
+        "outputs": _outputs(system, motion),
+        "base_acceleration": motion.histories.signal(partial(_signal, system.base_acceleration)),
+        "base_displacement": motion.histories.signal(partial(_signal, system.base_displacement)),
+        "energy": motion.histories.energies(),
+    }
+
+
+@dataclass(frozen=True)
+class RunMotion:
+    """The motion at the output times, from the closed form or from time stepping."""
+
+    method: str
+    outcome: Outcome
+    histories: Histories
+    balance: EnergyBalance
+    events: EventLog
+    breakpoints: int  # of piecewise-linear springs that were passed, the start left out
+    extremes: Extremes
+    station_extremes: Callable[[], Extreme]  # of the stress at every station
+    extreme_times: Floats  # (2,) of the lowest and highest point of the first probe
+    extreme_states: Floats  # (2, 2n) there
+    state_at: Callable[[float], Floats]  # (2n or more,) at a time; of a time-stepped motion at the nearest output time
+    contact_share: Floats
+    work: Work
+    low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
+    trajectory: Trajectory | None = None  # of the closed form
+    parts: Callable[[], Iterable[Trajectory]] = tuple  # the same, one after the other where it is not kept
+    von_mises: Mapping[str, Floats] = field(default_factory=dict)  # (nx,) Pa, largest of the samples, by plate
+    memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
+    few: Histories | None = None  # evenly spaced samples, where all take as long as the march
+    few_inputs: StructuralSystem | None = None  # with inputs that are known at their times alone
+    impacts: ImpactRecord | None = None  # of a motion that is not kept
+    finer: Mapping[str, Floats] | None = None  # samples of a time-stepped motion, a whole number for each output time
+    warnings: tuple[str, ...] = ()
+    contact_events: ContactEvents | None = None
+
+    def column(self, group: str, index: int) -> Floats:
+        """(nt,) one output, computed when it is read."""
+        return self.histories.history(lambda time, values: values[group][:, index])
+
+
+def output_times(settings: Run) -> OutputTimes:
+    """The times at which the motion is asked for."""
+    rate = settings.output_rate
+    count = int(np.floor(settings.duration * rate * (1 + 1e-12))) + 1
+    if count > MOST_SAMPLES:
+        raise ScenarioError(
+            Problem(
+                "run.sample_rate",
+                f"= {rate:g} Hz over run.duration = {settings.duration:g} s gives {count:.3g} samples "
+                f"(at most {MOST_SAMPLES:.3g} are kept)",
+                "lower one of the two; contacts and peaks are exact whatever the sample rate",
+            )
+        )
+    return OutputTimes(rate, count)
+
+
+def memory_of(flow: ExactFlow, settings: Run) -> dict[str, int]:
+    """Bounds on the memory of a run, for the summary."""
+    kept = {"contact_states_kept": len(flow.states)} if flow.dropped else {}
+    return {"memory_bytes": round(settings.memory), **kept}
+
+
+def few_times(times: OutputTimes) -> tuple[OutputTimes, tuple[str, ...]]:
+    """Of many output times those that are quickly sampled and written, with a warning."""
+    step = step_of_few(times.size)
+    return times.every(step), (KEPT.format(step),) if step > 1 else ()
+
+
+def step_of_few(count: int) -> int:
+    """Of so many output times, every which one is kept of a run that is stopped."""
+    return max(-(-count // SAMPLES_OF_A_STOPPED_RUN), 1)
+
+
+def pull_warnings(system: StructuralSystem, motion: RunMotion) -> list[str]:
+    """A warning for each snubber whose dashpot pulls before the contact opens."""
+    forces = motion.extremes["force"]
+    pulls = largest_pulls(forces)
+    return [
+        f"snubbers.{s.name}: its dashpot pulls with up to {pulls[j]:.3g} N before the contact opens; law: no_tension "
+        "opens it before"
+        for j, s in enumerate(system.snubbers)
+        if pulls[j] > SMALLEST_PULL * forces[2][j]
+    ]
+
+
+def with_limit(outcome: Outcome, limit: str = "run.max_events") -> Outcome:
+    """The outcome, with the key of the scenario that limits the events."""
+    return outcome.but(limit=limit) if outcome.code is OutcomeCode.EVENT_LIMIT else outcome
+
+
+def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
+    """A signal at these times; zero where there is none."""
+    return np.zeros(times.size) if signal is None else signal(times)
+
+
+def _probes(system: StructuralSystem, motion: RunMotion) -> dict[str, ProbeHistory]:
+    """History of every probe."""
+
+    def absolute(i: int, time: Floats, values: Mapping[str, Floats]) -> Floats:
+        carried = system.carried[i] * _signal(system.base_displacement, time)
+        return np.asarray(values["displacement"][:, i] + carried)
+
+    return {
+        probe.name: ProbeHistory(
+            name=probe.name,
+            position=probe.position,
+            across=probe.across,
+            displacement=motion.column("displacement", i),
+            absolute_displacement=motion.histories.history(partial(absolute, i)),
+            velocity=motion.column("velocity", i),
+            absolute_acceleration=motion.column("acceleration", i),
+            low_passed_acceleration=None
+            if motion.low_passed is None
+            else motion.histories.kept(motion.low_passed[:, i]),
+        )
+        for i, probe in enumerate(system.probes)
+    }
+
+
+def _snubbers(system: StructuralSystem, motion: RunMotion) -> dict[str, SnubberHistory]:
+    """History of every snubber."""
+    return {
+        s.name: SnubberHistory(
+            name=s.name,
+            position=s.position,
+            across=s.across,
+            side=s.side,
+            stiffness=s.stiffness,
+            dashpot=s.dashpot,
+            gap=s.gap,
+            preload=s.preload,
+            blocked_force=s.blocked_force,
+            stiffness_ratio=s.stiffness_ratio,
+            table_misfit=s.table_misfit,
+            force=motion.column("force", j),
+            penetration=motion.column("penetration", j),
+            closed=motion.histories.closed(j),
+            displacement=motion.column("snubber_displacement", j),
+            velocity=motion.column("snubber_velocity", j),
+        )
+        for j, s in enumerate(system.snubbers)
+    }
+
+
+def _springs(system: StructuralSystem, motion: RunMotion) -> dict[str, SpringHistory]:
+    def force(i: int, time: Floats, values: Mapping[str, Floats]) -> Floats:
+        if "spring_force" in values:
+            return values["spring_force"][:, i]
+        return system.springs[i].force(values["stretch"][:, i])
+
+    return {
+        s.name: SpringHistory(
+            s.name, s.kind, s.masses, motion.column("stretch", i), motion.histories.history(partial(force, i))
+        )
+        for i, s in enumerate(system.springs)
+        if s.kind != FRICTION
+    }
+
+
+def _friction(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[str, FrictionHistory]:
+    contacts, number = scenario.friction, friction_contacts(system)
+    columns = [i for i, spring in enumerate(system.springs) if spring.kind == FRICTION]
+    figures: list[dict[str, Any]] = [{} for _ in contacts]
+    if contacts and motion.trajectory is not None:
+        figures = sliding_figures(system, motion.trajectory, contacts)
+    return {
+        c.name: FrictionHistory(
+            name=c.name,
+            normal_force=c.normal_force,
+            static_force=c.static_force,
+            sliding_force=c.sliding_force,
+            stiffness=c.stiffness or np.inf,
+            start_force=c.start_force,
+            displacement=motion.column("stretch", i),
+            force=motion.column("spring_force", i),
+            stuck=motion.histories.closed(int(j)),
+            sliding_share=1.0 - float(motion.contact_share[j]),
+            **of_contact,
+        )
+        for c, i, j, of_contact in zip(contacts, columns, number, figures, strict=True)
+    }
+
+
+def contact_instant(system: StructuralSystem, motion: RunMotion) -> ContactInstant | None:
+    """The motion when a contact force is largest, for the sketch of several bodies; None without contact."""
+    forces, times = motion.extremes["force"][2:]
+    if len(system.bodies) < 2 or not system.snubbers or not forces[: len(system.snubbers)].max() > 0.0:
+        return None
+    at = int(forces[: len(system.snubbers)].argmax())
+    coordinates = motion.state_at(float(times[at]))[: system.dynamics.size]
+    return ContactInstant(float(times[at]), system.snubbers[at].name, float(forces[at]), coordinates)
+
+
+def _outputs(system: StructuralSystem, motion: RunMotion) -> dict[str, OutputHistory]:
+    """The outputs that the run asks for, in its order."""
+    number = {output.name: i for i, output in enumerate(system.linear_outputs)}
+    energies = {output.name: i for i, output in enumerate(system.energy_outputs)}
+
+    def energy(i: int, time: Floats, values: Mapping[str, Floats]) -> Floats:
+        return energies_of_rows(system.energy_outputs, values["energy"])[:, i]
+
+    return {
+        output.name: OutputHistory(
+            output.name, output.kind, output.unit, output.at,
+            motion.histories.history(partial(energy, energies[output.name]))
+            if output.squared
+            else motion.column("output", number[output.name]),
+        )
+        for output in system.outputs
+    }  # fmt: skip
+
+
+def events_of(system: StructuralSystem, trajectory: Trajectory | LongMotion | ReferenceTrajectory) -> EventLog:
+    """Contacts of the snubbers made and ended, without breakpoints of their tables; contacts with higher numbers are
+    piecewise-linear springs."""
+    of_snubber = (trajectory.event_contact < len(system.snubbers)) & (trajectory.touch_changes != 0)
+    times, snubbers, closing = trajectory.event_time, trajectory.event_contact, trajectory.event_closing
+    return EventLog(times[of_snubber], snubbers[of_snubber], closing[of_snubber])
+
+
+def breakpoints(system: StructuralSystem, trajectory: Trajectory | LongMotion | ReferenceTrajectory) -> int:
+    """Number of breakpoints of piecewise-linear springs that the motion passes."""
+    rubbing = np.isin(trajectory.event_contact, friction_contacts(system))
+    of_spring = (trajectory.event_contact >= len(system.snubbers)) & ~rubbing
+    return int(np.sum(of_spring & (trajectory.event_time > 0)))
+
+
+def bodies_of_run(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[str, Any]:
+    """Results along each body that has a continuous axis, as fields of the result."""
+    stress = {} if system.stress is None else {part.body: part.stations for part in system.stress.stations}
+
+    def peaks(of_body: slice, moments: int) -> Floats:
+        return np.asarray(largest(motion.station_extremes())[of_body].reshape(moments, -1).max(axis=0))
+
+    equilibrium = system.static_equilibrium
+    bodies = {
+        body.body: BodyResult(
+            position=body.position,
+            across=body.across,
+            peak_bending_stress=later(partial(peaks, stress[body.body], body.moments)) if body.body in stress else None,
+            peak_von_mises_stress=motion.von_mises.get(body.body),
+            extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T,
+            extreme_times=motion.extreme_times,
+            static_shape=np.full(body.position.size, np.nan) if equilibrium is None else body.deflection @ equilibrium,
+        )
+        for body in system.bodies
+        if body.axis.continuous
+    }
+    if len(scenario.all_bodies) == 1 and set(bodies) <= {ONLY_BEAM}:
+        return {"only_body": bodies.get(ONLY_BEAM)}
+    return {"only_body": None, "named_bodies": bodies}
+
+
+def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
+    """Spectra of every probe and snubber: from the closed form, or of samples."""
+    if motion.trajectory is None or motion.trajectory.end <= 0.0:
+        return spectra_of_samples(scenario, system, motion.histories.time, motion.histories.values, motion.finer)
+    groups = output_groups(system, motion.trajectory.flow).groups
+    outputs = OutputSet({name: groups[name] for name in SPECTRAL_GROUPS if name in groups})
+    return spectra_of_motion(scenario, system, motion.trajectory, outputs)

@@ -1,0 +1,102 @@
+"""The motion of a run by time stepping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamsim.analyses.run.energy import EnergyBalance, stored_energy
+from beamsim.analyses.run.histories import SampledHistories
+from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, with_limit
+from beamsim.analyses.run.output_times import OutputTimes
+from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.parting import ContactEvents
+from beamsim.analyses.run.result import EnergyHistory, Work
+from beamsim.analyses.run.spectra import finer_rate
+from beamsim.system.structural import StructuralSystem
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Run
+
+STEPS_A_PERIOD = 20  # least number, of a structure with cubic springs and contacts
+
+
+def steps_in_time(system: StructuralSystem, settings: Run) -> bool:
+    """Whether the motion is marched in time steps."""
+    return settings.method == "reference" or system.cubic.count > 0
+
+
+def stepped_motion_of(
+    system: StructuralSystem,
+    settings: Run,
+    times: OutputTimes,
+    progress: Callable[[float], None] | None,
+    stop: Callable[[], bool],
+) -> RunMotion:
+    """The same by time stepping; extremes on the integrator's dense output, contact from its located events."""
+    from beamsim.analyses.run.stepped_outputs import SteppedOutputs
+    from beamsim.flow.reference import integrate
+
+    flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
+    integrator, rtol = settings.integrator, settings.rtol
+    warnings: tuple[str, ...] = ()
+    longest = np.inf
+    if settings.method != "reference":
+        integrator, rtol = "DOP853", min(rtol, 1e-10)
+        longest = _longest_step(system)
+        warnings = (
+            f"cubic springs have no closed-form motion: integrated by {integrator} with rtol = {rtol:g}; "
+            "contacts are found by sign changes between steps, without certificate",
+        )
+    finer = finer_rate(system, settings.output_rate, times.all.size)
+    outputs = SteppedOutputs(system, flow, times.all, 1.0 / (finer * settings.output_rate), settings.low_pass)
+    trajectory = integrate(
+        flow, system.initial_state, times.all, integrator=integrator, rtol=rtol, atol=settings.atol,
+        max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress, stop=stop,
+        observe=outputs.observe,
+    )  # fmt: skip
+    at = trajectory.time
+    values = outputs.at(at, trajectory.y, trajectory.phases)
+    stored = stored_energy(flow, trajectory.y, values["penetration"], trajectory.phases)
+    if system.cubic.count:
+        stored = stored + 0.25 * outputs.cubic_stretch(at, trajectory.y) ** 4 @ system.cubic.stiffness
+    energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
+    exchanged = float(np.trapezoid(np.abs(trajectory.power_in), at))
+    balance = EnergyBalance.of(at, energy, exchanged)
+    extremes = outputs.extremes(trajectory)
+    return RunMotion(
+        method=f"reference ({integrator}, rtol {rtol:g})",
+        outcome=balance.checked(with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
+        histories=SampledHistories(at, values, flow.system.contacts.touching(trajectory.phases), energy),
+        balance=balance,
+        events=events_of(system, trajectory),
+        contact_events=ContactEvents.of(trajectory, len(system.snubbers)),
+        breakpoints=breakpoints(system, trajectory),
+        extremes=extremes,
+        station_extremes=lambda: extremes["stress"],
+        extreme_times=np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]]),
+        extreme_states=np.array([outputs.lowest_state, outputs.highest_state]),
+        state_at=lambda time: trajectory.y[np.abs(at - time).argmin()],
+        contact_share=trajectory.contact_share,
+        work=Work(
+            events=trajectory.event_time.size,
+            evaluations=trajectory.evaluations,
+            segments=trajectory.restarts,
+            states=len(np.unique(trajectory.phases, axis=0)),
+            processor_time_s=trajectory.processor_time_s,
+        ),
+        low_passed=None if outputs.low_passed is None else outputs.low_passed[: at.size],
+        finer=outputs.finer(finer * at.size),
+        warnings=warnings,
+    )
+
+
+def _longest_step(system: StructuralSystem) -> float:
+    """A step so short that it rarely contains a whole contact: a fraction of the shortest period, contacts closed."""
+    c = system.dynamics.contacts
+    if c.count == 0:
+        return np.inf
+    fastest = system.dynamics.stiffness.max() + np.abs(c.arrays.force[:, :, 0]).max(axis=1) @ (c.shape**2).sum(axis=1)
+    return float(2 * np.pi / np.sqrt(fastest) / STEPS_A_PERIOD) if fastest > 0 else np.inf

@@ -1,0 +1,104 @@
+"""The summary of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.analyses.gapping import contact_levels, gapping
+from beamsim.analyses.limits import STANDARD_GRAVITY, margins
+from beamsim.analyses.run.figures import by_name, deflection_size, largest, motion_figures, static_figures
+from beamsim.analyses.run.motion import RunMotion
+from beamsim.analyses.run.result import MAIN_QUANTITY, Spectrum
+from beamsim.contacts.springs import FRICTION
+from beamsim.scenario.excitation import Forces, Harmonic
+from beamsim.scenario.quantities import INTEGRALS
+from beamsim.system.structural import StructuralSystem
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+
+
+def figures_of_motion(system: StructuralSystem, motion: RunMotion) -> dict[str, Any]:
+    """The figures of the contacts and of the motion."""
+    closings = np.bincount(motion.events.snubber[motion.events.closing], minlength=len(system.snubbers))
+    return {
+        **motion_figures(
+            system, motion.extremes, motion.contact_share, closings, deflection_size(system, motion.extreme_states)
+        ),
+        **static_figures(system),
+    }
+
+
+def _gapping(
+    scenario: Scenario, system: StructuralSystem, motion: RunMotion, summary: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Of a sine, the level that changes contact at its frequency, and when this run changed it, for the summary."""
+    excitation = scenario.excitation
+    if system.sine is None or not system.snubbers or system.cubic.count:
+        return {}
+    assert isinstance(excitation, Harmonic | Forces)
+    frequency = np.array([excitation.frequency])
+    levels = contact_levels(system, frequency)
+    if not levels:
+        return {}
+    omega = 2.0 * np.pi * excitation.frequency
+    power = INTEGRALS.get(excitation.quantity or "", 0)
+    of_snubber = gapping(levels, frequency, np.array([abs(excitation.level) * omega**power]))
+    names = [snubber.name for snubber in system.snubbers]
+    for name, of in of_snubber.items():
+        times = motion.events.time[motion.events.snubber == names.index(name)]
+        of["first_change_s"] = float(times[0]) if times.size else None
+        of["largest_gap_m"] = summary["largest_gap_m"][name]
+    return {"gapping": of_snubber}
+
+
+def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str, Any]]:
+    """The lines of all spectra, for the summary."""
+    columns = ("order", "frequency_hz", "amplitude", "amplitude_db", "kind", "relative_change")
+    return [
+        {"probe": s.probe, "quantity": s.quantity, **{name: getattr(line, name) for name in columns}}
+        for s in spectra.values()
+        for line in s.lines
+    ]
+
+
+def summary_of_run(
+    scenario: Scenario, system: StructuralSystem, motion: RunMotion, spectra: dict[tuple[str, str], Spectrum]
+) -> dict[str, Any]:
+    """What does not repeat a field of the result."""
+    probes = [p.name for p in system.probes]
+    summary: dict[str, Any] = {
+        "rms_displacement_m": by_name(probes, np.array([spectra[p, "displacement"].rms for p in probes])),
+        "rms_acceleration_g": by_name(
+            probes, np.array([spectra[p, MAIN_QUANTITY].rms for p in probes]) / STANDARD_GRAVITY
+        ),
+        **figures_of_motion(system, motion),
+        "events": int(motion.events.time.size),
+        "linear": motion.work.events == 0 and system.cubic.count == 0,
+        "energy_error": motion.balance.error,
+        **motion.memory,
+        "blocked_force_n": {s.name: s.blocked_force for s in system.snubbers},
+        "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
+    }
+    if system.outputs:
+        summary["rms_output"] = {o.name: spectra[o.name, o.kind].rms for o in system.linear_outputs}
+        summary["output_unit"] = {output.name: output.unit for output in system.outputs}
+    if system.base_correction is not None:
+        summary |= system.base_correction.summary()
+    if any(spring.kind != FRICTION for spring in system.springs):
+        summary["breakpoints_passed"] = motion.breakpoints
+    if system.stress is not None:
+        where = int(largest(motion.extremes["stress"]).argmax())
+        summary["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
+        if system.stress.stations.across is not None:
+            summary["largest_bending_stress_across_m"] = float(system.stress.stations.across[where])
+        if motion.von_mises:
+            summary["largest_von_mises_stress_pa"] = max(float(peaks.max()) for peaks in motion.von_mises.values())
+        if len(system.bodies) > 1:
+            summary["largest_bending_stress_body"] = system.stress.bodies[where]
+    summary |= _gapping(scenario, system, motion, summary)
+    compared = margins(scenario.limits, summary)
+    return {**summary, "margins": compared} if compared else summary
