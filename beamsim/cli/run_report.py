@@ -113,14 +113,15 @@ def _stress(result: RunResult, stress: float) -> str:
 
 
 def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Strongest and chosen lines of the first probe: order (or Hz) and level, in order of frequency."""
+    """Strongest and chosen lines of the first probe that moves: order (or Hz) and level, in order of frequency."""
     s = result.summary
-    first = next((line["probe"] for line in lines), "")
+    probes = (*(line["probe"] for line in lines), *(probe for probe, _ in result.spectra))
+    first = next(iter(probes), "")
     changes = s.get("convergence", {}).get("spectral_lines", {})
     moves = first and result.summary["max_displacement_m"][first] > result.summary["min_displacement_m"][first]
     without = "no distinct line: a continuous spectrum" if moves else "no motion"
     texts = {}
-    for quantity in dict.fromkeys(line["quantity"] for line in lines if line["probe"] == first):
+    for quantity in (quantity for probe, quantity in result.spectra if probe == first):
         name = f"{first} {quantity}"
         text = ", ".join(_strongest(lines, first, quantity))
         if text and name in changes:
