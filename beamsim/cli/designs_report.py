@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from beamsim.analyses.designs.choice import Objective
-from beamsim.analyses.designs.result import Coordinate, DesignsResult, parameter_label
+from beamsim.analyses.designs.result import Coordinate, DesignsResult, parameter_label, responses_of
 from beamsim.analyses.limits import limit_label
 from beamsim.cli.report import Row, Texts, aligned, margins
 from beamsim.plots.style import amount, margin_text
@@ -63,7 +63,7 @@ def _best(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> Iterator[
     """The first of the best cases, one a row."""
     objective = Objective.of(result.scenario.vary)
     units = {c.path: c.unit for c in result.coordinates}
-    asked = next((r.unit for r in result.responses.values() if f"/{r.name}".endswith(f"/{objective.response}")), "1")
+    asked = next((response.unit for response in responses_of(result.responses, objective.response)), "1")
     for k, item in enumerate(best[:MOST_BEST]):
         value = f"{objective.text.partition(' ')[2]} {amount(item['value'], asked)}, " if objective.response else ""
         margin = f"margin {margin_text(item['margin'], 1.0)} ({limit_label(item['limit'])})" if "limit" in item else ""

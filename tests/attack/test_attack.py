@@ -134,4 +134,6 @@ def test_the_systems_aimed_at_seeded_faults_agree(tmp_path):
 
 def test_a_seeded_fault_is_caught():
     """Others, and the twin without a fault, by `python -m tests.attack`."""
-    assert seeded_faults.catch("decay taken at the far end", 0, 20).startswith("seed 0: stop_1: event 1 of 1")
+    assert seeded_faults.catch("decay taken at the far end", 0, 20).startswith(
+        "seed 2000000000: stop_1: 6 events of ours, 2"
+    )

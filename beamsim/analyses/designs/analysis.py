@@ -26,6 +26,7 @@ from beamsim.analyses.designs.result import (
     Response,
     SobolIndices,
     is_scalar,
+    responses_of,
 )
 from beamsim.analyses.designs.sampling import latin_hypercube, listed_values, sobol
 from beamsim.analyses.designs.sensitivity import sensitivities
@@ -440,11 +441,7 @@ def _margins(
     """Margin of every case, and the value and place that determine it."""
     margins, where = {}, {}
     for name, limit in limits.items():
-        compared = [
-            r
-            for r in responses.values()
-            if f"/{r.name}".endswith(f"/{limited_response(name)}") and is_scalar(r, plan.shape)
-        ]
+        compared = [r for r in responses_of(responses, limited_response(name)) if is_scalar(r, plan.shape)]
         if not compared:
             continue
         values = np.stack([r.values.ravel() for r in compared])

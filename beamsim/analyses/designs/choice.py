@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.designs.result import Response, is_scalar
+from beamsim.analyses.designs.result import Response, is_scalar, responses_of
 from beamsim.typing import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -38,11 +38,7 @@ class Objective(NamedTuple):
 
     def values(self, responses: Mapping[str, Response], shape: tuple[int, ...]) -> Floats | None:
         """(cases,) the response at its worst place in every case; None if there is no such response."""
-        asked = [
-            r.values.ravel()
-            for r in responses.values()
-            if f"/{r.name}".endswith(f"/{self.response}") and is_scalar(r, shape)
-        ]
+        asked = [r.values.ravel() for r in responses_of(responses, self.response) if is_scalar(r, shape)]
         if not asked:
             return None
         worst = np.min if self.largest else np.max

@@ -225,6 +225,11 @@ class DesignsResult(Result):
         return tuple(str(v) if isinstance(v, str) else float(v) for v in picked)
 
 
+def responses_of(responses: Mapping[str, Response], name: str) -> list[Response]:
+    """The responses of this quantity (``peak_force``), or the one of this name, with or without its curve."""
+    return [response for response in responses.values() if f"/{response.name}".endswith(f"/{name}")]
+
+
 def is_scalar(response: Response, shape: tuple[int, ...]) -> bool:
     """Whether a response is one number per case."""
     return response.values.shape == shape
