@@ -91,14 +91,13 @@ def finish(kind: str, result: Result, target: Path, reporting: Reporting, signal
     from beamsim.cli.progress import progress_of
     from beamsim.store.results import has_long_histories, open_result, write_result, write_until
 
-    if signal or not has_long_histories(result):
-        with progress_of(f"writing {target.name}", shown=reporting.progress):
+    with progress_of(f"writing {target.name}", shown=reporting.progress) as progress:
+        if signal or not has_long_histories(result):
             write_result(result, target)
-    else:
-        bar = progress_of(f"writing {target.name}", shown=reporting.progress)
-        with interruptible() as interrupted, bar as progress:
-            write_until(result, target, interrupted, progress)
-        result, signal = open_result(target, kind), interrupted.signal
+        else:
+            with interruptible() as interrupted:
+                write_until(result, target, interrupted, progress)
+            result, signal = open_result(target, kind), interrupted.signal
     conclude(kind, result, target, reporting, signal)
 
 

@@ -11,7 +11,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.csv_table import read_csv
 from beamsim.inputs.headings import axis_factor, split_heading, stated
 from beamsim.inputs.signal import Signal
-from beamsim.inputs.universal_file import UNITS_OF_DATA, axis_unit_of_uff, units_are_si
+from beamsim.inputs.universal_file import is_in_si_units, units_of_uff
 from beamsim.scenario.driven import spoken
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.units import UnitError, read_level
@@ -99,16 +99,13 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
     time, values = columns.time, columns.values
     if values.size < 4:
         _reject(f"= {excitation.file} has only {values.size} samples", "give a longer record")
-    if excitation.sample_rate is None and time is None:
-        _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "sample_rate")
-    given_rate = None if time is not None and excitation.sample_rate is None else excitation.sample_rate
-    _refuse_without_units(columns, excitation, of_time=given_rate is None)
+    _refuse_without_units(columns, excitation)
     if excitation.unit is None:
         values = values * _factor(columns.unit, excitation)
-    if given_rate is not None or time is None:
-        assert given_rate is not None
-        time = np.arange(values.size) / given_rate
+    if excitation.sample_rate is not None:
+        time = np.arange(values.size) / excitation.sample_rate
     else:
+        assert time is not None
         time = time * _time_factor(excitation.time_unit or columns.time_unit, excitation)
     bad = np.flatnonzero(~np.isfinite(values) | ~np.isfinite(time))
     if bad.size:
@@ -159,8 +156,10 @@ def _time_factor(unit: str, excitation: SampledInput) -> float:
         )
 
 
-def _refuse_without_units(columns: _Columns, excitation: SampledInput, *, of_time: bool) -> None:
-    """Ask for each unit that neither the file nor the scenario states."""
+def _refuse_without_units(columns: _Columns, excitation: SampledInput) -> None:
+    """Ask for the times, and for each unit that neither the file nor the scenario states."""
+    if excitation.sample_rate is None and columns.time is None:
+        _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "sample_rate")
     quantity = excitation.quantity or "acceleration"
     problems = []
     if not (excitation.unit or columns.unit):
@@ -168,7 +167,7 @@ def _refuse_without_units(columns: _Columns, excitation: SampledInput, *, of_tim
         message = f"is missing, and {excitation.file} states no unit of its values"
         remedy = f"give that of the {spoken(quantity)}, for example unit: {example}"
         problems.append(Problem("excitation.unit", message, remedy))
-    if of_time and not (excitation.time_unit or columns.time_unit):
+    if excitation.sample_rate is None and not (excitation.time_unit or columns.time_unit):
         message = f"is missing, and {excitation.file} states no unit of its times"
         problems.append(Problem("excitation.time_unit", message, "give it, for example time_unit: s"))
     if problems:
@@ -238,9 +237,5 @@ def _from_uff(path: Path, excitation: SampledInput) -> _Columns:
     values = np.asarray(record["data"])
     if np.iscomplexobj(values) or int(record.get("func_type", 1)) not in (0, 1):
         raise ValueError("this data set 58 is not a time history")
-    time_unit, unit = (stated(str(record.get(f"{axis}_axis_units_lab", ""))) for axis in ("abscissa", "ordinate"))
-    if not unit and any(units_are_si(sets.read_sets(i)) for i, kind in enumerate(kinds) if kind == 164):
-        unit = UNITS_OF_DATA.get(int(record.get("ordinate_spec_data_type", 0)), "")
-    return _Columns(
-        np.asarray(record["x"], dtype=float), values.astype(float), time_unit or axis_unit_of_uff(record), unit
-    )
+    time_unit, unit = units_of_uff(record, lambda: is_in_si_units(sets))
+    return _Columns(np.asarray(record["x"], dtype=float), values.astype(float), time_unit, unit)

@@ -14,7 +14,7 @@ import numpy as np
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.headings import FREQUENCY_NAMES, TIME_NAMES, axis_factor, is_frequency, split_heading, stated
-from beamsim.inputs.universal_file import UNITS_OF_DATA, axis_unit_of_uff, units_are_si
+from beamsim.inputs.universal_file import is_in_si_units, units_of_uff
 from beamsim.scenario.driven import spoken
 from beamsim.scenario.units import UnitError
 
@@ -322,7 +322,7 @@ def _read_uff(path: Path, axis_unit: str | None) -> list[MeasuredSignal]:
             file = pyuff.UFF(str(path))
             kinds = file.get_set_types()
             sets = [file.read_sets(i) for i, kind in enumerate(kinds) if int(kind) == 58]
-        in_si_units = any(units_are_si(file.read_sets(i)) for i, kind in enumerate(kinds) if int(kind) == 164)
+        in_si_units = is_in_si_units(file)
     except Exception as error:
         # pyuff raises exceptions of all types on damaged files
         raise _wrong(f"{path} cannot be read as a universal file ({error})", "export dataset 58 again") from None
@@ -335,9 +335,7 @@ def _of_uff(item: dict[str, Any], path: Path, axis_unit: str | None, *, in_si_un
     of_frequency = int(item.get("abscissa_spec_data_type", 17)) == 18
     y = np.asarray(item["data"])
     y = y.astype(complex) if np.iscomplexobj(y) else y.astype(float)
-    unit = stated(str(item.get("ordinate_axis_units_lab", "")))
-    if not unit and in_si_units:
-        unit = UNITS_OF_DATA.get(int(item.get("ordinate_spec_data_type", 0)), "")
+    stated_axis, unit = units_of_uff(item, lambda: in_si_units)
     name = next(
         (
             text
@@ -346,6 +344,6 @@ def _of_uff(item: dict[str, Any], path: Path, axis_unit: str | None, *, in_si_un
         ),
         f"node {item.get('rsp_node', 0)}",
     )
-    unit_of_axis = axis_unit or stated(str(item.get("abscissa_axis_units_lab", ""))) or axis_unit_of_uff(item)
-    x = np.asarray(item["x"], dtype=float) * _axis_factor(path, "of " + name, unit_of_axis, of_frequency=of_frequency)
+    factor = _axis_factor(path, "of " + name, axis_unit or stated_axis, of_frequency=of_frequency)
+    x = np.asarray(item["x"], dtype=float) * factor
     return MeasuredSignal(name, x, y, of_frequency, unit, str(path))

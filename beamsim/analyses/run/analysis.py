@@ -79,14 +79,14 @@ def run(
     else:
         system = build_system(scenario)
     times = output_times(settings)
-    one_random = scenario.excitation.kind == "random" and not steps_in_time(system, settings)
-    in_stretches = one_random and pieces_of(system) * BYTES_A_PIECE > MOTION_SHARE * settings.memory
-    if in_stretches:
-        check_stretches(system, settings)
+    solve, in_stretches = exact_motion_of, False
     if steps_in_time(system, settings):
         solve = stepped_motion_of
-    else:
-        solve = long_motion_of if in_stretches else exact_motion_of
+    elif scenario.excitation.kind == "random":
+        in_stretches = pieces_of(system) * BYTES_A_PIECE > MOTION_SHARE * settings.memory
+    if in_stretches:
+        check_stretches(system, settings)
+        solve = long_motion_of
     motion = solve(system, settings, times, progress, stop)
     try:
         with heeding(stop):
@@ -156,15 +156,14 @@ def run(
 
 def _with_few_samples(result: RunResult, system: StructuralSystem, motion: RunMotion) -> RunResult:
     """Where a stop is requested: of many output times those that are quickly sampled and written."""
-    step = step_of_few(motion.histories.count)
-    if step == 1:
-        return result
     few = _with_few_times(motion)
+    if few is motion:
+        return result
     system = motion.few_inputs or system
     outcome = result.outcome
     if outcome.complete:
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the evaluation of the motion")
-    warnings = (*result.warnings, KEPT.format(step))
+    warnings = (*result.warnings, *few.warnings[len(motion.warnings) :])
     return changed(result, outcome=outcome, warnings=warnings, **histories_of(result.scenario, system, few))
 
 
