@@ -13,7 +13,7 @@ whose blocks are long against its memory, and blocks with many impacts.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -170,19 +170,30 @@ def _joined(parts: list[_Contacts]) -> _Contacts:
             goes_on[number] = True
         if number:
             energy_lost[number - 1] += part.lost_before
-    first = np.flatnonzero(~goes_on)
-    last = np.append(first[1:], begin.size) - 1 if first.size else first
-    owner = np.cumsum(~goes_on) - 1
-    forces = [force for part in parts for force in part.forces]
+    forces = tuple(force for part in parts for force in part.forces)
+    whole = _Contacts(
+        begin, end, contact_time, peak_force, peak_time, impulse, square, begin_speed, end_speed, energy_lost, forces,
+        0.0, parts[0].goes_on, parts[-1].lasts,
+    )  # fmt: skip
+    return _merged(whole, ~goes_on)
+
+
+def _merged(contacts: _Contacts, begins: Bools) -> _Contacts:
+    """The contacts, each with those that follow it up to the next that ``begins`` (n,) a new one."""
+    first = np.flatnonzero(begins)
+    last = np.append(first[1:], contacts.begin.size) - 1 if first.size else first
+    owner = np.cumsum(begins) - 1
 
     def summed(values: Floats) -> Floats:
         return np.asarray(np.bincount(owner, values, minlength=first.size), dtype=float)
 
-    return _Contacts(
-        begin[first], end[last], summed(contact_time), *_largest(owner, TurningPoints(owner, peak_time, peak_force),
-        first.size), summed(impulse), summed(square), begin_speed[first], end_speed[last], summed(energy_lost),
-        tuple(np.concatenate(forces[i : j + 1]) for i, j in zip(first, last, strict=True)),
-        0.0, parts[0].goes_on, parts[-1].lasts,
+    peaks = _largest(owner, TurningPoints(owner, contacts.peak_time, contacts.peak_force), first.size)
+    return replace(
+        contacts, begin=contacts.begin[first], end=contacts.end[last], contact_time=summed(contacts.contact_time),
+        peak_force=peaks[0], peak_time=peaks[1], impulse=summed(contacts.impulse), square=summed(contacts.square),
+        begin_speed=contacts.begin_speed[first], end_speed=contacts.end_speed[last],
+        energy_lost=summed(contacts.energy_lost),
+        forces=tuple(np.concatenate(contacts.forces[i : j + 1]) for i, j in zip(first, last, strict=True)),
     )  # fmt: skip
 
 
@@ -193,24 +204,18 @@ def _impacts(contacts: _Contacts, minimum_rest: float) -> _Impacts:
     """Contacts that follow each other within the minimum rest time are one impact."""
     count = contacts.begin.size
     rest = np.append(np.inf, contacts.begin[1:] - contacts.end[:-1])[:count]
-    first = np.flatnonzero((rest >= minimum_rest) | (minimum_rest == 0.0))
-    last = np.append(first[1:], count) - 1 if first.size else first
-    impact = np.cumsum(np.isin(np.arange(count), first)) - 1
-
-    def summed(values: Floats) -> Floats:
-        return np.asarray(np.bincount(impact, values, minlength=first.size), dtype=float)
-
-    points = TurningPoints(impact, contacts.peak_time, contacts.peak_force)
-    peak, peak_time = _largest(impact, points, first.size)
-    approach, separation = contacts.begin_speed[first], -contacts.end_speed[last]
-    cut = np.zeros(first.size, dtype=bool)
+    begins = (rest >= minimum_rest) | (minimum_rest == 0.0)
+    impacts = _merged(contacts, begins)
+    approach, separation = impacts.begin_speed, -impacts.end_speed
+    cut = np.zeros(impacts.begin.size, dtype=bool)
     if contacts.goes_on:
         approach[0], cut[0] = np.nan, True
     if contacts.lasts:
         separation[-1], cut[-1] = np.nan, True
+    number = np.diff(np.append(np.flatnonzero(begins), count))
     return _Impacts(
-        contacts.begin[first], contacts.end[last], summed(contacts.contact_time), last - first + 1, peak, peak_time,
-        summed(contacts.impulse), summed(contacts.square), approach, separation, summed(contacts.energy_lost), cut,
+        impacts.begin, impacts.end, impacts.contact_time, number, impacts.peak_force, impacts.peak_time,
+        impacts.impulse, impacts.square, approach, separation, impacts.energy_lost, cut,
     )  # fmt: skip
 
 
