@@ -20,7 +20,8 @@ function of the same quantities. A law of another kind is another list of phases
   force, whose work is lost;
 * *friction* without one: sticking is a phase that holds, whatever its force has to be, and its guards are those of the
   force;
-* *hysteresis* between straight lines: phases whose offsets are internal states that rest, set by the guards' resets.
+* *kinematic hardening* (:mod:`beamsim.contacts.hardening`): the two together, an elastic phase and one for yielding in
+  either direction, whose resets set the slider where yielding ends.
 """
 
 from __future__ import annotations
@@ -180,6 +181,11 @@ class ContactLaw:
         """Whether it keeps no internal state and loses nothing without its dashpots."""
         memory = self.internal_states > 0 or self.rubs
         return self.family is not None or self.undamped_law is not None or not memory
+
+    @property
+    def yields(self) -> bool:
+        """Whether it is a stop that loses work in a phase of its own, and stays crushed."""
+        return any(phase.friction != 0.0 and phase.stiffness > 0.0 for phase in self.phases)
 
     @property
     def rubs(self) -> bool:

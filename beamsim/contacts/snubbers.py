@@ -11,6 +11,7 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import Springs, find_equilibrium
 from beamsim.contacts.force_curve import ForceCurve
+from beamsim.contacts.hardening import hardening_law
 from beamsim.contacts.laws import ContactLaw, kelvin_voigt, no_tension
 from beamsim.contacts.pads import MaxwellBranch, recovering_law, table_law
 from beamsim.errors import Problem, ScenarioError
@@ -85,6 +86,8 @@ def build_contacts(
 
 
 def _law(snubber: Any, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
+    if snubber.hardening is not None:
+        return hardening_law(stiffness, snubber.hardening.yield_force, snubber.hardening.stiffness, dashpot)
     branches = tuple(MaxwellBranch(b.stiffness, b.relaxation_time) for b in snubber.maxwell if b.stiffness > 0.0)
     if not branches and (curve is None or curve.slopes.size == 1):
         return LAWS[snubber.law](stiffness, dashpot)

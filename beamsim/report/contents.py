@@ -169,6 +169,7 @@ CONTACT_COLUMNS = {
     "largest_pull_n": ("largest pull", "N"),
     "gap_m": ("gap", "m"),
     "largest_gap_m": ("largest opening", "m"),
+    "residual_crush_m": ("residual crush", "m"),
 }
 """Entries of summaries that say something of every stop: heading and unit."""
 

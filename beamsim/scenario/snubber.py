@@ -47,6 +47,15 @@ class SnubberViscousDamping(Schema):
 SnubberDamping = Annotated[SnubberRatioDamping | SnubberViscousDamping, BY_KIND]
 
 
+class Hardening(Schema):
+    """A stop that is crushed: bilinear force with kinematic hardening."""
+
+    yield_force: PositiveForce
+    """Contact force at which it begins to yield when it is loaded first."""
+    stiffness: Stiffness
+    """Stiffness while it yields, below that before."""
+
+
 class SnubberBase(Named):
     """Common part of all snubbers; N = k delta + c delta' while in contact."""
 
@@ -61,6 +70,8 @@ class SnubberBase(Named):
     """Dashpot parallel to the spring; none by default."""
     maxwell: tuple[Maxwell, ...] = ()
     """Maxwell branches beside the spring or the table, any number of them; they ask for law: no_tension."""
+    hardening: Hardening | None = None
+    """Yielding beside the stiffness, which leaves the stop crushed; none by default."""
     gap: Gap | None = None
     """Clearance: positive is backlash, negative prestress; 0 by default."""
     preload: PositiveForce | None = None
@@ -72,6 +83,7 @@ class SnubberBase(Named):
     def settle(self) -> None:
         """Demand a stiffness or a table; reject gap and preload together; the default gap is 0."""
         self._check_force()
+        self._check_hardening()
         if self.maxwell and "law" not in self.model_fields_set:
             self.resolve("law", "no_tension")
         if self.maxwell and self.law != "no_tension":
@@ -94,6 +106,22 @@ class SnubberBase(Named):
             raise fail("and stiffness exclude each other", "keep one of the two", ("force_deflection",))
         if isinstance(self.force_deflection, tuple):
             check_points(self.force_deflection, ("force_deflection",))
+
+    def _check_hardening(self) -> None:
+        if self.hardening is None:
+            return
+        for key, given in (("force_deflection", self.force_deflection), ("maxwell", self.maxwell)):
+            if given:
+                remedy = "leave one of the two out: a stop that yields has one stiffness before and one after"
+                raise fail(f"and {key} exclude each other", remedy, ("hardening",))
+        if self.stiffness is not None and self.hardening.stiffness >= self.stiffness:
+            raise fail(
+                f"= {self.hardening.stiffness:g} N/m is not below the snubber's stiffness, {self.stiffness:g} N/m",
+                "give the smaller stiffness beyond the yield force, for example a tenth", ("hardening", "stiffness"),
+            )  # fmt: skip
+        if self.damping is not None and self.law == "no_tension":
+            remedy = "leave damping out, which makes no difference to never pulling, or write law: kelvin_voigt"
+            raise fail("does not go with law: no_tension and hardening", remedy, ("damping",))
 
     @property
     def table(self) -> MeasuredForces | None:

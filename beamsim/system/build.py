@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -375,7 +375,7 @@ def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequen
     problems = (
         [
             Problem(
-                f"{path_text(path)}.{'maxwell' if snubber.maxwell else 'force_deflection'}",
+                f"{path_text(path)}.{_memory_key(snubber)}",
                 "cannot be combined with cubic springs",
                 "give the snubber a stiffness alone, or make the springs piecewise_linear",
             )
@@ -395,6 +395,11 @@ def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequen
     )
     if problems:
         raise ScenarioError(problems)
+
+
+def _memory_key(snubber: Any) -> str:
+    """The key that makes the law of a snubber more than one stiffness and one dashpot."""
+    return next((key for key in ("maxwell", "hardening") if getattr(snubber, key)), "force_deflection")
 
 
 def _describe_snubbers(

@@ -30,6 +30,7 @@ ENTRIES = [
     Entry("run", "two_panels", "contact_force", "The contact force between the two panels."),
     Entry("run", "plate_panel", "plate_modes", "Modes of a plate that is clamped along its left edge."),
     Entry("run", "snubber_rubber", "force_deflection", "A rubber snubber: measured curve and loops of its impacts."),
+    Entry("run", "crushed_stop", "force_deflection", "A stop that yields: each hard impact moves its face back."),
     Entry("sweep", "chain_two_dof", "response_first", "Response curve of two masses with a stop, by continuation."),
     Entry("sweep", "continuation_60_120hz", "response_tip", "First resonance of the beam, with its unstable part."),
     Entry("sweep", "design_stiffness_gap", "maps", "A study over stiffness and gap of the snubber."),

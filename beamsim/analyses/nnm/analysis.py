@@ -67,9 +67,10 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
     dynamics = system.dynamics
     for name, law in zip(system.contact_names, dynamics.contacts.laws, strict=True):
         if not law.has_undamped_form:
+            what = "hardening" if law.yields else "maxwell"
             raise ScenarioError(
                 Problem("nnm", f"needs contacts without losses, and that of {name} rubs or keeps internal states",
-                        f"leave out maxwell of {name}, or the friction contact")
+                        f"leave out {what} of {name}, or the friction contact")
             )  # fmt: skip
     undamped = replace(
         dynamics,

@@ -124,6 +124,8 @@ def run(
     summary = summary_of_run(scenario, system, motion, spectra)
     spectra = {key: changed(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
     result = changed(result, spectra=spectra)
+    if crushed := {s.name: s.residual_crush for s in result.snubbers.values() if s.residual_crush is not None}:
+        summary["residual_crush_m"] = crushed
     if result.friction:
         summary["friction"] = {name: contact.summary() for name, contact in result.friction.items()}
     if result.impacts is not None:

@@ -31,6 +31,7 @@ from beamsim.analyses.run.result import (
     Work,
 )
 from beamsim.analyses.run.spectra import SPECTRAL_GROUPS, spectra_of_motion, spectra_of_samples
+from beamsim.contacts.hardening import residual_crush
 from beamsim.contacts.springs import FRICTION
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import later
@@ -181,6 +182,7 @@ def _probes(system: StructuralSystem, motion: RunMotion) -> dict[str, ProbeHisto
 
 def _snubbers(system: StructuralSystem, motion: RunMotion) -> dict[str, SnubberHistory]:
     """History of every snubber."""
+    crushed = _crushed(system, motion)
     return {
         s.name: SnubberHistory(
             name=s.name,
@@ -194,6 +196,7 @@ def _snubbers(system: StructuralSystem, motion: RunMotion) -> dict[str, SnubberH
             blocked_force=s.blocked_force,
             stiffness_ratio=s.stiffness_ratio,
             table_misfit=s.table_misfit,
+            residual_crush=crushed.get(j),
             force=motion.column("force", j),
             penetration=motion.column("penetration", j),
             closed=motion.histories.closed(j),
@@ -201,6 +204,21 @@ def _snubbers(system: StructuralSystem, motion: RunMotion) -> dict[str, SnubberH
             velocity=motion.column("snubber_velocity", j),
         )
         for j, s in enumerate(system.snubbers)
+    }
+
+
+def _crushed(system: StructuralSystem, motion: RunMotion) -> dict[int, float]:
+    """Residual crush at the end of the motion of the snubbers that yield, m, by their number; none by time stepping."""
+    contacts, trajectory = system.dynamics.contacts, motion.trajectory
+    yielding = [j for j in range(len(system.snubbers)) if contacts.laws[j].yields]
+    if trajectory is None or not yielding:
+        return {}
+    end = trajectory.final_y
+    penetration, _ = trajectory.flow.penetrations
+    delta = trajectory.sample(np.array([trajectory.end]), lambda _: penetration)[0]
+    phases, first = trajectory.phases_of(trajectory.state)[-1], 2 * system.dynamics.size + contacts.arrays.first
+    return {
+        j: residual_crush(contacts.laws[j], int(phases[j]), float(delta[j]), float(end[first[j]])) for j in yielding
     }
 
 

@@ -100,6 +100,9 @@ class SnubberHistory(SnubberNumbers):
     table_misfit: float | None = attribute(
         "N", "root mean square of what a force-deflection table leaves of the measured forces", default=None
     )
+    residual_crush: float | None = attribute(
+        "m", "of a stop that yields, how far it stays crushed at the end of the motion", default=None
+    )
     force_change: float | None = attribute(
         "1", f"of the peak force, {_WITH_FINER_MODEL}", name="relative_change", at="force", default=None
     )
@@ -458,6 +461,7 @@ _SUMMARY = (
     Entry("blocked_force_n", "N", "force of a snubber if the structure could not move"),
     Entry("stiffness_ratio", "1", "k L^3 / (E I) of a snubber; in a chain, k over the largest spring stiffness"),
     Entry("largest_gap_m", "m", "largest opening of a contact"),
+    Entry("residual_crush_m", "m", "of a snubber that yields, how far it stays crushed at the end", "residual crush"),
     Entry("impacts", "", "statistics of the impacts by snubber, if run.impacts asks for them; units are in the names",
              "impacts"),
     Entry("impacts_total", "", "those of all snubbers together"),
