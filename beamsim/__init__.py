@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from beamsim.analyses.compare.result import Comparison
     from beamsim.analyses.compare_modes.analysis import compare_modes
     from beamsim.analyses.compare_modes.result import ModeComparison
-    from beamsim.analyses.designs.analysis import design_study, plan_designs
+    from beamsim.analyses.designs.analysis import design_study
+    from beamsim.analyses.designs.plan import plan_designs
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.analyses.identify.analysis import identify_stiffness
     from beamsim.analyses.identify.result import IdentificationResult
@@ -80,7 +81,7 @@ if TYPE_CHECKING:
     from beamsim.store.shapes import read_shapes
 
 _NAMES = {
-    "beamsim.analyses.designs.analysis": ("plan_designs",),
+    "beamsim.analyses.designs.plan": ("plan_designs",),
     "beamsim.errors": ("BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"),
     "beamsim.scenario": ("Scenario", "load_scenario"),
     "beamsim.store.ensemble": ("ensemble",),

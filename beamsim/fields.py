@@ -328,9 +328,11 @@ def keyed(
     return _field(kept, default, default_factory)
 
 
-def arrays(folder: str, *, called: str, listed: str = "") -> Any:
+def arrays(
+    folder: str, *, called: str, listed: str = "", default: Any = _REQUIRED, default_factory: Any = _REQUIRED
+) -> Any:
     """Dataclasses, a dataset each, whose names, units and meanings are known when the result is made. See `Arrays`."""
-    return _field(Arrays(folder=folder, called=called, listed=listed), _REQUIRED, _REQUIRED)
+    return _field(Arrays(folder=folder, called=called, listed=listed), default, default_factory)
 
 
 def table(path: str, rows: Counter | None = None, *, empty: bool = True, default: Any = _REQUIRED) -> Any:

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from beamsim import load_scenario
-from beamsim.analyses.designs.analysis import check_cases, design_study, plan_designs
+from beamsim.analyses.designs.analysis import design_study
+from beamsim.analyses.designs.plan import check_cases, plan_designs
 
 CONFIG = Path(__file__).parents[1] / "configs" / "design_stiffness_gap.yaml"
 WORKERS = (1, 2)

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import beamsim
-from beamsim.analyses.designs.analysis import check_cases, design_study, plan_designs
+from beamsim.analyses.designs.analysis import design_study
+from beamsim.analyses.designs.plan import check_cases, plan_designs
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system

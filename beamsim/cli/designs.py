@@ -13,7 +13,7 @@ from beamsim.cli.progress import progress_of
 from beamsim.errors import ExitCode, StoppedEarlyError
 
 if TYPE_CHECKING:
-    from beamsim.analyses.designs.analysis import DesignPlan
+    from beamsim.analyses.designs.plan import DesignPlan
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.scenario import Scenario
 
@@ -41,7 +41,7 @@ def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions, repor
     LimitExceededError
         With ``--check``.
     """
-    from beamsim.analyses.designs.analysis import check_cases, plan_designs
+    from beamsim.analyses.designs.plan import check_cases, plan_designs
 
     plan = plan_designs(scenario)
     check_cases(plan)
@@ -70,7 +70,8 @@ def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
 
 
 def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: Reporting) -> None:
-    from beamsim.analyses.designs.analysis import design_study, gather
+    from beamsim.analyses.designs.analysis import design_study
+    from beamsim.analyses.designs.gathering import gather
     from beamsim.analyses.designs.table import CaseTable
     from beamsim.cli.interruption import raised_again
     from beamsim.store.journal import Journal, journal_path

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from beamsim.analyses.designs.choice import Objective
+from beamsim.analyses.designs.plan import limited_response
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, parameter_label, responses_of
 from beamsim.analyses.limits import limit_label
 from beamsim.cli.report import Row, Texts, aligned, margins
@@ -56,7 +57,34 @@ def _parameters(units: Mapping[str, str], values: Mapping[str, Any]) -> str:
 
 def _passing(result: DesignsResult, passing: int) -> str:
     every = "every limit" if len(result.limits) > 1 else "the limit"
+    if "tolerances" in result.summary:
+        quantile = result.summary["tolerances"]["quantile"]
+        every += " in all realisations" if quantile == 1.0 else f" in {_share(quantile)} of the realisations"
     return f"{passing} of {result.cases} cases meet {every}" if passing else f"no case meets {every}"
+
+
+def _tolerances(result: DesignsResult, tolerances: Mapping[str, Any]) -> Iterator[Row]:
+    """What each case is varied by, and how it is judged."""
+    for k, (path, item) in enumerate(tolerances["parameters"].items()):
+        reach = f"{100 * item['tolerance']:.4g} %" if item["relative"] else amount(item["tolerance"], item["unit"])
+        yield "" if k else "tolerances", f"{parameter_label(path)} \u00b1{reach}"
+    quantile = tolerances["quantile"]
+    judged = "the worst of them" if quantile == 1.0 else f"their {_share(quantile)} quantile"
+    yield "", f"{tolerances['realisations']} realisations of each case, itself among them; judged by {judged}"
+
+
+def _scatter(result: DesignsResult, scatter: Mapping[str, Any]) -> Iterator[Row]:
+    """The range of each response over the realisations of the best case."""
+    ranges, texts = scatter["responses"], {}
+    compared = [limited_response(name) for name in result.limits]
+    decisive = [*compared, *filter(None, [Objective.of(result.scenario.vary).response])]
+    shown = {n: r for n, r in ranges.items() if any(f"/{n}".endswith(f"/{name}") for name in decisive)} or ranges
+    for name, item in list(shown.items())[:MOST_ROWS]:
+        unit = result.responses[name].unit
+        extent = f"{amount(item['smallest'], unit)} to {amount(item['largest'], unit)}"
+        texts[_response_label(name)] = f"{extent}, {amount(item['nominal'], unit)} without deviations"
+    yield "", "the best case" if "best" in result.summary else "the case"
+    yield from aligned(texts)
 
 
 def _best(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
@@ -110,6 +138,8 @@ TEXTS: Texts = {
     "cases": _cases,
     "passing": _passing,
     "best": _best,
+    "tolerances": _tolerances,
+    "scatter": _scatter,
     "margins": _margins,
     "sensitivity": _sensitivity,
     "responses": _responses,

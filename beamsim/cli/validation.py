@@ -19,7 +19,7 @@ def validated(case: Path, overrides: Sequence[str]) -> tuple[str, tuple[str, ...
 
     scenario = load_scenario(case, overrides)
     if scenario.vary is not None:
-        from beamsim.analyses.designs.analysis import check_cases, plan_designs
+        from beamsim.analyses.designs.plan import check_cases, plan_designs
 
         check_cases(plan_designs(scenario))
     if scenario.run is None:

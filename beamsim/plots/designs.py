@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.designs.choice import Objective
-from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response, SobolIndices
+from beamsim.analyses.designs.realisations import judged
+from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response, SobolIndices, responses_of
 from beamsim.plots.outputs import output_label, output_scale
 from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, legend, scale_for
 from beamsim.scenario.limits import OF_OUTPUTS
@@ -59,6 +61,13 @@ def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes
     scale = _scale(result, quantity, [values for _, values in curves])
     for k, (name, values) in enumerate(curves[:MOST_CURVES]):
         style = curve_style(k)
+        band = _band(result, quantity, name)
+        if band is not None:
+            low, high = band
+            ax.fill_between(
+                x[order], low[order] * scale.factor, high[order] * scale.factor, color=style["color"], alpha=0.18,
+                linewidth=0, label="_nolegend_",
+            )  # fmt: skip
         ax.plot(
             x[order], values[order] * scale.factor, marker="o" if x.size <= 30 else "", markersize=3,
             label=name or "_nolegend_", **style,
@@ -122,10 +131,15 @@ def plot_response_map(
 
 def _draw_contours(ax: Axes, x: Floats, y: Floats, values: Any, limit: float | None) -> None:
     """Labelled contours, that of the limit in its own colour."""
+    from matplotlib.patheffects import withStroke
+
     low, high = float(values.min()), float(values.max())
     if high - low > 1e-9 * max(abs(low), abs(high)):
         lines = ax.contour(x, y, values, levels=CONTOURS, colors="white", linewidths=0.6)
-        ax.clabel(lines, fontsize="x-small", fmt="%g")
+        outline: Any = [withStroke(linewidth=1.6, foreground="0.2")]  # readable on light cells, too
+        for text in ax.clabel(lines, fontsize="x-small", fmt="%g"):
+            text.set_path_effects(outline)
+        lines.set_path_effects([withStroke(linewidth=1.4, foreground="0.2")])
     if limit is not None and low < limit < high:
         line = ax.contour(x, y, values, levels=[limit], colors=_LIMIT, linewidths=1.8)
         ax.clabel(line, fontsize="x-small", fmt=lambda _: "limit")
@@ -184,6 +198,17 @@ def plot_response_scatter(result: DesignsResult, ax: Axes, coordinate: int, quan
     return ax
 
 
+def _judgement(result: DesignsResult) -> str:
+    """What a study with tolerances shows."""
+    tolerances = result.summary.get("tolerances")
+    if tolerances is None:
+        return ""
+    if len(result.coordinates) == 1 or result.kind == "zip":
+        return f"   (bands: {tolerances['realisations']} realisations within the tolerances)"
+    which = "worst" if tolerances["quantile"] == 1.0 else f"{100 * tolerances['quantile']:.4g} % quantile"
+    return f"   ({which} of {tolerances['realisations']} realisations within the tolerances)"
+
+
 def design_figures(result: DesignsResult) -> dict[str, Figure]:
     """All plots available for this study; the key is the last part of the file name."""
     from matplotlib.figure import Figure
@@ -198,6 +223,7 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
         rows = -(-count // columns)
         figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
         title = result.title + (f"   (star: best case, {result.summary['objective']})" if starred else "")
+        title += _judgement(result)
         if title:
             figure.suptitle(title, x=0.012, ha="left", fontsize="medium", color="0.3")
         axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
@@ -213,11 +239,12 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
             plot_response_curves(result, ax, quantity)
         return {"curves": figure}
     if dimensions == 2 and result.kind == "grid" and min(result.shape) > 1:
-        maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == 2 and _varies(r)][:MOST_PANELS]
+        maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == 2 and _varies(r)]
+        maps = maps[:MOST_PANELS]
         if maps:
             figure, axes = panels(len(maps), min(2, len(maps)), (5.2, 3.6), starred=best is not None)
             for ax, response in zip(axes, maps, strict=False):
-                plot_response_map(result, ax, response, (), best)
+                plot_response_map(result, ax, _as_judged(result, response), (), best)
             return {"maps": figure}
     figures = {}
     if dimensions > 2 and result.kind == "grid" and min(result.shape[:2]) > 1:
@@ -228,7 +255,7 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
             figure, axes = panels(len(rows) * len(places), len(places), (3.9, 3.1), starred=best is not None)
             for k, ax in enumerate(axes):
                 at = places[k % len(places)]
-                plot_response_map(result, ax, rows[k // len(places)], at, best)
+                plot_response_map(result, ax, _as_judged(result, rows[k // len(places)]), at, best)
                 ax.set_title(
                     ", ".join(_value_text(c, i) for c, i in zip(result.coordinates[2:], at, strict=True)),
                     fontsize="small", loc="left",
@@ -271,6 +298,15 @@ def _slices(result: DesignsResult, best: int | None) -> list[tuple[int, ...]]:
     return [(k, *fixed[1:]) for k in sorted(along)]
 
 
+def _band(result: DesignsResult, quantity: str, place: str) -> tuple[Floats, Floats] | None:
+    """The smallest and largest value of each case within the tolerances."""
+    names = [r.name for r in _of(result, quantity) if r.place == place and r.name in result.realised]
+    if not names:
+        return None
+    values = result.realised[names[0]].values
+    return values.min(axis=-1), values.max(axis=-1)
+
+
 def _quantity(response: Response) -> str:
     """Of an output with its name, as each has a unit of its own."""
     return "/".join(response.name.split("/")[-2:]) if response.quantity.endswith("_output") else response.quantity
@@ -278,6 +314,17 @@ def _quantity(response: Response) -> str:
 
 def _of(result: DesignsResult, quantity: str) -> list[Response]:
     return [r for r in result.responses.values() if _quantity(r) == quantity]
+
+
+def _as_judged(result: DesignsResult, response: Response) -> Response:
+    """A response with the values by which cases are judged, where there are tolerances."""
+    if response.name not in result.realised:
+        return response
+    objective = Objective.of(result.scenario.vary)
+    asked = {r.name for r in responses_of(result.responses, objective.response)}
+    good = objective.largest and response.name in asked
+    quantile = result.summary["tolerances"]["quantile"]
+    return replace(response, values=judged(result.realised[response.name], quantile, large_is_good=good))
 
 
 def _varies(response: Response) -> bool:
@@ -296,7 +343,8 @@ def _curves(responses: Sequence[Response]) -> Iterator[tuple[str, Floats]]:
 
 def _worst(result: DesignsResult, quantity: str) -> Floats:
     """Largest value over all places, for each case."""
-    values = np.stack([r.values.ravel() for r in _of(result, quantity) if r.values.shape == result.shape])
+    shown = [_as_judged(result, r) for r in _of(result, quantity) if r.values.shape == result.shape]
+    values = np.stack([r.values.ravel() for r in shown])
     known = np.isfinite(values)
     worst = np.where(known, values, -np.inf).max(axis=0)
     return np.where(known.any(axis=0), worst, np.nan)

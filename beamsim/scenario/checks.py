@@ -28,6 +28,7 @@ from beamsim.scenario.phase_resonance import phase_resonance_problems
 from beamsim.scenario.place import AtPlace, Probe, Sited
 from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
 from beamsim.scenario.sweep import Sweep, SweptSine
+from beamsim.scenario.tolerances import tolerance_problems
 from beamsim.scenario.whole import ScenarioParts
 
 MOST_SAMPLES = 100_000_000
@@ -454,6 +455,7 @@ def _phase_resonance(scenario: _Checked) -> Problems:
 def _designs(scenario: _Checked) -> Problems:
     if scenario.vary is not None:
         yield from design_problems(scenario.whole, scenario.vary)
+        yield from tolerance_problems(scenario)
 
 
 def _rigid_friction(scenario: _Checked) -> Problems:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Protocol, Self
 
@@ -20,6 +20,7 @@ from beamsim.scenario.quantities import (
     LevelValue,
     NotNegativeWhole,
     NumberOrText,
+    Quantile,
     Quantity,
     Rate,
     SteppedCount,
@@ -149,7 +150,28 @@ class _Study(Schema):
         return self
 
 
-class Grid(_Study):
+class Tolerances(Schema):
+    """What manufacture leaves open: every case is solved as it is, and again for each of a sample of deviations."""
+
+    samples: SteppedCount = 20
+    """Number of deviations, a Latin-hypercube sample; it is the same for all cases."""
+    seed: NotNegativeWhole = 0
+    """Seed of the random generator."""
+    quantile: Quantile = 1.0
+    """Limits and the objective judge a case by this quantile of its values, counted from the good side; by default by
+    the worst of them."""
+    parameters: Annotated[tuple[SampledTolerance, ...], Field(min_length=1)]
+    """The numbers with a tolerance. That of a varied number is about its value in each case."""
+
+
+class _ToleratedStudy(_Study):
+    """What the kinds of studies share that choose among cases."""
+
+    tolerances: Tolerances | None = None
+    """Deviations of each case, by which it is judged."""
+
+
+class Grid(_ToleratedStudy):
     """Every combination of the parameters' values."""
 
     kind: Literal["grid"] = "grid"
@@ -158,7 +180,7 @@ class Grid(_Study):
     """The varied parameters."""
 
 
-class Zipped(_Study):
+class Zipped(_ToleratedStudy):
     """All first values together, all second values together, and so on."""
 
     kind: Literal["zip"] = "zip"
@@ -167,7 +189,7 @@ class Zipped(_Study):
     """The varied parameters; all need the same number of values."""
 
 
-class LatinHypercube(_Study):
+class LatinHypercube(_ToleratedStudy):
     """A Latin-hypercube sample: one value of every parameter in each of `samples` equally likely intervals."""
 
     kind: Literal["latin_hypercube"] = "latin_hypercube"
@@ -233,7 +255,7 @@ class Varied(Protocol):
 def varied_parameters(scenario: Varied) -> tuple[VariedParameter, ...]:
     """The varied parameters of a scenario that passed its checks."""
     assert scenario.vary is not None
-    return tuple(_varied_parameter(scenario.whole, parameter) for parameter in scenario.vary.parameters)
+    return tuple(resolve_parameter(scenario.whole, parameter) for parameter in scenario.vary.parameters)
 
 
 def drawn_parameters(scenario: Schema, draws: Mapping[str, list[Any]]) -> tuple[VariedParameter, ...]:
@@ -281,34 +303,19 @@ def _drawn_parameter(scenario: Schema, path: str, values: list[Any]) -> VariedPa
 
 
 def case_count(vary: Vary) -> int:
-    """Number of cases."""
-    if isinstance(vary, LatinHypercube):
-        return vary.samples
+    """Number of cases that are solved, each realisation counted."""
     if isinstance(vary, Sobol):
         return vary.samples * (len(vary.parameters) + 2)
+    realisations = 1 if vary.tolerances is None else 1 + vary.tolerances.samples
+    if isinstance(vary, LatinHypercube):
+        return vary.samples * realisations
     counts = [_count(parameter) for parameter in vary.parameters]
-    return counts[0] if isinstance(vary, Zipped) else math.prod(counts)
+    return (counts[0] if isinstance(vary, Zipped) else math.prod(counts)) * realisations
 
 
 def design_problems(scenario: Schema, vary: Vary) -> Iterator[Problem]:
     """Unknown paths, values that their fields do not accept, too many cases."""
-    taken: dict[Path, int] = {}
-    for index, parameter in enumerate(vary.parameters):
-        at: Path = ("vary", "parameters", index)
-        try:
-            varied = _varied_parameter(scenario, parameter)
-        except PydanticCustomError as error:
-            context = error.context or {}
-            yield Problem(path_text((*at, *context["at"])), context["message"], context["remedy"])
-            continue
-        for place in varied.places:
-            if taken.setdefault(place, index) != index:
-                yield Problem(
-                    path_text((*at, "path")),
-                    f"= {varied.path} is varied twice, also by {path_text(('vary', 'parameters', taken[place]))}",
-                    "list every parameter once",
-                )
-                break
+    yield from parameter_problems(scenario, vary.parameters, ("vary", "parameters"))
     if isinstance(vary, Zipped):
         counts = [_count(parameter) for parameter in vary.parameters]
         if len(set(counts)) > 1:
@@ -329,6 +336,27 @@ def design_problems(scenario: Schema, vary: Vary) -> Iterator[Problem]:
         )
 
 
+def parameter_problems(scenario: Schema, parameters: Sequence[Any], section: Path) -> Iterator[Problem]:
+    """What is wrong with the parameters that a section lists, each alone and with the others."""
+    taken: dict[Path, int] = {}
+    for index, parameter in enumerate(parameters):
+        at = (*section, index)
+        try:
+            varied = resolve_parameter(scenario, parameter)
+        except PydanticCustomError as error:
+            context = error.context or {}
+            yield Problem(path_text((*at, *context["at"])), context["message"], context["remedy"])
+            continue
+        for place in varied.places:
+            if taken.setdefault(place, index) != index:
+                yield Problem(
+                    path_text((*at, "path")),
+                    f"= {varied.path} is varied twice, also by {path_text(('vary', 'parameters', taken[place]))}",
+                    "list every parameter once",
+                )
+                break
+
+
 def _count(parameter: Schema) -> int:
     if isinstance(parameter, ListedParameter):
         return len(parameter.values)
@@ -336,7 +364,7 @@ def _count(parameter: Schema) -> int:
     return parameter.points
 
 
-def _varied_parameter(scenario: Schema, parameter: Any) -> VariedParameter:
+def resolve_parameter(scenario: Schema, parameter: Any) -> VariedParameter:
     """Resolve a parameter; raises what `fail` builds, ``at`` being relative to the parameter."""
     from beamsim.scenario.parameters import choices_at, field_type_at, value_at
 

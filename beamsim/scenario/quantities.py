@@ -410,6 +410,7 @@ SectionModulusPerLength = Annotated[float, _positive(units.SECTION_MODULUS_PER_L
 PoissonsRatio = Annotated[
     float, Between(replace(units.NUMBER, name="Poisson's ratio", example="0.33"), low=-1.0, high=1.0)
 ]
+Quantile = Annotated[float, Between(replace(units.RATIO, example="95 %"), low=0.5, high=1.0, closed=True)]
 Grading = Annotated[float, Between(replace(units.NUMBER, name="grading", example="2"), low=1.0, high=4.0, closed=True)]
 MassPerLength = Annotated[float, _positive(units.MASS_PER_LENGTH)]
 NonNegativeMassPerLength = Annotated[float, _not_negative(units.MASS_PER_LENGTH)]

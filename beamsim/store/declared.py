@@ -140,10 +140,10 @@ def _write_members(group: h5py.Group, declared: Members, value: Any, names: Sequ
 
 def _write_arrays(group: h5py.Group, declared: Arrays, value: Any, names: Sequence[Any]) -> None:
     items = _items(value)
-    home = group.require_group(declared.folder) if items or declared.listed else group
+    home = group.require_group(declared.folder) if items else group
     for called, item in items:
         write(home, item, ({"link": _link(called)}, *names), on=_link(called))
-    if declared.listed:
+    if declared.listed and items:
         home.attrs[declared.listed] = json.dumps([called for called, _ in items], ensure_ascii=False)
 
 
@@ -416,10 +416,11 @@ def _read_members(group: h5py.Group, member: Member, declared: Members, names: S
 
 
 def _read_arrays(group: h5py.Group, member: Member, declared: Arrays, names: Sequence[Any]) -> Any:
-    cls, home = _item_of(member.annotation), group.get(declared.folder, {})
-    called = (
-        json.loads(home.attrs[declared.listed]) if declared.listed else [_true_name(item) for item in home.values()]
-    )
+    cls, home = _item_of(member.annotation), group.get(declared.folder)
+    called: list[str] = []
+    if home is not None:
+        listed = declared.listed
+        called = json.loads(home.attrs.get(listed, "[]")) if listed else [_true_name(item) for item in home.values()]
     links = {name: _link(name) for name in called}
     items = [cls(**read(cls, home, ({"link": link}, *names), key=name, on=link)) for name, link in links.items()]
     return tuple(items) if get_origin(member.annotation) is tuple else dict(zip(links, items, strict=True))

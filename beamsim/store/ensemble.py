@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from beamsim.analyses.designs.analysis import check_cases, design_study, plan_draws
+from beamsim.analyses.designs.analysis import design_study
+from beamsim.analyses.designs.plan import check_cases, plan_draws
 from beamsim.store.journal import Journal, journal_path
 from beamsim.store.results import write_designs
 

@@ -26,6 +26,10 @@ def export_designs(result: DesignsResult, path: Path) -> Path:
     for k, c in enumerate(result.coordinates):
         names.append(_header(c.path, c.unit))
         columns.append([row[k] for row in rows])
+    for name, realised in result.realised.items():
+        for suffix, values in (("smallest", realised.values.min(axis=-1)), ("largest", realised.values.max(axis=-1))):
+            names.append(_header(f"{name}_{suffix}", realised.unit))
+            columns.append(values.ravel().tolist())
     margins = {f"margins/{name}": margin for name, margin in result.margins.items()}
     for name, r in {**result.responses, **margins}.items():
         table = r.values.reshape(result.cases, -1)
@@ -36,6 +40,9 @@ def export_designs(result: DesignsResult, path: Path) -> Path:
     if result.passing is not None:
         names.append("passing")
         columns.append(result.passing.ravel().astype(int).tolist())
+    if result.passing_share is not None:
+        names.append("passing_share")
+        columns.append(result.passing_share.ravel().tolist())
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(names)

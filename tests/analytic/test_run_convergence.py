@@ -135,8 +135,8 @@ def test_all_modes_kept_leaves_nothing_to_compare():
 
 def test_off_and_studies():
     assert "convergence" not in beamsim.run(harmonic_beam(run={"convergence": "off"})).summary
-    from beamsim.analyses.designs.analysis import plan_designs
     from beamsim.analyses.designs.cases import CaseSolver
+    from beamsim.analyses.designs.plan import plan_designs
 
     vary = {"kind": "grid", "parameters": [{"path": "snubbers.tip.stiffness", "values": [1e5, 2e5]}]}
     study = plan_designs(harmonic_beam(vary=vary)).study

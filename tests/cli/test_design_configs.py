@@ -5,7 +5,8 @@ import pytest
 from shipped import PATHS, shipped
 
 import beamsim
-from beamsim.analyses.designs.analysis import check_cases, design_study, plan_designs
+from beamsim.analyses.designs.analysis import design_study
+from beamsim.analyses.designs.plan import check_cases, plan_designs
 
 CONFIGS = PATHS[0].parent
 STUDIES = [path for path in PATHS if shipped(path).vary and shipped(path).sweep is None]
@@ -14,6 +15,8 @@ STUDIES = [path for path in PATHS if shipped(path).vary and shipped(path).sweep 
 def shortened(path, count=3):
     vary = shipped(path).vary
     changes = {"run.duration": "0.1 s", "run.spectrum.last": "0.05 s"}
+    if getattr(vary, "tolerances", None):
+        changes["vary.tolerances.samples"] = 3
     if vary.kind == "latin_hypercube":
         changes["vary.samples"] = 4
     for index, parameter in enumerate(vary.parameters):

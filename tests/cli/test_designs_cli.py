@@ -283,7 +283,7 @@ def test_what_was_solved_before_an_interrupt_is_kept(interrupt, call, here, monk
 
 
 def test_beginning_anew_says_what_it_gives_up(call, here, monkeypatch):
-    from beamsim.analyses.designs.analysis import plan_designs
+    from beamsim.analyses.designs.plan import plan_designs
     from beamsim.analyses.designs.result import CaseOutcome
     from beamsim.scenario import load_scenario
     from beamsim.store.journal import Journal

@@ -8,7 +8,9 @@ from scipy.stats import kstest, truncnorm
 from typer.testing import CliRunner
 
 import beamsim
-from beamsim.analyses.designs.analysis import check_cases, design_study, gather, plan_designs
+from beamsim.analyses.designs.analysis import design_study
+from beamsim.analyses.designs.gathering import gather
+from beamsim.analyses.designs.plan import check_cases, plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.parallel import on_this_machine

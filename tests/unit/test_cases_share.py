@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.analysis import design_study, plan_designs
+from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.cases import CaseSolver
+from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.responses import entries_of_result, run_responses
 from beamsim.scenario import load_scenario
 from beamsim.scenario.draws import Draws, draw_data

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from sampling import slow_after
 
-from beamsim.analyses.designs.analysis import gather, plan_designs
+from beamsim.analyses.designs.gathering import gather
+from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.table import CaseTable
 from beamsim.errors import ResultFileError
@@ -40,6 +41,9 @@ STUDIES = {
     "zip": f"vary: {{kind: zip, parameters: [{ONE}, {{path: excitation.level, from: 1, to: 2, points: 5}}]}}",
     "sobol": "vary: {kind: sobol, samples: 4, minimise: peak_force, parameters: "
     "[{path: beam.thickness, tolerance: 5 %}, {path: snubbers.tip.gap, tolerance: 0.1 mm}]}",
+    "tolerances": f"vary: {{kind: grid, minimise: peak_force, parameters: [{ONE}, {TWO}], tolerances: "
+    "{samples: 4, quantile: 60 %, parameters: [{path: snubbers.tip.stiffness, tolerance: 10 %}, "
+    "{path: beam.thickness, tolerance: 0.1 mm}]}}",
     "sample": "vary: {kind: latin_hypercube, samples: 12, parameters: "
     "[{path: beam.thickness, tolerance: 5 %}, {path: snubbers.tip.gap, tolerance: 0.1 mm}]}",
 }
@@ -92,9 +96,18 @@ def test_what_is_written_is_read(name, tmp_path):
             assert (kept[key].unit, kept[key].long_name) == (read[key].unit, read[key].long_name)
     assert list(stored.responses) == list(result.responses)
     assert stored.summary["margins"] == result.summary["margins"]
-    for entry in ("responses", "passing", "best", "objective", "sensitivity"):
+    for entry in ("responses", "passing", "best", "objective", "sensitivity", "tolerances", "scatter"):
         assert stored.summary.get(entry) == result.summary.get(entry), entry
     np.testing.assert_array_equal(stored.passing, result.passing)
+    np.testing.assert_array_equal(stored.passing_share, result.passing_share)
+    assert list(stored.realised) == list(result.realised)
+    for key, kept in result.realised.items():
+        np.testing.assert_array_equal(stored.realised[key].values, kept.values)
+    for one, other in zip(result.tolerances, stored.tolerances, strict=True):
+        assert (one.path, one.tolerance, one.relative, one.unit) == (
+            other.path, other.tolerance, other.relative, other.unit,
+        )  # fmt: skip
+        np.testing.assert_array_equal(one.deviations, other.deviations)
     assert [s.name for s in stored.sensitivity] == [s.name for s in result.sensitivity]
     for one, other in zip(result.sensitivity, stored.sensitivity, strict=True):
         np.testing.assert_array_equal(one.total_order, other.total_order)
@@ -180,7 +193,7 @@ def test_damaged_and_foreign_versions(tmp_path):
     ("name", "picture"),
     slow_after(3, [
         ("curve", "curves"), ("map", "maps"), ("sample", "scatter"), ("words", "curves"), ("zip", "curves"),
-        ("map_of_words", "maps"), ("three", "slices scatter"), ("sobol", "scatter"),
+        ("map_of_words", "maps"), ("three", "slices scatter"), ("sobol", "scatter"), ("tolerances", "maps"),
     ]),
 )  # fmt: skip
 def test_pictures(name, picture, tmp_path):

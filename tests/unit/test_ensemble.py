@@ -5,7 +5,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.designs import cases
-from beamsim.analyses.designs.analysis import plan_draws
+from beamsim.analyses.designs.plan import plan_draws
 from beamsim.flow.trajectory import Trajectory
 from beamsim.store.journal import Journal, journal_path
 

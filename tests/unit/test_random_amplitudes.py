@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.designs.analysis import design_study, plan_designs
+from beamsim.analyses.designs.analysis import design_study
+from beamsim.analyses.designs.plan import plan_designs
 from beamsim.inputs.random_input import density, noise
 from beamsim.scenario import load_scenario
 

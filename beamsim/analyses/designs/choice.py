@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.designs.realisations import judging
 from beamsim.analyses.designs.result import Response, is_scalar, responses_of
 from beamsim.typing import Bools, Floats, Ints
 
@@ -36,13 +37,17 @@ class Objective(NamedTuple):
             return "largest margin"
         return f"{'largest' if self.largest else 'smallest'} {self.response.replace('/', ' ').replace('_', ' ')}"
 
-    def values(self, responses: Mapping[str, Response], shape: tuple[int, ...]) -> Floats | None:
-        """(cases,) the response at its worst place in every case; None if there is no such response."""
+    def values(self, responses: Mapping[str, Response], shape: tuple[int, ...], quantile: float = 1.0) -> Floats | None:
+        """(cases,) the response at its worst place, by which a case is judged; None if there is no such response.
+
+        ``responses`` have the given shape, whose last axis is that of the realisations.
+        """
         asked = [r.values.ravel() for r in responses_of(responses, self.response) if is_scalar(r, shape)]
         if not asked:
             return None
-        worst = np.min if self.largest else np.max
-        return np.asarray(worst(np.stack(asked), axis=0))
+        worst = np.asarray((np.min if self.largest else np.max)(np.stack(asked), axis=0)).reshape(-1, shape[-1])
+        deciding = judging(worst, quantile, large_is_good=self.largest)
+        return np.asarray(worst[np.arange(deciding.size), deciding])
 
 
 def passing_cases(margins: Mapping[str, Response], solved: Bools) -> Bools:
@@ -60,15 +65,21 @@ def smallest_margins(margins: Mapping[str, Response]) -> tuple[Floats, Ints]:
 
 
 def best_cases(
-    objective: Objective, responses: Mapping[str, Response], margins: Mapping[str, Response], passing: Bools
+    values: Floats | None, margins: Mapping[str, Response], passing: Bools, *, largest: bool
 ) -> list[dict[str, Any]]:
-    """The best of the cases that pass, best first: case, value of the objective, smallest margin and its limit."""
+    """The best of the cases that pass, best first: case, value of the objective, smallest margin and its limit.
+
+    Parameters
+    ----------
+    values : (cases,) of the objective; None for the smallest margin.
+    largest : whether large values are better.
+    """
     smallest, decisive = smallest_margins(margins) if margins else (None, np.zeros(0, dtype=int))
-    values = objective.values(responses, passing.shape) if objective.response else smallest
+    values = smallest if values is None else values
     if values is None:
         return []
     of_passing = np.flatnonzero(passing.ravel() & ~np.isnan(values))
-    order = of_passing[np.argsort((-1.0 if objective.largest else 1.0) * values[of_passing], kind="stable")]
+    order = of_passing[np.argsort((-1.0 if largest else 1.0) * values[of_passing], kind="stable")]
     names = list(margins)
     return [
         {

@@ -98,6 +98,34 @@ class Response:
         return " ".join([name, *curve]).strip()
 
 
+_REALISATION = Counter("realisation", "number of the realisation within the tolerances; 0 is the case itself", start=0)
+
+
+@declared
+class Tolerance:
+    """A number with a tolerance, and its deviations, which are the same in all cases."""
+
+    path: str = key("path of the number in the scenario")
+    deviations: Floats = dataset(
+        "1", "deviation of {path} as a share of its tolerance", name="{link}", along=(_REALISATION,)
+    )
+    tolerance: float = attribute("", "largest deviation, in SI units or as a share of the value")
+    relative: bool = attribute("1", "whether the tolerance is a share of the value")
+    unit: str = attribute("", "unit of the tolerance", name="tolerance_unit")
+
+
+@declared
+class RealisedResponse:
+    """One response of every realisation of every case."""
+
+    name: str = attribute("", "name of the response")
+    values: Floats = dataset(  # the design's shape, then realisations; nan: failed
+        "{unit}", "{long_name}", name="{link}", along=_CASES._replace(more=_REALISATION)
+    )
+    unit: str = attribute("", "its unit", name="units")
+    long_name: str = attribute("", "its meaning")
+
+
 _PARAMETER = Counter("parameter", "number of the varied parameter")
 
 
@@ -132,6 +160,10 @@ _SUMMARY = (
     Entry("objective", "", "what makes a case the best: the response that is smallest or largest, or the margin"),
     Entry("best", "", "the best cases that meet every limit, best first, at most 10: case, value of the objective, "
              "parameters, smallest margin and its limit", "best"),
+    Entry("tolerances", "", "realisations of each case, the quantile that judges it, and by path its tolerance and "
+             "unit", "tolerances"),
+    Entry("scatter", "", "by response of the best case, or of the only one: nominal, smallest and largest value and "
+             "5 % and 95 % quantiles over the realisations", "within tolerances"),
     Entry("margins", "", "by limit, of the worst case: limit, value, margin, at, exceeded, case, parameters; and "
              "the number of cases beyond the limit", "limits"),
     Entry("responses", "", "by response: extremes and their parameters; of a sample also mean, "
@@ -170,6 +202,16 @@ class DesignsResult(Result):
         flags=("failing", "passing"), default=None,
     )  # fmt: skip
     sensitivity: tuple[SobolIndices, ...] = numbered(f"{_GROUP}/sensitivity", default=())  # of a Sobol' sample
+    passing_share: Floats | None = dataset(  # the design's shape; None without limits or tolerances
+        "1", "share of the realisations that meet every limit", name=f"{_GROUP}/passing_share", along=_CASES,
+        default=None,
+    )  # fmt: skip
+    tolerances: tuple[Tolerance, ...] = arrays(
+        f"{_GROUP}/tolerances", called="number with a tolerance", listed="paths", default=()
+    )
+    realised: dict[str, RealisedResponse] = arrays(
+        f"{_GROUP}/realisations", called="response", listed="responses", default_factory=dict
+    )
     fingerprint: str = attribute("", "hash of all that the responses depend on", at=_GROUP, default="")
 
     @property

@@ -1,0 +1,291 @@
+"""The result of a study from the table of its cases: responses, margins, the choice of a case, indices."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.designs.choice import Objective, best_cases, passing_cases
+from beamsim.analyses.designs.plan import DesignPlan, limited_response, varies_seed
+from beamsim.analyses.designs.realisations import Realisations, judging, scatter_of
+from beamsim.analyses.designs.responses import describe
+from beamsim.analyses.designs.result import (
+    CaseFailure,
+    DesignsResult,
+    RealisedResponse,
+    Response,
+    SobolIndices,
+    is_scalar,
+    responses_of,
+)
+from beamsim.analyses.designs.sensitivity import sensitivities
+from beamsim.analyses.designs.table import CaseTable
+from beamsim.analyses.limits import margin_of
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.system.outputs import output_units
+from beamsim.typing import Bools, Floats
+
+Value = float | str
+
+SAMPLES = ("latin_hypercube", "sobol", "draws")  # kinds of studies that have statistics
+
+
+def gather(plan: DesignPlan, table: CaseTable, wall_time_s: float = 0.0) -> DesignsResult:
+    """The result of the cases in a table, which may be some of them only."""
+    count = plan.realisations.count
+    realised = _responses(plan, table)
+    responses = {
+        name: replace(response, values=np.take(response.values, 0, axis=len(plan.shape)).copy())
+        for name, response in realised.items()
+    }
+    limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
+    margins, where, meets = _margins(plan, realised, limits)
+    solved: Bools = np.all(table.solved.reshape(*plan.shape, count), axis=-1, keepdims=True)[..., 0]
+    failures = _failures(plan, table)
+    missing = int(np.sum(~table.known.reshape(-1, count).all(axis=1)))
+    passing = passing_cases(margins, solved)
+    objective = Objective.of(plan.scenario.vary)
+    values = (
+        objective.values(realised, (*plan.shape, count), plan.realisations.quantile) if objective.response else None
+    )
+    best = _best(plan, objective, values, margins, passing)
+    shares = meets.mean(axis=-1) if limits and count > 1 else None
+    sensitivity, gaps = sensitivities(responses, len(plan.coordinates)) if plan.kind == "sobol" else ((), [])
+    scalar = {name: r for name, r in realised.items() if is_scalar(r, (*plan.shape, count))} if count > 1 else {}
+    stored = {name: RealisedResponse(name, r.values, r.unit, r.long_name) for name, r in scalar.items()}
+    return DesignsResult(
+        scenario=plan.scenario,
+        analysis=plan.study.analysis,
+        kind=plan.kind,
+        outcome=_outcome(solved.size, missing, failures),
+        coordinates=plan.coordinates,
+        solved=solved,
+        responses=responses,
+        margins=margins,
+        limits=limits,
+        passing=passing if limits else None,
+        passing_share=shares,
+        tolerances=plan.realisations.tolerances(),
+        realised=stored,
+        sensitivity=sensitivity,
+        failures=failures,
+        warnings=(
+            *plan.scenario.warnings, *_about_seeds(plan),
+            *_about_choice(
+                plan, objective, responses, gaps, limits, unknown=bool(objective.response) and values is None
+            ),
+        ),
+        wall_time_s=wall_time_s,
+        fingerprint=plan.fingerprint,
+    ).with_summary(
+        solved=solved.size - missing - len(failures),
+        failed=len(failures),
+        responses=_extremes(plan, responses),
+        passing=int(passing.sum()) if limits else None,
+        objective=objective.text if best else None,
+        best=[
+            {**item, **({} if shares is None else {"passing_share": float(shares.flat[item["case"]])}),
+             "parameters": _named(plan, item["case"])}
+            for item in best
+        ] or None,
+        tolerances=_tolerances(plan.realisations),
+        scatter=_scatter(stored, best, solved.size, count),
+        margins=_worst_margins(plan, margins, where, limits) if limits else None,
+        sensitivity={item.name: _by_parameter(plan, item) for item in sensitivity} or None,
+        processor_time_s=table.processor_time_s,
+    )  # fmt: skip
+
+
+def _responses(plan: DesignPlan, table: CaseTable) -> dict[str, Response]:
+    """The responses of all realisations, whose axis follows those of the design."""
+    units = output_units(plan.scenario)
+    shape = (*plan.shape, plan.realisations.count)
+    return {
+        name: Response(name, column.reshape(shape + column.shape[1:]), *describe(name, units))
+        for name, column in table.columns.items()
+    }
+
+
+def _failures(plan: DesignPlan, table: CaseTable) -> tuple[CaseFailure, ...]:
+    """The cases that failed, each with the first of its realisations that did."""
+    first: dict[int, int] = {}
+    for k in sorted(table.failures):
+        first.setdefault(k // plan.realisations.count, k)
+    return tuple(
+        CaseFailure(case, plan.tasks[k].values[: len(plan.coordinates)], table.failures[k].outcome)
+        for case, k in first.items()
+    )
+
+
+def _best(
+    plan: DesignPlan, objective: Objective, values: Floats | None, margins: Mapping[str, Response], passing: Bools
+) -> list[dict[str, Any]]:
+    chosen = plan.kind not in SAMPLES or bool(objective.response)  # the best of many parts is no choice
+    if not chosen or (objective.response and values is None):
+        return []
+    return best_cases(values, margins, passing, largest=objective.largest)
+
+
+def _tolerances(realisations: Realisations) -> dict[str, Any] | None:
+    if realisations.count == 1:
+        return None
+    return {
+        "realisations": realisations.count,
+        "quantile": realisations.quantile,
+        "parameters": {
+            t.path: {"tolerance": t.tolerance, "unit": t.unit, "relative": t.relative}
+            for t in realisations.tolerances()
+        },
+    }
+
+
+def _scatter(
+    realised: Mapping[str, RealisedResponse], best: Sequence[Mapping[str, Any]], cases: int, count: int
+) -> dict[str, Any] | None:
+    """What the best case ranges over within its tolerances, or the only one."""
+    if not realised or not (best or cases == 1):
+        return None
+    case = int(best[0]["case"]) if best else 0
+    return {"case": case, "responses": scatter_of(realised, case, count)}
+
+
+def _about_choice(
+    plan: DesignPlan, objective: Objective, responses: Mapping[str, Response], gaps: Sequence[str],
+    limits: Mapping[str, float], *, unknown: bool,
+) -> Iterator[str]:  # fmt: skip
+    """What the choice of a case and the indices lack."""
+    if unknown and responses:
+        scalar = [name for name, response in responses.items() if is_scalar(response, plan.shape)]
+        key = "maximise" if objective.largest else "minimise"
+        yield f"vary.{key} = {objective.response}: no case has such a response; they have {', '.join(scalar)}"
+    for name in limits if responses else ():
+        if not any(is_scalar(r, plan.shape) for r in responses_of(responses, limited_response(name))):
+            yield f"limits.{name}: no case has a response that is compared with it, so no case meets every limit"
+    if gaps:
+        yield f"no Sobol' indices of {', '.join(gaps)}, which are not known in all cases"
+
+
+def _by_parameter(plan: DesignPlan, indices: SobolIndices) -> dict[str, dict[str, float]]:
+    names = ("first_order", "first_order_low", "first_order_high", "total_order", "total_order_low", "total_order_high")
+    return {c.path: {name: float(getattr(indices, name)[k]) for name in names} for k, c in enumerate(plan.coordinates)}
+
+
+def _about_seeds(plan: DesignPlan) -> list[str]:
+    """What the scatter between the seeds of a random input means."""
+    if not varies_seed(plan.study.places):
+        return []
+    if plan.study.base["excitation"]["amplitudes"] == "random":
+        return [
+            "the seeds are realisations of a Gaussian process (excitation.amplitudes: random): they scatter as records "
+            "of this duration do"
+        ]
+    return [
+        "excitation.amplitudes = fixed: the seeds scatter less than records of a Gaussian process of this duration; "
+        "leave it out if the scatter matters"
+    ]
+
+
+def _margins(
+    plan: DesignPlan, realised: Mapping[str, Response], limits: Mapping[str, float]
+) -> tuple[dict[str, Response], dict[str, tuple[Floats, NDArray[np.str_]]], Bools]:
+    """Margin of every case, the value and place that determine it, and which realisations meet all limits."""
+    margins, where = {}, {}
+    shape = (*plan.shape, plan.realisations.count)
+    meets = np.ones(shape, dtype=bool)
+    for name, limit in limits.items():
+        compared = [r for r in responses_of(realised, limited_response(name)) if is_scalar(r, shape)]
+        if not compared:  # a limit that nothing is compared with is not met
+            unknown = np.full(plan.shape, math.nan)
+            margins[name] = Response(name, unknown, "1", f"limits.{name} / value - 1")
+            meets[:] = False
+            continue
+        values = np.stack([r.values.ravel() for r in compared])
+        decisive = np.where(np.isnan(values), -np.inf, values).argmax(axis=0)
+        worst = values[decisive, np.arange(values.shape[1])]
+        meets &= (worst <= limit).reshape(shape)
+        rows = worst.reshape(-1, shape[-1])
+        deciding = judging(rows, plan.realisations.quantile, large_is_good=False)
+        chosen = np.arange(len(rows)) * shape[-1] + deciding
+        where[name] = worst[chosen], np.array([r.place for r in compared])[decisive[chosen]]
+        margin = np.array([margin_of(limit, float(value)) for value in worst[chosen]]).reshape(plan.shape)
+        margins[name] = Response(name, margin, "1", f"limits.{name} / value - 1")
+    return margins, where, meets
+
+
+def _worst_margins(
+    plan: DesignPlan,
+    margins: Mapping[str, Response],
+    where: Mapping[str, tuple[Floats, NDArray[np.str_]]],
+    limits: Mapping[str, float],
+) -> dict[str, Any]:
+    summary = {}
+    for name, response in margins.items():
+        flat = response.values.ravel()
+        if name not in where or not np.any(np.isfinite(flat) | np.isposinf(flat)):
+            continue
+        case = int(np.nanargmin(flat))
+        values, places = where[name]
+        summary[name] = {
+            "limit": limits[name],
+            "value": float(values[case]),
+            "margin": float(flat[case]),
+            "at": str(places[case]),
+            "exceeded": bool(values[case] > limits[name]),
+            "case": case,
+            "parameters": _named(plan, case),
+            "cases_exceeding": int(np.sum(values > limits[name])),
+        }
+    return summary
+
+
+def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, Any]:
+    """Extremes of every response with their cases; for a sample also mean, standard deviation and quantiles."""
+    summary: dict[str, Any] = {}
+    for name, response in responses.items():
+        if not is_scalar(response, plan.shape):
+            continue
+        flat = response.values.ravel()
+        if not np.any(np.isfinite(flat)):
+            continue
+        low, high = int(np.nanargmin(flat)), int(np.nanargmax(flat))
+        summary[name] = {
+            "smallest": float(flat[low]),
+            "smallest_at": _named(plan, low),
+            "largest": float(flat[high]),
+            "largest_at": _named(plan, high),
+        }
+        if plan.kind in SAMPLES:
+            known = flat[np.isfinite(flat)]
+            summary[name] |= {
+                "mean": float(known.mean()),
+                "standard_deviation": float(known.std(ddof=1)) if known.size > 1 else math.nan,
+                "quantile_5_percent": float(np.quantile(known, 0.05)),
+                "quantile_95_percent": float(np.quantile(known, 0.95)),
+            }
+    return summary
+
+
+def _named(plan: DesignPlan, case: int) -> dict[str, Value]:
+    """The varied numbers of a case by path."""
+    values = plan.tasks[case * plan.realisations.count].values
+    return {c.path: v for c, v in zip(plan.coordinates, values, strict=False)}
+
+
+def _outcome(cases: int, missing: int, failures: tuple[CaseFailure, ...]) -> Outcome:
+    parts = []
+    if missing:
+        parts.append(Outcome.of(OutcomeCode.CASES_MISSING, done=cases - missing, cases=cases))
+    if failures:
+        first = failures[0]
+        parts.append(
+            Outcome.of(
+                OutcomeCode.CASES_FAILED, failed=len(failures), cases=cases, case=first.case + 1,
+                reason=first.outcome.text,
+            )
+        )  # fmt: skip
+    return parts[0].but(*parts[1:]) if parts else COMPLETE

@@ -1,0 +1,179 @@
+"""Cases judged within tolerances: which numbers each realisation takes, and what is made of them."""
+
+import csv
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.designs.analysis import design_study
+from beamsim.analyses.designs.gathering import gather
+from beamsim.analyses.designs.plan import plan_designs
+from beamsim.analyses.designs.result import CaseOutcome
+from beamsim.analyses.designs.table import CaseTable
+from beamsim.errors import ScenarioError
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.scenario import load_scenario
+from beamsim.store.export_designs import export_designs
+
+BASE = """\
+beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4}
+snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0 mm}]
+excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
+run: {duration: 0.05 s}
+"""
+STIFFNESSES = [50e3, 100e3, 200e3]
+FORCE = "snubbers/tip/peak_force"
+
+
+def scenario(tolerances, limits="{peak_force: 30 N}", more="minimise: peak_force, responses: [peak_force], "):
+    return load_scenario(
+        f"{BASE}limits: {limits}\n"
+        f"vary: {{kind: grid, {more}parameters: [{{path: snubbers.tip.stiffness, values: {STIFFNESSES}}}], "
+        f"tolerances: {tolerances}}}\n"
+    )
+
+
+def of_forces(forces, tolerances, limits="{peak_force: 30 N}", more="minimise: peak_force, "):
+    """A result with given forces (cases, realisations); nan: failed."""
+    plan = plan_designs(scenario(tolerances, limits, more))
+    assert len(plan.tasks) == np.size(forces)
+    table = CaseTable(len(plan.tasks))
+    for k, force in enumerate(np.ravel(forces)):
+        failed = Outcome.of(OutcomeCode.FAILED, reason="why")
+        ending = failed if np.isnan(force) else COMPLETE
+        table.add(CaseOutcome(k, {} if np.isnan(force) else {FORCE: float(force)}, ending))
+    return gather(plan, table)
+
+
+def test_deviations_are_about_the_value_in_each_case_and_the_same_in_all():
+    plan = plan_designs(
+        scenario(
+            "{samples: 6, seed: 3, parameters: [{path: snubbers.tip.stiffness, tolerance: 10 %}, "
+            "{path: snubbers.tip.gap, tolerance: 0.02 mm}, "
+            "{path: beam.thickness, tolerance: 2 %, distribution: normal}]}"
+        )
+    )
+    values = np.array([task.values for task in plan.tasks]).reshape(3, 7, 3)
+    np.testing.assert_array_equal(values[:, 0], [[k, 0.0, 5e-3] for k in STIFFNESSES])
+    shares = values[:, :, 0] / np.array(STIFFNESSES)[:, None] - 1.0
+    np.testing.assert_allclose(shares, np.broadcast_to(shares[0], shares.shape), atol=1e-15)
+    np.testing.assert_array_equal(values[:, :, 1:], np.broadcast_to(values[0, :, 1:], (3, 7, 2)))
+    for deviations in (shares[0, 1:] / 0.1, values[0, 1:, 1] / 2e-5):  # one in each sixth of the tolerance
+        assert sorted(np.floor((deviations + 1.0) * 3.0)) == [0, 1, 2, 3, 4, 5]
+    assert 0.0 < np.abs(values[0, 1:, 2] / 5e-3 - 1.0).max() <= 0.02
+
+
+def test_each_realisation_is_a_run_with_its_numbers():
+    result = design_study(
+        scenario("{samples: 2, parameters: [{path: snubbers.tip.gap, tolerance: 0.05 mm}]}"), workers=1
+    )
+    gaps = 0.05e-3 * result.tolerances[0].deviations
+    for i, stiffness in enumerate(STIFFNESSES):
+        for j, gap in enumerate(gaps):
+            case = load_scenario(
+                BASE, [f"snubbers.tip.stiffness={stiffness!r}", f"snubbers.tip.gap={float(gap)!r}"]
+            )  # fmt: skip
+            force = beamsim.run(case).summary["peak_force_n"]["tip"]
+            assert result.realised[FORCE].values[i, j] == pytest.approx(force, rel=1e-12)
+    np.testing.assert_array_equal(result.responses[FORCE].values, result.realised[FORCE].values[:, 0])
+
+
+FORCES = np.array([[10.0, 31.0, 12.0, 11.0, 13.0], [20.0, 21.0, 22.0, 23.0, 24.0], [5.0, 33.0, 32.0, 6.0, 7.0]])
+FOUR = "samples: 4, parameters: [{path: beam.thickness, tolerance: 1 %}]"
+
+
+def test_by_default_the_worst_realisation_judges():
+    result = of_forces(FORCES, f"{{{FOUR}}}")
+    np.testing.assert_allclose(result.margins["peak_force"].values, 30.0 / np.array([31.0, 24.0, 33.0]) - 1.0)
+    assert result.passing.tolist() == [False, True, False]
+    np.testing.assert_allclose(result.passing_share, [0.8, 1.0, 0.6])
+    assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(1, 24.0)]
+    assert result.summary["scatter"]["responses"][FORCE]["smallest"] == 20.0
+    assert result.summary["scatter"]["responses"][FORCE]["nominal"] == 20.0
+
+
+def test_a_quantile_leaves_the_worst_realisations_out():
+    result = of_forces(FORCES, f"{{quantile: 75 %, {FOUR}}}")
+    np.testing.assert_allclose(result.margins["peak_force"].values, 30.0 / np.array([13.0, 23.0, 32.0]) - 1.0)
+    assert result.passing.tolist() == [True, True, False]
+    assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(0, 13.0), (1, 23.0)]
+
+
+def test_of_a_response_that_shall_be_large_the_smallest_counts():
+    result = of_forces(FORCES, f"{{{FOUR}}}", "{peak_force: 50 N}", "maximise: peak_force, ")
+    assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(1, 20.0), (0, 10.0), (2, 5.0)]
+
+
+def test_a_limit_that_no_response_is_compared_with_is_not_met():
+    result = of_forces(FORCES, f"{{{FOUR}}}", "{peak_force: 50 N, gap: 1 mm}")
+    assert result.passing.tolist() == [False, False, False]
+    assert "best" not in result.summary
+    assert any("limits.gap: no case has a response" in warning for warning in result.warnings)
+
+
+def test_a_case_with_a_realisation_that_failed_does_not_pass(tmp_path):
+    forces = FORCES.copy()
+    forces[1, 3] = np.nan
+    result = of_forces(forces, f"{{{FOUR}}}")
+    assert result.passing.tolist() == [False, False, False]
+    assert result.summary["failed"] == 1
+    assert result.failures[0].case == 1
+    assert result.outcome.code is OutcomeCode.CASES_FAILED
+    with open(export_designs(result, tmp_path / "study.csv"), encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert rows[1][f"{FORCE}_largest (N)"] == "nan"
+    assert float(rows[2][f"{FORCE}_largest (N)"]) == 33.0
+    assert [float(row["passing_share"]) for row in rows] == pytest.approx([0.8, 0.8, 0.6])
+
+
+@pytest.mark.parametrize(
+    ("tolerances", "message"),
+    [
+        ("{parameters: [{path: beam.elements, tolerance: 1}]}", "is a whole number, which has no tolerance"),
+        ("{quantile: 0.2, parameters: [{path: beam.thickness, tolerance: 1 %}]}", "must be from 0.5 to 1"),
+        ("{parameters: [{path: beam.thicknes, tolerance: 1 %}]}", "did you mean thickness"),
+        ("{parameters: [{path: snubbers.tip.gap, tolerance: 1 %}]}", "leaves nothing to vary"),
+        ("{parameters: []}", "parameters"),
+        (
+            "{parameters: [{path: beam.thickness, tolerance: 1 %}, {path: beam.thickness, tolerance: 2 %}]}",
+            "varied twice",
+        ),
+        (
+            "{parameters: [{path: beam.width, also: [beam.thickness], tolerance: 1 %}]}",
+            "needs one nominal value",
+        ),
+        ("{samples: 100000, parameters: [{path: beam.thickness, tolerance: 1 %}]}", "cases"),
+    ],
+)
+def test_tolerances_that_cannot_be_are_located(tolerances, message):
+    with pytest.raises(ScenarioError, match=message) as caught:
+        scenario(tolerances)
+    assert all(p.path.startswith("vary") for p in caught.value.problems)
+
+
+def test_a_number_that_is_varied_with_others_has_a_tolerance_with_them():
+    both = "[{name: tip, position: 270 mm, side: below, stiffness: 1 kN/m}, {name: top, position: 270 mm, side: above, "
+    text = BASE.replace("snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0 mm}]", (
+        f"snubbers: {both}stiffness: 1 kN/m}}]"
+    )) + (
+        "vary: {kind: grid, parameters: [{path: 'snubbers[*].stiffness', values: [1 kN/m, 2 kN/m]}], "
+        "tolerances: {parameters: [{path: %s, tolerance: 1 %%}]}}"
+    )  # fmt: skip
+    with pytest.raises(ScenarioError, match=r"is varied in part, as snubbers\[\*\]\.stiffness"):
+        load_scenario(text % "snubbers.tip.stiffness")
+    plan = plan_designs(load_scenario(text % "'snubbers[*].stiffness'"))
+    assert len({task.values for task in plan.tasks}) == 2 * 21
+
+
+def test_indices_take_no_tolerances():
+    with pytest.raises(ScenarioError, match="tolerances"):
+        load_scenario(
+            f"{BASE}vary: {{kind: sobol, samples: 4, parameters: [{{path: beam.thickness, tolerance: 1 %}}], "
+            "tolerances: {parameters: [{path: snubbers.tip.gap, tolerance: 0.1 mm}]}}"
+        )
+
+
+def test_an_objective_at_an_unknown_place_is_found_before_any_case_is_solved():
+    with pytest.raises(ScenarioError, match="no tipp"):
+        plan_designs(scenario(f"{{{FOUR}}}", more="minimise: snubbers/tipp/peak_force, "))
