@@ -12,8 +12,8 @@ from beamsim.cli.options import Debug, Json, Output, Quiet, Stored
 from beamsim.kinds import KINDS, named
 
 if TYPE_CHECKING:
+    from beamsim.analyses.animate.frames import BuiltModel
     from beamsim.plots.animation import Scene
-    from beamsim.system.structural import StructuralSystem
 
 
 def register(app: typer.Typer) -> None:
@@ -66,7 +66,9 @@ def _write(path: Path, target: Path, *, shown: bool) -> Path:
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = named(KINDS[kind].figures)(result)
         rows = list(table_rows(kind, result))
-        page = page_of(result, about, rows, figures, _system(result), _scene(result, shown=shown))
+        model = _model(result)
+        system = model.system if model else None
+        page = page_of(result, about, rows, figures, system, _scene(result, model, shown=shown))
     with replacing(target) as temporary:
         temporary.write_text(page.html(), encoding="utf-8")
     return target
@@ -114,48 +116,50 @@ def animate(
     print_files(targets, as_json=json)
 
 
-def _scene(result: Any, *, shown: bool) -> Scene | None:
+def _scene(result: Any, model: BuiltModel | None, *, shown: bool) -> Scene | None:
     """The animation for a report, which does without where the model cannot be built again."""
     from beamsim.errors import BeamsimError
 
     try:
-        return scene_of(result, shown=shown)
+        return scene_of(result, model, shown=shown)
     except BeamsimError as error:
         say(f"beamsim: the report has no animation: {error}")
         return None
 
 
-def _system(result: Any) -> StructuralSystem | None:
-    """The system of the result's scenario; None where it has no bodies or cannot be built."""
+def _model(result: Any) -> BuiltModel | None:
+    """The model of the result's scenario; None where it has no bodies or cannot be built."""
+    from beamsim.analyses.animate.frames import model_of
     from beamsim.errors import BeamsimError
-    from beamsim.system.build import build_system
 
     if not result.scenario.all_bodies:
         return None
     try:
-        return build_system(result.scenario, assessed=False)
+        return model_of(result.scenario)
     except BeamsimError as error:
         say(f"beamsim: the report has no sketch of the model: {error}")
         return None
 
 
-def scene_of(result: Any, *, shown: bool) -> Scene | None:
-    """The animation of a run or of a stored periodic motion; None of results without a motion."""
-    from beamsim.analyses.animate.frames import frames_of_orbit, frames_of_run
+def scene_of(result: Any, model: BuiltModel | None = None, *, shown: bool) -> Scene | None:
+    """The animation of a run or of a stored periodic motion; None of results without a motion.
+
+    ``model`` is that of its scenario, where it was built already.
+    """
+    from beamsim.analyses.animate.frames import frames_of_orbit, frames_of_run, model_of
     from beamsim.analyses.run.result import RunResult
     from beamsim.cli.progress import progress_of
     from beamsim.plots.animation import scene_of as scene_of_frames
-    from beamsim.system.build import build_system
 
     if isinstance(result, RunResult):
         with progress_of("computing the motion again", shown=shown) as progress:
-            frames = frames_of_run(result, progress)
+            frames = frames_of_run(result, progress, model=model)
         return scene_of_frames(frames, result.scenario, result.modes.stations, result.snubbers, result.title)
     motion = next((b.motion for b in getattr(result, "branches", ()) if getattr(b, "motion", None) is not None), None)
     if motion is None:
         return None
     stations = result.modes.stations
-    stops = {stop.name: stop for stop in build_system(result.scenario, assessed=False).snubbers}
+    stops = {stop.name: stop for stop in (model or model_of(result.scenario)).system.snubbers}
     return scene_of_frames(
         frames_of_orbit(result.scenario, stations, motion), result.scenario, stations, stops, result.title
     )

@@ -464,8 +464,7 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Carry ``sens`` (N, columns), updated in place, through a log of segments; the last P columns are parameters.
 
-    ``slope`` (N,) receives the time derivative of the state at the end (limit from the left). Returns the smallest
-    ``|dg/dt|`` at an event whose force jumps (infinite without one): small means grazing with a dashpot.
+    ``slope`` (N,) receives the time derivative of the state at the end (limit from the left).
     """
     m, n = contacts.shape.shape
     N = sens.shape[0]
@@ -485,7 +484,6 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
     add = np.zeros(2 * n)
     T2 = variation.right.shape[2]
     turned = np.zeros((T2, columns))
-    smallest = np.inf
     event = 0
     for g in range(n_seg):
         s = seg_state[g]
@@ -593,7 +591,6 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
                 for k in range(columns):
                     change[k] += row[a] * varied[a, k]
         if jumps:
-            smallest = min(smallest, abs(gdot))
             push = 0.0
             for a in range(3 + r):
                 push += contacts.jump[j, before, guard, a] * motion[a]
@@ -624,4 +621,3 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
                 for a in range(3 + r):
                     total += _started(contacts, j, before, guard, i, a) * varied[a, k]
                 sens[first + i, k] = total
-    return smallest

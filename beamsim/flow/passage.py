@@ -237,7 +237,6 @@ class Passage:
     event_time: Floats  # (E,) s
     event_contact: Ints  # (E,)
     event_phase: Ints  # (E,) of the contact after the event
-    smallest_event_speed: float  # |dg/dt| at events whose force jumps, infinite without one
 
     @property
     def signature(self) -> tuple[tuple[int, int], ...]:

@@ -125,7 +125,7 @@ def _motion(flow: SeriesFlow, exact: ExactFlow, start: Floats, duration: float, 
     no_parameters = np.zeros((flow.size, 0))
     return Passage(
         start, motion.y, no_parameters, no_parameters, slope, duration, log.time, log.length, log.state, log.y,
-        log.event_time, log.event_contact, log.event_phase, np.inf,
+        log.event_time, log.event_contact, log.event_phase,
     )  # fmt: skip
 
 

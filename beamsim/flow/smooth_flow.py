@@ -133,17 +133,17 @@ class SmoothFlow(PeriodicFlow):
         arrays = self._arrays(parameters)
         y, closed = start.copy(), self.starting_state(start, t) > 0
         sens, slope = np.eye(N, N + P), np.zeros(N)
-        end, toggled, smallest, steps = t + duration, -1, np.inf, 0
+        end, toggled, steps = t + duration, -1, 0
         parts: list[tuple[NDArray[np.generic], ...]] = []
         while True:
             check_stop()
             log = self._log
-            code, t, toggled, count, events, speed = taylor_kernels.carry_smooth(
+            code, t, toggled, count, events = taylor_kernels.carry_smooth(
                 arrays, t, end, toggled, closed, y, sens, P, self._longest, *log, slope
             )
             rows = [count] * 4 + [events] * 3
             parts.append(tuple(column[:used].copy() for column, used in zip(log, rows, strict=True)))
-            steps, smallest = steps + count, min(smallest, speed)
+            steps += count
             if code != taylor_kernels.FULL or steps >= MOST_STEPS or not np.all(np.isfinite(y)):
                 break
         time, length, touching, states, *event = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -153,7 +153,6 @@ class SmoothFlow(PeriodicFlow):
         return Passage(
             start, y, sens[:, :N].copy(), sens[:, N:].copy(), slope, duration,
             time, length, touching @ (1 << np.arange(m)), states, event[0], event[1], event[2].astype(np.int64),
-            float(smallest),
         )  # fmt: skip
 
     def cubic_stretch(self, y: Floats, times: Floats) -> Floats:

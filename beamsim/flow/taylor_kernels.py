@@ -347,7 +347,7 @@ def carry_smooth(  # type: ignore[no-untyped-def]
     """Carry y (2n,), the contacts' state ``closed`` and ``sens`` (2n, columns), all in place, from t to t_end.
 
     The last ``parameters`` columns are derivatives by parameters; ``toggled`` is the contact whose event lies at the
-    start (-1: none). Returns (status, t, toggled, steps, events, smallest event speed); FULL when the log is full.
+    start (-1: none). Returns (status, t, toggled, steps, events); FULL when the log is full.
     """
     n = s.omega2.size
     nc = s.cubic.size
@@ -369,11 +369,10 @@ def carry_smooth(  # type: ignore[no-untyped-def]
         scale = max(scale, math.sqrt(abs(s.omega2[i])))
     steps = 0
     events = 0
-    smallest = np.inf
     stalled = 0
     while t < t_end:
         if steps == log_time.size or events == ev_time.size:
-            return FULL, t, toggled, steps, events, smallest
+            return FULL, t, toggled, steps, events
         for i in range(n):
             q[0, i] = y[i]
             v[0, i] = y[n + i]
@@ -415,7 +414,7 @@ def carry_smooth(  # type: ignore[no-untyped-def]
             t = t + h
             stalled = stalled + 1 if h == 0.0 else 0
             if stalled > 4:
-                return STUCK, t, toggled, steps, events, smallest
+                return STUCK, t, toggled, steps, events
             j = which
             ev_time[events] = t
             ev_contact[events] = j
@@ -424,7 +423,6 @@ def carry_smooth(  # type: ignore[no-untyped-def]
             _, rate, _ = _penetration(s, j, q, d, h)
             jump = s.dashpot[j] * rate
             if jump != 0.0:
-                smallest = min(smallest, abs(rate))
                 factor = (1.0 if not closed[j] else -1.0) * s.dashpot[j] * s.sign[j]
                 for k in range(columns):
                     change = 0.0
@@ -442,7 +440,7 @@ def carry_smooth(  # type: ignore[no-untyped-def]
             closed[j] = not closed[j]
         else:
             t = t_end if ends else t + h
-    return DONE, t, toggled, steps, events, smallest
+    return DONE, t, toggled, steps, events
 
 
 @kernel

@@ -363,13 +363,13 @@ class VariationalFlow(SeriesFlow):
         sens = np.zeros((N, N + P))
         sens.flat[:: N + P + 1] = 1.0
         slope = np.zeros(N)
-        smallest = carry_sensitivity(
+        carry_sensitivity(
             self._tables, self._inputs, self.system.contacts.arrays, self._variation, self._parameters(exact),
             log.time.size, *log[:5], log.event_contact, sens, slope,
         )  # fmt: skip
         passage = Passage(
             start, motion.y, sens[:, :N], sens[:, N:], slope, duration, log.time, log.length, log.state, log.y,
-            log.event_time, log.event_contact, log.event_phase, float(smallest),
+            log.event_time, log.event_contact, log.event_phase,
         )  # fmt: skip
         if len(parameters) > P:
             columns, k = [], 0

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-from beamsim.scenario import units
-
 TIME_NAMES = ("time", "t", "zeit", "temps")
 FREQUENCY_NAMES = ("frequency", "f", "freq", "frequenz", "fréquence")
 
@@ -37,15 +35,3 @@ def stated(unit: str) -> str:
 def is_frequency(heading: str) -> bool:
     """Whether a heading is that of a frequency axis."""
     return split_heading(heading)[0].lower() in FREQUENCY_NAMES
-
-
-def axis_factor(unit: str, *, of_frequency: bool) -> float:
-    """Seconds (Hz of a frequency axis) in one of the unit of an axis, 1 where it has none.
-
-    Raises
-    ------
-    UnitError
-        If the unit is not one of time (of frequency).
-    """
-    dimension = units.FREQUENCY if of_frequency else units.TIME
-    return units.read_quantity(f"1 {unit}", dimension) if unit else 1.0

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.axes import AxisError, axis_factor, check_record, without_unit
 from beamsim.inputs.csv_table import read_csv
-from beamsim.inputs.headings import axis_factor, split_heading, stated
+from beamsim.inputs.headings import split_heading, stated
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.universal_file import is_in_si_units, units_of_uff
 from beamsim.scenario.driven import spoken
@@ -102,25 +103,17 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
     _refuse_without_units(columns, excitation)
     if excitation.unit is None:
         values = values * _factor(columns.unit, excitation)
-    if excitation.sample_rate is not None:
-        time = np.arange(values.size) / excitation.sample_rate
-    else:
-        assert time is not None
-        time = time * _time_factor(excitation.time_unit or columns.time_unit, excitation)
-    bad = np.flatnonzero(~np.isfinite(values) | ~np.isfinite(time))
-    if bad.size:
-        _reject(
-            f"= {excitation.file} has {bad.size} values that are not finite, the first at sample {bad[0] + 1}",
-            "repair or remove that part of the record",
-        )
+    try:
+        if excitation.sample_rate is not None:
+            time = np.arange(values.size) / excitation.sample_rate
+        else:
+            assert time is not None
+            unit = excitation.time_unit or columns.time_unit
+            time = time * axis_factor(unit, "excitation.time_unit", of_frequency=False)
+        check_record(time, values, of_frequency=False)
+    except AxisError as fault:
+        _reject(f"= {excitation.file} {fault.message}", fault.remedy)
     step = np.diff(time)
-    if np.any(step <= 0):
-        where = int(np.flatnonzero(step <= 0)[0])
-        _reject(
-            f"= {excitation.file} has a time axis that does not increase at sample {where + 2} "
-            f"({time[where]:g} s, then {time[where + 1]:g} s)",
-            "sort the record, or give the correct time_column",
-        )
     median = float(np.median(step))
     if np.any(step > LARGEST_GAP * median):
         where = int(np.flatnonzero(step > LARGEST_GAP * median)[0])
@@ -145,17 +138,6 @@ def _factor(unit: str, excitation: SampledInput) -> float:
         )
 
 
-def _time_factor(unit: str, excitation: SampledInput) -> float:
-    """Seconds in one of the time axis."""
-    try:
-        return axis_factor(unit, of_frequency=False)
-    except UnitError as error:
-        _reject(
-            f"= {excitation.file} has a time axis in {unit}, which {error.message}",
-            "name its unit in the heading, for example time (ms), or give excitation.time_unit",
-        )
-
-
 def _refuse_without_units(columns: _Columns, excitation: SampledInput) -> None:
     """Ask for the times, and for each unit that neither the file nor the scenario states."""
     if excitation.sample_rate is None and columns.time is None:
@@ -168,7 +150,7 @@ def _refuse_without_units(columns: _Columns, excitation: SampledInput) -> None:
         remedy = f"give that of the {spoken(quantity)}, for example unit: {example}"
         problems.append(Problem("excitation.unit", message, remedy))
     if excitation.sample_rate is None and not (excitation.time_unit or columns.time_unit):
-        message = f"is missing, and {excitation.file} states no unit of its times"
+        message = f"is missing, and {excitation.file} {without_unit(of_frequency=False)}"
         problems.append(Problem("excitation.time_unit", message, "give it, for example time_unit: s"))
     if problems:
         raise ScenarioError(problems)

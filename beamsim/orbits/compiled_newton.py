@@ -61,7 +61,7 @@ def compiled_newton(
         if tables is None:
             raise NotCompiled
         try:
-            ended, iterations, residual, segments, events, speed, state, guard, passages, at_omega, at_level = (
+            ended, iterations, residual, segments, events, state, guard, passages, at_omega, at_level = (
                 solve_periodic(
                     *tables, limits, isinstance(kind, Frequency), omega, level, flow.omega, flow.level, multiple,
                     np.ascontiguousarray(guess), row, target, scale, phases, log, u, y, sens, slope, jacobian,
@@ -88,6 +88,6 @@ def compiled_newton(
     passage = Passage(
         u[:N].copy(), y, np.ascontiguousarray(sens[:, :N]), sens[:, N:], slope, float(period), kept.time.copy(),
         kept.length.copy(), kept.state.copy(), kept.y.copy(), kept.event_time.copy(), kept.event_contact.copy(),
-        kept.event_phase.copy(), float(speed),
+        kept.event_phase.copy(),
     )  # fmt: skip
     return Converged(u, jacobian, float(residual), iterations, passage)

@@ -63,7 +63,7 @@ def solve_periodic(  # type: ignore[no-untyped-def]
     ``current_omega`` and ``current_level`` are those of the responses in the tables. The last motion is left in u, y
     (its end), ``log``, ``sens`` (N, N + 1), ``slope``, and its scaled Jacobian.
 
-    Returns (end, iterations, residual, segments, events, smallest event speed, state, guard, passages, omega, level
+    Returns (end, iterations, residual, segments, events, state, guard, passages, omega, level
     of the responses). The end is CONVERGED; FAILED; NEW_START where the contact state ``phases`` is not built, and
     NEW_STATE that after the event of a guard: called again with them it starts anew; or BEYOND what is done here.
     """
@@ -74,19 +74,19 @@ def solve_periodic(  # type: ignore[no-untyped-def]
     residual_scale = np.ones(N)
     A, b = np.empty((N + 1, N + 1)), np.empty(N + 1)
     last, moved, size, distance = np.inf, np.inf, np.inf, 0.0
-    passages, n_seg, n_ev, speed = 0, 0, 0, np.inf
+    passages, n_seg, n_ev = 0, 0, 0
     state, guard, piece, begin = -1, -1, 0, 0.0
     for iteration in range(limits.iterations + 1):
         u[:] = w * scale
         if by_frequency:
             omega = u[N]
             if not omega > 0.0:
-                return FAILED, iteration, size, n_seg, n_ev, speed, state, guard, passages, current_omega, current_level
+                return FAILED, iteration, size, n_seg, n_ev, state, guard, passages, current_omega, current_level
         else:
             level = u[N]
         if omega != current_omega or level != current_level:
             if H > 0 and not set_loads(tables, inputs, contacts, variation, loads, omega, level):
-                return BEYOND, iteration, size, n_seg, n_ev, speed, state, guard, passages, current_omega, current_level
+                return BEYOND, iteration, size, n_seg, n_ev, state, guard, passages, current_omega, current_level
             current_omega, current_level = omega, level
         period = 2.0 * math.pi * multiple / omega
         start = u[:N]
@@ -97,9 +97,9 @@ def solve_periodic(  # type: ignore[no-untyped-def]
         clear = phases_at_start(contacts, start, d, dv, phases)
         state, guard = _number_of(tables, count, phases), -1
         if not clear:
-            return BEYOND, iteration, size, n_seg, n_ev, speed, state, guard, passages, current_omega, current_level
+            return BEYOND, iteration, size, n_seg, n_ev, state, guard, passages, current_omega, current_level
         if state < 0:
-            return NEW_START, iteration, size, n_seg, n_ev, speed, state, guard, passages, current_omega, current_level
+            return NEW_START, iteration, size, n_seg, n_ev, state, guard, passages, current_omega, current_level
         y[:] = start
         passages += 1
         waits = state < 0
@@ -107,14 +107,14 @@ def solve_periodic(  # type: ignore[no-untyped-def]
             tables, inputs, None, None, begin, piece, period, state, guard, waits, y, log, limits.evaluations
         )
         if code == NEED_STATE:
-            return NEW_STATE, iteration, size, n_seg, n_ev, speed, state, guard, passages, current_omega, current_level
+            return NEW_STATE, iteration, size, n_seg, n_ev, state, guard, passages, current_omega, current_level
         if code != DONE:
-            return BEYOND, iteration, size, n_seg, n_ev, speed, state, guard, passages, current_omega, current_level
+            return BEYOND, iteration, size, n_seg, n_ev, state, guard, passages, current_omega, current_level
         sens[:] = 0.0
         slope[:] = 0.0
         for i in range(N):
             sens[i, i] = 1.0
-        speed = carry_sensitivity(
+        carry_sensitivity(
             tables, inputs, contacts, variation, parameters, n_seg, log.time, log.length, log.state, log.piece, log.y,
             log.event_contact, sens, slope,
         )  # fmt: skip
@@ -134,12 +134,12 @@ def solve_periodic(  # type: ignore[no-untyped-def]
                     a -= slope[i] * (period / omega)
                 jacobian[i, k] = a * scale[k] / residual_scale[i]
         if not finite:
-            return FAILED, iteration, size, n_seg, n_ev, speed, state, guard, passages, current_omega, current_level
+            return FAILED, iteration, size, n_seg, n_ev, state, guard, passages, current_omega, current_level
         off = np.dot(row, w) - target
         good = size <= (limits.tolerance if iteration > 0 else limits.of_guess)
         good = good or (moved <= limits.settled and size <= limits.of_round_off)
         if good and abs(off) <= 1e-9 + limits.tolerance:
-            return CONVERGED, iteration, size, n_seg, n_ev, speed, state, guard, passages, current_omega, current_level
+            return CONVERGED, iteration, size, n_seg, n_ev, state, guard, passages, current_omega, current_level
         if iteration == limits.iterations or (iteration > 2 and size > 2.0 * last and size > 1e3 * limits.tolerance):
             break
         b[N] = off
@@ -153,4 +153,4 @@ def solve_periodic(  # type: ignore[no-untyped-def]
         if not math.isfinite(moved) or distance > limits.furthest:
             break
         last = size
-    return FAILED, limits.iterations, size, n_seg, n_ev, speed, state, guard, passages, current_omega, current_level
+    return FAILED, limits.iterations, size, n_seg, n_ev, state, guard, passages, current_omega, current_level

@@ -13,15 +13,15 @@ import numpy as np
 
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.errors import Problem, ScenarioError
-from beamsim.inputs.headings import FREQUENCY_NAMES, TIME_NAMES, axis_factor, is_frequency, split_heading, stated
+from beamsim.inputs.axes import AxisError, axis_factor, check_record, without_unit
+from beamsim.inputs.headings import FREQUENCY_NAMES, TIME_NAMES, is_frequency, split_heading, stated
 from beamsim.inputs.universal_file import is_in_si_units, units_of_uff
 from beamsim.scenario.driven import spoken
-from beamsim.scenario.units import UnitError
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-
+AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
 _EXAMPLES = {"absolute_acceleration": "g", "displacement": "mm", "absolute_displacement": "mm"}
 
 
@@ -159,18 +159,12 @@ def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> M
 
 
 def _checked(signal: MeasuredSignal, path: Path) -> MeasuredSignal:
-    for quantity, values in (("value", signal.y), ("time" if not signal.of_frequency else "frequency", signal.x)):
-        wrong = np.flatnonzero(~np.isfinite(values))
-        if wrong.size:
-            raise _wrong(
-                f"{path}: {signal.name} has a {quantity} that is not a number at sample {wrong[0] + 1} "
-                f"({wrong.size} in all)",
-                "remove the gap, or interpolate it",
-            )
     if signal.x.size < 2:
         raise _wrong(f"{path}: {signal.name} has {signal.x.size} samples", "export the whole signal")
-    if np.any(np.diff(signal.x) <= 0):
-        raise _wrong(f"{path}: the axis of {signal.name} does not increase", "sort the samples and remove duplicates")
+    try:
+        check_record(signal.x, signal.y, of_frequency=signal.of_frequency)
+    except AxisError as fault:
+        raise _wrong(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
     return signal
 
 
@@ -251,15 +245,12 @@ def _axis_factor(path: Path, name: str, unit: str, *, of_frequency: bool) -> flo
     """Seconds or Hz in one of the axis's unit."""
     if not unit:
         example = "frequency (Hz)" if of_frequency else "time (s)"
-        remedy = f"name it in the heading, {example}, or give axis_unit (--axis-unit)"
-        raise _wrong(f"{path}: the axis {name} has no unit", remedy)
+        remedy = f"name it in the heading, {example}, or give {AXIS_UNIT}"
+        raise _wrong(f"{path} {without_unit(of_frequency)} (axis {name})", remedy)
     try:
-        return axis_factor(unit, of_frequency=of_frequency)
-    except UnitError as error:
-        raise _wrong(
-            f"{path}: the axis {name} is in {unit}, which {error.message}",
-            "name its unit, for example time (ms), or give it as axis_unit (--axis-unit)",
-        ) from None
+        return axis_factor(unit, AXIS_UNIT, of_frequency=of_frequency)
+    except AxisError as fault:
+        raise _wrong(f"{path} {fault.message}", fault.remedy) from None
 
 
 def _is_axis(name: str) -> bool:

@@ -276,7 +276,7 @@ def test_compare_asks_where_a_single_channel_was_measured(call, tmp_path):
     np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="time,mass_2", comments="")
     done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv", "--unit", "m")
     assert done.exit_code == 2
-    assert "the axis time has no unit" in done.output
+    assert "states no unit of its times (axis time)" in " ".join(done.output.split())
     given = ("--unit", "m", "--axis-unit", "s", "--json", "--no-plots", "--harmonics", 1)
     done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv", *given)
     assert done.exit_code == 0, done.output

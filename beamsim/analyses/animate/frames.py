@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -72,13 +72,36 @@ class Frames:
     force: Mapping[str, Floats]  # by stop (nf,) N, positive when it pushes
 
 
+class BuiltModel(NamedTuple):
+    """The system of a scenario, and what of it other systems of the same structure can use."""
+
+    system: StructuralSystem
+    shared: SharedBuilds
+
+
+def model_of(scenario: Scenario) -> BuiltModel:
+    """Build the system of a scenario.
+
+    Raises
+    ------
+    ScenarioError
+        If it cannot be built.
+    """
+    shared = SharedBuilds()
+    return BuiltModel(build_system(scenario, shared, assessed=False), shared)
+
+
 def frames_of_run(
-    result: RunResult, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] = never
+    result: RunResult,
+    progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] = never,
+    model: BuiltModel | None = None,
 ) -> Frames:
     """A few periods around the largest contact force of a run; of a run without contact its last ones.
 
     Parameters
     ----------
+    model : of the result's scenario, where it was built already.
     progress, stop : as of `beamsim.analyses.run.analysis.run`; a motion that is stopped is shown up to there.
 
     Raises
@@ -86,8 +109,7 @@ def frames_of_run(
     ScenarioError
         If the model cannot be built again.
     """
-    shared = SharedBuilds()
-    scenario, system = _system(result, shared)
+    scenario, (system, shared) = _solved(result, model)
     times, slow = instants(result)
     settings = scenario.run
     assert settings is not None
@@ -266,15 +288,17 @@ def _rows(scenario: Scenario, places: Sequence[Place], shared: SharedBuilds) -> 
     return np.asarray(parts.structure.rows(places) @ parts.basis.vectors) / math.sqrt(parts.structure.mass_scale)
 
 
-def _system(result: RunResult, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
+def _solved(result: RunResult, model: BuiltModel | None) -> tuple[Scenario, BuiltModel]:
     """The scenario and the system that the run solved."""
     scenario: Any = result.scenario
     settings = scenario.run
     if settings is None:
         raise ScenarioError(Problem("run", "is missing", "animate the result of a run"))
-    if isinstance(settings.start, OrbitStart):
-        orbit = read_orbit(settings.start, scenario.folder_of("run", "start", "orbit"))
-        scenario = at_orbit(scenario, orbit, keep_excitation=settings.start.keep_excitation)
-        at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
-        return at_rest, started(build_system(at_rest, shared, assessed=False), orbit, settings.start.factor)
-    return scenario, build_system(scenario, shared, assessed=False)
+    if not isinstance(settings.start, OrbitStart):
+        return scenario, model or model_of(scenario)
+    orbit = read_orbit(settings.start, scenario.folder_of("run", "start", "orbit"))
+    scenario = at_orbit(scenario, orbit, keep_excitation=settings.start.keep_excitation)
+    at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
+    shared = model.shared if model else SharedBuilds()
+    system = build_system(at_rest, shared, assessed=False)
+    return at_rest, BuiltModel(started(system, orbit, settings.start.factor), shared)
