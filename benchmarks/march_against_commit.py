@@ -1,4 +1,5 @@
-"""Speed in two checkouts, measured alternately: march of a transient, swept sine, periodic orbit, and whole runs.
+"""Speed in two checkouts, measured alternately: march of a transient, alone and with its contact states, swept sine,
+periodic orbit, and whole runs.
 
 python benchmarks/march_against_commit.py BEFORE AFTER [NAME ...]
 
@@ -17,7 +18,7 @@ import time
 from pathlib import Path
 
 RUNS = ("one_sided_65hz", "chain_two_dof", "released_panel", "random_vibration")  # `beamsim.run`
-REPETITIONS = {"transient": 400, "orbit": 400, "swept sine": 15, **dict.fromkeys(RUNS, 20)}
+REPETITIONS = {"transient": 400, "states and transient": 400, "orbit": 400, "swept sine": 15, **dict.fromkeys(RUNS, 20)}
 CASE = "configs/one_sided_65hz.yaml"
 SWEEP = "configs/sweep_up_down.yaml"
 MODULES = {  # where a name is, in checkouts of today and in older ones
@@ -55,6 +56,10 @@ def tasks():
     def transient():
         return simulate(flow, system.initial_state).evaluations
 
+    def states_and_transient():
+        anew = find("ExactFlow")(system.dynamics, system.forcing, scenario.run.duration)
+        return simulate(anew, system.initial_state).evaluations
+
     omega = 2 * np.pi * scenario.excitation.frequency
     loads = find("PeriodicForcing").harmonic(system.forcing.load[0] * scenario.excitation.level, omega)
     orbits = find("VariationalFlow")(system.dynamics, loads, omega)
@@ -72,6 +77,7 @@ def tasks():
         runs[name] = lambda whole=whole: beamsim.run(whole).summary["events"]
     return {
         "transient": transient,
+        "states and transient": states_and_transient,
         "orbit": orbit,
         "swept sine": lambda: find("sweep")(swept).summary["cycles"],
         **runs,
@@ -115,7 +121,7 @@ def main():
         work = [once(worker, name)[1] for worker in workers]  # compiles
         times = [[once(worker, name)[0] for worker in workers] for _ in range(count)]
         before, after = (1e3 * min(column) for column in zip(*times, strict=True))
-        print(f"{name:16s} before {before:9.3f} ms  after {after:9.3f} ms  ratio {after / before:.3f}  work {work}")
+        print(f"{name:20s} before {before:9.3f} ms  after {after:9.3f} ms  ratio {after / before:.3f}  work {work}")
     for worker in workers:
         worker.stdin.close()
         worker.wait()

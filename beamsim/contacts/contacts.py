@@ -88,6 +88,11 @@ class Contacts:
         return sum(law.internal_states for law in self.laws)
 
     @cached_property
+    def _with_states(self) -> list[int]:
+        """The contacts whose laws have internal states."""
+        return [j for j, law in enumerate(self.laws) if law.internal_states]
+
+    @cached_property
     def stiffness(self) -> Floats:
         """(m,) N/m, of laws made of one stiffness and one dashpot; ValueError if there are others."""
         return self._numbers("stiffness")
@@ -245,7 +250,7 @@ class Contacts:
         """Forces in given phases (m,): (m, 3) factors of penetration, rate and 1; (m, r) of all internal states."""
         rows = self.arrays.force[np.arange(self.count), phases]
         internal = np.zeros((self.count, self.internal_states))
-        for j in np.flatnonzero(self.arrays.states):
+        for j in self._with_states:
             first, r = self.arrays.first[j], self.arrays.states[j]
             internal[j, first : first + r] = rows[j, 3 : 3 + r]
         return rows[:, :3], internal
@@ -254,7 +259,7 @@ class Contacts:
         """(nt, m, R) internal states of each contact from all of them (nt, r)."""
         a = self.arrays
         out = np.zeros((internal.shape[0], self.count, a.dynamics.shape[2]))
-        for j in np.flatnonzero(a.states):
+        for j in self._with_states:
             out[:, j, : a.states[j]] = internal[:, a.first[j] : a.first[j] + a.states[j]]
         return out
 
@@ -278,7 +283,7 @@ class Contacts:
         """Dissipated power in given phases: (m,) per squared penetration rate, (r,) per squared rate of a state."""
         a, contact = self.arrays, np.arange(self.count)
         losses = a.losses[contact, phases]
-        internal = [losses[j, : a.states[j]] for j in np.flatnonzero(a.states)]
+        internal = [losses[j, : a.states[j]] for j in self._with_states]
         return a.force[contact, phases, 1], np.concatenate([np.zeros(0), *internal])
 
     def friction(self, phases: Ints) -> Floats:
@@ -322,7 +327,7 @@ class Contacts:
         zero."""
         a, r = self.arrays, self.internal_states
         by_states, constant = np.zeros((r, r)), np.zeros(r)
-        for j in np.flatnonzero(a.states):
+        for j in self._with_states:
             states = slice(a.first[j], a.first[j] + a.states[j])
             stored = a.stored[j, phases[j], : 1 + a.states[j], : 1 + a.states[j]]
             by_states[states, states], constant[states] = stored[1:, 1:], stored[1:, 0]
@@ -356,7 +361,7 @@ class Contacts:
         """
         a, r = self.arrays, self.internal_states
         dynamics, drive = np.zeros((r, r)), np.zeros((r, self.count, 3))
-        for j in np.flatnonzero(a.states):
+        for j in self._with_states:
             first, count = a.first[j], a.states[j]
             rows = a.dynamics[j, phases[j], :count]
             dynamics[first : first + count, first : first + count] = rows[:, 3 : 3 + count]

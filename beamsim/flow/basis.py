@@ -16,6 +16,11 @@ def as_real(zeta: Complexes) -> Floats:
 
 def basis_derivatives(exponent: Complexes, power: Ints, tau: float, orders: int) -> Complexes:
     r"""(orders, B) of :math:`\tau^p e^{\lambda \tau}`, from order 0 on (Leibniz)."""
+    if tau == 0.0:  # what is left is the term in which the power is differentiated away
+        factorial = np.cumprod(np.maximum(np.arange(orders), 1.0))
+        rest = np.arange(orders)[:, None] - power
+        scale = factorial[:, None] / factorial[np.maximum(rest, 0)]
+        return np.asarray(np.where(rest >= 0, scale * exponent ** np.maximum(rest, 0), 0.0))
     out = np.zeros((orders, exponent.size), dtype=complex)
     falling = np.ones(exponent.size)  # p! / (p - i)!
     for i in range(min(orders, int(power.max(initial=0)) + 1)):  # the i-th derivative of the power

@@ -337,7 +337,7 @@ class _Acting(NamedTuple):
 
 def _acting(system: PiecewiseLinearSystem, phases: Ints) -> _Acting:
     row, _ = system.contacts.force_rows(phases)
-    acting = np.flatnonzero(np.any(row[:, :2] != 0.0, axis=1))
+    acting = ((row[:, 0] != 0.0) | (row[:, 1] != 0.0)).nonzero()[0]
     return _Acting(system.contacts.shape[acting], row[acting, 0], row[acting, 1])
 
 

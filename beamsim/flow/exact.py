@@ -14,6 +14,13 @@ from beamsim.contacts.contacts import Watched
 from beamsim.flow.basis import basis_derivatives
 from beamsim.flow.contact_state import ContactState, LinearOutput, acting_loads, build_state, state_matrices
 from beamsim.flow.equal_steps import PieceStep, as_arrays, common_length, step_of
+from beamsim.flow.first_derivatives import (
+    HIGHEST_DERIVATIVE,
+    ROUND_OFF,
+    USUAL_DERIVATIVE,
+    FunctionsAtStart,
+    InputsAtStart,
+)
 from beamsim.flow.held import held_contacts
 from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
 from beamsim.flow.state_tables import StateTables
@@ -31,10 +38,7 @@ if TYPE_CHECKING:
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 FIRST = 1e6  # factor of functions that are looked at before others
 AT_REST = 1e-12  # of the parts of a penetration rate: a smaller one is none
-ROUND_OFF = 1e-12  # of the terms of a derivative: below it the derivative counts as zero
 DEGREE_OF_FITS = 6  # of polynomials that are fitted to inputs, at least
-EPS = 1e-15  # round-off of a state and of what makes up its rate
-HIGHEST_DERIVATIVE = 6  # used to decide to which side a motion that starts at zero gap goes
 FEWEST_STATES = 8  # that are kept in any case
 
 
@@ -103,6 +107,7 @@ class ExactFlow:
         self._visit: list[int] = []  # number among them of each state that is kept
         self._visits: dict[bytes, int] = {}
         self._tables = StateTables(self.system.contacts, self.most_states)
+        self._at_start: dict[bytes, FunctionsAtStart] = {}  # of some phases, guards and rates
         self._step: list[PieceStep] = []  # of each state that is kept, over an equal piece
         self._steps: PieceSteps | None = None
 
@@ -380,8 +385,7 @@ class ExactFlow:
         phases, entered = start, np.zeros(contacts.count, dtype=bool)
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)[0]
-        inputs = given * basis_derivatives(self.sources.exponent, self.sources.power, 0.0, HIGHEST_DERIVATIVE + 2)
-        fit = self._round_off_of_fits(given)
+        inputs = self._inputs_at_start(given)
         unvisited = [set(range(len(law.phases))) - {int(k)} for law, k in zip(contacts.laws, start, strict=True)]
 
         entered_by = np.zeros(contacts.count, dtype=np.int64)  # order of the derivative
@@ -394,8 +398,7 @@ class ExactFlow:
         while True:
             index = self.state_index(phases)
             watched = self._tables.watched[index]
-            guards = self.watched(watched, phases).some(slice(0, watched.guards))
-            signs, orders = self._first_signs(guards, phases, inputs, fit, state)
+            signs, orders = self._first_signs(watched, phases, inputs, state)
             acting = [g for g in range(watched.guards) if signs[g] < 0 and hands_over(watched, g, int(orders[g]))]
             if not acting:
                 return phases, entered & (phases != start)
@@ -408,19 +411,36 @@ class ExactFlow:
             entered[j] |= orders[g] > 0
             entered_by[j] = orders[g]
 
-    def _first_signs(
-        self, functions: LinearOutput, phases: Ints, inputs: Complexes, fit: Floats, state: Floats
-    ) -> tuple[Floats, Ints]:
-        """(k,) signs and orders of the first derivatives of functions at a start that are beyond their round-off.
+    def _first_signs(self, watched: Watched, phases: Ints, inputs: InputsAtStart, state: Floats) -> tuple[Floats, Ints]:
+        """(g,) signs and orders of the first derivatives of guards at a start that are beyond their round-off.
 
-        ``inputs`` (orders + 1, F) are the derivatives of the inputs, ``fit`` (orders, F) their round-off. A sign is 0
-        where all derivatives are within round-off. The derivatives of the state follow from the equation of motion: in
-        a sum over the modes of a stiff contact the round-off of the highest would hide them.
+        A sign is 0 where all derivatives are within round-off. The derivatives of the state follow from the equation of
+        motion: in a sum over the modes of a stiff contact the round-off of the highest would hide them.
         """
-        signs, orders = _signs(functions, functions.row.shape[0], inputs[:2], fit[:1], state)
-        if np.all(signs):
-            return signs, orders
-        return _signs(functions.above(self._rates(phases)), functions.row.shape[0], inputs, fit, state)
+        key = phases.tobytes()
+        functions = self._at_start.get(key)
+        if functions is None:
+            guards = self.watched(watched, phases).some(slice(0, watched.guards))
+            signs, orders = FunctionsAtStart.of(guards, watched.guards).signs(inputs, state, 0)
+            if signs.all():
+                return signs, orders
+            if len(self._at_start) == FEWEST_STATES:
+                self._at_start.clear()
+            functions = FunctionsAtStart.of(self._above_rates(guards, phases), watched.guards)
+            self._at_start[key] = functions
+        for highest in (USUAL_DERIVATIVE, HIGHEST_DERIVATIVE):
+            signs, orders = functions.signs(inputs, state, highest)
+            if signs.all():
+                break
+        return signs, orders
+
+    def _inputs_at_start(self, given: Complexes) -> InputsAtStart:
+        """The inputs with amplitudes (F,) at the start of a piece."""
+        orders = HIGHEST_DERIVATIVE + 2
+        inputs = given * basis_derivatives(self.sources.exponent, self.sources.power, 0.0, orders)
+        pairs = np.hstack([inputs[:-1], inputs[1:]])
+        fit = self._round_off_of_fits(given)
+        return InputsAtStart(pairs.real, np.abs(pairs), np.hstack([fit, np.zeros_like(fit)]))
 
     def _round_off_of_fits(self, given: Complexes) -> Floats:
         """(orders, F) of the derivatives of inputs that are fitted by polynomials (swept sines), with amplitudes (F,).
@@ -435,39 +455,21 @@ class ExactFlow:
             fit[:, of] = ROUND_OFF * float(np.abs(given[of]) @ length ** sources.power[of]) / length**orders
         return fit
 
-    def _rates(self, phases: Ints) -> LinearOutput:
-        """(N,) time derivative of the state in given phases."""
-        n, output = self.system.size, self.empty_output(self.size)
-        stiffness, damping, internal, load, slope = self.equation_of_motion(phases)
-        output.row[:n, n : 2 * n] = np.eye(n)
-        output.row[n : 2 * n] = np.hstack([-stiffness, -damping, internal])
-        output.direct[n : 2 * n], output.direct_slope[n : 2 * n] = load.T, slope.T
+    def _above_rates(self, functions: LinearOutput, phases: Ints) -> LinearOutput:
+        """The functions (k,) and then the time derivative of the state (N,) in given phases."""
+        n, k = self.system.size, functions.row.shape[0]
+        position, speed, internal = slice(k, k + n), slice(k + n, k + 2 * n), slice(k + 2 * n, None)
+        output = self.empty_output(k + self.size)
+        output.row[:k], output.direct[:k], output.direct_slope[:k] = (
+            functions.row, functions.direct, functions.direct_slope
+        )  # fmt: skip
+        stiffness, damping, pushes, load, slope = self.equation_of_motion(phases)
+        output.row[position, n : 2 * n].flat[:: n + 1] = 1.0
+        output.row[speed, :n], output.row[speed, n : 2 * n], output.row[speed, 2 * n :] = -stiffness, -damping, pushes
+        output.direct[speed], output.direct_slope[speed] = load.T, slope.T
         if self.size > 2 * n:
             own = self.internal_rates(phases)
-            output.row[2 * n :], output.direct[2 * n :], output.direct_slope[2 * n :] = (
+            output.row[internal], output.direct[internal], output.direct_slope[internal] = (
                 own.row, own.direct, own.direct_slope
             )  # fmt: skip
         return output
-
-
-def _signs(output: LinearOutput, count: int, inputs: Complexes, fit: Floats, state: Floats) -> tuple[Floats, Ints]:
-    """As `ExactFlow._first_signs`, of ``count`` functions, which in ``output`` stand above the rates of the state.
-
-    ``inputs`` (orders + 1, F) are the derivatives of the inputs, ``fit`` (orders, F) their round-off.
-    """
-    row, size, direct = output.row, np.abs(output.row), np.abs(output.direct)
-    driven = (inputs[:-1] @ output.direct.T + inputs[1:] @ output.direct_slope.T).real
-    parts = np.abs(inputs)
-    terms_of_inputs = parts[:-1] @ direct.T + parts[1:] @ np.abs(output.direct_slope).T
-    fitted = fit @ direct.T
-    signs, orders = np.zeros(count), np.zeros(count, dtype=np.int64)
-    y, doubt = state, EPS * np.abs(state)
-    for order in range(fit.shape[0]):
-        value, terms = row @ y + driven[order], size @ np.abs(y) + terms_of_inputs[order]
-        hidden = size @ doubt + fitted[order]
-        beyond = (signs == 0.0) & (np.abs(value[:count]) > ROUND_OFF * terms[:count] + hidden[:count])
-        signs[beyond], orders[beyond] = np.sign(value[:count][beyond]), order
-        if np.all(signs):
-            break
-        y, doubt = value[count:], EPS * terms[count:] + hidden[count:]
-    return signs, orders
