@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 STATUS = Entry("status", "", "complete, or why the computation stopped early", of="status")
 MARGINS = Entry("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded", "limits")
 GAPPING = Entry(
-    "gapping", "", "by snubber: whether it is closed at rest, level (SI) and frequency at which the steady linear "
-    "motion first opens or closes it, that level over the one here, contact force at equilibrium that keeps contact "
+    "gapping", "", "by snubber: whether it is closed at rest, level (SI) and frequency (of a shock or a record: time) "
+    "at which the linear motion first opens or closes it, that level over the one here (of a random input instead: "
+    "standard deviations of the linear motion), contact force at equilibrium that keeps contact (of a random input to "
+    "3 sigma) "
     "with all snubbers closed and alone; what the motion did", "gapping",
 )  # fmt: skip
 MODES = (

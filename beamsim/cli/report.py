@@ -194,23 +194,48 @@ def base_correction(result: Result, share: float) -> str:
     return f"{amount(result.summary['base_correction_m_s2'], 'm/s^2')}, {percent(share)} of the level" if share else ""
 
 
+SIGMAS_REACHED = 5.0  # of a random motion: a Gaussian one passes them once in about a million cycles
+
+
 def gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
     """By snubber: the level of the linear motion that changes contact, what the motion did, and the preload."""
     width = max((len(name) for name in snubbers), default=0)
     unit = amplitude_unit(getattr(result.scenario.excitation, "quantity", None) or "acceleration")
     for name, of in snubbers.items():
         verb, past = ("opens", "opened") if of["closed_at_rest"] else ("touches", "touched")
-        reached = of["share_of_level"] <= 1.0
-        level = f"from {level_text(of['level'], unit).removeprefix('level ')}" if of["level"] else "at any level"
-        text = f"{verb} {level} at {of['frequency_hz']:.4g} Hz in steady linear motion"
-        yield "", f"{name:<{width}}  {text}{'' if reached else ', above the level here'}"
+        text, reached = _predicted(of, verb, unit)
+        yield "", f"{name:<{width}}  {text}"
         happened = list(_happened(of, past))
         if happened:
             yield "", f"{'':<{width}}  {'; '.join(happened)}"
         if of["closed_at_rest"] and reached:
             kept = amount(of["preload_n"], "N")
             both = f"{kept} with all closed, {amount(of['preload_alone_n'], 'N')} alone" if len(snubbers) > 1 else kept
-            yield "", f"{'':<{width}}  preload that keeps contact: {both}"
+            to = " to 3 sigma" if "sigmas" in of else ""
+            yield "", f"{'':<{width}}  preload that keeps contact{to}: {both}"
+
+
+def _predicted(of: Mapping[str, Any], verb: str, unit: str) -> tuple[str, bool]:
+    """What the linear motion does to a contact, and whether it changes it at the level here."""
+    if "sigmas" in of:  # of a random input
+        reached = of["sigmas"] < SIGMAS_REACHED
+        rare = "" if reached else ", rarely or never"
+        if not of["sigmas"]:
+            return f"{verb} at any level", reached
+        return f"{verb} at {of['sigmas']:.3g} sigma of the stationary linear motion{rare}", reached
+    share = of["share_of_level"]
+    reached = share <= 1.0
+    if not math.isfinite(share) and "time_s" in of:
+        return f"{verb} at no level of this input in linear motion", False
+    if of.get("level") is None:
+        level = f"from {share:.4g} times this input"
+    else:
+        level = f"from {level_text(of['level'], unit).removeprefix('level ')}" if of["level"] else "at any level"
+    if "frequency_hz" in of:
+        where = f"at {of['frequency_hz']:.4g} Hz in steady linear motion"
+    else:
+        where = f"at {amount(of['time_s'], 's')} in linear motion"
+    return f"{verb} {level} {where}{'' if reached else ', above the level here'}", reached
 
 
 def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:

@@ -121,7 +121,7 @@ def run(
     if scenario.excitation.kind in ("random", "sampled"):
         result = _with_statistics(result, with_inputs, stop)
     result = _with_impacts(result, system, motion, stop)
-    summary = summary_of_run(scenario, system, motion, spectra)
+    summary = summary_of_run(scenario, system, motion, spectra, stop)
     spectra = {key: changed(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
     result = changed(result, spectra=spectra)
     if crushed := {s.name: s.residual_crush for s in result.snubbers.values() if s.residual_crush is not None}:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -34,12 +34,18 @@ UNDAMPED = 1e-9  # half-power bandwidth over frequency
 Deviations = dict[tuple[str, str], float]  # by name and quantity
 
 
-def linear_deviations(scenario: Scenario, system: StructuralSystem) -> tuple[Deviations, Deviations] | None:
-    """Standard deviations, SI, with all snubbers open and with all closed.
+class LinearInput(NamedTuple):
+    """A structure with one random input."""
 
-    None where the input is not one random base motion or force, where there is no snubber or a nonlinear spring or
-    friction beside them, and where one of the two structures has an undamped resonance within the input's band. A
-    snubber with a table has the slope at its static penetration, or its first one.
+    system: StructuralSystem  # whose loads follow a sine
+    frequency_hz: Floats  # (p,) of the points of the density
+    density: Floats  # (p,) SI
+
+
+def linear_input(scenario: Scenario, system: StructuralSystem) -> LinearInput | None:
+    """The structure and its input; None where the input is not one random base motion or force.
+
+    Nor where there is no snubber, or a nonlinear spring or friction beside them.
     """
     excitation = scenario.excitation
     alone = system.base_acceleration is not None or system.forcing.load.shape[0] == 1
@@ -49,19 +55,33 @@ def linear_deviations(scenario: Scenario, system: StructuralSystem) -> tuple[Dev
     at = np.array([point.frequency for point in excitation.psd])
     value = np.array([point.density for point in excitation.psd])
     loads = system.forcing.load.shape[0]  # of the base: its acceleration, and its displacement where springs feel it
-    system = replace(system, sine=SineLoads(np.ones(loads, dtype=complex), np.array([0, -2])[:loads]))
+    sine = SineLoads(np.ones(loads, dtype=complex), np.array([0, -2])[:loads])
+    return LinearInput(replace(system, sine=sine), at, value)
+
+
+def linear_deviations(scenario: Scenario, system: StructuralSystem) -> tuple[Deviations, Deviations] | None:
+    """Standard deviations, SI, with all snubbers open and with all closed.
+
+    None where there is no `linear_input`, and where one of the two structures has an undamped resonance within the
+    input's band. A snubber with a table has the slope at its static penetration, or its first one.
+    """
+    driven = linear_input(scenario, system)
+    if driven is None:
+        return None
     contacts = system.dynamics.contacts
     resting = static_penetration(system)
     pressed = np.array(
         [law.resting_phase(float(x) if x > 0 else SLIGHT) for law, x in zip(contacts.laws, resting, strict=True)]
     )
-    predicted = []
-    for phases in (contacts.start, pressed):
-        panels = _panels(system, phases, at)
-        if panels is None:
-            return None
-        predicted.append(_deviations(system, phases, panels, at, value))
-    return predicted[0], predicted[1]
+    of_open = stationary_deviations(driven, contacts.start)
+    of_closed = None if of_open is None else stationary_deviations(driven, pressed)
+    return None if of_open is None or of_closed is None else (of_open, of_closed)
+
+
+def stationary_deviations(driven: LinearInput, phases: Ints) -> Deviations | None:
+    """Standard deviations with all contacts staying in phases (m,); None with an undamped resonance in the band."""
+    panels = _panels(driven.system, phases, driven.frequency_hz)
+    return None if panels is None else _deviations(driven.system, phases, panels, driven.frequency_hz, driven.density)
 
 
 def _panels(system: StructuralSystem, phases: Ints, at_hz: Floats) -> Floats | None:
@@ -92,6 +112,7 @@ def _deviations(system: StructuralSystem, phases: Ints, panels: Floats, at_hz: F
     rows = np.array([probe.shape for probe in system.probes]).reshape(-1, system.dynamics.size)
     names = [(probe.name, quantity) for quantity in ("displacement", MAIN_QUANTITY) for probe in system.probes]
     names += [(snubber.name, "force") for snubber in system.snubbers]
+    names += [(snubber.name, "penetration") for snubber in system.snubbers]
     variance = np.zeros(len(names))
     for frequency, weight in _nodes(panels):
         check_stop()
@@ -101,8 +122,9 @@ def _deviations(system: StructuralSystem, phases: Ints, panels: Floats, at_hz: F
         stretch = moved @ contacts.shape.T
         if on_base:
             stretch = stretch - contacts.felt / omega**2
-        force = (contacts.dynamic_stiffness(phases, omega[:, 0]) * stretch)[:, : len(system.snubbers)]
-        responses = np.hstack([displacement, system.carried - omega**2 * displacement, force])
+        snubbers = slice(len(system.snubbers))
+        force = (contacts.dynamic_stiffness(phases, omega[:, 0]) * stretch)[:, snubbers]
+        responses = np.hstack([displacement, system.carried - omega**2 * displacement, force, stretch[:, snubbers]])
         variance += (weight * density(frequency, at_hz, value)) @ np.abs(responses) ** 2
     return dict(zip(names, np.sqrt(variance).tolist(), strict=True))
 

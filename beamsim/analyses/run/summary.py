@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.gapping import contact_levels, gapping
 from beamsim.analyses.limits import STANDARD_GRAVITY, margins
 from beamsim.analyses.run.figures import by_name, deflection_size, largest, motion_figures, static_figures
+from beamsim.analyses.run.gapping import gapping_of_run
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, Spectrum
 from beamsim.contacts.springs import FRICTION
-from beamsim.scenario.excitation import Forces, Harmonic
-from beamsim.scenario.quantities import INTEGRALS
 from beamsim.system.structural import StructuralSystem
 
 if TYPE_CHECKING:
@@ -32,29 +30,6 @@ def figures_of_motion(system: StructuralSystem, motion: RunMotion) -> dict[str, 
     }
 
 
-def _gapping(
-    scenario: Scenario, system: StructuralSystem, motion: RunMotion, summary: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Of a sine, the level that changes contact at its frequency, and when this run changed it, for the summary."""
-    excitation = scenario.excitation
-    if system.sine is None or not system.snubbers or system.cubic.count:
-        return {}
-    assert isinstance(excitation, Harmonic | Forces)
-    frequency = np.array([excitation.frequency])
-    levels = contact_levels(system, frequency)
-    if not levels:
-        return {}
-    omega = 2.0 * np.pi * excitation.frequency
-    power = INTEGRALS.get(excitation.quantity or "", 0)
-    of_snubber = gapping(levels, frequency, np.array([abs(excitation.level) * omega**power]))
-    names = [snubber.name for snubber in system.snubbers]
-    for name, of in of_snubber.items():
-        times = motion.events.time[motion.events.snubber == names.index(name)]
-        of["first_change_s"] = float(times[0]) if times.size else None
-        of["largest_gap_m"] = summary["largest_gap_m"][name]
-    return {"gapping": of_snubber}
-
-
 def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str, Any]]:
     """The lines of all spectra, for the summary."""
     columns = ("order", "frequency_hz", "amplitude", "amplitude_db", "kind", "relative_change")
@@ -66,7 +41,11 @@ def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str
 
 
 def summary_of_run(
-    scenario: Scenario, system: StructuralSystem, motion: RunMotion, spectra: dict[tuple[str, str], Spectrum]
+    scenario: Scenario,
+    system: StructuralSystem,
+    motion: RunMotion,
+    spectra: dict[tuple[str, str], Spectrum],
+    stop: Callable[[], bool],
 ) -> dict[str, Any]:
     """What does not repeat a field of the result."""
     probes = [p.name for p in system.probes]
@@ -99,6 +78,7 @@ def summary_of_run(
             summary["largest_von_mises_stress_pa"] = max(float(peaks.max()) for peaks in motion.von_mises.values())
         if len(system.bodies) > 1:
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
-    summary |= _gapping(scenario, system, motion, summary)
+    if of_snubbers := gapping_of_run(scenario, system, motion, summary, stop):
+        summary["gapping"] = of_snubbers
     compared = margins(scenario.limits, summary)
     return {**summary, "margins": compared} if compared else summary
