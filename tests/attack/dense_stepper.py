@@ -523,6 +523,19 @@ def march(
     return DONE, t, state, n_stop, n_ev, steps
 
 
+def _product(first, second):
+    """Product of two block triangular matrices, each by its upper rows (N, Q) and what takes derivatives to others.
+
+    The lower rows of the whole matrices are those of the inputs' derivatives, which are the same for every input, and a
+    row of zeros for what is constant.
+    """
+    N = first[0].shape[0]
+    upper = first[0][:, :N] @ second[0]
+    for a in range(N + 1, upper.shape[1], ORDERS):
+        upper[:, a : a + ORDERS] += first[0][:, a : a + ORDERS] @ second[1]
+    return upper, first[1] @ second[1]
+
+
 def _halvings(ratio):
     """How often to halve until a ratio is at most one."""
     return max(int(np.ceil(np.log2(max(ratio, 1.0)))), 0)
@@ -556,23 +569,22 @@ class Tables:
         finest = min(max(_halvings(self.longest * np.abs(eigenvalues).max() / 0.05), usual + 9), LEVELS - 10)
         first = min(max(_halvings(self.longest * max(np.abs(eigenvalues).max(), self.stiffest) * 2), usual), finest)
         start = min(max(_halvings(self.longest * rate / 0.5), finest + 9), LEVELS - 1)
-        whole = np.zeros((Q, Q), dtype=np.longdouble if start > LONG else float)
-        whole[:N, :N], whole[:N, N] = linear.A, linear.B[:, 0]
-        for c in range(U - 1):
-            a = N + 1 + c * ORDERS
-            whole[:N, a] = linear.B[:, c + 1]
-            whole[np.arange(a, a + ORDERS - 1), np.arange(a + 1, a + ORDERS)] = 1.0 / self.longest
-        step = whole * (self.longest * 2.0**-start)
-        power, total = step.copy(), step.copy()
+        kind = np.longdouble if start > LONG else float
+        rates, shift = np.zeros((N, Q), dtype=kind), np.zeros((ORDERS, ORDERS), dtype=kind)
+        rates[:, :N], rates[:, N], rates[:, N + 1 :: ORDERS] = linear.A, linear.B[:, 0], linear.B[:, 1:]
+        shift[np.arange(ORDERS - 1), np.arange(1, ORDERS)] = 1.0 / self.longest
+        step = rates * (self.longest * 2.0**-start), shift * (self.longest * 2.0**-start)
+        power, total = step, step
         for k in range(2, TAYLOR):
-            power = power @ step / k
-            total += power
+            power = tuple(part / k for part in _product(power, step))
+            total = total[0] + power[0], total[1] + power[1]
         F = np.full((LEVELS, N, Q), np.nan)  # shorter steps are Taylor series
         for level in range(start, -1, -1):
-            F[level] = total[:N]
+            F[level] = total[0]
             if level > 0:
                 with np.errstate(over="ignore", invalid="ignore"):
-                    total = 2 * total + total @ total
+                    square = _product(total, total)
+                    total = 2 * total[0] + square[0], 2 * total[1] + square[1]
         D = rate_of_inputs(self.inputs.count)
         G = linear.guard_y.shape[0]
         rows = {

@@ -46,6 +46,7 @@ FOUND = {
     9000545: "a low derivative of a contact of no gap, hidden by the motion of a stiff stop",
     10000012: "friction on the ground under a base that starts away from zero",
     10000039: "Maxwell branches on the ground under a base that starts away from zero",
+    10000060: "a contact of no gap that began and ended at t = 0, by round-off of a stiff pad's motion",
     8100246: "a contact that began and ended at t = 0, without the force of a pressed stop",
 }
 
