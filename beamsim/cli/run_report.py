@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult
+from beamsim.analyses.run.spectrum import LOBE
 from beamsim.cli.report import (
     AFTER_PARTING,
     SHARED,
@@ -119,10 +120,11 @@ def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> di
     first = next(iter(probes), "")
     changes = s.get("convergence", {}).get("spectral_lines", {})
     moves = first and result.summary["max_displacement_m"][first] > result.summary["min_displacement_m"][first]
-    without = "no distinct line: a continuous spectrum" if moves else "no motion"
     texts = {}
     for quantity in (quantity for probe, quantity in result.spectra if probe == first):
         name = f"{first} {quantity}"
+        resolution = LOBE / result.spectra[first, quantity].duration_s
+        without = f"no distinct line, at a resolution of {resolution:.3g} Hz" if moves else "no motion"
         text = ", ".join(_strongest(lines, first, quantity))
         if text and name in changes:
             text += f"; {change_of(s, 'spectral_lines', name)}"

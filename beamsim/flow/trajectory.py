@@ -209,6 +209,14 @@ class Trajectory:
             piece=self.piece[part], y=self.y[part],
         )  # fmt: skip
 
+    def between(self, begin: float, end: float) -> Trajectory:
+        """The same, whose first segment begins at ``begin``."""
+        part = self.within(begin, end)
+        late = max(begin - float(part.time[0]), 0.0)
+        time, length, y = part.time.copy(), part.length.copy(), part.y.copy()
+        time[0], length[0], y[0] = time[0] + late, max(length[0] - late, 0.0), self.states_at(np.array([begin]))[0]
+        return replace(part, time=time, length=length, y=y)
+
     @property
     def _phases(self) -> Ints:
         """(states, m)."""

@@ -48,6 +48,18 @@ def test_every_line_of_a_released_beam_is_a_mode():
     assert result.summary["events"] == 0
 
 
+@pytest.mark.parametrize(("periods", "seen"), [(1.0, False), (2.6, True), (5.0, True), (10.0, True)])
+def test_the_highest_line_is_told_by_what_lies_beyond_it(periods, seen):
+    """One mass swings freely: the spectrum ended at its frequency, and the table said "a continuous spectrum"."""
+    chain = {"masses": [1.0], "springs": [(10 * np.pi) ** 2, 0]}
+    free = {"chain": chain, "run": {"duration": periods / 5.0, "start": {"displacement": [1e-3]}}}
+    result = run(free)
+    found = [line.frequency_hz for line in lines_of(result) if line.kind == "other"]
+    assert found == pytest.approx([5.0] * seen, rel=1e-3)
+    text = dict(table_rows("run", result))["spectral lines"]
+    assert ("Hz (" in text) if seen else text.endswith("no distinct line, at a resolution of 20 Hz")
+
+
 @pytest.mark.parametrize("case", [RELEASED, BOUNCING], ids=["released", "bouncing"])
 def test_spectra_do_not_depend_on_the_output_rate(case):
     # the modes kept follow the rate where their number is not given

@@ -26,7 +26,6 @@ import numpy as np
 from beamsim.analyses.run.derived import DerivedFigures, Figures, OutputSamples, SpectrumKey, line_changes
 from beamsim.analyses.run.figures import (
     SEEDS,
-    Extremes,
     deflection_size,
     energy_extremes,
     motion_figures,
@@ -36,10 +35,8 @@ from beamsim.analyses.run.figures import (
 )
 from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.outputs import (
-    bending_stress,
     energies_of_rows,
     exact_flow,
-    in_every_state,
     output_groups,
     searched_outputs,
 )
@@ -465,30 +462,32 @@ def _statistical(first: Solution, early: Changes, finer: Changes, *after: Sequen
 
 
 def _windows(solution: Solution, begin: float, end: float) -> Iterator[Changes]:
-    """The figures of equal parts of a motion, from samples; contact exactly. None of a motion from time stepping."""
+    """The figures of equal parts of a motion. None of a motion from time stepping.
+
+    Extremes are those of the continuous motion: a force that a dashpot or a stiff stop makes for an instant lies
+    between samples, and chance would decide which part has it. Filtered accelerations and energies are sampled.
+    """
     system, settings, trajectory = solution.system, solution.settings, solution.trajectory
     if trajectory is None:
         return
-    times = np.linspace(begin, end, WINDOWS * SAMPLES + 1)[:-1]
+    times = np.linspace(begin, end, WINDOWS * SAMPLES + 1)
     flow = trajectory.flow
     groups = output_groups(system, flow)
-    values = groups.split(trajectory.sample(times, groups), flow.system.contacts.start)
-    if system.stress is not None:
-        values["stress"] = trajectory.sample(times, in_every_state(bending_stress(flow, system.stress)))
+    searched = searched_outputs(system, flow, groups)
+    sampled = {}
     if settings.low_pass is not None:
-        values["acceleration"], _ = filtered(trajectory, groups.groups["acceleration"], settings.low_pass, times)
+        sampled["acceleration"], _ = filtered(trajectory, searched.pop("acceleration"), settings.low_pass, times)
     if system.energy_outputs:
-        values["energy"] = energies_of_rows(system.energy_outputs, values["energy"])
+        sampled["energy"] = energies_of_rows(system.energy_outputs, trajectory.sample(times, groups.groups["energy"]))
     closing = trajectory.event_closing
-    bounds = np.linspace(begin, end, WINDOWS + 1)
-    in_contact = np.array([time * trajectory.until(time).contact_share() for time in bounds])  # s, from the start
-    shares = np.diff(in_contact, axis=0) / np.diff(bounds)[:, None]
     for k in range(WINDOWS):
         part = slice(k * SAMPLES, (k + 1) * SAMPLES)
-        inside = closing & (trajectory.event_time >= bounds[k]) & (trajectory.event_time < bounds[k + 1])
-        closings = np.bincount(trajectory.event_contact[inside], minlength=shares.shape[1])
-        extremes: Extremes = {name: sampled_extremes(times[part], x[part]) for name, x in values.items()}
-        yield _compared(motion_figures(system, extremes, shares[k], closings))
+        motion = trajectory.between(times[part.start], times[part.stop])
+        extremes = refine_extremes(motion, searched, times[part])
+        extremes |= {name: sampled_extremes(times[part], x[part]) for name, x in sampled.items()}
+        inside = closing & (trajectory.event_time >= motion.time[0]) & (trajectory.event_time < motion.end)
+        closings = np.bincount(trajectory.event_contact[inside], minlength=flow.system.contacts.count)
+        yield _compared(motion_figures(system, extremes, motion.contact_share(), closings))
 
 
 def _compared(figures: Mapping[str, Any]) -> Changes:

@@ -25,6 +25,7 @@ SPECTRAL_GROUPS = (*QUANTITIES, "output")
 SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency shown
 HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
 MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
+FLOOR_LINES = 16  # beyond the highest content: a line is told by what lies beside it
 FEWEST_SAMPLES, MOST_SAMPLES = 256, 2**17
 MOST_FINER_SAMPLES = 2**21  # of a time-stepped motion, to see what its output samples fold
 FOLDED_ALLOWED = 0.01  # of the highest point of a spectrum, which sampling adds without a warning
@@ -111,7 +112,7 @@ def records_of(
     """A record for each output, and the output at the end of the part; samples cover the modes kept."""
     assert scenario.run is not None
     duration = end - begin
-    content = _highest_content(scenario, system, trajectory)
+    content = _highest_content(scenario, system, trajectory, duration)
     highest = max(scenario.run.spectrum.to or content, *scenario.run.spectrum.frequencies, 0.0)
     rate = SAMPLES_OF_A_PERIOD * max(highest, content)
     size = _even_size(min(max(rate * duration, FEWEST_SAMPLES), MOST_SAMPLES))
@@ -136,14 +137,14 @@ def _duration(settings: SpectrumSettings, available: float, excitation_hz: float
     return available
 
 
-def _highest_content(scenario: Scenario, system: StructuralSystem, trajectory: Trajectory) -> float:
+def _highest_content(scenario: Scenario, system: StructuralSystem, trajectory: Trajectory, duration: float) -> float:
     """Frequency, Hz, up to which the motion has a meaning: of the modes kept, and of the excitation."""
     modes = system.modes
     if modes.static_vectors == 0:
         structure = trajectory.flow.highest_frequency / (2.0 * np.pi)
     else:
         structure = float(modes.closed_frequencies_hz[modes.kept_modes - 1]) if modes.kept_modes else 0.0
-    highest = max(1.05 * structure, 2.0 * scenario.excitation.highest_frequency_hz)
+    highest = max(1.05 * structure, structure + FLOOR_LINES / duration, 2.0 * scenario.excitation.highest_frequency_hz)
     if np.isfinite(system.excitation_frequency_hz):
         highest = max(highest, HIGHEST_ORDER * system.excitation_frequency_hz)
     pieces = np.diff(trajectory.flow.sources.start)

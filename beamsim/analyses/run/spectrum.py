@@ -27,7 +27,7 @@ _OVER_SKIRTS = 10**0.5  # the same in a decaying record, whose lines are broad: 
 _OVER_SIDE_LOBES = 5e-5  # of the largest deviation from the mean: a drift's side lobes are no lines
 _ROUND_OFF = 1e-12  # of max |x|
 _DENOMINATORS = (1, 2, 3, 4)  # of the orders m/n that are looked for
-_LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
+LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
 _MOST_LINES = 50
 _ORDERS_OF_A_SHORT_RECORD = 10
 NEARBY, NEARBY_BINS = 0.01, 3.0  # share of its frequency, and bins, within which a line is found again
@@ -204,7 +204,7 @@ def _nearby_peak(amplitude: Floats, near: float, size: float, least: float, most
 
 def _examined(record: Record, excitation_hz: float, one_sided: bool) -> Window | None:
     """The window through which lines are seen; None where the record holds a few periods of the excitation alone."""
-    short = np.isfinite(excitation_hz) and 0 < excitation_hz * record.x.size / record.rate < 2 * _LOBE
+    short = np.isfinite(excitation_hz) and 0 < excitation_hz * record.x.size / record.rate < 2 * LOBE
     return None if short else Window("blackmanharris", one_sided)
 
 
@@ -299,7 +299,7 @@ def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) ->
     x, rate = record.x, record.rate
     amplitude = _windowed_amplitude(x, window)
     amplitude = amplitude[: record.band(amplitude.size)]
-    inner = np.arange(_LOBE - 1, amplitude.size - 1)
+    inner = np.arange(LOBE - 1, amplitude.size - 1)
     if inner.size == 0:
         return []
     bin_hz = rate / x.size
@@ -346,7 +346,7 @@ def _parabola_top(around: Floats) -> float:
 
 def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fraction | None:
     for n in _DENOMINATORS:
-        if excitation_hz / n < _LOBE * bin_hz:
+        if excitation_hz / n < LOBE * bin_hz:
             break
         m = round(frequency * n / excitation_hz)
         if m >= 1 and abs(m * excitation_hz / n - frequency) <= 0.5 * bin_hz:
