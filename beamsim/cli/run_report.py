@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -41,6 +41,18 @@ def _memory(result: RunResult, memory: float) -> str:
     return text if kept is None else f"{text}; {kept} of {result.work.states} contact states kept at once"
 
 
+def _at(result: RunResult, entry: str, name: str) -> str:
+    """When a peak is reached; empty in files that do not know."""
+    time = result.summary.get("peak_times_s", {}).get(entry, {}).get(name)
+    return "" if time is None else f" at {amount(time, 's')}"
+
+
+def _peaks(entry: str, unit: str) -> Callable[[RunResult, Mapping[str, float]], dict[str, str]]:
+    return lambda result, peaks: {
+        name: f"{amount(peak, unit)}{_at(result, entry, name)}" for name, peak in peaks.items()
+    }
+
+
 def _displacement(result: RunResult, peaks: Mapping[str, float]) -> dict[str, str]:
     low, high = result.summary["min_displacement_m"], result.summary["max_displacement_m"]
 
@@ -48,7 +60,8 @@ def _displacement(result: RunResult, peaks: Mapping[str, float]) -> dict[str, st
         return amount(0.0 if abs(value) < NEGLIGIBLE * peak else value, "m")
 
     return {
-        name: f"{amount(peak, 'm')} (from {end(low[name], peak)} to {end(high[name], peak)})"
+        name: f"{amount(peak, 'm')}{_at(result, 'peak_displacement_m', name)} "
+        f"(from {end(low[name], peak)} to {end(high[name], peak)})"
         for name, peak in peaks.items()
     }
 
@@ -321,7 +334,9 @@ TEXTS: Texts = {
     "memory_bytes": _memory,
     "method": _method,
     "gapping": gapping,
+    "peak_force_n": _peaks("peak_force_n", "N"),
     "peak_displacement_m": _displacement,
+    "peak_acceleration_g": _peaks("peak_acceleration_g", "g"),
     "contact_share": _contact,
     "peak_spring_force_n": _spring_force,
     "friction": _friction,

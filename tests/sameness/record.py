@@ -69,6 +69,8 @@ MENDED: dict[str, str] = {
 ROUND_OFF = {"energy_error", "residual", "largest_residual", "drift", "motion_drift"}
 """Names of measures of error, round-off themselves: both sides must be below `ROUND_OFF_BOUND`."""
 ROUND_OFF_BOUND = 1e-8
+CHOSEN_BY_ROUND_OFF = re.compile(r"json/(peak_times_s/|gapping/.*/time_s$)")
+"""When peaks are reached: of equal ones round-off chooses; not recorded."""
 
 
 def call(arguments: list[str]) -> tuple[int, str]:
@@ -99,7 +101,7 @@ def record(entry: Entry, changes: Iterable[str] = ()) -> dict[str, Any]:
             values |= kept(stored(path), "file/")
     return {
         "exit": code,
-        "values": {path: value for path, value in values.items() if not is_text(value)},
+        "values": {path: value for path, value in values.items() if not is_text(value) and not is_chosen(path)},
         "texts": {path: without_folder(value) for path, value in values.items() if is_text(value)},
     }
 
@@ -122,6 +124,11 @@ def difference(old: Any, new: Any) -> float:
     if isinstance(old, str | list) or isinstance(new, str | list):
         return math.inf
     return abs(old - new) / max(abs(old), abs(new))
+
+
+def is_chosen(path: str) -> bool:
+    """Whether round-off chooses the value among several that are equally right."""
+    return CHOSEN_BY_ROUND_OFF.match(path) is not None
 
 
 def is_round_off(path: str, *values: Any) -> bool:

@@ -162,6 +162,23 @@ def motion_figures(
     return figures
 
 
+def peak_times(system: StructuralSystem, extremes: Extremes, figures: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """s, by entry of the figures and by name: when the peak is reached; of equal peaks any of them."""
+    probes, snubbers = [p.name for p in system.probes], [s.name for s in system.snubbers]
+    when = {
+        "peak_displacement_m": by_name(probes, _largest_at(extremes["displacement"])),
+        "peak_acceleration_g": by_name(probes, _largest_at(extremes["acceleration"])),
+        "peak_force_n": by_name(snubbers, extremes["force"][3][: len(snubbers)]),
+    }
+    return {entry: {n: t for n, t in times.items() if figures[entry][n] > 0.0} for entry, times in when.items()}
+
+
+def _largest_at(extremes: Extreme) -> Floats:
+    """(k,) s, when the largest magnitudes are reached."""
+    low, when_low, high, when_high = extremes
+    return np.where(np.abs(low) > np.abs(high), when_low, when_high)
+
+
 def largest_pulls(forces: Extreme) -> Floats:
     """(m,) largest tension of each contact; 0 where it is the round-off of an opening."""
     low, _, high, _ = forces

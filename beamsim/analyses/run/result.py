@@ -455,6 +455,8 @@ _SUMMARY = (
     Entry("linear", "", "whether contact neither begins nor ends and no spring is nonlinear"),
     GAPPING,
     Entry("peak_force_n", "N", "largest contact force of a snubber", "peak contact force"),
+    Entry("peak_times_s", "s", "by entry (peak_force_n, peak_displacement_m, peak_acceleration_g) and name: when the "
+             "peak is reached; of equal peaks any of them"),
     Entry("largest_pull_n", "N", "largest tensile force of a snubber, 0 where it never pulls"),
     Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "preload"),
     Entry("static_force_n", "N", "contact force of a snubber at static equilibrium"),

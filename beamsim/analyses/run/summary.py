@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY, margins
-from beamsim.analyses.run.figures import by_name, deflection_size, largest, motion_figures, static_figures
+from beamsim.analyses.run.figures import by_name, deflection_size, largest, motion_figures, peak_times, static_figures
 from beamsim.analyses.run.gapping import gapping_of_run
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, Spectrum
@@ -62,6 +62,7 @@ def summary_of_run(
         "blocked_force_n": {s.name: s.blocked_force for s in system.snubbers},
         "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
     }
+    summary["peak_times_s"] = peak_times(system, motion.extremes, summary)
     if system.outputs:
         summary["rms_output"] = {o.name: spectra[o.name, o.kind].rms for o in system.linear_outputs}
         summary["output_unit"] = {output.name: output.unit for output in system.outputs}
