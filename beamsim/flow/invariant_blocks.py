@@ -138,16 +138,37 @@ def block_diagonalise(
 
     ``inverse`` gives that of A, written down rather than computed, and with it the eigenvalues far below the largest,
     which A itself knows only to the round-off of the largest (a heavily overdamped contact).
+
+    Where eigenvectors are ill-conditioned, the coordinates are scaled first: displacements and the internal states of a
+    contact much stiffer than the structure have other sizes (balancing, after Osborne, J. ACM 7 (1960)).
     """
+    simple = _separate(A, inverse)
+    if simple is not None:
+        return simple, []
+    from scipy.linalg import matrix_balance
+
+    scale = np.asarray(matrix_balance(A, permute=False, separate=True)[1][0], dtype=float)  # powers of two
+
+    def balanced(matrix: Floats) -> Floats:
+        scaled: Floats = matrix / scale[:, None] * scale
+        return scaled
+
+    simple = _separate(balanced(A), None if inverse is None else lambda: balanced(inverse()))
+    if simple is not None:
+        return SimpleModes(scale[:, None] * simple.right, simple.left / scale, simple.eigenvalue), []
+    simple, blocks = _clusters(balanced(A), window)
+    return simple, [Block(scale[:, None] * b.right, b.left / scale, b.matrix, b.centre, b.weight) for b in blocks]
+
+
+def _separate(A: Floats, inverse: Callable[[], Floats] | None) -> SimpleModes | None:
+    """Every eigenvalue with a block of its own, or None where eigenvectors are too ill-conditioned for that."""
     lam, X = _eigenpairs(A, inverse)
     try:
         Xi = np.linalg.inv(X).astype(complex)
     except np.linalg.LinAlgError:
-        return _clusters(A, window)
+        return None
     norms = np.linalg.norm(X, axis=0) * np.linalg.norm(Xi, axis=1)
-    if not np.all(np.isfinite(norms)) or norms.max() > LARGEST_PROJECTOR:
-        return _clusters(A, window)
-    return SimpleModes(X, Xi, lam), []
+    return SimpleModes(X, Xi, lam) if np.all(np.isfinite(norms)) and norms.max() <= LARGEST_PROJECTOR else None
 
 
 def _eigenpairs(A: Floats, inverse: Callable[[], Floats] | None) -> tuple[Complexes, Complexes]:

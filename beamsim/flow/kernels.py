@@ -192,6 +192,8 @@ def _safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
     root = math.sqrt(slope * slope + 2.0 * bound * g)
     if slope < 0.0:
         return 2.0 * g / (root - slope)
+    if root == 0.0:  # the product is too small for a number: what is left of a motion that has decayed
+        return math.sqrt(2.0 * g / bound)
     return (slope + root) / bound
 
 

@@ -204,7 +204,9 @@ def _against_package(finding, case, own):
     if result.outcome.code is OutcomeCode.ENERGY_NOT_BALANCED:
         finding.outcome = "not trusted by the package"
         return finding
-    finding.differences += [f"outcome: {result.status}"] if not result.complete else []
+    if not result.complete:
+        finding.outcome, finding.differences = "differs", [f"outcome: {result.status}"]
+        return finding
     slack = 5 * own.apart[own.outputs] + RESOLUTION
     error = result.summary["energy_error"]
     if not error < max(1e-8, slack[-1]):

@@ -373,35 +373,41 @@ def equilibrium(structure, contacts, load, pushes=None):
     ``pushes`` : (m,) constant contact forces instead of a law's, nan where the law acts.
     """
     pushes = np.full(len(contacts), np.nan) if pushes is None else pushes
+
+    def balance(x):
+        """Tangent stiffness and what is left of the load."""
+        K, r = np.diag(structure.omega**2), load - structure.omega**2 * x
+        for c, push in zip(contacts, pushes, strict=True):
+            stretch = c.row @ x
+            delta = -c.gap - c.sign * stretch
+            if np.isfinite(push):
+                r = r + c.sign * push * c.row
+            elif c.slopes:
+                slope, zero = c.line(c.segment_at(stretch))
+                K = K + (slope - c.slope_at_rest) * np.outer(c.row, c.row)
+                r = r - (slope * stretch + zero - c.slope_at_rest * stretch) * c.row
+            elif c.pushes and delta > 0:
+                slope, force = c.of.static(delta) if c.of else (c.stiffness, c.stiffness * delta)
+                K = K + slope * np.outer(c.row, c.row)
+                r = r + c.sign * force * c.row
+        return K, r
+
+    def along(share, x, step):
+        return step @ balance(x + share * step)[1]
+
     x = np.zeros(structure.omega.size)
-    for damping in (1.0, 0.5):
-        for _ in range(100):
-            K, r = np.diag(structure.omega**2), load - structure.omega**2 * x
-            for c, push in zip(contacts, pushes, strict=True):
-                if np.isfinite(push):
-                    r = r + c.sign * push * c.row
-                elif c.of:
-                    delta = -c.gap - c.sign * (c.row @ x)
-                    if c.pushes and delta > 0:
-                        slope, force = c.of.static(delta)
-                        K = K + slope * np.outer(c.row, c.row)
-                        r = r + c.sign * force * c.row
-                elif c.slopes:
-                    stretch = c.row @ x
-                    slope, zero = c.line(c.segment_at(stretch))
-                    K = K + (slope - c.slope_at_rest) * np.outer(c.row, c.row)
-                    r = r - (slope * stretch + zero - c.slope_at_rest * stretch) * c.row
-                else:
-                    delta = -c.gap - c.sign * (c.row @ x)
-                    if delta > 0:
-                        K = K + c.stiffness * np.outer(c.row, c.row)
-                        r = r + c.sign * c.stiffness * delta * c.row
-            if np.abs(np.linalg.eigvalsh(K)).min() < 1e-13 * np.abs(K).max():
-                return None
-            step = np.linalg.solve(K, r)
-            x = x + damping * step
-            if np.linalg.norm(step) <= 1e-13 * np.linalg.norm(x) or not np.any(x):
-                return x
+    for _ in range(200):
+        K, r = balance(x)
+        if not np.any(r):
+            return x
+        if np.abs(np.linalg.eigvalsh(K)).min() < 1e-13 * np.abs(K).max():
+            return None
+        step = np.linalg.solve(K, r)
+        if np.linalg.norm(step) <= 1e-13 * np.linalg.norm(x):
+            return x
+        if along(1.0, x, step) < -1e-9 * along(0.0, x, step):  # beyond the least energy on this way, which is convex
+            step = step * brentq(along, 0.0, 1.0, (x, step), xtol=1e-15)
+        x = x + step
     return None
 
 

@@ -47,6 +47,9 @@ FOUND = {
     10000012: "friction on the ground under a base that starts away from zero",
     10000039: "Maxwell branches on the ground under a base that starts away from zero",
     10000060: "a contact of no gap that began and ended at t = 0, by round-off of a stiff pad's motion",
+    10000128: "an equilibrium in the first segment of a table, from the last one: Newton's method of our own",
+    10000295: "what a step follows from was too small for a number, and the march stood still",
+    10000320: "fast and slow motions of a stiff pad in one block, whose series held for 1e-7 s: 1e7 steps a second",
     8100246: "a contact that began and ended at t = 0, without the force of a pressed stop",
 }
 

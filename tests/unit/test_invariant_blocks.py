@@ -45,6 +45,18 @@ def test_exponential(A, perturbation):
         np.testing.assert_allclose(exponential(simple, blocks, tau), exact, atol=1e-9 * np.abs(exact).max())
 
 
+def test_coordinates_of_other_sizes_get_blocks_of_their_own():
+    """Fast and slow motions in coordinates of 1 and 1e-8: one block of all of them would hold for 1e-7 s alone."""
+    scale = np.array([1.0, 1e-8, 1.0, 1e-8, 1.0])
+    A = similar(np.diag([-1.08e7, -2.0e6, -470.0, -218.3, -82.0]), 2) * scale[:, None] / scale
+    simple, blocks = block_diagonalise(A, 0.1)
+    assert (simple.eigenvalue.size, blocks) == (5, [])
+    for tau in (1e-8, 1e-6, 1e-3):
+        exact = expm(A / scale[:, None] * scale * tau)
+        ours = exponential(simple, blocks, tau) / scale[:, None] * scale
+        np.testing.assert_allclose(ours, exact, atol=1e-8 * np.abs(exact).max())
+
+
 def test_a_wrong_block_is_noticed():
     """The comparison above can fail: leaving the coupling of a Jordan block out is seen."""
     simple, blocks = block_diagonalise(similar(np.diag([-1.0, -1.5, -2.0]), 1))
