@@ -12,12 +12,16 @@ from beamsim.plots.style import MOST_CURVES, acceleration_scale, curve_style, fi
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+MOST_LINEAR = 1  # signals whose linear densities are drawn
 DENSITY_SHOWN = 1e-7  # of the largest density, below which nothing is shown
 POWER_SHOWN = 1e-3  # of the input's largest density, below which a transmissibility is that of leakage and round-off
 
 
 def plot_density(response: RandomResponse, ax: Axes) -> Axes:
-    """Spectral densities of the input and of the absolute accelerations of the probes (displacements under a force)."""
+    """Spectral densities of the input and of the absolute accelerations of the probes (displacements under a force).
+
+    Thin lines are those of the linear structures with every snubber always open and always closed.
+    """
     on_base = response.input.unit == "m/s^2"
     quantity = "absolute_acceleration" if on_base else "displacement"
     drawn = [response.input, *(s for s in response.signals if s.quantity == quantity)] if on_base else [
@@ -27,6 +31,13 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
     factor = scale.factor**2
     for k, signal in enumerate(drawn[:MOST_CURVES]):
         ax.plot(response.frequency_hz[1:], signal.density[1:] * factor, label=signal.name, **curve_style(k))
+    linear = [k for k, s in enumerate(drawn[:MOST_CURVES]) if s.density_open is not None][:MOST_LINEAR]
+    for k in linear:
+        for name, dashes in (("open", (4, 2)), ("closed", (1, 1.5))):
+            value = np.asarray(getattr(drawn[k], f"density_{name}"))[1:] * factor
+            label = f"{drawn[k].name}, linear, always {name}"
+            shown = np.where(value > 0.0, value, np.nan)
+            ax.plot(response.frequency_hz[1:], shown, color="0.45", linewidth=1.1, dashes=dashes, label=label)
     ax.set_xscale("log")
     ax.set_yscale("log")
     top = max((float(np.max(s.density[1:])) for s in drawn), default=0.0) * factor
@@ -37,7 +48,7 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
         ax.set_xlim(shown[0] / 1.1, shown[-1] * 1.1)
     squared = f"({scale.unit})²" if "/" in scale.unit else f"{scale.unit}²"
     finish(ax, "Frequency (Hz)", f"{'Acceleration' if on_base else 'Displacement'} density ({squared}/Hz)")
-    legend(ax, min(len(drawn), MOST_CURVES), len(drawn), "signals")
+    legend(ax, min(len(drawn), MOST_CURVES) + 2 * len(linear), len(drawn) + 2 * len(linear), "signals")
     return ax
 
 

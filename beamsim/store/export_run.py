@@ -26,8 +26,8 @@ def export_csv(result: RunResult, folder: Path) -> list[Path]:
     """One file per table: one row per observation, one column per quantity with its unit, full precision.
 
     ``time_histories``, ``spectra``, ``harmonics``, ``events``, ``modes``, ``mode_shapes``, ``summary`` and, for
-    a beam, ``beam``; ``random_densities``, ``random_statistics`` and ``random_transmissibility`` of a random input;
-    ``srs`` where shock response spectra were asked for.
+    a beam, ``beam``; ``random_densities``, ``random_crossings``, ``random_statistics`` and ``random_transmissibility``
+    of a random input; ``srs`` where shock response spectra were asked for.
     """
     out = CsvFolder(folder)
     out.numbers("time_histories", _channels(result))
@@ -81,10 +81,20 @@ def export_csv(result: RunResult, folder: Path) -> list[Path]:
 
 
 def _random_tables(out: CsvFolder, random: RandomResponse) -> None:
-    """``random_densities``, ``random_statistics`` and ``random_transmissibility``."""
+    """``random_densities``, ``random_crossings``, ``random_statistics`` and ``random_transmissibility``."""
     signals = (random.input, *random.signals)
-    densities = {header(f"{s.name}_{s.quantity}_density", f"({s.unit})^2/Hz"): s.density for s in signals}
+    densities = {
+        header(f"{s.name}_{s.quantity}_{name}", f"({s.unit})^2/Hz"): getattr(s, name)
+        for s in signals
+        for name in ("density", "density_open", "density_closed")
+        if getattr(s, name) is not None
+    }
     out.numbers("random_densities", {"frequency_hz": random.frequency_hz, **densities})
+    if random.level is not None:
+        crossings = {
+            f"{s.name}_{s.quantity}_crossings_hz": s.crossings_hz for s in signals if s.crossings_hz is not None
+        }
+        out.numbers("random_crossings", {"level_in_standard_deviations": random.level, **crossings})
     texts = ("name", "quantity", "unit")
     columns = (*texts, *(name for name in _names(SignalStatistics, Attribute) if name not in texts))
     out.rows("random_statistics", columns, ([getattr(s, name) for name in columns] for s in signals))

@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import beamsim
 from beamsim.analyses.gapping import transfer
-from beamsim.analyses.run.linear_prediction import linear_deviations
+from beamsim.analyses.run.linear_prediction import linear_structures
 from beamsim.analyses.run.random_response import LEVELS, cross_density, crossing_rates, rms_interval
 from beamsim.cli.report import table_rows
 from beamsim.flow.stopping import Stopped, heeding
@@ -205,13 +205,29 @@ def stopped(gap: float, **run: object) -> dict:
 def test_linear_predictions_are_those_of_the_oscillators():
     """Open 10 Hz at 5 %, closed 24.6 Hz with both dashpots; the integral is right to 1e-6."""
     case = load_scenario(stopped(1e-4))
-    of_open, of_closed = linear_deviations(case, build_system(case))
+    predicted = linear_structures(case, build_system(case))
+    of_open, of_closed = predicted.of_open, predicted.of_closed
     for found, stiffness, dashpot in ((of_open, 3947.84, 6.2832), (of_closed, 3947.84 + 2e4, 9.2832)):
         displacement, acceleration = oscillator_deviations(stiffness, dashpot)
         assert found["mass", "displacement"] == pytest.approx(displacement, rel=1e-6)
         assert found["mass", "absolute_acceleration"] == pytest.approx(acceleration, rel=1e-6)
     assert of_open["stop", "force"] == 0.0
     assert of_closed["stop", "force"] == pytest.approx(2e4 * of_closed["mass", "displacement"], rel=0.01)
+
+
+def test_densities_of_the_linear_structures():
+    """Their sum is the variance; away from the resonance they are those of the oscillator."""
+    result = beamsim.run(load_scenario(stopped(1e-4)))
+    signal = next(s for s in result.random.signals if (s.name, s.quantity) == ("mass", "displacement"))
+    f = result.random.frequency_hz
+    for kind, stiffness, dashpot in (("open", 3947.84, 6.2832), ("closed", 3947.84 + 2e4, 9.2832)):
+        density = getattr(signal, f"density_{kind}")
+        assert np.sqrt(density.sum() * (f[1] - f[0])) == pytest.approx(getattr(signal, f"linear_{kind}"), rel=1e-3)
+        w = 2 * np.pi * f
+        exact = 0.01 * G**2 / np.abs(stiffness - w**2 + 1j * w * dashpot) ** 2
+        calm = (f > 2.0) & (f < 6.0)
+        np.testing.assert_allclose(density[calm], exact[calm], rtol=0.02)
+        assert np.all(density[(f > 41.0) | (f < 0.5)] == 0.0)
 
 
 def test_a_stop_that_is_never_touched_changes_nothing_and_one_that_is_hit_does():
@@ -229,13 +245,13 @@ def test_a_stop_that_is_never_touched_changes_nothing_and_one_that_is_hit_does()
 
 def test_there_is_no_prediction_without_stops_with_cubic_springs_or_undamped():
     plain = load_scenario(OSCILLATOR)
-    assert linear_deviations(plain, build_system(plain)) is None
+    assert linear_structures(plain, build_system(plain)) is None
     case = stopped(1e-4)
     cubic = {**case["chain"], "springs_to_ground": [{"mass": 1, "kind": "cubic", "stiffness": 1e9}]}
     undamped = {key: value for key, value in case["chain"].items() if key != "dashpots"}
     for chain in (cubic, undamped):
         scenario = load_scenario({**case, "chain": chain})
-        assert linear_deviations(scenario, build_system(scenario)) is None
+        assert linear_structures(scenario, build_system(scenario)) is None
 
 
 def test_crossings_of_levels():

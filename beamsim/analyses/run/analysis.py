@@ -223,14 +223,14 @@ def _given_up(result: RunResult, figures: str) -> RunResult:
 
 def _with_statistics(result: RunResult, system: StructuralSystem, stop: Callable[[], bool]) -> RunResult:
     """Add densities, statistics and transmissibilities; those of few samples also after a request to stop."""
-    from beamsim.analyses.run.linear_prediction import linear_deviations
+    from beamsim.analyses.run.linear_prediction import linear_structures
     from beamsim.analyses.run.random_response import random_response
 
     force = None if system.base_acceleration is not None else system.forcing.signal[0](result.time)
     stationary = result.scenario.excitation.kind == "random"
     try:
         with heeding(stop if step_of_few(rows_of(result, "time").size) > 1 else never):
-            predicted = linear_deviations(result.scenario, system)
+            predicted = linear_structures(result.scenario, system)
             response = random_response(result, force, stationary=stationary, predicted=predicted)
             return changed(result, random=response)
     except Stopped:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 NODES = 8
+NODES_OF_BINS = 3  # whose means are drawn
 GROWTH = 4.0  # of the distance from a resonance, from panel to panel
 BLOCK = 256  # frequencies at a time
 UNDAMPED = 1e-9  # half-power bandwidth over frequency
@@ -59,8 +60,28 @@ def linear_input(scenario: Scenario, system: StructuralSystem) -> LinearInput | 
     return LinearInput(replace(system, sine=sine), at, value)
 
 
-def linear_deviations(scenario: Scenario, system: StructuralSystem) -> tuple[Deviations, Deviations] | None:
-    """Standard deviations, SI, with all snubbers open and with all closed.
+class LinearStructures(NamedTuple):
+    """The linear structures between which contact switches: every snubber always open, and always closed."""
+
+    driven: LinearInput
+    open_phases: Ints
+    closed_phases: Ints
+    of_open: Deviations
+    of_closed: Deviations
+
+    def densities(self, frequency_hz: Floats) -> tuple[dict[tuple[str, str], Floats], dict[tuple[str, str], Floats]]:
+        """Densities of both, means about evenly spaced frequencies (F,), Hz."""
+        half = 0.5 * (frequency_hz[1] - frequency_hz[0])
+        edges = np.append(np.maximum(frequency_hz - half, 0.0), frequency_hz[-1] + half)
+        of_open = stationary_densities(self.driven, self.open_phases, edges)
+        of_closed = stationary_densities(self.driven, self.closed_phases, edges)
+        assert of_open is not None  # as neither has an undamped resonance
+        assert of_closed is not None
+        return of_open, of_closed
+
+
+def linear_structures(scenario: Scenario, system: StructuralSystem) -> LinearStructures | None:
+    """The structures with their standard deviations, SI.
 
     None where there is no `linear_input`, and where one of the two structures has an undamped resonance within the
     input's band. A snubber with a table has the slope at its static penetration, or its first one.
@@ -75,13 +96,15 @@ def linear_deviations(scenario: Scenario, system: StructuralSystem) -> tuple[Dev
     )
     of_open = stationary_deviations(driven, contacts.start)
     of_closed = None if of_open is None else stationary_deviations(driven, pressed)
-    return None if of_open is None or of_closed is None else (of_open, of_closed)
+    if of_open is None or of_closed is None:
+        return None
+    return LinearStructures(driven, contacts.start, pressed, of_open, of_closed)
 
 
 def stationary_deviations(driven: LinearInput, phases: Ints) -> Deviations | None:
     """Standard deviations with all contacts staying in phases (m,); None with an undamped resonance in the band."""
     panels = _panels(driven.system, phases, driven.frequency_hz)
-    return None if panels is None else _deviations(driven.system, phases, panels, driven.frequency_hz, driven.density)
+    return None if panels is None else _deviations(driven, phases, panels)
 
 
 def _panels(system: StructuralSystem, phases: Ints, at_hz: Floats) -> Floats | None:
@@ -106,32 +129,58 @@ def _panels(system: StructuralSystem, phases: Ints, at_hz: Floats) -> Floats | N
     return np.unique(np.clip(inside, low, high))
 
 
-def _deviations(system: StructuralSystem, phases: Ints, panels: Floats, at_hz: Floats, value: Floats) -> Deviations:
-    contacts = system.dynamics.contacts
-    on_base = system.base_acceleration is not None
-    rows = np.array([probe.shape for probe in system.probes]).reshape(-1, system.dynamics.size)
-    names = [(probe.name, quantity) for quantity in ("displacement", MAIN_QUANTITY) for probe in system.probes]
-    names += [(snubber.name, "force") for snubber in system.snubbers]
-    names += [(snubber.name, "penetration") for snubber in system.snubbers]
+def _deviations(driven: LinearInput, phases: Ints, panels: Floats) -> Deviations:
+    names = _names(driven.system)
     variance = np.zeros(len(names))
-    for frequency, weight in _nodes(panels):
-        check_stop()
-        omega = 2 * np.pi * frequency[:, None]
-        moved = transfer(system, frequency, phases)
-        displacement = moved @ rows.T
-        stretch = moved @ contacts.shape.T
-        if on_base:
-            stretch = stretch - contacts.felt / omega**2
-        snubbers = slice(len(system.snubbers))
-        force = (contacts.dynamic_stiffness(phases, omega[:, 0]) * stretch)[:, snubbers]
-        responses = np.hstack([displacement, system.carried - omega**2 * displacement, force, stretch[:, snubbers]])
-        variance += (weight * density(frequency, at_hz, value)) @ np.abs(responses) ** 2
+    for frequency, weight in _nodes(panels, NODES):
+        power = weight * density(frequency, driven.frequency_hz, driven.density)
+        variance += power @ _squared_responses(driven.system, phases, frequency)
     return dict(zip(names, np.sqrt(variance).tolist(), strict=True))
 
 
-def _nodes(panels: Floats) -> Iterator[tuple[Floats, Floats]]:
-    """Blocks of frequencies and weights of the rule."""
-    node, weight = np.polynomial.legendre.leggauss(NODES)
+def _names(system: StructuralSystem) -> list[tuple[str, str]]:
+    """Of the responses in order."""
+    names = [(probe.name, quantity) for quantity in ("displacement", MAIN_QUANTITY) for probe in system.probes]
+    return names + [(snubber.name, quantity) for quantity in ("force", "penetration") for snubber in system.snubbers]
+
+
+def _squared_responses(system: StructuralSystem, phases: Ints, frequency: Floats) -> Floats:
+    """(F, k) squared magnitudes for a unit of the input."""
+    check_stop()
+    contacts, snubbers = system.dynamics.contacts, slice(len(system.snubbers))
+    rows = np.array([probe.shape for probe in system.probes]).reshape(-1, system.dynamics.size)
+    omega = 2 * np.pi * frequency[:, None]
+    moved = transfer(system, frequency, phases)
+    displacement = moved @ rows.T
+    stretch = moved @ contacts.shape.T
+    if system.base_acceleration is not None:
+        stretch = stretch - contacts.felt / omega**2
+    force = (contacts.dynamic_stiffness(phases, omega[:, 0]) * stretch)[:, snubbers]
+    responses = np.hstack([displacement, system.carried - omega**2 * displacement, force, stretch[:, snubbers]])
+    return np.asarray(np.abs(responses) ** 2)
+
+
+def stationary_densities(driven: LinearInput, phases: Ints, edges: Floats) -> dict[tuple[str, str], Floats] | None:
+    """(B,) densities, SI, by name and quantity: their means between the edges (B + 1,), Hz, 0 outside the input's band.
+
+    All contacts stay in phases (m,). None with an undamped resonance within the band.
+    """
+    panels = _panels(driven.system, phases, driven.frequency_hz)
+    if panels is None:
+        return None
+    inside = edges[(edges > panels[0]) & (edges < panels[-1])]
+    names = _names(driven.system)
+    power = np.zeros((edges.size - 1, len(names)))
+    for frequency, weight in _nodes(np.unique(np.concatenate([panels, inside])), NODES_OF_BINS):
+        within = weight * density(frequency, driven.frequency_hz, driven.density)
+        bins = np.clip(np.searchsorted(edges, frequency) - 1, 0, edges.size - 2)
+        np.add.at(power, bins, within[:, None] * _squared_responses(driven.system, phases, frequency))
+    return dict(zip(names, (power / np.diff(edges)[:, None]).T, strict=True))
+
+
+def _nodes(panels: Floats, count: int) -> Iterator[tuple[Floats, Floats]]:
+    """Blocks of frequencies and weights of the rule with some nodes on every panel."""
+    node, weight = np.polynomial.legendre.leggauss(count)
     half = 0.5 * np.diff(panels)[:, None]
     frequency = (panels[:-1, None] + half * (1.0 + node)).ravel()
     weights = (half * weight).ravel()

@@ -15,14 +15,15 @@ amplitudes of this one are random or fixed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.linear_prediction import Deviations
+from beamsim.analyses.run.linear_prediction import LinearStructures
 from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics
-from beamsim.fields import rows_of
+from beamsim.fields import later, rows_of
 from beamsim.flow.stopping import check_stop
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.typing import Complexes, Floats
@@ -40,7 +41,7 @@ def random_response(
     force: Floats | None = None,
     *,
     stationary: bool = True,
-    predicted: tuple[Deviations, Deviations] | None = None,
+    predicted: LinearStructures | None = None,
 ) -> RandomResponse | None:
     """Analyse a run; None where it is too short.
 
@@ -48,7 +49,7 @@ def random_response(
     ----------
     force : (nt,) N, the force where a force drives the structure, not the base.
     stationary : whether the input is a process of which the run is a sample, so that its figures have an interval.
-    predicted : standard deviations with all snubbers open and with all closed, see `linear_deviations`.
+    predicted : the linear structures with all snubbers open and with all closed.
 
     Raises
     ------
@@ -63,18 +64,20 @@ def random_response(
     rate = (times.size - 1) / float(times[times.size - 1 : times.size][0] - times[:1][0])
     length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
 
-    of_open, of_closed = ({}, {}) if predicted is None else predicted
-    linear = {of: {"linear_open": of_open[of], "linear_closed": of_closed[of]} for of in of_open}
+    frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
+    linear: dict[tuple[str, str], dict[str, Any]] = {}
+    if predicted is not None:
+        linear = _linear_fields(predicted, frequency)
 
     def density(x: Floats) -> Floats:
         return cross_density(x, x, rate, length).real
 
     def statistics(signal: _Observed, x: Floats) -> SignalStatistics:
         check_stop()
-        interval = rms_interval(x) if stationary else {}
+        figures: dict[str, Any] = statistics_of(x, rate) | (rms_interval(x) if stationary else {})
         return SignalStatistics(
-            name=signal.name, quantity=signal.quantity, unit=signal.unit, density=density(x), **statistics_of(x, rate),
-            **interval, crossings_hz=crossing_rates(x, rate), **linear.get((signal.name, signal.quantity), {}),
+            name=signal.name, quantity=signal.quantity, unit=signal.unit, density=density(x),
+            crossings_hz=crossing_rates(x, rate), **figures, **linear.get((signal.name, signal.quantity), {}),
         )  # fmt: skip
 
     assert result.scenario.run is not None
@@ -92,10 +95,27 @@ def random_response(
             with np.errstate(divide="ignore", invalid="ignore"):
                 transmissibility[signal.name] = np.asarray(cross / sxx)
                 coherence[signal.name] = np.asarray(np.abs(cross) ** 2 / (sxx * signals[-1].density))
-    frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
     return RandomResponse(
         float(times[first : first + 1][0]), frequency, tuple(signals), transmissibility, coherence, LEVELS
     )
+
+
+def _linear_fields(predicted: LinearStructures, frequency: Floats) -> dict[tuple[str, str], dict[str, Any]]:
+    """By name and quantity what `SignalStatistics` has of the linear structures; densities once they are read."""
+    both = cache(lambda: predicted.densities(frequency))
+    return {
+        of: {
+            "linear_open": predicted.of_open[of],
+            "linear_closed": predicted.of_closed[of],
+            "density_open": later(partial(_one, both, 0, of)),
+            "density_closed": later(partial(_one, both, 1, of)),
+        }
+        for of in predicted.of_open
+    }
+
+
+def _one(densities: Callable[[], tuple[dict[tuple[str, str], Floats], ...]], which: int, of: tuple[str, str]) -> Floats:
+    return densities()[which][of]
 
 
 class _Observed(NamedTuple):

@@ -310,6 +310,14 @@ class SignalStatistics:
     linear_closed: float | None = attribute(
         "{unit}", "standard deviation of the stationary linear response, every snubber always closed", default=None
     )
+    density_open: Floats | None = dataset(
+        "({unit})^2/Hz", "density of the stationary linear response, every snubber always open", along=_FREQUENCY,
+        default=None,
+    )  # fmt: skip
+    density_closed: Floats | None = dataset(
+        "({unit})^2/Hz", "density of the stationary linear response, every snubber always closed", along=_FREQUENCY,
+        default=None,
+    )  # fmt: skip
     crossings_hz: Floats | None = dataset(
         "Hz", "upward crossings of each level per second, at the samples", along=("level",), default=None
     )
