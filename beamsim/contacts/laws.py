@@ -183,6 +183,12 @@ class ContactLaw:
         return self.family is not None or self.undamped_law is not None or not memory
 
     @property
+    def recovers(self) -> bool:
+        """Whether its released face moves by itself, so that contact depends on internal states."""
+        guarded = any(any(guard.internal) for phase in self.phases for guard in phase.guards)
+        return guarded and not self.rubs
+
+    @property
     def yields(self) -> bool:
         """Whether it is a stop that loses work in a phase of its own, and stays crushed."""
         return any(phase.friction != 0.0 and phase.stiffness > 0.0 for phase in self.phases)
@@ -207,15 +213,35 @@ class ContactLaw:
 
     def dynamic_stiffness(self, phase: int, omega: Floats) -> Complexes:
         """(w,) force per penetration of small motions within a phase at frequencies, rad/s."""
-        now, r, iw = self.phases[phase], self.internal_states, 1j * np.asarray(omega)
+        now, r = self.phases[phase], self.internal_states
+        iw: Complexes = np.asarray(1j * np.asarray(omega), dtype=complex)
         stiffness = np.asarray(now.stiffness + iw * now.dashpot, dtype=complex)
         if not r or not any(now.internal):
             return stiffness
+        return np.asarray(stiffness + self._moved(now, iw)[..., 0] @ np.array(now.internal))
+
+    def dynamic_stiffness_slope(self, phase: int, omega: Floats) -> Complexes:
+        """(w,) derivative of `dynamic_stiffness` by the frequency, N s/m."""
+        now, r = self.phases[phase], self.internal_states
+        iw: Complexes = np.asarray(1j * np.asarray(omega), dtype=complex)
+        slope = np.full(iw.shape, 1j * now.dashpot, dtype=complex)
+        if not r or not any(now.internal):
+            return slope
+        driven = np.array(now.drive, dtype=float).reshape(r, 3)[:, 1, None]
+        turned = np.linalg.solve(iw[:, None, None] * np.eye(r) - np.array(now.dynamics), driven - self._moved(now, iw))
+        return np.asarray(slope + 1j * turned[..., 0] @ np.array(now.internal))
+
+    def relaxation(self, omega: Floats) -> tuple[Complexes, Complexes]:
+        """(w,) dynamic stiffness of the branches of a two-sided law, N/m, and its derivative by the frequency."""
+        static = self.dynamic_stiffness(self.start, np.zeros(1))[0]
+        return self.dynamic_stiffness(self.start, omega) - static, self.dynamic_stiffness_slope(self.start, omega)
+
+    def _moved(self, now: Phase, iw: Complexes) -> Complexes:
+        """(w, r, 1) internal states per penetration of small motions within a phase."""
+        r = self.internal_states
         drive = np.array(now.drive, dtype=float).reshape(r, 3)
-        moved = np.linalg.solve(
-            iw[:, None, None] * np.eye(r) - np.array(now.dynamics), (drive[:, 0] + iw[:, None] * drive[:, 1])[..., None]
-        )
-        return np.asarray(stiffness + moved[..., 0] @ np.array(now.internal))
+        driven = (drive[:, 0] + iw[:, None] * drive[:, 1])[..., None]
+        return np.linalg.solve(iw[:, None, None] * np.eye(r) - np.array(now.dynamics), driven)
 
     def with_numbers(self, stiffness: float, dashpot: float) -> ContactLaw:
         """The same kind of law with other numbers."""

@@ -23,7 +23,8 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.passage import Passage, PeriodicForcing
-from beamsim.flow.variational import VariationalFlow
+from beamsim.flow.variational import VariationalFlow, floquet_multipliers
+from beamsim.orbits.balanced_contacts import sampled_faces
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, correct_across, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance
@@ -98,6 +99,9 @@ class BalancedOrbits(ForcedBalance):
             # further than needed, so that the structure stays the same along a branch
             self._reduced = (1.5 * highest, *self._reduce(1.5 * highest))
         system = self._reduced[1].flow.system
+        if self.contacts.remember:  # Hill's method knows no internal states
+            exact = self._by_shooting(point, motion)
+            return self._of_transition(point, motion) if exact is None else exact
         if system.size * (2 * motion.highest + 1) > LARGEST_HILL:
             exact = self._by_shooting(point, motion)
             if exact is not None:
@@ -109,14 +113,25 @@ class BalancedOrbits(ForcedBalance):
         loads: PeriodicForcing = replace(self.forcing, force=self.forcing.force @ basis)
         return ForcedOrbits(VariationalFlow(system, loads, self.omega, self.level), multiple=self.multiple), basis
 
+    def _state_at_start(self, point: BranchPoint) -> Floats:
+        """The state of a motion at t = 0, in the reduced structure."""
+        assert self._reduced is not None
+        n, basis, state = self.system.size, self._reduced[2], self.states_at_start(point)
+        return np.concatenate([state[:n] @ basis, state[n : 2 * n] @ basis, state[2 * n :]])
+
+    def _of_transition(self, point: BranchPoint, motion: HarmonicMotion) -> Complexes:
+        """Multipliers of the passage that begins as the motion does; as good as its harmonics are."""
+        assert self._reduced is not None
+        flow = self._reduced[1].flow
+        flow.set(*self.at(point.parameter))
+        return floquet_multipliers(flow.carry(self._state_at_start(point), motion.period).transition)
+
     def _by_shooting(self, point: BranchPoint, motion: HarmonicMotion) -> Complexes | None:
         assert self._reduced is not None
-        _, orbits, basis = self._reduced
+        orbits = self._reduced[1]
         omega, level = self.at(point.parameter)
         orbits.omega, orbits.level = omega, level
-        n = self.system.size
-        state = motion.states(np.zeros(1))[0]
-        guess = np.append(np.concatenate([state[:n] @ basis, state[n:] @ basis]), omega)
+        guess = np.append(self._state_at_start(point), omega)
         for correct in (solve_at, correct_across):
             beside = correct(orbits, guess, Settings())
             if beside is not None and float(np.max(np.abs((beside.u - guess) / beside.scale))) < NEAR:
@@ -154,8 +169,14 @@ class BalancedOrbits(ForcedBalance):
     ) -> BranchPoint | None:
         """The balanced motion beside one of the reduced structure over a period."""
         times = np.linspace(0.0, passage.duration, 8 * self.harmonics, endpoint=False)
-        q = local.flow.states_at(passage, times)[:, : local.flow.system.size]
-        return solve_at(self, self.guess(q @ basis.T, value), Settings(iterations=20), value, forward)
+        flow, n = local.flow, local.flow.system.size
+        y = flow.states_at(passage, times)
+        pads = []
+        if self.contacts.pads:
+            here = np.clip(np.searchsorted(passage.time, times, side="right") - 1, 0, passage.time.size - 1)
+            felt = (*flow.penetration_of(y, times), y[:, 2 * n :])
+            pads = sampled_faces(self.contacts.pads, flow.system.contacts, felt, flow.phases_in(passage)[here])
+        return solve_at(self, self.guess(y[:, :n] @ basis.T, value, pads), Settings(iterations=20), value, forward)
 
     def orbit(self, point: BranchPoint) -> Orbit:
         """What a converged point means."""

@@ -170,9 +170,6 @@ def test_receptance_at_an_undamped_resonance_is_regular():
 
 
 def test_refusals(make_system):
-    law = make_system([1.0], [0.1], shape=[[1.0]], stiffness=1.0, dashpot=0.1, no_tension=True)
-    with pytest.raises(MethodError, match="shooting"):
-        ForcedBalance(law, PeriodicForcing.harmonic(np.ones(1)))
     linear = make_system([1.0], [0.1], shape=np.zeros((0, 1)), stiffness=[])
     with pytest.raises(MethodError, match="linear"):
         ForcedBalance(linear, PeriodicForcing.harmonic(np.ones(1)))

@@ -299,7 +299,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
     def measured_motion(point: BranchPoint) -> MeasuredMotion:
         if by_balance:
             omega, driven = problem.at(point.parameter)
-            motion = sampled_motion(point.data, system.dynamics.contacts, model.loads, omega, driven)
+            motion = sampled_motion(point.data, model.loads, omega, driven)
         else:
             motion = sampled_orbit(problem, point)
         return measure(system, model.loads, model.base, model.signals, motion, limited, settings.stored_harmonics)

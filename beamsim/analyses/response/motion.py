@@ -117,12 +117,10 @@ def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
     )  # fmt: skip
 
 
-def sampled_motion(
-    motion: HarmonicMotion, contacts: Contacts, loads: PeriodicForcing, omega: float, level: float
-) -> SampledMotion:
+def sampled_motion(motion: HarmonicMotion, loads: PeriodicForcing, omega: float, level: float) -> SampledMotion:
     """A motion found by harmonic balance."""
-    owner, direction = contacts.owners_of_parts
-    contacts = contacts.one_sided_parts()
+    balanced = motion.contacts
+    contacts, owner, direction = balanced.springs, balanced.owner, balanced.direction
     m, owners, w = contacts.count, int(owner.max(initial=-1)) + 1, motion.fundamental
     even = np.arange(SAMPLES) * (motion.period / SAMPLES)
     closed = np.zeros((SAMPLES, m), dtype=bool)
@@ -158,10 +156,16 @@ def sampled_motion(
     ground = contacts.felt
     delta = -contacts.gap - contacts.sign * (q(contacts.shape) + np.multiply.outer(d, ground))
     rate = -contacts.sign * (v(contacts.shape) + np.multiply.outer(dv, ground))
+    felt = delta  # by the springs, of which those of pads are not at the structure
+    if balanced.pads:
+        of_springs = summed(motion.deflections[:, :m]) + np.multiply.outer(d, ground)
+        felt = -contacts.gap - contacts.sign * of_springs
     both = np.zeros((2 * edge.size, m), dtype=bool)
     both[edge.size :] = True  # the force just inside; just outside it is zero
-    both &= np.abs(delta[SAMPLES:]) <= 1e-6 * np.abs(delta).max(axis=0, initial=0.0)
-    force = contacts.forces(np.vstack([closed, both]).astype(np.int64), delta, rate, np.zeros((times.size, 0)))
+    both &= np.abs(felt[SAMPLES:]) <= 1e-6 * np.abs(felt).max(axis=0, initial=0.0)
+    force = contacts.forces(np.vstack([closed, both]).astype(np.int64), felt, rate, np.zeros((times.size, 0)))
+    for spring in balanced.relaxing:
+        force[:, spring.row] = contacts.sign[spring.row] * summed(motion.forces[:, [spring.row]])[:, 0]
     parts = [[np.flatnonzero((owner == j) & (direction == sign)) for sign in (1.0, -1.0)] for j in range(owners)]
     touching = np.array([sum(share[of].max(initial=0.0) for of in sides) for sides in parts])
     deepest = np.array([delta[:, np.concatenate(sides)[0]] for sides in parts]).reshape(owners, times.size).T

@@ -165,4 +165,4 @@ def _unlike(problem: ForcedOrbits, point: BranchPoint) -> Floats:
     flow, _ = problem.flow_at(point.parameter)
     n2 = 2 * flow.system.size
     half = flow.states_at(point.data, np.array([0.5 * point.data.duration]))[0]
-    return np.asarray((half - point.u[:-1][:n2]) / problem.scale(point.u)[0][:n2])
+    return np.asarray((half[:n2] - point.u[:n2]) / problem.scale(point.u)[0][:n2])
