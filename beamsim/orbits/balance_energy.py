@@ -24,7 +24,7 @@ from beamsim.typing import Complexes, Floats
 if TYPE_CHECKING:
     from beamsim.contacts.contacts import Contacts
     from beamsim.contacts.equilibrium import CubicSprings
-    from beamsim.orbits.harmonic_balance import HarmonicMotion
+    from beamsim.orbits.harmonic_motion import HarmonicMotion
     from beamsim.system.equations import PiecewiseLinearSystem
 
 NODES = 20  # of a panel

@@ -34,7 +34,7 @@ from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
-    from beamsim.orbits.harmonic_balance import HarmonicMotion
+    from beamsim.orbits.harmonic_motion import HarmonicMotion
 
 Finder = Callable[[ForcedOrbits], BranchPoint | None]
 

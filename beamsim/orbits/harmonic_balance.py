@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -26,6 +25,7 @@ from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
 from beamsim.orbits.balance_energy import energy_error
 from beamsim.orbits.balanced_contacts import BalancedContacts, balanced_contacts
 from beamsim.orbits.condensation import Condensation, Receptances
+from beamsim.orbits.harmonic_motion import HarmonicMotion
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
@@ -33,46 +33,6 @@ if TYPE_CHECKING:
     from beamsim.flow.passage import PeriodicForcing
     from beamsim.orbits.branch import BranchPoint
     from beamsim.system.equations import PiecewiseLinearSystem
-
-
-@dataclass(frozen=True, eq=False)
-class HarmonicMotion:
-    """A periodic motion as a sum of harmonics; what a balance keeps with each point."""
-
-    fundamental: float  # rad/s
-    structure: Condensation
-    load: Complexes  # (H + 1, n) on the structure, its springs' forces excepted
-    deflections: Complexes  # (H + 1, r) of the springs, one-sided ones first
-    forces: Complexes  # (H + 1, r) their forces on the structure
-    closed: tuple[Floats, ...]  # (c, 2) of every one-sided spring, the phases during which it is closed, rad
-    tangent: Complexes  # (r, 2H + 1) two-sided coefficients of the contact's indicator, or of a cubic spring's 3 w²
-    placed: Complexes  # (H + 1, r) deflections of the structure, which differ from those of springs in pads
-    contacts: BalancedContacts
-
-    @cached_property
-    def coordinates(self) -> Complexes:
-        """(H + 1, n) Q: q(t) = Re sum Q_h e^{i h fundamental t}; of the model's size, so only on request."""
-        return self.structure.coordinates(self.fundamental, self.load, self.forces, self.placed)
-
-    @property
-    def period(self) -> float:
-        """s."""
-        return 2 * np.pi / self.fundamental
-
-    @property
-    def highest(self) -> int:
-        """H."""
-        return int(self.deflections.shape[0]) - 1
-
-    def states(self, times: Floats) -> Floats:
-        """(nt, 2n) displacements and velocities."""
-        iw = 1j * np.arange(self.highest + 1) * self.fundamental
-        e = np.exp(np.multiply.outer(np.asarray(times, dtype=float), iw))
-        return np.hstack([(e @ self.coordinates).real, (e @ (iw[:, None] * self.coordinates)).real])
-
-    def amplitudes(self, shape: Floats) -> Floats:
-        """(H + 1,) amplitude of each harmonic of the deflection ``shape @ q``."""
-        return np.asarray(np.abs(self.coordinates @ shape))
 
 
 @dataclass(frozen=True)

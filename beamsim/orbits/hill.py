@@ -22,7 +22,7 @@ from beamsim.typing import Complexes
 
 if TYPE_CHECKING:
     from beamsim.contacts.equilibrium import CubicSprings
-    from beamsim.orbits.harmonic_balance import HarmonicMotion
+    from beamsim.orbits.harmonic_motion import HarmonicMotion
     from beamsim.system.equations import PiecewiseLinearSystem
 
 PAIRED = 1e-6  # relative distance of a multiplier from another one's conjugate

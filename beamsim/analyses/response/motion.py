@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from beamsim.contacts.contacts import Contacts
     from beamsim.flow.passage import PeriodicForcing
     from beamsim.orbits.branch import BranchPoint
-    from beamsim.orbits.harmonic_balance import HarmonicMotion
+    from beamsim.orbits.harmonic_motion import HarmonicMotion
     from beamsim.orbits.shooting import ForcedOrbits
     from beamsim.system.structural import StructuralSystem
 

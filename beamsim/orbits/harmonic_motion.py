@@ -1,0 +1,52 @@
+"""A periodic motion as a sum of harmonics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from beamsim.orbits.balanced_contacts import BalancedContacts
+from beamsim.orbits.condensation import Condensation
+from beamsim.typing import Complexes, Floats
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicMotion:
+    """A periodic motion as a sum of harmonics; what a balance keeps with each point."""
+
+    fundamental: float  # rad/s
+    structure: Condensation
+    load: Complexes  # (H + 1, n) on the structure, its springs' forces excepted
+    deflections: Complexes  # (H + 1, r) of the springs, one-sided ones first
+    forces: Complexes  # (H + 1, r) their forces on the structure
+    closed: tuple[Floats, ...]  # (c, 2) of every one-sided spring, the phases during which it is closed, rad
+    tangent: Complexes  # (r, 2H + 1) two-sided coefficients of the contact's indicator, or of a cubic spring's 3 w²
+    placed: Complexes  # (H + 1, r) deflections of the structure, which differ from those of springs in pads
+    contacts: BalancedContacts
+
+    @cached_property
+    def coordinates(self) -> Complexes:
+        """(H + 1, n) Q: q(t) = Re sum Q_h e^{i h fundamental t}; of the model's size, so only on request."""
+        return self.structure.coordinates(self.fundamental, self.load, self.forces, self.placed)
+
+    @property
+    def period(self) -> float:
+        """s."""
+        return 2 * np.pi / self.fundamental
+
+    @property
+    def highest(self) -> int:
+        """H."""
+        return int(self.deflections.shape[0]) - 1
+
+    def states(self, times: Floats) -> Floats:
+        """(nt, 2n) displacements and velocities."""
+        iw = 1j * np.arange(self.highest + 1) * self.fundamental
+        e = np.exp(np.multiply.outer(np.asarray(times, dtype=float), iw))
+        return np.hstack([(e @ self.coordinates).real, (e @ (iw[:, None] * self.coordinates)).real])
+
+    def amplitudes(self, shape: Floats) -> Floats:
+        """(H + 1,) amplitude of each harmonic of the deflection ``shape @ q``."""
+        return np.asarray(np.abs(self.coordinates @ shape))
