@@ -241,6 +241,12 @@ class OutcomeCode(Enum):
         "{error:.2g} of the energy, from {frequency:.6g} Hz on by more than {allowed:g}",
         "sweep a smaller range around it",
     )
+    NOTCH_NOT_HELD = (
+        OutcomeKind.STOPPED,
+        "notching: {limit} is exceeded by up to {percent:.3g} % at {frequency:.5g} Hz (limits are exceeded at "
+        "{ranges} Hz)[, where {reason}]",
+        "sweep more slowly, start further from the resonance or at a lower level, or raise the limit",
+    )
     INTEGRATOR_FAILED = OutcomeKind.STOPPED, "the {integrator} integrator failed at {time:.6g} s: {reason}", ""
     NO_STEADY_STATE = OutcomeKind.STOPPED, "stopped at {place}: {reason}", ""
 

@@ -113,11 +113,12 @@ def _refuse_others(kind: str, options: Mapping[str, object]) -> None:
 
 def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool) -> None:
     """Compute a swept or stepped sine, saving partial results."""
-    from beamsim.cli.conclusion import finish
+    from beamsim.cli.conclusion import finish, located
     from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_of
 
-    with interruptible() as interrupted, progress_of("sweeping", shown=reporting.progress) as progress:
+    bar = progress_of("sweeping", shown=reporting.progress)
+    with interruptible() as interrupted, bar as progress, located(scenario):
         from beamsim.analyses.sweep.analysis import sweep as compute
         from beamsim.store.results import write_sweep
         from beamsim.store.sweep import earlier_sweep

@@ -84,7 +84,26 @@ def _outputs(result: SweepResult, curves: Mapping[str, Mapping[str, float]]) -> 
     }
 
 
+def _notches(result: SweepResult, _: Mapping[str, Any]) -> dict[str, str]:
+    """By curve and limit the largest value, then the ranges in which the level is lowered."""
+    rows = {}
+    for curve in result.curves.values():
+        if curve.notching is None:
+            continue
+        for limit in curve.notching.limits:
+            largest = f"{amount(limit.largest, limit.unit)} at {limit.frequency_hz:.4g} Hz"
+            ratio = f"{percent(limit.share)} of {amount(limit.limit, limit.unit)}"
+            rows[f"{curve.name} {limit.name}"] = f"at most {largest}, {ratio}"
+        for number, part in enumerate(curve.notching.ranges, 1):
+            lowest = f"{amount(part.level, curve.notching.unit)} ({part.reduction_db:.1f} dB) at {part.at_hz:.4g} Hz"
+            rows[f"{curve.name} range {number}"] = (
+                f"{part.from_hz:.4g} to {part.to_hz:.4g} Hz by {part.limit}, lowest level {lowest}"
+            )
+    return rows
+
+
 TEXTS: Texts = {
+    "notches": _notches,
     "peak_output": _outputs,
     "impacts": _impacts,
     "peak_displacement_m": _largest("displacement", "m"),

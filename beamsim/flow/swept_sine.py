@@ -59,9 +59,10 @@ class SweptFlow:
         base = unit if self.base_displacement else None
         # contacts that do not feel the base's displacement have no channel for it
         felt = self.base_displacement and bool(self.system.contacts.felt.any())
-        if self.base_displacement and not felt:
-            self.channel = np.concatenate([self.channel[:L], self.channel[L + 1 :]])
+        self._unfelt = self.base_displacement and not felt
+        if self._unfelt:
             base = None
+        self.swept_by(self.windows, self.channel)
         observers = (unit,) * (self.channel.shape[0] - L - int(felt))
         # one source a channel: outputs are written down with it, for any signal the channels may carry
         self.template = ExactFlow(self.system, Forcing(self.load, (unit,) * L, base), 1.0, observers)
@@ -69,6 +70,12 @@ class SweptFlow:
         self.bare = ExactFlow(self.system, Forcing(np.zeros((0, self.system.size)), ()), longest)
         self._forced: list[_ForcedTables] = []
         self._power: list[tuple[Floats, Floats]] = []
+
+    def swept_by(self, windows: SweepWindows, channel: Complexes) -> None:
+        """Go on under other windows and channels, which are given as to the constructor; contact states are kept."""
+        L = self.load.shape[0]
+        self.windows = windows
+        self.channel = np.concatenate([channel[:L], channel[L + 1 :]]) if self._unfelt else channel
 
     def starting_state(self, state: Floats) -> Ints:
         """Phases of the contacts when the sweep begins."""
@@ -192,15 +199,26 @@ class CycleMarch:
     cycles: Cycles = field(init=False)
 
     def __post_init__(self) -> None:
+        self.cycles = self._empty()
+        self._renew()
+
+    def _empty(self) -> Cycles:
         from beamsim.flow.sweep_kernels import Cycles
 
         C, m, R = self.count, self.flow.system.contacts.count, self.order.size
         K = self.output_of(self.flow.bare.states[0].phases).row.shape[0]
-        self.cycles = Cycles(
+        return Cycles(
             np.full((C, K), -np.inf), np.full((C, K), np.inf), np.zeros((C, K)), np.zeros((C, K, R), dtype=complex),
             np.zeros((C, m)), np.zeros((C, m), dtype=np.int64), np.zeros(K), np.zeros(C), np.zeros(C),
         )  # fmt: skip
-        self._renew()
+
+    def restart(self) -> None:
+        """Begin an empty record under the windows that the flow has now; the tables of its states are kept."""
+        self.count = self.flow.windows.cycles
+        self.cycles = self._empty()
+        tables, inputs, swept = self.kernel_arguments()
+        windows = self.flow.kernel_windows(self.order)
+        self._arguments = tables, inputs, swept._replace(windows=windows, cycles=self.cycles)
 
     def _renew(self) -> None:
         from beamsim.flow.sweep_kernels import Swept

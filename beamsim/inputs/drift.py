@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -65,8 +66,14 @@ def drift_free(leg: Leg, power: float, frequency_hz: Floats) -> tuple[Complexes,
 
 
 def _laguerre(p: Floats, logarithmic: bool) -> tuple[Complexes, Complexes, Floats]:
-    node, weight = np.polynomial.laguerre.laggauss(LAGUERRE_NODES)
+    node, weight = _laguerre_rule()
     return node.astype(complex), (weight * np.exp(node)).astype(complex), np.ones(p.shape)
+
+
+@cache
+def _laguerre_rule() -> tuple[Floats, Floats]:
+    node, weight = np.polynomial.laguerre.laggauss(LAGUERRE_NODES)
+    return node, weight
 
 
 def _double_exponential(p: Floats, logarithmic: bool) -> tuple[Complexes, Complexes, Floats]:
@@ -150,7 +157,10 @@ class CorrectionSize:
         largest = cls(0.0, 0.0, 0.0)
         for correction in corrections:
             near = correction.time + correction.half_width * np.linspace(-1.0, 1.0, SAMPLES)
-            total = np.abs(np.sum([c.acceleration(near) for c in corrections], axis=0))
+            overlapping = [
+                c for c in corrections if abs(c.time - correction.time) < c.half_width + correction.half_width
+            ]
+            total = np.abs(np.sum([c.acceleration(near) for c in overlapping], axis=0))
             k = int(total.argmax())
             if total[k] > largest.share * correction.level:
                 largest = cls(float(total[k]), float(total[k]) / correction.level, float(near[k]))

@@ -63,7 +63,13 @@ class Profile:
         Every level must be positive.
         """
         edge = np.array([f for f, _, _ in points])
-        amplitude = np.array([acceleration_amplitude(level, quantity, f) for f, level, quantity in points])
+        return cls.through(
+            edge, np.array([acceleration_amplitude(level, quantity, f) for f, level, quantity in points])
+        )
+
+    @classmethod
+    def through(cls, edge: Floats, amplitude: Floats) -> Profile:
+        """Log-log interpolation between positive amplitudes (P,) at increasing frequencies (P,), constant outside."""
         slope = np.diff(np.log(amplitude)) / np.diff(np.log(edge)) if edge.size > 1 else np.zeros(0)
         if edge.size == 1:
             return cls(edge, amplitude, np.zeros(1))

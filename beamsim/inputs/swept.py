@@ -113,7 +113,7 @@ def cut_into_windows(
         if leg.cycles > MOST_WINDOWS:
             raise ValueError(f"the sweep has {sum(leg.cycles for leg in legs):.3g} cycles")
         expansion = _LegExpansion(leg, profile, phase, corrections, turns_before, time_before)
-        parts.append(_windows(expansion, tolerance))
+        parts.append(_windows(expansion, expansion.cuts(), tolerance))
         turns_before += leg.cycles
         time_before += leg.duration
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -132,9 +132,32 @@ def cut_into_windows(
     )
 
 
-def _windows(expansion: _LegExpansion, tolerance: float) -> dict[str, NDArray[Any]]:
-    """The windows of a leg, halved until the polynomials are exact to the tolerance."""
-    cuts = expansion.cuts()
+def windows_of_cycles(
+    leg: Leg, profile: Profile, first: int, last: int, *, phase: float, of_base: bool, tolerance: float = TOLERANCE
+) -> SweepWindows:
+    """Windows of the whole cycles ``first`` to ``last`` - 1 of a leg, as if it began there.
+
+    The edges of the profile lie between cycles. A base moves without drift on each piece of the profile, and is not
+    corrected where the pieces meet.
+    """
+    expansion = _LegExpansion(leg, profile, phase, () if of_base else None, 0.0, 0.0)
+    columns = _windows(expansion, np.arange(first, last + 1, dtype=float), tolerance)
+    bound = columns.pop("bound")
+    columns["start"] = columns["start"] - leg.time_at(np.array(float(first)))
+    columns["cycle"] = columns["cycle"] - first
+    cycles = last - first
+    return SweepWindows(
+        **{name: np.ascontiguousarray(column) for name, column in columns.items()},
+        frequency_hz=leg.frequency(np.arange(first, last, dtype=float) + 0.5),
+        cycle_start=leg.time_between(leg.frequency(np.array(float(first))), np.arange(cycles, dtype=float)),
+        cycle_leg=np.zeros(cycles, dtype=np.int64),
+        cycle_complete=np.ones(cycles, dtype=bool),
+        truncation=float(bound.max()),
+    )
+
+
+def _windows(expansion: _LegExpansion, cuts: Floats, tolerance: float) -> dict[str, NDArray[Any]]:
+    """The windows of a leg between cuts, in cycles, halved until the polynomials are exact to the tolerance."""
     chunks = [cuts[i : i + WINDOWS_AT_A_TIME + 1] for i in range(0, cuts.size - 1, WINDOWS_AT_A_TIME)]
     pending = [(chunk[:-1], chunk[1:], 0) for chunk in chunks]
     done: list[dict[str, NDArray[Any]]] = []

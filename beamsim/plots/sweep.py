@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
+from beamsim.plots.notching import notching_figure
 from beamsim.plots.outputs import draw_limit, output_label, output_scale
 from beamsim.plots.style import (
     MOST_CURVES,
@@ -286,6 +288,9 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
         figure, (ax,) = page()
         plot_harmonic_energy(result, ax, probe, direction)
         figures["harmonic_energy"] = figure
+    for curve in result.curves.values():
+        if curve.notching is not None:
+            figures[f"notching_{curve.name}"] = notching_figure(curve, result.title, partial(_frequency_axis, result))
     if last.steady is not None:
         figure, (above, below) = page(6.4, 2)
         plot_steady_states(result, above, last.name)

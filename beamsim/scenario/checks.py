@@ -24,6 +24,7 @@ from beamsim.scenario.joint import body_origins
 from beamsim.scenario.limits import Limits, limit_problems
 from beamsim.scenario.moved_support import MovedSupport, moved_support_problems
 from beamsim.scenario.nnm import NonlinearMode, StiffnessFactorContinuation
+from beamsim.scenario.notching import notch_problems
 from beamsim.scenario.phase_resonance import phase_resonance_problems
 from beamsim.scenario.place import AtPlace, Probe, Sited
 from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
@@ -395,6 +396,10 @@ def _sweep(scenario: _Checked) -> Problems:
     if not isinstance(sweep, Continuation) and sweep.impacts and not scenario.all_snubbers:
         yield _problem(("sweep", "impacts"), "needs a snubber, and there is none", "leave it out, or add a snubber")
     if isinstance(sweep, SweptSine):
+        if sweep.notch_to is not None:
+            yield from notch_problems(scenario, sweep.notch_to)
+            if not sweep.levels and not sweep.profile and not excitation.level > 0:
+                yield _problem(("excitation", "level"), "cannot be lowered to sweep.notch_to", "give a positive level")
         for name, points in (("profile", sweep.profile), ("notches", sweep.notches)):
             for index, point in enumerate(points):
                 if point.quantity is not None and point.quantity not in excitation.takes:

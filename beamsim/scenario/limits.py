@@ -49,7 +49,7 @@ class OutputLimitType(FieldType):
         number, dimension = units.read_level(value, tuple(dict.fromkeys(_OUTPUT_DIMENSIONS.values())))
         if not number > 0.0:
             raise units.UnitError("must be positive", f"write for example {self.example}")
-        return LevelValue(number, None if dimension is None else _si(dimension))
+        return LevelValue(number, None if dimension is None else unit_of_dimension(dimension))
 
     def json_schema(self) -> JsonSchemaValue:
         """Return number-or-string."""
@@ -57,7 +57,7 @@ class OutputLimitType(FieldType):
         return {"anyOf": [{"type": "number", "exclusiveMinimum": 0.0}, text], "examples": [self.example, "80 MPa"]}
 
 
-def _si(dimension: units.Dimension) -> str:
+def unit_of_dimension(dimension: units.Dimension) -> str:
     """The unit in which moments are energies, and moments per width forces."""
     return {"N m": "J", "N m/m": "N"}.get(dimension.unit, dimension.unit)
 
@@ -113,16 +113,16 @@ def limit_problems(scenario: ScenarioParts, limits: Limits) -> Iterator[Problem]
             known = suggestion(name, outputs, "the outputs are") if outputs else "list it in outputs, or leave it out"
             yield Problem(path, "is no output", known)
             continue
-        dimension = _dimension(scenario, outputs[name])
+        dimension = output_dimension(scenario, outputs[name])
         meant = limit.quantity if isinstance(limit, LevelValue) else None
         if dimension is None and meant is not None:
             yield Problem(path, "has a unit, and the output has one of its own", "give a plain number in that unit")
-        elif dimension is not None and meant not in (None, _si(dimension)):
+        elif dimension is not None and meant not in (None, unit_of_dimension(dimension)):
             kind = outputs[name].kind.replace("_", " ")
             yield Problem(path, f"is in {meant or 'no unit'}, and the output is a {kind}", f"write {dimension.example}")
 
 
-def _dimension(scenario: ScenarioParts, output: Any) -> units.Dimension | None:
+def output_dimension(scenario: ScenarioParts, output: Any) -> units.Dimension | None:
     """Of an output; None of rows of recovery matrices, which have units of their own."""
     if output.kind == "bending_moment":
         body = scenario.all_bodies.get(output.place.body or scenario.default_body)

@@ -256,7 +256,7 @@ class Scenario(Schema):
     @property
     def level_unit(self) -> str:
         """SI unit of the excitation's levels; empty where levels multiply a profile or several forces, or are none."""
-        if getattr(self.sweep, "profile", ()):
+        if getattr(self.sweep, "profile", ()) or getattr(self.sweep, "profile_file", None):
             return ""
         quantity = getattr(self.excitation, "quantity", None)
         return "" if quantity in (None, FACTOR) else level_unit(quantity)

@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
 from beamsim.scenario.base import BY_KIND, fail
 from beamsim.scenario.continuation import Continuation, refuse_empty_levels
 from beamsim.scenario.level_profile import Between, Notch, ProfilePoint, check_profile
-from beamsim.scenario.quantities import Count, Frequency, Level, LevelValue, PositiveNumber, SteppedCount, SweepRate
+from beamsim.scenario.limits import OutputLimitType
+from beamsim.scenario.quantities import (
+    Count,
+    Frequency,
+    Level,
+    LevelValue,
+    PositiveNumber,
+    SteppedCount,
+    SweepRate,
+    Text,
+)
 from beamsim.scenario.ranges import FrequencyRange
 
 HIGHEST_ORDER = 64
+_NOTCHES: dict[str, Any] = {"examples": [{"probes.tip.acceleration": "20 g", "base.force": "2 kN"}]}
 
 
 class _UpAndDown(FrequencyRange):
@@ -69,6 +81,12 @@ class SweptSine(_UpAndDown):
     """Between the points of the profile: each level held, or log-log interpolation."""
     notches: tuple[Notch, ...] = ()
     """Frequency ranges in which a level is not exceeded."""
+    profile_file: Text | None = None
+    """A CSV file with the table of levels: a frequency and a level in each row, interpolated log-log (`levels` are then
+    factors on it). Its path is relative to the folder of the scenario."""
+    notch_to: dict[str, Annotated[float, OutputLimitType()]] | None = Field(default=None, json_schema_extra=_NOTCHES)
+    """Limits to which the level is lowered: {probes.tip.acceleration: 20 g, base.force: 2 kN}. Names are
+    probes.<name>.acceleration or .displacement, snubbers.<name>.force, base.force and outputs.<name>."""
     tolerance: PositiveNumber = 1e-12
     """Bound on the truncation error of the sine, relative to its amplitude."""
     history_rate: Frequency | None = None
@@ -78,7 +96,11 @@ class SweptSine(_UpAndDown):
         """Reject a table that does not increase, and unusable tolerances."""
         super().settle()
         check_profile(self.profile, self.between)
-        for index, level in enumerate(self.levels if self.profile else ()):
+        if self.profile and self.profile_file is not None:
+            raise fail("is given beside profile", "leave one of them out", ("profile_file",))
+        if self.notch_to is not None:
+            self._settle_notches(self.notch_to)
+        for index, level in enumerate(self.levels if self.profile or self.profile_file is not None else ()):
             if isinstance(level, LevelValue) and level.quantity is not None:
                 raise fail(
                     f"is given in a unit of {level.quantity}, but multiplies the levels of the profile",
@@ -87,6 +109,26 @@ class SweptSine(_UpAndDown):
                 )
         if not 1e-13 <= self.tolerance <= 1e-3:
             raise fail(f"= {self.tolerance:g} cannot be guaranteed", "use 1e-13 to 1e-3", ("tolerance",))
+
+    def _settle_notches(self, limits: Mapping[str, float]) -> None:
+        """Automatic notches need one direction and positive levels, and accelerations where these are limited."""
+        if not limits:
+            raise fail("limits nothing", "give for example notch_to: {probes.tip.acceleration: 20 g}", ("notch_to",))
+        if self.direction == "both":
+            raise fail(
+                "needs one direction: the level that keeps the limits is another one on the way down",
+                "make two sweeps, direction: up and direction: down",
+                ("notch_to",),
+            )
+        if not self.accelerations and any(name.endswith(".acceleration") for name in limits):
+            raise fail("limits an acceleration, and accelerations = false", "leave that out", ("notch_to",))
+        for at, points in (("profile", self.profile), ("notches", self.notches)):
+            for index, point in enumerate(points):
+                if point.level == 0:
+                    raise fail("= 0 leaves nothing to lower", "give a small level", (at, index, "level"))
+        for index, level in enumerate(self.levels):
+            if level <= 0:
+                raise fail(f"= {level:g} cannot be lowered to limits", "give a positive level", ("levels", index))
 
 
 class SteppedSine(_UpAndDown):

@@ -12,6 +12,7 @@ from beamsim.analyses.gapping import gapping, static_penetration
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.sweep.linear_response import linear_curve
+from beamsim.analyses.sweep.notching import with_limited_outputs
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import (
     LevelWork,
@@ -24,9 +25,11 @@ from beamsim.analyses.sweep.result import (
 )
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import never
+from beamsim.inputs.profile_file import read_profile
 from beamsim.outcomes import Outcome, OutcomeCode, combined
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.limits import OF_OUTPUTS
+from beamsim.scenario.notching import BASE_FORCE, base_force_of
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
 
@@ -76,6 +79,7 @@ def sweep(
     if not isinstance(settings, (SweptSine, SteppedSine)):
         raise ScenarioError(Problem("sweep.kind", f"= {settings.kind} belongs to another analysis", ""))
     assert isinstance(excitation, Harmonic | Forces)
+    settings = _with_profile(scenario, settings)
     system = sweep_system(scenario)
     if system.cubic.count:
         raise ScenarioError(
@@ -145,7 +149,17 @@ def sweep(
         if isinstance(settings, SweptSine):
             from beamsim.analyses.sweep.swept_sine import sweep_level
 
-            run = sweep_level(system, settings, excitation, level, index, report, limited, stop)
+            run = sweep_level(
+                system,
+                settings,
+                excitation,
+                level,
+                index,
+                report,
+                limited,
+                stop,
+                base_force_of(scenario) or BASE_FORCE.name,
+            )
         else:
             from beamsim.analyses.sweep.stepped import step_level
 
@@ -172,7 +186,17 @@ def sweep_system(scenario: Scenario) -> StructuralSystem:
     assert isinstance(scenario.excitation, Harmonic | Forces)
     highest = max(scenario.sweep.from_, scenario.sweep.to)
     # the sample rate of a run and the frequency of the excitation do not influence the reduction of a sweep
-    return build_system(scenario.model_copy(update={"run": None, "excitation": scenario.excitation.at(highest)}))
+    changed = {"run": None, "excitation": scenario.excitation.at(highest)}
+    return build_system(with_limited_outputs(scenario.model_copy(update=changed)))
+
+
+def _with_profile(scenario: Scenario, settings: SweptSine | SteppedSine) -> SweptSine | SteppedSine:
+    """The settings with the table of the file that they name."""
+    if not isinstance(settings, SweptSine) or settings.profile_file is None:
+        return settings
+    assert isinstance(scenario.excitation, Harmonic | Forces)
+    points = read_profile(settings.profile_file, scenario.folder_of("sweep", "profile_file"), scenario.excitation.takes)
+    return settings.model_copy(update={"profile": points, "between": "log_log"})
 
 
 def _part(progress: Callable[[float], None], index: int, count: int) -> Callable[[float], None]:
@@ -220,6 +244,8 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
             for curve in curves.values()
             if curve.impacts
         }
+        or None,
+        "notches": {curve.name: curve.notching.summary() for curve in curves.values() if curve.notching is not None}
         or None,
         "energy_error": max((float(np.max(c.energy_error)) for c in curves.values() if c.energy_error is not None),
                             default=None),

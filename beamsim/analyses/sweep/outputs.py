@@ -122,6 +122,23 @@ class SweepOutputs:
             {name: P + k for k, name in enumerate(snubbers)},
         )
 
+    def column(self, section: str, item: str, quantity: str) -> int:
+        """Column of a probe's displacement or acceleration, of a snubber's force, or of an output."""
+        displacement, acceleration, force = self._columns()
+        if section != "outputs":
+            return {"displacement": displacement, "acceleration": acceleration, "force": force}[quantity][item]
+        names = [output.name for output in self.system.linear_outputs]
+        return self._before_outputs() + names.index(item)
+
+    def _before_outputs(self) -> int:
+        """Number of the columns before those of the outputs."""
+        count = sum(len(columns) for columns in self._columns()) + ("gap" in self.limited) * len(self.system.snubbers)
+        if self.with_impacts:
+            count += len(self.system.snubbers) + loss_owner(self.system.dynamics.contacts).size
+        if "bending_stress" in self.limited and self.system.stress is not None:
+            count += self.system.stress.row.shape[0]
+        return count
+
     def curve(self, values: CycleValues, **fields: Any) -> SweepCurve:
         """The curve of these values; ``fields`` are the other fields of `SweepCurve`."""
         displacement, acceleration, force = self._columns()

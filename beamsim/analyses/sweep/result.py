@@ -29,7 +29,7 @@ from beamsim.fields import (
 )
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.outcomes import Outcome
-from beamsim.scenario.quantities import amplitude_unit
+from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -139,6 +139,57 @@ class SteadyStates:
 
 
 @declared
+class NotchLimit:
+    """A limit to which the level is lowered, and the largest value it meets."""
+
+    name: str = dataset("1", "what is limited")
+    unit: str = dataset("1", "its unit")
+    limit: float = dataset("", "the limit, in that unit")
+    largest: float = dataset("", "largest magnitude in the sweep, in that unit")
+    share: float = dataset("1", "that magnitude over the limit")
+    frequency_hz: float = dataset("Hz", "excitation frequency of that cycle")
+
+
+@declared
+class NotchedRange:
+    """A range of frequencies in which the level is lowered."""
+
+    limit: str = dataset("1", "the limit that governs, in most of the range")
+    from_hz: float = dataset("Hz", "lowest excitation frequency")
+    to_hz: float = dataset("Hz", "highest excitation frequency")
+    at_hz: float = dataset("Hz", "frequency at which the level is lowered most")
+    level: float = dataset("", "level there, in the unit of the table of levels")
+    reduction_db: float = dataset("dB", "that level over the specified one")
+
+
+@declared
+class Notching:
+    """The level that keeps the limits: a table that is interpolated on log-log axes."""
+
+    quantity: str = attribute(
+        "", "what the levels are of: acceleration, velocity or displacement of the base, or force"
+    )
+    frequency_hz: Floats = axis("Hz", "excitation frequency of the table's points")  # (P,)
+    level: Floats = dataset("{unit}", "notched level, zero to peak, interpolated log-log", along=_FREQUENCY)
+    specified: Floats = dataset("{unit}", "level without notches, its steps drawn out over a cycle", along=_FREQUENCY)
+    trials: int = attribute("1", "motions of a few cycles that were computed to choose the level")
+    limits: tuple[NotchLimit, ...] = table("limits", Counter("limit_number", "number of the limit"), default=())
+    ranges: tuple[NotchedRange, ...] = table("ranges", Counter("range", "number of the range"), default=())
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the levels; 1 where they multiply several forces."""
+        return level_unit(self.quantity)
+
+    def summary(self) -> dict[str, Any]:
+        """Limits by name, and ranges."""
+        limits = {limit.name: {**vars(limit)} for limit in self.limits}
+        for limit in limits.values():
+            del limit["name"]
+        return {"limits": limits, "ranges": [{**vars(part)} for part in self.ranges], "points": self.frequency_hz.size}
+
+
+@declared
 class SweepCurve:
     """One way through the frequencies at one level."""
 
@@ -182,6 +233,7 @@ class SweepCurve:
         "snubbers", having="impacts_per_cycle", default_factory=dict
     )
     outputs: dict[str, OutputEnvelope] = named("outputs", having="maximum", default_factory=dict)
+    notching: Notching | None = group("notching", default=None)  # where sweep.notch_to asks for it
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
     @property
@@ -288,6 +340,8 @@ _SUMMARY = (
              "the frequencies", "time in contact"),
     Entry("peak_output", "", "by curve, largest magnitude of an output, in its output_unit", "outputs"),
     Entry("output_unit", "", "units of the outputs"),
+    Entry("notches", "", "by curve, the limits of sweep.notch_to with the largest values, and the ranges in which each "
+             "governs", "notches"),
     Entry("impacts", "", "by curve and snubber the largest values per cycle, if sweep.impacts asks for them",
              "impacts per cycle"),
     Entry("energy_error", "1", "largest imbalance of the energies along a curve, over the largest energy"),

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from beamsim.analyses.sweep.energy import balanced, energy_errors
+from beamsim.analyses.sweep.notching import Limited, compared, limited_of, not_held, notched_level, profile_through
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
-from beamsim.analyses.sweep.result import LevelWork, SweepCurve, SweepWork
+from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, SweepWork
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import never
 from beamsim.flow.swept_sine import CycleRecord, SweptFlow, sweep
 from beamsim.inputs.broadband import make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.drift import CorrectionSize, jumps
 from beamsim.inputs.legs import Leg
-from beamsim.inputs.profiles import Profile
+from beamsim.inputs.profiles import Profile, power_of
 from beamsim.inputs.swept import SweepWindows, cut_into_windows
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Complexes, Floats
 
 MOST_CYCLES = 5_000_000
 MOST_SAMPLES = 50_000_000
+CONTROL = 0.8  # share of the work of a notched sweep that chooses the level
 
 
 def legs_of(settings: SweptSine) -> list[Leg]:
@@ -55,23 +59,28 @@ def profile_of(settings: SweptSine, excitation: Sine, level: float) -> Profile:
 
 
 def swept_flow(system: StructuralSystem, windows: SweepWindows) -> SweptFlow:
-    """The flow of a built system whose sine is replaced by the swept one.
+    """The flow of a built system whose sine is replaced by the swept one."""
+    ground = system.base_acceleration is not None and system.forcing.base_displacement is not None
+    channels = swept_channels(system, windows)
+    return SweptFlow(system.dynamics, system.forcing.load, channels, windows, base_displacement=ground)
+
+
+def swept_channels(system: StructuralSystem, windows: SweepWindows) -> Complexes:
+    """(Ch, W, D + 1) channels of that flow on the windows.
 
     Loads of supports that move are known at constant frequency alone.
     """
     sine = windows.coefficient
     if system.base_acceleration is None:
         assert system.sine is not None
-        channel = system.sine.at(windows.omega).T[:, :, None] * sine
-        return SweptFlow(system.dynamics, system.forcing.load, channel, windows)
+        return system.sine.at(windows.omega).T[:, :, None] * sine
     displacement = windows.displacement
     assert displacement is not None
     channels = [sine if signal is system.base_acceleration else displacement for signal in system.forcing.signal]
-    ground = system.forcing.base_displacement is not None
-    if ground:
+    if system.forcing.base_displacement is not None:
         channels.append(displacement)
     channels.append(sine)  # observed: the base's own acceleration
-    return SweptFlow(system.dynamics, system.forcing.load, np.stack(channels), windows, base_displacement=ground)
+    return np.stack(channels)
 
 
 def sweep_level(
@@ -83,16 +92,27 @@ def sweep_level(
     progress: Callable[[float], None] | None = None,
     limited: Collection[str] = (),
     stop: Callable[[], bool] = never,
+    base_force: str = "",
 ) -> LevelRun:
-    """Sweep at one level in all directions; each direction starts from the final motion of the previous one."""
+    """Sweep at one level in all directions; each direction starts from the final motion of the previous one.
+
+    ``base_force`` is the name of the output that is the force of the base, if that is limited.
+    """
     legs = legs_of(settings)
     profile = profile_of(settings, excitation, level)
     quantity = excitation.quantity or "acceleration"
     phase = excitation.phase + phase_of_acceleration(quantity, level, settings.profile)
+    outputs = SweepOutputs(system, settings.accelerations, limited, settings.impacts)
+    notching: Notching | None = None
+    notch_limits: tuple[Limited, ...] = ()
+    if settings.notch_to is not None:
+        notch_limits = limited_of(settings.notch_to, outputs, base_force)
+        notching = _notching(outputs, notch_limits, settings, quantity, legs[0], profile, phase, progress, stop)
+        profile = profile_through(notching)
+        progress = None if progress is None else partial(_second_part, progress)
     corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
     windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
     flow = swept_flow(system, windows)
-    outputs = SweepOutputs(system, settings.accelerations, limited, settings.impacts)
     output_of = outputs.rows(flow.template)
     record = sweep(
         flow, system.initial_state, output_of, orders=(0.0, *settings.orders),
@@ -113,7 +133,38 @@ def sweep_level(
     )
     correction = None if corrections is None else CorrectionSize.of(corrections)
     outcome = balanced(record.outcome, curves)
+    if notching is not None:
+        curves = tuple(replace(curve, notching=compared(notching, notch_limits, curve)) for curve in curves)
+        missed = [out for curve in curves if (out := not_held(curve, notch_limits)) is not None]
+        outcome = missed[0].but(*(() if outcome.complete else (outcome,))) if missed else outcome
     return LevelRun(curves, LevelWork(float(level), outcome, windows.truncation, work, correction), history)
+
+
+def _notching(
+    outputs: SweepOutputs,
+    limits: Sequence[Limited],
+    settings: SweptSine,
+    quantity: str,
+    leg: Leg,
+    profile: Profile,
+    phase: float,
+    progress: Callable[[float], None] | None,
+    stop: Callable[[], bool],
+) -> Notching:
+    """The level of a leg that keeps the limits, in the quantity with which the sweep begins."""
+    system, of_base = outputs.system, outputs.system.base_acceleration is not None
+    if settings.profile:
+        quantity = settings.profile[0].quantity or ("acceleration" if power_of(quantity) else quantity)
+    windows = cut_into_windows([leg], profile, phase=phase, corrections=() if of_base else None)
+    return notched_level(
+        swept_flow(system, windows), partial(swept_channels, system), outputs, limits, leg, profile, quantity=quantity,
+        phase=phase, of_base=of_base, progress=None if progress is None else lambda part: progress(CONTROL * part),
+        stop=stop,
+    )  # fmt: skip
+
+
+def _second_part(progress: Callable[[float], None], part: float) -> None:
+    progress(CONTROL + (1.0 - CONTROL) * part)
 
 
 def _curves(

@@ -1,0 +1,193 @@
+"""Notches of a swept sine: the level under which limits on responses and forces are met, and which of them governs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from beamsim.analyses.sweep.outputs import SweepOutputs
+from beamsim.analyses.sweep.result import NotchedRange, Notching, NotchLimit, SweepCurve
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.level_control import LevelControl
+from beamsim.flow.stopping import never
+from beamsim.flow.swept_sine import SweptFlow
+from beamsim.inputs.legs import Leg
+from beamsim.inputs.profiles import Profile, power_of
+from beamsim.inputs.swept import SweepWindows
+from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario.notching import BASE_FORCE, LimitedQuantity, base_force_of, limited_quantity
+from beamsim.scenario.scenario import Scenario
+from beamsim.scenario.sweep import SweptSine
+from beamsim.typing import Complexes, Floats, Ints
+
+ALLOWED_EXCESS = 0.05  # of a limit
+LOWERED = 0.995  # of the specification; a higher level is none that is notched
+NARROW = 0.01  # relative width below which a range between others is not told from them
+SAME_STEP = 1e-9  # relative change of the specification that is no step
+
+
+@dataclass(frozen=True)
+class Limited:
+    """A limit and the column of the sweep's outputs to which it applies."""
+
+    name: str
+    limit: float
+    of: LimitedQuantity
+    column: int
+
+
+def with_limited_outputs(scenario: Scenario) -> Scenario:
+    """The scenario with the force of its base among the outputs, where a limit needs it."""
+    limits = scenario.sweep.notch_to if isinstance(scenario.sweep, SweptSine) else None
+    if limits and "base.force" in limits and base_force_of(scenario) is None:
+        return scenario.model_copy(update={"outputs": (*scenario.outputs, BASE_FORCE)})
+    return scenario
+
+
+def limited_of(limits: Mapping[str, float], outputs: SweepOutputs, base_force: str) -> tuple[Limited, ...]:
+    """The limits with their columns; ``base_force`` is the name of the output that is the force of the base."""
+    limited = []
+    for name, limit in limits.items():
+        of = limited_quantity(name, base_force)
+        assert of is not None
+        limited.append(Limited(name, float(limit), of, outputs.column(of.section, of.item, of.quantity)))
+    return tuple(limited)
+
+
+def notched_level(
+    flow: SweptFlow,
+    channels: Callable[[SweepWindows], Complexes],
+    outputs: SweepOutputs,
+    limited: Sequence[Limited],
+    leg: Leg,
+    profile: Profile,
+    *,
+    quantity: str,
+    phase: float,
+    of_base: bool,
+    progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] = never,
+) -> Notching:
+    """Follow a leg and lower its level to the limits; what the response is then is left to `compared`.
+
+    Parameters
+    ----------
+    flow : of the system under the leg without notches.
+    profile : the level without notches.
+    quantity : of which the table is, with which the sweep starts.
+    """
+    specification = continuous(profile, leg)
+    rows = outputs.rows(flow.template)
+    columns = np.array([each.column for each in limited])
+
+    def output_of(phases: Ints) -> LinearOutput:
+        return rows(phases).some(columns)
+
+    control = LevelControl(
+        flow, channels, output_of, np.array([each.limit for each in limited]), leg, specification, phase, of_base,
+        outputs.system.initial_state, stop, progress,
+    )  # fmt: skip
+    frequency, amplitude = control.level()
+    divisor = (2 * np.pi * frequency) ** power_of(quantity)
+    return Notching(quantity, frequency, amplitude / divisor, specification(frequency) / divisor, control.trials)
+
+
+def continuous(profile: Profile, leg: Leg) -> Profile:
+    """A profile with the ends of a leg among its points, whose steps take a cycle."""
+    low, high = sorted((leg.first_hz, leg.last_hz))
+    edges = profile.edge[(profile.edge > low) & (profile.edge < high)]
+    points = [low]
+    for edge in edges:
+        below = float(profile(np.nextafter(edge, 0.0)))
+        if abs(float(profile(edge)) / below - 1.0) <= SAME_STEP:
+            points.append(float(edge))
+            continue
+        turns = float(leg.turns(np.array(edge)))
+        around = leg.frequency(np.clip([turns - 0.5, turns + 0.5], 0.0, leg.cycles))
+        points += sorted(float(f) for f in around)
+    frequency = np.unique([*points, high])
+    return Profile.through(frequency, profile(np.append(frequency[:-1], np.nextafter(high, 0.0))))
+
+
+def profile_through(notching: Notching) -> Profile:
+    """The notched level as the same table in a file would give it."""
+    table = zip(notching.frequency_hz.tolist(), notching.level.tolist(), strict=True)
+    return Profile.interpolated([(f, level, notching.quantity) for f, level in table])
+
+
+def compared(notching: Notching, limited: Sequence[Limited], curve: SweepCurve) -> Notching:
+    """The notching with what the response under its level is: largest values, and which limit governs where."""
+    peaks = np.array([_peak(curve, each.of) for each in limited])  # (limits, C)
+    share = peaks / np.array([each.limit for each in limited])[:, None]
+    largest = np.nanargmax(share, axis=1)
+    limits = tuple(
+        NotchLimit(
+            each.name, _unit(curve, each.of), each.limit, float(peaks[k, at]), float(share[k, at]),
+            float(curve.frequency_hz[at]),
+        )
+        for k, (each, at) in enumerate(zip(limited, largest, strict=True))
+    )  # fmt: skip
+    return replace(notching, limits=limits, ranges=tuple(_ranges(notching, limited, curve, share)))
+
+
+def not_held(curve: SweepCurve, limited: Sequence[Limited]) -> Outcome | None:
+    """What to say where a limit is exceeded by more than is allowed; None where all are met."""
+    assert curve.notching is not None
+    shares = np.array([_peak(curve, each.of) / each.limit for each in limited])
+    over = shares > 1.0 + ALLOWED_EXCESS
+    if not over.any():
+        return None
+    row, at = (int(i) for i in np.unravel_index(np.nanargmax(shares), shares.shape))
+    where = np.flatnonzero(over.any(axis=0))
+    f = np.sort(curve.frequency_hz[where])
+    parts = np.split(f, np.flatnonzero(np.diff(f) > NARROW * f[:-1]) + 1)
+    moved = any(np.any((share[where] > 0) & (share[where] < 1)) for share in curve.contact_share.values())
+    return Outcome.of(
+        OutcomeCode.NOTCH_NOT_HELD, limit=limited[row].name, percent=float(100 * (shares[row, at] - 1)),
+        frequency=float(curve.frequency_hz[at]), ranges=[(float(part[0]), float(part[-1])) for part in parts],
+        reason="contacts open and close and the response does not settle from cycle to cycle" if moved else
+        "the response changes faster than the level can follow",
+    )  # fmt: skip
+
+
+def _peak(curve: SweepCurve, of: LimitedQuantity) -> Floats:
+    """(C,) largest magnitude of a limited quantity in each cycle."""
+    if of.section == "outputs":
+        return curve.outputs[of.item].peak
+    sources = {"acceleration": curve.acceleration, "displacement": curve.displacement, "force": curve.force}
+    return sources[of.quantity][of.item].peak
+
+
+def _unit(curve: SweepCurve, of: LimitedQuantity) -> str:
+    if of.section == "outputs":
+        return curve.outputs[of.item].unit
+    return {"acceleration": "m/s^2", "displacement": "m", "force": "N"}[of.quantity]
+
+
+def _ranges(notching: Notching, limited: Sequence[Limited], curve: SweepCurve, share: Floats) -> Sequence[NotchedRange]:
+    """Ranges of frequency in which the level is lowered, each with the limit that governs most of it."""
+    order = np.argsort(curve.frequency_hz)
+    f = curve.frequency_hz[order]
+    reduction = np.interp(np.log(f), np.log(notching.frequency_hz), np.log(notching.level / notching.specified))
+    governing = np.where(reduction < np.log(LOWERED), np.argmax(share[:, order], axis=0), -1)
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(governing)) + 1])
+    runs = [[int(a), int(b), int(governing[a])] for a, b in zip(starts, np.append(starts[1:], f.size), strict=True)]
+    merged: list[list[int]] = []
+    for run in runs:
+        narrow = f[run[1] - 1] / f[run[0]] - 1.0 < NARROW
+        if merged and (merged[-1][2] == run[2] or (narrow and run[2] >= 0 and merged[-1][2] >= 0)):
+            merged[-1][1] = run[1]
+        else:
+            merged.append(run)
+    ranges = []
+    for first, last, which in merged:
+        if which < 0:
+            continue
+        deepest = first + int(np.argmin(reduction[first:last]))
+        at = float(f[deepest])
+        level = float(np.exp(np.interp(np.log(at), np.log(notching.frequency_hz), np.log(notching.level))))
+        decibels = float(20 / np.log(10) * reduction[deepest])
+        ranges.append(NotchedRange(limited[which].name, float(f[first]), float(f[last - 1]), at, level, decibels))
+    return ranges

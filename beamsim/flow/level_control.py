@@ -1,0 +1,231 @@
+"""The level of a swept sine that keeps the largest values of every cycle below limits.
+
+The sweep is followed a few cycles at a time. Where a limit would be exceeded, the motion is computed ahead under levels
+that are tried, and goes on under the largest that meets the limits there: an exact prediction in place of the estimates
+of a controller.
+
+Each trial looks ahead over several corrections of the level, changes its logarithm evenly over all of them, and counts
+the later half. The motion goes on over the first of them alone, then the next trial begins. A level that held the limit
+at every cycle by itself would overshoot from one to the next, since a response lags behind its excitation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from beamsim.flow.march import Motion, carry
+from beamsim.flow.stopping import never
+from beamsim.flow.swept_sine import CycleMarch, OutputOf, SweptFlow
+from beamsim.inputs.legs import Leg
+from beamsim.inputs.profiles import Profile
+from beamsim.inputs.swept import SweepWindows, windows_of_cycles
+from beamsim.typing import Complexes, Floats, Ints
+
+RELATIVE_STEP = 1e-3  # change of the frequency between two corrections of the level
+HORIZON = 6  # corrections that are looked ahead
+SHORTEST_HORIZON = 8  # cycles
+FREE_STRETCH = 64  # cycles that are followed at once below the limits
+STEEPEST = float(np.log(2.0))  # change of the logarithm of the level in one correction
+CLOSE = 2e-3  # distance from a limit at which a trial ends, in its logarithm
+MOST_TRIALS = 6  # of one correction
+MOST_STARTS = 8  # trials of the level at the start
+LEAST_CHANGE = 0.02  # of the slope, from one trial to the next
+TABLE_TOLERANCE = 1e-3  # relative difference between the table of the level and the level that was followed
+
+
+@dataclass
+class LevelControl:
+    """Follows one leg of a sweep from its start.
+
+    Parameters
+    ----------
+    flow : of the system; its windows are replaced.
+    channels : of the flow under given windows.
+    output_of : the K limited quantities.
+    limits : (K,).
+    leg : the sweep, up or down.
+    specification : amplitude without notches, continuous and positive.
+    phase : of the sine at the start, rad.
+    of_base : whether the sine moves the base.
+    state : (N,) at the start.
+    stop, progress : as in `beamsim.flow.swept_sine.sweep`.
+    """
+
+    flow: SweptFlow
+    channels: Callable[[SweepWindows], Complexes]
+    output_of: OutputOf
+    limits: Floats
+    leg: Leg
+    specification: Profile
+    phase: float
+    of_base: bool
+    state: Floats
+    stop: Callable[[], bool] = never
+    progress: Callable[[float], None] | None = None
+    trials: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        y = self.flow.bare.whole_state(self.state)
+        phases, _ = self.flow.begin(y)
+        self._motion = Motion(y, self.flow.state_index(phases))
+        self._march = CycleMarch(self.flow, self.output_of, np.zeros(0), 1)
+        low, high = sorted((self.leg.first_hz, self.leg.last_hz))
+        edges = self.specification.edge
+        self._corners = edges[(edges > low) & (edges < high)]
+        self._total = int(self.leg.cycles)
+
+    def level(self) -> tuple[Floats, Floats]:
+        """Frequencies (P,), increasing, and amplitudes (P,) between which the level is interpolated on log-log axes."""
+        cycle, gain, slope = [0], [self._start()], 0.0  # the gain is the logarithm of level over specification
+        while cycle[-1] < self._total and not self.stop():
+            at = cycle[-1]
+            step = self._step(at)
+            ahead = np.unique(np.minimum(at + step * np.arange(1, self._horizon(step) // step + 1), self._total))
+            unlimited = self._unlimited(at, self._horizon(step)) if gain[-1] == 0.0 else at
+            if unlimited > at:
+                cycle.append(unlimited)
+                gain.append(0.0)
+                slope = 0.0
+            else:
+                cycle.append(int(ahead[0]))
+                slope = self._slope(at, ahead, gain[-1], slope)
+                gain.append(min(gain[-1] + slope, 0.0))
+            if self.progress is not None:
+                self.progress(cycle[-1] / self._total)
+        return self._table(np.array(cycle), np.array(gain))
+
+    def _step(self, cycle: int) -> int:
+        """Cycles between two corrections."""
+        change = 2 * np.pi * float(np.abs(self.leg.change_per_radian(self.leg.frequency(np.array(float(cycle))))))
+        return max(1, int(RELATIVE_STEP / change))
+
+    @staticmethod
+    def _horizon(step: int) -> int:
+        """Cycles that are looked ahead."""
+        return max(HORIZON * step, SHORTEST_HORIZON)
+
+    def _start(self) -> float:
+        """Gain at the start, where the transient already exceeds a limit at the full level."""
+        gain, end = 0.0, min(self._horizon(self._step(0)), self._total)
+        for _ in range(MOST_STARTS):
+            excess, _ = self._ahead(0, np.array([end]), np.array([gain, gain]), 0)
+            if excess <= CLOSE:
+                break
+            gain -= excess
+        return gain
+
+    def _unlimited(self, at: int, horizon: int) -> int:
+        """Cycle up to which the specification may be followed: no limit is exceeded up to a horizon beyond it."""
+        length = max(FREE_STRETCH, 2 * horizon)
+        while length >= 2 * horizon:
+            end = min(at + length, self._total)
+            to = end if end == self._total else end - horizon
+            excess, motion = self._ahead(at, np.unique([to, end]), np.zeros(3), 0)
+            if excess <= 0.0:
+                self._motion = motion
+                return to
+            length //= 2
+        return at
+
+    def _slope(self, at: int, ahead: Ints, gain: float, guess: float) -> float:
+        """Change of the gain in the next step, the largest at which the limits are met ahead; the motion goes on."""
+        low, high = -STEEPEST, min(-gain, STEEPEST)
+        log_frequency = np.log(self.leg.frequency(np.append(at, ahead).astype(float)))
+        steps = (log_frequency - log_frequency[0]) / (log_frequency[1] - log_frequency[0])  # nearly 0, 1, 2, ...
+        tried: list[tuple[float, float, Motion]] = []  # slope, excess, motion after the step
+        slope = min(max(guess, low), high)
+        while True:
+            path = np.minimum(gain + slope * steps, 0.0)
+            tried.append((slope, *self._ahead(at, ahead, path, ahead.size // 2)))
+            excess = tried[-1][1]
+            over = min((t for t in tried if t[1] > 0.0), key=lambda t: t[0], default=None)
+            under = max((t for t in tried if t[1] <= 0.0), key=lambda t: t[0], default=None)
+            at_end = (over is None and slope >= high) or (under is None and slope <= low)
+            if abs(excess) <= CLOSE or at_end or len(tried) == MOST_TRIALS:
+                break
+            # half the change of the level in half of the corrections: a first guess of what it does to the response
+            change = max(LEAST_CHANGE, abs(excess) / max(0.3 * ahead.size, 1.0))
+            if over is None:
+                slope = min(high, slope + change)
+            elif under is None:
+                slope = max(low, slope - change)
+            else:
+                share = over[1] / (over[1] - under[1])
+                slope = over[0] + min(max(share, 0.1), 0.9) * (under[0] - over[0])
+        met = [t for t in tried if t[1] <= CLOSE]
+        slope, _, self._motion = max(met, key=lambda t: t[0]) if met else min(tried, key=lambda t: t[1])
+        return slope
+
+    def _ahead(self, at: int, ahead: Ints, gain: Floats, skipped: int) -> tuple[float, Motion]:
+        """Largest logarithm of a value over its limit in the cycles from ``ahead[skipped - 1]`` on, and the motion at
+        ``ahead[0]``, under the gains (A + 1,) at the cycles ``at`` and ``ahead`` (A,)."""
+        self.trials += 1
+        # the level turns where it returns to the specification, and is straight before and after that
+        turn = int(np.count_nonzero(gain < 0.0))
+        kept = np.unique(np.clip([0, turn - 1, turn, ahead.size], 0, ahead.size))
+        frequency = self.leg.frequency(np.append(at, ahead)[kept].astype(float))
+        profile = self._profile(frequency, gain[kept])
+        windows = windows_of_cycles(self.leg, profile, at, int(ahead[-1]), phase=self.phase, of_base=self.of_base)
+        self.flow.swept_by(windows, self.channels(windows))
+        self._march.restart()
+        motion = self._motion.copy()
+        motion.piece, motion.time = 0, 0.0
+        first = int(np.searchsorted(windows.cycle, ahead[0] - at))
+        self._carry(motion, first)
+        there = motion.copy()
+        self._carry(motion, windows.count)
+        record = self._march.cycles
+        counted = slice(ahead[skipped - 1] - at if skipped else 0, None)
+        share = float(np.max(np.maximum(record.high, -record.low)[counted] / self.limits))
+        return float(np.log(max(share, 1e-300))), there
+
+    def _carry(self, motion: Motion, window: int) -> None:
+        if motion.piece < window:
+            carry(
+                self._march, motion, (window,), keep=False, max_events=1_000_000, max_evaluations=100_000_000,
+                stop=self.stop,
+            )  # fmt: skip
+
+    def _profile(self, frequency: Floats, gain: Floats) -> Profile:
+        """The level between frequencies, in the order of the leg, at which the gains are given."""
+        order = np.argsort(frequency)
+        f, g = frequency[order], gain[order]
+        corners = self._corners[(self._corners > f[0]) & (self._corners < f[-1])]
+        return Profile.through(*self._points(np.union1d(f, corners), f, g))
+
+    def _points(self, frequency: Floats, given: Floats, gain: Floats) -> tuple[Floats, Floats]:
+        return frequency, self.specification(frequency) * np.exp(np.interp(np.log(frequency), np.log(given), gain))
+
+    def _table(self, cycle: Ints, gain: Floats) -> tuple[Floats, Floats]:
+        """The level at the cycles, and at the corners of the specification, thinned."""
+        frequency = self.leg.frequency(cycle.astype(float))
+        if self.leg.cycles - cycle[-1] > 1e-6:
+            frequency, gain = np.append(frequency, self.leg.last_hz), np.append(gain, gain[-1])
+        frequency[0], frequency[-1] = self.leg.first_hz, self.leg.last_hz
+        order = np.argsort(frequency)
+        frequency, gain = frequency[order], gain[order]
+        kept = corners(np.log(frequency), gain, TABLE_TOLERANCE)
+        frequency, gain = frequency[kept], gain[kept]
+        return self._points(np.union1d(frequency, self._corners), frequency, gain)
+
+
+def corners(x: Floats, y: Floats, tolerance: float) -> Ints:
+    """Numbers of the points of a curve through which a polygon passes that is within a tolerance of y (Ramer, 1972).
+
+    >>> corners(np.arange(5.0), np.array([0.0, 1.0, 2.0, 1.0, 0.0]), 0.1)
+    array([0, 2, 4])
+    """
+    kept, stretches = {0, x.size - 1}, [(0, x.size - 1)]
+    while stretches:
+        first, last = stretches.pop()
+        inner = slice(first + 1, last)
+        line = y[first] + (y[last] - y[first]) * (x[inner] - x[first]) / (x[last] - x[first])
+        distance = np.abs(y[inner] - line)
+        if distance.size and distance.max() > tolerance:
+            middle = first + 1 + int(distance.argmax())
+            kept.add(middle)
+            stretches += [(first, middle), (middle, last)]
+    return np.array(sorted(kept), dtype=np.int64)

@@ -1,0 +1,71 @@
+"""The level of a sweep from a table in a CSV file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.csv_table import read_csv
+from beamsim.scenario.level_profile import ProfilePoint
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS
+from beamsim.scenario.units import FREQUENCY, UnitError, read_level, read_quantity
+
+
+def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[ProfilePoint, ...]:
+    """The points of a table whose first column is the frequency and whose second one the level.
+
+    Parameters
+    ----------
+    takes : quantities that the levels may be of; levels that multiply several forces have none, and no unit.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be read, has no unit of the levels, or is no table of increasing positive frequencies.
+    """
+    path = folder / file
+    if not path.is_file():
+        _reject(f"= {file} does not exist", "give its path, relative to the folder of the scenario")
+    try:
+        table = read_csv(path)
+        factors = _factors(table.units, takes)
+    except (OSError, ValueError, UnitError) as error:
+        text = error.message if isinstance(error, UnitError) else str(error)
+        _reject(f"= {file} cannot be read: {text}", "give a frequency and a level in each row, with their units above")
+    frequency, level = table.values[:, 0] * factors[0], table.values[:, 1] * factors[1]
+    if not (np.all(np.isfinite(frequency)) and np.all(np.isfinite(level)) and frequency[0] > 0):
+        _reject(f"= {file} has frequencies or levels that are no positive numbers", "correct the table")
+    if np.any(np.diff(frequency) <= 0):
+        row = int(np.flatnonzero(np.diff(frequency) <= 0)[0]) + 2
+        _reject(f"= {file} has frequencies that do not increase at row {row}", "sort the table")
+    if np.any(level <= 0):
+        row = int(np.flatnonzero(level <= 0)[0]) + 1
+        _reject(f"= {file} has the level {level[row - 1]:g} in row {row}, which has no logarithm", "give a small level")
+    quantity = factors[2]
+    return tuple(
+        ProfilePoint.model_construct(frequency=float(f), level=float(a), quantity=quantity)
+        for f, a in zip(frequency, level, strict=True)
+    )
+
+
+def _factors(units: list[str], takes: tuple[str, ...]) -> tuple[float, float, str | None]:
+    """SI values of one in each column, and the quantity of the levels."""
+    if len(units) < 2:
+        raise ValueError("it has one column")
+    if not units[0]:
+        raise ValueError("its first column states no unit; head it frequency (Hz)")
+    dimensions = {name: LEVEL_DIMENSIONS[name] for name in takes if name in LEVEL_DIMENSIONS}
+    if not units[1] and dimensions:
+        raise ValueError("its second column states no unit; head it for example level (g)")
+    if not dimensions:
+        return read_quantity(f"1 {units[0]}", FREQUENCY), 1.0, None
+    value, dimension = read_level(f"1 {units[1]}", tuple(dimensions.values()))
+    quantity = next(name for name, known in dimensions.items() if known is dimension)
+    return read_quantity(f"1 {units[0]}", FREQUENCY), value, quantity
+
+
+def _reject(message: str, remedy: str) -> NoReturn:
+    raise ScenarioError(Problem("sweep.profile_file", message, remedy))

@@ -1,0 +1,221 @@
+"""Sweeps whose level is lowered to limits: the limits are met, the level can be run again, what fails is said."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from beamsim.analyses.sweep.analysis import sweep
+from beamsim.cli.app import app
+from beamsim.errors import ScenarioError
+from beamsim.inputs.broadband import make_leg
+from beamsim.inputs.profiles import Profile
+from beamsim.outcomes import OutcomeCode
+from beamsim.plots.sweep import sweep_figures
+from beamsim.scenario import load_scenario
+from beamsim.scenario.quantities import Rate
+from beamsim.store.results import open_sweep, write_sweep
+
+G = 9.80665
+CASE = {
+    "chain": {"masses": [1, 0.5], "springs": [39478.4, 60000, 0], "damping": {"kind": "modal", "ratio": "2 %"}},
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": "20 Hz"},
+    "probes": [{"name": "first", "mass": 1}, {"name": "second", "mass": 2}],
+}
+SWEEP = {
+    "kind": "swept_sine", "from": "14 Hz", "to": "45 Hz", "rate": "4 oct/min", "orders": [1],
+    "notch_to": {"probes.second.acceleration": "6 g", "base.force": "75 N"},
+}  # fmt: skip
+
+
+def case(**settings):
+    given = {key: value for key, value in {**SWEEP, **settings}.items() if value is not None}
+    return load_scenario({**CASE, "sweep": given})
+
+
+@pytest.fixture(scope="module")
+def notched():
+    return sweep(case())
+
+
+def shares(curve, settings):
+    peaks = {
+        "probes.second.acceleration": curve.acceleration["second"].peak,
+        "base.force": curve.outputs["base_force"].peak,
+    }
+    return {name: peaks[name] / float(limit) for name, limit in settings.notch_to.items()}
+
+
+def test_limits_are_met_and_reached_where_the_level_is_lowered(notched):
+    """At 4 oct/min within 5 %; the sweep without notches exceeds both several times."""
+    (curve,) = notched.curves.values()
+    share = shares(curve, notched.scenario.sweep)
+    worst = np.max(list(share.values()), axis=0)
+    assert notched.outcome.complete
+    assert worst.max() < 1.05
+    notching = curve.notching
+    level = np.interp(curve.frequency_hz, notching.frequency_hz, notching.level / notching.specified)
+    inside = (level < 0.9) & (curve.frequency_hz > 15.0)
+    assert inside.sum() > 100
+    assert worst[inside].min() > 0.95
+    plain = sweep(case(notch_to=None))
+    (free,) = plain.curves.values()
+    assert free.acceleration["second"].peak.max() > 3 * 6 * G
+    assert free.notching is None
+    assert plain.summary.get("notches") is None
+
+
+def test_the_level_of_a_slow_sweep_is_the_limit_over_the_transfer_function():
+    """The chain without stops is linear: in a slow sweep the level that holds the limit is known."""
+    result = sweep(case(rate="0.3 oct/min", to="24 Hz", notch_to={"probes.second.acceleration": "6 g"}))
+    (curve,) = result.curves.values()
+    linear, notching = result.linear, curve.notching
+    f = np.linspace(15.5, 23.5, 50)
+    gain = np.interp(f, linear.frequency_hz, np.abs(linear.acceleration["second"]))
+    level = np.exp(np.interp(np.log(f), np.log(notching.frequency_hz), np.log(notching.level)))
+    expected = np.minimum(6 * G / gain, 2 * G)
+    # the response lags behind the frequency: that of 0.2 % before counts
+    assert np.max(np.abs(np.log(level / expected))) < 0.08
+    assert np.ptp(expected) > 10.0
+
+
+def test_which_limit_governs_where_is_told(notched):
+    summary = notched.summary["notches"]["up_0"]
+    names = {part["limit"] for part in summary["ranges"]}
+    assert names == {"probes.second.acceleration", "base.force"}
+    for name, limit in summary["limits"].items():
+        assert 0.97 < limit["share"] < 1.05, name
+    for part in summary["ranges"]:
+        assert part["from_hz"] <= part["at_hz"] <= part["to_hz"]
+        assert part["reduction_db"] < 0
+
+
+def test_the_saved_level_gives_the_same_response_as_a_given_profile(notched, tmp_path):
+    """Through the result file and its CSV export, number by number."""
+    write_sweep(notched, tmp_path / "notched.h5")
+    stored = open_sweep(tmp_path / "notched.h5").curves["up_0"].notching
+    np.testing.assert_array_equal(stored.level, notched.curves["up_0"].notching.level)
+    assert [limit.name for limit in stored.limits] == list(SWEEP["notch_to"])
+    done = CliRunner().invoke(app, ["export", str(tmp_path / "notched.h5"), "--format", "csv", "-o", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    (table,) = tmp_path.rglob("up_0_notching_by_frequency_hz.csv")
+    outputs = [{"name": "base_force", "kind": "reaction_force", "support": "base"}]
+    settings = {**SWEEP, "notch_to": None, "profile_file": str(table)}
+    again = sweep(load_scenario({**CASE, "outputs": outputs, "sweep": settings}))
+    one, other = notched.curves["up_0"], again.curves["up_0"]
+    for place in ("first", "second"):
+        np.testing.assert_allclose(other.acceleration[place].maximum, one.acceleration[place].maximum, rtol=1e-12)
+    np.testing.assert_allclose(other.outputs["base_force"].peak, one.outputs["base_force"].peak, rtol=1e-12)
+
+
+def test_a_level_given_as_displacement_is_saved_as_one(tmp_path):
+    """The table has the quantity with which the sweep begins, whose phase it keeps."""
+    settings = {"from": "18 Hz", "to": "22 Hz", "notch_to": {"probes.second.displacement": "3 mm"}}
+    displaced = {**CASE, "excitation": {**CASE["excitation"], "level": "1 mm"}}
+    one = sweep(load_scenario({**displaced, "sweep": {**SWEEP, **settings}})).curves["up_0"]
+    assert one.notching.unit == "m"
+    assert one.displacement["second"].peak.max() < 1.05 * 3e-3
+    rows = zip(one.notching.frequency_hz.tolist(), (1e3 * one.notching.level).tolist(), strict=True)
+    lines = ["frequency (Hz); level (mm)", *(f"{f!r}; {level!r}".replace(".", ",") for f, level in rows)]
+    (tmp_path / "level.csv").write_text("\n".join(lines))
+    given = {**SWEEP, **settings, "notch_to": None, "profile_file": str(tmp_path / "level.csv")}
+    other = sweep(load_scenario({**displaced, "sweep": given})).curves["up_0"]
+    np.testing.assert_allclose(other.displacement["second"].maximum, one.displacement["second"].maximum, rtol=1e-9)
+
+
+def test_downwards_and_from_a_profile_with_a_step():
+    profile = [{"frequency": "10 Hz", "level": "1 g"}, {"frequency": "25 Hz", "level": "2 g"}]
+    result = sweep(case(**{"from": "20 Hz", "to": "27 Hz"}, direction="down", profile=profile, levels=[1.0]))
+    (curve,) = result.curves.values()
+    assert curve.direction == "down"
+    assert np.max(list(shares(curve, result.scenario.sweep).values())) < 1.05
+    assert np.all(np.diff(curve.notching.frequency_hz) > 0)
+    assert curve.notching.level.min() < 0.8 * G
+
+
+def test_limits_that_impacts_exceed_are_an_outcome():
+    """A stiff stop that is hit in every cycle: its force jumps from cycle to cycle and no level holds it."""
+    stop = {"name": "stop", "mass": 2, "side": "below", "stiffness": 5e6, "gap": "0 mm"}
+    chain = {**CASE["chain"], "snubbers": [stop]}
+    settings = {**SWEEP, "to": "19 Hz", "rate": "12 oct/min", "notch_to": {"snubbers.stop.force": "30 N"}}
+    result = sweep(load_scenario({**CASE, "chain": chain, "sweep": settings}))
+    (missed,) = result.outcome.all_of(OutcomeCode.NOTCH_NOT_HELD)
+    (curve,) = result.curves.values()
+    assert missed.numbers["percent"] == pytest.approx(100 * (curve.force["stop"].peak.max() / 30 - 1))
+    assert missed.numbers["percent"] > 5
+    assert not result.outcome.complete
+    assert result.outcome.trusted
+
+
+@pytest.mark.parametrize(
+    ("settings", "path", "words"),
+    [
+        ({"notch_to": {"probes.thirdd.acceleration": "2 g"}}, "sweep.notch_to.probes.thirdd.acceleration", "none of"),
+        ({"notch_to": {"second": "2 g"}}, "sweep.notch_to.second", "can be limited"),
+        ({"notch_to": {"base.force": "2 g"}}, "sweep.notch_to.base.force", "none of force"),
+        ({"notch_to": {"base.force": "0 N"}}, "sweep.notch_to.base.force", "positive"),
+        ({"notch_to": {"outputs.gauge": 3}}, "sweep.notch_to.outputs.gauge", "none of the outputs"),
+        ({"notch_to": {}}, "sweep.notch_to", "limits nothing"),
+        ({"direction": "both"}, "sweep.notch_to", "one direction"),
+        ({"accelerations": False}, "sweep.notch_to", "accelerations = false"),
+        ({"levels": [1.0, -2.0]}, "sweep.levels[1]", "cannot be lowered"),
+        ({"profile": [{"frequency": 10, "level": 0}]}, "sweep.profile[0].level", "nothing to lower"),
+        ({"profile": [{"frequency": 10, "level": 1}], "profile_file": "a.csv"}, "sweep.profile_file", "beside profile"),
+    ],
+)
+def test_what_cannot_be_notched_is_refused(settings, path, words):
+    with pytest.raises(ScenarioError) as error:
+        case(**settings)
+    (problem,) = error.value.problems
+    assert problem.path == path
+    assert words in problem.message
+    assert problem.remedy
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("frequency (Hz),level\n10,1\n20,2\n", "no unit"),
+        ("frequency (Hz),level (N)\n10,1\n20,2\n", "must be"),
+        ("f,level (g)\n10,1\n20,2\n", "first column states no unit"),
+        ("frequency (Hz),level (g)\n20,1\n10,2\n", "do not increase at row 2"),
+        ("frequency (Hz),level (g)\n10,1\n20,0\n", "no logarithm"),
+        ("frequency (Hz),level (g)\n10,\n20,1\n", "no positive numbers"),
+        ("level (g)\n10\n20\n", "one column"),
+        ("", "empty"),
+        (None, "does not exist"),
+    ],
+)
+def test_a_table_that_cannot_be_used_is_refused(tmp_path, text, words):
+    if text is not None:
+        (tmp_path / "level.csv").write_text(text)
+    with pytest.raises(ScenarioError, match=words):
+        sweep(case(notch_to=None, profile_file=str(tmp_path / "level.csv")))
+
+
+def test_steps_of_a_specification_take_a_cycle():
+    from beamsim.analyses.sweep.notching import continuous
+
+    leg = make_leg(10.0, 40.0, Rate(2.0 / 60.0, "oct/s"))
+    stepped = Profile.held([(5.0, 1.0, "acceleration"), (20.0, 4.0, "acceleration")])
+    smooth = continuous(stepped, leg)
+    f = np.array([10.0, 19.9, 20.1, 39.9])
+    np.testing.assert_allclose(smooth(f), stepped(f), rtol=1e-12)
+    assert smooth(20.0) == pytest.approx(2.0, rel=0.01)
+    inner = smooth.edge[(smooth.edge > 10.5) & (smooth.edge < 39.0)]
+    assert np.ptp(leg.turns(inner)) == pytest.approx(1.0)
+
+
+def test_the_command_prints_the_notches_and_draws_them(tmp_path, notched):
+    figure = sweep_figures(notched)["notching_up_0"]
+    level, *responses = (ax.get_ylabel().split(" (")[0] for ax in figure.axes)
+    assert level == "Level"
+    assert set(responses) == {"second acceleration", "base force"}
+    path = tmp_path / "case.yaml"
+    path.write_text(json.dumps({**CASE, "sweep": {**SWEEP, "to": "20 Hz"}}))
+    done = CliRunner().invoke(app, ["sweep", str(path), "--no-plots"])
+    assert done.exit_code == 0, done.output
+    assert "notches" in done.output
+    assert "% of 75 N" in done.output
+    assert "lowest level" in done.output
