@@ -350,7 +350,7 @@ def solution_figures(system: StructuralSystem, settings: Run, trajectory: Trajec
     if settings.low_pass is not None:
         _, extremes["acceleration"] = filtered(trajectory, groups.groups["acceleration"], settings.low_pass, times)
     if system.energy_outputs:
-        extremes["energy"] = energy_extremes(trajectory, system.energy_outputs, groups.groups["energy"])
+        extremes["energy"], _ = energy_extremes(trajectory, system.energy_outputs, groups.groups["energy"])
     _, lowest, _, highest = extremes["displacement"]
     size = deflection_size(system, trajectory.states_at(np.sort([lowest[0], highest[0]])))
     figures = motion_figures(system, extremes, trajectory.contact_share(), _closings(trajectory), size)

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance, energy_of_segments
-from beamsim.analyses.run.figures import SEEDS, Extremes, energy_extremes, refine_extremes, sampled_extremes
+from beamsim.analyses.run.figures import (
+    SEEDS,
+    Extremes,
+    energy_extremes,
+    missed_energy,
+    refine_extremes,
+    sampled_extremes,
+)
 from beamsim.analyses.run.histories import COMPONENTS, ExactHistories, Grace
 from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, few_times, memory_of, with_limit
@@ -65,7 +72,9 @@ def exact_motion_of(
             outcome = balance.checked(outcome)
             extremes = refine_extremes(trajectory, searched, np.linspace(0.0, trajectory.end, SEEDS))
             if system.energy_outputs:
-                extremes["energy"] = energy_extremes(trajectory, system.energy_outputs, groups.groups["energy"])
+                of_rows = groups.groups["energy"]
+                extremes["energy"], missed = energy_extremes(trajectory, system.energy_outputs, of_rows)
+                warnings = (*warnings, *missed_energy(missed))
             if acceleration is not None and settings.low_pass is not None:
                 low_passed, filtered_acceleration = filtered(trajectory, acceleration, settings.low_pass, times.all)
     except Stopped:

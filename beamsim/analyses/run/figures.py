@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
-from beamsim.analyses.run.outputs import OutputOf, OutputSet, energies_of_rows
+from beamsim.analyses.run.outputs import OutputOf, OutputSet
 from beamsim.contacts.springs import FRICTION
+from beamsim.flow.square_sums import square_sum_extremes
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.outputs import OutputRows
 from beamsim.system.structural import StructuralSystem
@@ -18,7 +19,6 @@ from beamsim.typing import Floats, Ints
 Extreme = tuple[Floats, Floats, Floats, Floats]  # (k,) each: lowest, its time, highest, its time
 Extremes = dict[str, Extreme]  # by output group
 SEEDS = 512  # evenly spaced times from which the search for extremes starts
-ENERGY_SAMPLES, REFINEMENTS = 4097, 8  # of the search for extremes of energies
 ROUND_OFF = 1e-12  # of the motion of the structure: a probe that moves by less is at rest
 ALWAYS = 1e-12  # of the time: a contact that is open for no longer is closed throughout
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
@@ -65,28 +65,20 @@ def refine_extremes(
     return {name: (part[0], part[1], part[2], part[3]) for name, part in zip(searched, parts, strict=True)}
 
 
-def energy_extremes(trajectory: Trajectory, energies: Sequence[OutputRows], rows_of: OutputOf) -> Extreme:
-    """Extremes of energies: those of samples at many times, then of finer and finer ones about the best."""
+def energy_extremes(trajectory: Trajectory, energies: Sequence[OutputRows], rows_of: OutputOf) -> tuple[Extreme, float]:
+    """Extremes of energies over the continuous motion, to 1e-9 of the largest value.
 
-    def values(times: Floats) -> Floats:
-        return energies_of_rows(energies, trajectory.sample(times, rows_of))
+    Also returned: 0, or where the search was given up by how much a peak may be larger, relatively.
+    """
+    times = np.linspace(float(trajectory.time[0]), trajectory.end, SEEDS)
+    searched = square_sum_extremes(trajectory, rows_of, [rows.count for rows in energies], times)
+    missed = float(np.max(searched.excess / np.maximum(searched.high, np.finfo(float).tiny)))
+    return (searched.low, searched.when_low, searched.high, searched.when_high), missed
 
-    begin = float(trajectory.time[0])
-    times = np.linspace(begin, trajectory.end, ENERGY_SAMPLES)
-    step = times[1] - times[0] if times.size > 1 else 0.0
-    sampled = sampled_extremes(times, values(times))
-    best = [np.array(part) for part in sampled]
-    for k in range(len(energies)):
-        for value, when, sign in ((0, 1, -1.0), (2, 3, 1.0)):
-            width = step
-            for _ in range(REFINEMENTS):
-                near = np.clip(best[when][k] + width * np.linspace(-1.0, 1.0, 9), begin, trajectory.end)
-                at = values(np.unique(near))[:, k]
-                i = int(np.argmax(sign * at))
-                if sign * at[i] > sign * best[value][k]:
-                    best[value][k], best[when][k] = at[i], np.unique(near)[i]
-                width /= 4.0
-    return best[0], best[1], best[2], best[3]
+
+def missed_energy(share: float) -> tuple[str, ...]:
+    """Warning about a search for the peaks of energies that was given up."""
+    return (f"peaks of energies may be larger, by up to {100 * share:.2g} %: the search was given up",) if share else ()
 
 
 def deflection_size(system: StructuralSystem, states: Floats) -> float:

@@ -73,6 +73,7 @@ class StretchFigures:
     few: SampledHistories  # evenly spaced samples
     signals: tuple[Floats, ...]  # inputs at their times
     low_passed: Floats | None  # (nt, probes) at all output times that were reached
+    missed_energy: float  # by how much peaks of energies may be larger, relatively
 
 
 class LowPassed:
@@ -124,7 +125,7 @@ def figures_of_stretches(
     """
     few = times.every(max(1, -(-times.size // FEW_SAMPLES)))
     balance, extremes, parts = _Balance(), Extremes(), list[tuple[Floats, ...]]()
-    begin, sampled = 0.0, 0
+    begin, sampled, missed_energy = 0.0, 0, 0.0
     for stretch in motion.stretches():
         upto = max(few.until(stretch.end).size, sampled)
         at = few.rows(sampled, upto)
@@ -134,7 +135,8 @@ def figures_of_stretches(
                 seeds = np.linspace(begin, stretch.end, SEEDS_OF_A_STRETCH)
                 of_stretch = refine_extremes(stretch, searched, seeds)
                 if energies:
-                    of_stretch["energy"] = energy_extremes(stretch, energies, groups.groups["energy"])
+                    of_stretch["energy"], missed = energy_extremes(stretch, energies, groups.groups["energy"])
+                    missed_energy = max(missed_energy, missed)
                 part = _sampled(stretch, at, groups, signals)
                 balance.add(stretch)
                 if impacts is not None:
@@ -159,7 +161,8 @@ def figures_of_stretches(
     if low_passed is not None:
         extremes["acceleration"] = low_passed.extremes
     return StretchFigures(
-        balance.whole(), extremes, histories, tuple(inputs), None if low_passed is None else low_passed.reached
+        balance.whole(), extremes, histories, tuple(inputs), None if low_passed is None else low_passed.reached,
+        missed_energy,
     )  # fmt: skip
 
 
