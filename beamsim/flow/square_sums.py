@@ -47,7 +47,7 @@ class SquareSumExtremes:
     def possible(self, lower: Floats, upper: Floats) -> Bools:
         """(n,) whether intervals with bounds (n, k) may hold an extreme."""
         margin = TOLERANCE * self.high
-        return np.any((upper > self.high + margin) | (lower < self.low - margin), axis=1)
+        return np.asarray(np.any((upper > self.high + margin) | (lower < self.low - margin), axis=1))
 
 
 def square_sum_extremes(

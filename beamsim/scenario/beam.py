@@ -241,6 +241,8 @@ class BeamBody(Body):
             remedy = "give the distance from its left end, position: 270 mm"
             yield Problem(path_text(at), f"is a point [x, y] of a plate, but {path_text(where)} is a beam", remedy)
             return
+        if isinstance(position, Share):
+            return  # not resolved where other values are invalid
         if position > self.length:
             given = _distinct(position, self.length)
             yield Problem(

@@ -150,7 +150,7 @@ class Body(Schema):
         """Why a node is not a place of the body."""
         yield Problem(
             path_text(at), f"applies to imported matrices, but {_this(where)} is a {self.body_kind}",
-            "give position: 270 mm on a beam, or mass: 2 on a chain",
+            "give position: 270 mm on a beam, position: [270 mm, 100 mm] on a plate, or mass: 2 on a chain",
         )  # fmt: skip
 
     def in_folder(self, folder_of: Callable[..., FilePath]) -> Self:

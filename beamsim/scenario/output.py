@@ -76,7 +76,7 @@ class BendingOutput(Output, Sited):
         what = self.kind.replace("_", " ")
         if body.body_kind not in ("beam", "plate"):
             yield _problem(
-                at, f"asks for a {what}, but {name} is a {body.body_kind}", "name a point of a beam or plate"
+                at, f"asks for a {what}, but {name} is of the kind {body.body_kind}", "name a point of a beam or plate"
             )
         elif self.component is not None and body.body_kind == "beam":
             yield _problem((*at, "component"), f"belongs to a plate, but {name} is a beam", "leave it out")

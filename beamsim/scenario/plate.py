@@ -34,6 +34,7 @@ Edge = Literal["clamped", "pinned", "free"]
 SMALLEST_ELEMENT = 5e-4
 """Of a side; frequencies of a clamped plate have been seen to lose digits below 3e-4."""
 
+_INCOMPRESSIBLE = 0.5  # Poisson's ratio
 EDGES = ("left", "right", "bottom", "top")
 
 
@@ -241,6 +242,8 @@ class PlateBody(Body):
                 "give x and y from its left and bottom edge: position: [270 mm, 100 mm]",
             )
             return
+        if any(isinstance(each, Share) for each in position):
+            return  # not resolved where other values are invalid
         for index, (key, size) in enumerate((("length", self.length), ("width", self.width))):
             if position[index] > size:
                 yield Problem(
@@ -371,6 +374,16 @@ class Plate(PlateBody):
     """Poisson's ratio."""
     density: Density
     """Density."""
+
+    def settle(self) -> None:
+        """Reject a material without resistance to pressure."""
+        super().settle()
+        if self.poissons_ratio > _INCOMPRESSIBLE:
+            raise fail(
+                f"= {self.poissons_ratio:g} is above {_INCOMPRESSIBLE:g}, that of an incompressible material",
+                "write for example 0.33; of a sandwich or laminate give bending_stiffness: {dx, dy, nu, dxy}",
+                ("poissons_ratio",),
+            )
 
     @property
     def rigidity(self) -> Rigidity:

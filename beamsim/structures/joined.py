@@ -44,6 +44,8 @@ class JoinedBodies(SeveralBodies):
         if all(body.most_modes is None for body in bodies):
             return None
         highest = min(_carried(body) for body in bodies if body.most_modes is not None)
+        if np.isinf(highest):
+            return None
         counts = [min(body.frequency_count(highest / body.frequency_scale), body.size) for body in bodies]
         return max(sum(counts), 1)
 
@@ -53,10 +55,12 @@ class JoinedBodies(SeveralBodies):
 
 
 def _carried(body: BodyStructure) -> float:
-    """Angular frequency, rad/s, below which a body has as many modes as its discretisation carries."""
+    """Angular frequency, rad/s, below which a body has as many modes as its discretisation carries; inf for all."""
     assert body.most_modes is not None
     low, high = 0.0, 1.0
-    while body.frequency_count(high) <= body.most_modes:
+    while (count := body.frequency_count(high)) <= body.most_modes:
+        if count >= body.size:
+            return np.inf
         low, high = high, 2 * high
     for _ in range(40):
         middle = (low + high) / 2

@@ -30,7 +30,7 @@ from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.initial import initial_state
 from beamsim.system.loads import carried_start, constant_loads, sine_loads, time_dependent_loads
-from beamsim.system.mechanisms import check_mechanisms, distant_joints, held_problems
+from beamsim.system.mechanisms import check_mechanisms, distant_joints, held_problems, open_loops
 from beamsim.system.moved_supports import check_places
 from beamsim.system.outputs import output_rows, output_sites
 from beamsim.system.parts import (
@@ -210,6 +210,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         warnings=(
             *parts.structure.remarks,
             *distant_joints(parts),
+            *open_loops(parts),
             *free,
             *warnings,
             *(correction.warnings() if correction else ()),

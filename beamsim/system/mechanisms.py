@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,6 +63,55 @@ def distant_joints(parts: Parts) -> Iterator[str]:
                     f"puts {other} on {one}: the two joints are {1e3 * on_one:.4g} mm from each other on {one} and "
                     f"{1e3 * on_other:.4g} mm on {other}; they act as if they fitted, check their positions"
                 )
+
+
+def open_loops(parts: Parts) -> Iterator[str]:
+    """Warnings about joints that close a loop of three and more bodies, whatever their angles, only across a distance.
+
+    Two joints of a body may lie no further apart than the other bodies of any loop through them reach. Loops of beams
+    alone are those of the scenario.
+    """
+    from scipy.sparse.csgraph import csgraph_from_dense, shortest_path
+
+    scenario = parts.scenario
+    members = {member.body.name: member.body for member in parts.structure.members}
+    points: dict[str, dict[int, Floats]] = {}  # by body, of its joints
+    for index, joint in enumerate(scenario.joints):
+        for end in ends_of(site_of(joint, scenario.default_body)):
+            point = members[end.body].point_of(end)
+            if point is not None:
+                points.setdefault(end.body, {})[index] = point
+    count = len(scenario.joints)
+    nearest, by = np.full((count, count), np.inf), np.full((count, count), "", dtype=object)
+    spans = [
+        (float(np.linalg.norm(at[i] - at[j])), name, i, j)
+        for name, at in points.items()
+        for i, j in combinations(sorted(at), 2)
+    ]
+    for span, name, i, j in spans:
+        if span < nearest[i, j]:
+            nearest[i, j] = nearest[j, i] = span
+            by[i, j] = by[j, i] = name
+    reported = set[frozenset[str]]()
+    for span, name, i, j in sorted(spans, reverse=True):
+        others = np.where(by == name, np.inf, nearest)
+        links = csgraph_from_dense(others, null_value=np.inf)
+        reach, before = shortest_path(links, indices=i, return_predecessors=True)
+        if not span - reach[j] > _ROUNDED * span:
+            continue
+        path = [j]
+        while path[-1] != i:
+            path.append(int(before[path[-1]]))
+        bodies = [by[a, b] for a, b in pairwise(path)]
+        loop, ends = frozenset((name, *bodies)), [place for k in path for place in scenario.joints[k].places]
+        if len(loop) < 3 or loop in reported or all(isinstance(place.position, float) for place in ends):
+            continue
+        reported.add(loop)
+        yield (
+            f"joints[{i}] and joints[{j}] lie {1e3 * span:.4g} mm from each other on {name}, and "
+            f"{' and '.join(bodies[::-1])} between them reach {1e3 * reach[j]:.4g} mm: the loop stays open by "
+            f"{1e3 * (span - reach[j]):.4g} mm; the joints act as if they fitted, check their positions"
+        )
 
 
 def floating_motions(parts: Parts) -> str:

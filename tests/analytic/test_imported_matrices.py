@@ -332,6 +332,28 @@ joints:
     np.testing.assert_allclose(frequencies(case)[:4], frequencies(beam)[:4], rtol=1e-8)
 
 
+def test_a_small_model_that_is_joined_needs_no_reduction_section(tmp_path):
+    """It has no more modes than by default are kept: all of them are counted, whatever the frequency."""
+    chain = """
+  mass:
+    kind: chain
+    masses: [50 g]
+    springs: [0]
+joints:
+  - {{kind: spring, stiffness: 2 kN/m, between: [{{body: panel, node: 9, direction: z}}, {{body: mass, mass: 1}}]}}
+"""
+    model, found = exported(), {}
+    for name, reduction in (("default", ""), ("all", "reduction: {{modes: all}}\n")):
+        case = CASE.replace("reduction: {{modes: 5}}\n", reduction)
+        found[name] = build_system(
+            imported(tmp_path, model.mass, model.stiffness, model.table, body=BODY + chain, case=case)
+        )
+    assert (
+        found["default"].modes.kept_modes == found["all"].modes.kept_modes == model.mass.shape[0]
+    )  # the mass for the base
+    np.testing.assert_allclose(found["default"].modes.open_frequencies_hz, found["all"].modes.open_frequencies_hz)
+
+
 def test_a_beam_with_a_dashpot_is_exported_with_it(tmp_path):
     """The matrix of viscous damping acts on motion relative to the base and is read back so."""
     text = BEAM.replace("kind: modal, ratio: 1 %", "kind: viscous, coefficient: 3 N s/m^2")

@@ -360,6 +360,34 @@ def test_distances_on_plates_are_compared_too():
     assert not build_system(load_scenario(joined(bodies, joints))).warnings
 
 
+@pytest.mark.parametrize(("plates", "reach"), [(1, 280), (2, 330)])
+def test_a_loop_of_plates_and_beams_that_does_not_close_is_said(plates, reach):
+    """Of three and four bodies; a triangle of other angles closes."""
+    panel = {**PLATE, "supports": {"left": "clamped"}}
+    names = ["panel", "second", "arm", "strut"] if plates == 2 else ["panel", "arm", "strut"]
+    bodies = {"panel": panel, "second": PLATE, "arm": beam(0.4), "strut": beam(0.4)}
+    spans = {
+        "panel": [[0.4, 0.0], [0.0, 0.0]],
+        "second": [[0.0, 0.1], [0.04, 0.13]],
+        "arm": [0.0, 0.2],
+        "strut": [0.0, 0.08],
+    }
+    joints = [
+        {"kind": "hinge", "between": [at(one, spans[one][1]), at(other, spans[other][0])]}
+        for one, other in zip(names, names[1:] + names[:1], strict=True)
+    ]
+    case = joined({name: bodies[name] for name in names}, joints)
+    held = {"arm": [0.1, 0.3], "strut": [0.1, 0.3], "second": [[0.0, 0.3], [0.4, 0.0], [0.4, 0.3]]}
+    case["springs_to_ground"] = [
+        {"kind": "linear", "stiffness": 1e3, "at": at(name, x)} for name in names[1:] for x in held[name]
+    ]
+    (warning,) = [text for text in build_system(load_scenario(case)).warnings if "loop" in text]
+    assert f"joints[0] and joints[{len(names) - 1}] lie 400 mm from each other on panel" in warning
+    assert f"between them reach {reach} mm: the loop stays open by {400 - reach} mm" in warning
+    joints[-1]["between"][0] = at("strut", 0.21)
+    assert not any("loop" in text for text in build_system(load_scenario(case)).warnings)
+
+
 @pytest.mark.parametrize(
     ("joint", "message"),
     [

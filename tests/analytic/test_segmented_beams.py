@@ -112,6 +112,54 @@ def test_rotary_inertia_on_the_tip_of_a_cantilever():
     assert np.all(without[1:] / got[1:] - 1 > 0.01)
 
 
+def test_rotary_inertia_inside_a_stepped_beam():
+    """Moment and shear jump at the mass, where the section changes too."""
+    mass, inertia, at = 0.2, 4e-3, 0.4 * L
+
+    def determinant(omega):
+        betas = [(omega**2 * s["mass_per_length"] / s["bending_stiffness"]) ** 0.25 for s in (THICK, THIN)]
+        left, right, end = shapes(betas[0], at), shapes(betas[1], 0.0), shapes(betas[1], L - at)
+        matrix = np.zeros((8, 8))
+        matrix[:2, :4] = shapes(betas[0], 0.0)[:2]
+        matrix[2:4, :4], matrix[2:4, 4:] = left[:2], -right[:2]
+        thick, thin = THICK["bending_stiffness"], THIN["bending_stiffness"]
+        matrix[4, :4], matrix[4, 4:] = thick * left[2] - omega**2 * inertia * left[1], -thin * right[2]
+        matrix[5, :4], matrix[5, 4:] = thick * left[3] + omega**2 * mass * left[0], -thin * right[3]
+        matrix[6:, 4:] = end[2:]
+        return np.linalg.det(matrix / np.linalg.norm(matrix, axis=1, keepdims=True))
+
+    segments = [{"from": 0.0, "to": at, **THICK}, {"from": at, "to": L, **THIN}]
+    inside = {"position": "40 %", "mass": mass, "rotary_inertia": inertia}
+    got = frequencies(beam(segments=segments, elements=160, point_masses=[inside]))[:4]
+    np.testing.assert_allclose(got, exact_frequencies(determinant, 4), rtol=1e-6)
+    without = frequencies(beam(segments=segments, elements=160, point_masses=[{**inside, "rotary_inertia": 0.0}]))[:4]
+    assert np.all(without / got - 1 > 1e-3)
+
+
+def test_deflections_at_structural_nodes_are_exact():
+    """Of a coarse mesh under a load along the beam: between nodes they lack the particular solution."""
+    at, load = 0.371 * L, -3.0
+
+    def deflection(nodes):
+        case = beam(**THIN, elements=2, nodes=nodes)
+        case |= {
+            "constant_forces": [{"line": "whole", "force_per_length": load}],
+            "probes": [{"name": "inside", "position": at}],
+            "reduction": {"modes": "all"},
+            "run": {"duration": 0.01, "sample_rate": 1000.0},
+        }
+        system = build_system(load_scenario(case))
+        return float(system.probes[0].shape @ system.static_equilibrium), system
+
+    exact = load * at**2 * (6 * L**2 - 4 * L * at + at**2) / (24 * EI)
+    got, system = deflection([at])
+    assert got == pytest.approx(exact, rel=1e-9)
+    assert np.abs(system.bodies[0].position - at).min() < 1e-12
+    moment = system.bodies[0].bending_moment @ system.static_equilibrium
+    assert abs(deflection([])[0] / exact - 1) > 1e-4
+    assert moment[np.abs(system.bodies[0].position - at).argmin()] == pytest.approx(load * (L - at) ** 2 / 2, rel=1e-6)
+
+
 def test_static_deflection_of_a_beam_on_end_springs_and_the_moment_at_a_rotational_one():
     k, kr, weight = 900.0, 15.0, 2.0
     case = beam(**THIN, supports={"left": {"kind": "pinned", "rotational_stiffness": kr}, "right": {"stiffness": k}})

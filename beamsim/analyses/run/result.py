@@ -265,7 +265,12 @@ class EnergyHistory:
 
     work_in: Floats = dataset("J", "work done on the structure by the excitation, in the relative frame", along=_TIME)
     dissipated: Floats = dataset("J", "energy dissipated", along=_TIME)
-    stored: Floats = dataset("J", "energy stored, kinetic and elastic, snubbers included", along=_TIME)
+    stored: Floats = dataset(
+        "J",
+        "energy stored, kinetic and elastic, snubbers included; where supports move relative to the base, that of the "
+        "degrees of freedom which they leave",
+        along=_TIME,
+    )
 
 
 @declared
