@@ -66,7 +66,7 @@ def square_sum_extremes(
     found.take(times, 0.5 * np.add.reduceat(trajectory.sample(times, output_of) ** 2, first, axis=1))
     for part in trajectory.parts():
         searches = [
-            _Search(part, part.flow.states[number], np.flatnonzero(part.state == number), output_of, first, found)
+            _Undecided(part, part.flow.states[number], np.flatnonzero(part.state == number), output_of, first, found)
             for number in np.unique(part.state)
         ]
         while any(search.segment.size for search in searches):
@@ -79,7 +79,7 @@ def square_sum_extremes(
     return found
 
 
-class _Search:
+class _Undecided:
     """The intervals of one contact state that may hold an extreme."""
 
     def __init__(
