@@ -80,14 +80,19 @@ def plot_plate_deflections(result: RunResult, plate: BodyResult, panels: list[Ax
 
 
 def _shapes(result: RunResult, plate: BodyResult) -> list[tuple[Floats, str]]:
-    """When the first probe is highest and lowest, and at static equilibrium where there is one; with titles."""
+    """When the first probe is highest and lowest, and at a static equilibrium that deflects the plate; with titles."""
     first = next(iter(result.probes), "")
     shapes = [
         (plate.extreme_shapes[1], f"{first} highest, t = {plate.extreme_times[1]:.4g} s"),
         (plate.extreme_shapes[0], f"{first} lowest, t = {plate.extreme_times[0]:.4g} s"),
         (plate.static_shape, "static equilibrium"),
     ]
-    return [(shape, title) for shape, title in shapes if np.all(np.isfinite(shape))]
+    largest = max(float(np.abs(shape).max(initial=0.0)) for shape, _ in shapes if np.all(np.isfinite(shape)))
+    return [
+        (shape, title)
+        for shape, title in shapes
+        if np.all(np.isfinite(shape)) and (largest == 0.0 or np.abs(shape).max() > _ROUND_OFF * largest)
+    ]
 
 
 def _deflections(result: RunResult, plate: BodyResult) -> Figure:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from beamsim.system.structural import SnubberNumbers
     from beamsim.typing import Floats, Ints
 
+MANY_NODES = 40  # of a body; beyond that they are drawn smaller
 _REFINED = 4  # points between stations, by a cubic spline through them
 BODY, REST, STOP = "#0b3c5d", "0.75", "#d1495b"
 SHUT = "stop in contact"
@@ -95,7 +96,8 @@ class Sketch:
                     spline = make_interp_spline(line.x, y, 3)
                     ax.plot(fine, line.row + spline(fine), color=BODY, linewidth=1.6, zorder=3)
                 else:
-                    ax.plot(line.x, line.row + y, color=BODY, linewidth=0.7, marker="s", markersize=5, zorder=3)
+                    size = 5.0 if line.x.size <= MANY_NODES else 2.0
+                    ax.plot(line.x, line.row + y, color=BODY, linewidth=0.7, marker="s", markersize=size, zorder=3)
             ax.annotate(
                 name, (float(lines[0].x[0]), lines[0].row), xytext=(0, -9), textcoords="offset points",
                 fontsize="x-small", color="0.35", va="top",
@@ -119,8 +121,12 @@ class Sketch:
     def point(self, place: Place, heights: Floats) -> tuple[float, float]:
         """Where a place is drawn; ``heights`` (nx,) are those of the stations."""
         lines = self.lines_of(place.body)
-        nearest = lines[-1] if place.across is not None and len(lines) > 1 and place.across > 0 else lines[0]
-        return nearest.at(place.coordinate, heights)
+        x, low = lines[0].at(place.coordinate, heights)
+        if place.across is None or self.stations.across is None or len(lines) == 1:
+            return x, low
+        width = float(self.stations.across[lines[-1].stations[0]])
+        _, high = lines[-1].at(place.coordinate, heights)  # of the other edge; between them on the straight line
+        return x, low + (high - low) * place.across / width
 
     def _marks(self, ax: Axes, heights: Floats) -> None:
         """Supports stay where they are; masses move."""

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from beamsim.typing import Floats
 
 
+MOST_TICKS = 20  # of numbered masses or nodes
+
+
 def plot_along(ax: Axes, stations: Stations, shape: Floats, label: str, **style: Any) -> None:
     """One shape (nx,) over the stations; of several bodies a curve each, with the body's name at its end."""
     several = len(stations.parts) > 1
@@ -55,5 +58,5 @@ def finish_along(ax: Axes, stations: Stations, ylabel: str) -> None:
         unit = f" ({scale_for(part.axis.unit, x).unit})" if part.axis.continuous else ""
         names.append(part.axis.label + unit)
         if not part.axis.continuous and len(stations.parts) == 1:
-            ax.set_xticks(x)
+            ax.set_xticks(x[:: -(-x.size // MOST_TICKS)])
     finish(ax, " / ".join(dict.fromkeys(names)), ylabel)
