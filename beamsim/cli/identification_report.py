@@ -120,6 +120,11 @@ def _estimated(result: IdentificationResult, _: Mapping[str, Any]) -> Iterator[R
         yield "", _parameter(parameter)
 
 
+def _pad_branches(result: IdentificationResult, stiffness: Sequence[float]) -> Iterator[Row]:
+    for k, tau in zip(stiffness, result.summary["pad_relaxation_time_s"], strict=True):
+        yield "", f"{_newtons(k)}, relaxation time {amount(tau, 's', 4)}"
+
+
 def _misfit(_: IdentificationResult, misfit: Sequence[float]) -> str:
     return f"{misfit[0]:.4g} before, {misfit[1]:.4g} after"
 
@@ -137,6 +142,10 @@ TEXTS: Texts = {
     "stiffness_by_mode_n_per_m": _each_mode,
     "reachable_hz": _reach,
     "pad_youngs_modulus_pa": lambda _, modulus: "" if math.isnan(modulus) else amount(modulus, "Pa", 5),
+    "pad_stiffness_n_per_m": lambda _, stiffness: _newtons(stiffness),
+    "pad_branch_stiffness_n_per_m": _pad_branches,
+    "pad_misfit": lambda _, misfit: f"{percent(misfit)} of the measured stiffness, root mean square",
+    "pad_yaml": lambda _, text: text,
     "frequencies_with_hz": _table("with_snubber"),
     "sensitivities": _sensitivities,
     "estimated": _estimated,

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ProfileLikelihood, TestFit
+from beamsim.analyses.identify.result import (
+    FrequencyTable,
+    IdentificationResult,
+    PadFit,
+    ProfileLikelihood,
+    TestFit,
+)
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, scale_for
 from beamsim.typing import Floats
 
@@ -65,6 +72,26 @@ def plot_residuals(before: FrequencyTable, after: FrequencyTable | None, ax: Axe
     ax.set_xticks(mode, [f"{m:.0f}" for m in mode])
     finish(ax, "Mode", "Predicted − measured (%)")
     return ax
+
+
+def plot_pad(pad: PadFit, axes: Sequence[Axes]) -> None:
+    """Measured and fitted stiffness of a pad over frequency, with its loss factor, or over time; one or two axes."""
+    dynamic = pad.frequency_hz is not None
+    at = pad.frequency_hz if dynamic else pad.time
+    if at is None:
+        raise ValueError("nothing was measured on the pad")
+    rows = [("Storage stiffness (kN/m)" if dynamic else "Force over deflection (kN/m)", 1e-3, pad.measured_stiffness,
+             pad.curve_stiffness)]  # fmt: skip
+    if pad.measured_loss_factor is not None:
+        rows.append(("Loss factor", 1.0, pad.measured_loss_factor, pad.curve_loss_factor))
+    for ax, (label, factor, measured, fitted) in zip(axes, rows, strict=True):
+        ax.plot(
+            pad.curve_at, factor * fitted, color=_FITTED, linewidth=1.2, label=f"{pad.branch_stiffness.size} branches"
+        )
+        ax.plot(at, factor * measured, "o", color=_MEASURED, markersize=4, markerfacecolor="white", label="measured")
+        ax.set_xscale("log")
+        finish(ax, "Frequency (Hz)" if dynamic else "Time (s)", label)
+    axes[0].legend(loc="best", frameon=False, fontsize="small")
 
 
 def plot_profile(profile: ProfileLikelihood, ax: Axes, coverage: float, unit: str = "") -> Axes:
@@ -148,6 +175,11 @@ def identification_figures(result: IdentificationResult) -> dict[str, Figure]:
         for ax in axes[len(profiles) :]:
             ax.set_visible(False)
         figures["profiles"] = figure
+    if result.pad is not None:
+        panels = 1 if result.pad.measured_loss_factor is None else 2
+        figure, axes = _panels(result.title, panels, height=4.6 if panels == 1 else 5.6)
+        plot_pad(result.pad, axes)
+        figures["pad"] = figure
     if result.nonlinear is not None:
         tests = result.nonlinear.tests
         figure, axes = _panels(result.title, len(tests), 2, height=0.6 + 3.0 * len(tests))

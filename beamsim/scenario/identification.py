@@ -10,6 +10,7 @@ from pydantic_core import CoreSchema
 
 from beamsim.scenario.base import Schema, counted, fail
 from beamsim.scenario.damping import Ratios
+from beamsim.scenario.pad_data import PadData
 from beamsim.scenario.quantities import (
     Area,
     Coefficient,
@@ -34,12 +35,22 @@ Bound = Annotated[float | str, NumberOrText("60 GPa")]
 
 
 class Pad(Schema):
-    """Rubber pad of the snubber, to compute its Young's modulus E = k height / area."""
+    """Rubber pad of the snubber: its size, for Young's modulus E = k height / area, and what was measured on it."""
 
-    height: Length
+    height: Length | None = None
     """Height (in the direction of the force)."""
-    area: Area
+    area: Area | None = None
     """Loaded area."""
+    data: PadData | None = None
+    """Storage stiffness and loss factor over frequency, or relaxation: gives Maxwell branches."""
+
+    def settle(self) -> None:
+        """Demand the size, measurements, or both."""
+        if (self.height is None) != (self.area is None):
+            key = "height" if self.height is None else "area"
+            raise fail("is missing", "give both height and area", (key,))
+        if self.height is None and self.data is None:
+            raise fail("is missing", "give height and area of the pad, or what was measured on it in data", ("height",))
 
 
 class MonteCarlo(Schema):
@@ -199,13 +210,15 @@ class IdentifyStiffness(Schema):
     nonlinear: NonlinearFit | None = None
     """Damping and contact parameters from measured nonlinear vibrations."""
     pad: Pad | None = None
-    """Pad of the snubber; gives its Young's modulus."""
+    """Pad of the snubber; gives its Young's modulus, and Maxwell branches from measurements of the pad."""
 
     def settle(self) -> None:
         """Reject frequencies out of order, modes that were not measured, and more unknowns than measurements."""
         for key in ("measured_without", "measured_with"):
             self._increasing(key)
-        if not self.measured_with and self.nonlinear is None and not (self.update and self.measured_without):
+        of_pad = self.pad is not None and self.pad.data is not None
+        of_structure = self.update and self.measured_without
+        if not self.measured_with and self.nonlinear is None and not of_structure and not of_pad:
             raise fail(
                 "is missing, and there are no nonlinear tests",
                 "give the frequencies with permanent contact, measured_with: [196.5 Hz], or nonlinear tests",

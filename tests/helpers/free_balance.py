@@ -10,7 +10,6 @@ import numpy as np
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real
 from beamsim.orbits.harmonic_balance import (
-    HarmonicMotion,
     _Forces,
     _jacobian,
     _residual,
@@ -19,6 +18,7 @@ from beamsim.orbits.harmonic_balance import (
     _Springs,
     _with_shifts,
 )
+from beamsim.orbits.harmonic_motion import HarmonicMotion
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
 

@@ -133,6 +133,12 @@ def _identify(
             current = _with_stiffness(current, section.snubber, estimate.stiffness)
         nonlinear = fit_nonlinear(current, section, measurements, progress)
         warnings += nonlinear.warnings
+    pad = None
+    if section.pad is not None and section.pad.data is not None:
+        from beamsim.analyses.identify.pad_fit import fit_pad
+
+        pad = fit_pad(scenario, section.pad, section.pad.data)
+        warnings += pad.warnings
     spent = clock.process_time() - processor
     parts = [part.outcome for part in (estimate, nonlinear) if part is not None and not part.outcome.complete]
     result = IdentificationResult(
@@ -148,6 +154,7 @@ def _identify(
         mac=mac,
         nonlinear=nonlinear,
         pad_modulus=_pad_modulus(section, estimate),
+        pad=pad,
         warnings=tuple(warnings),
         processor_time_s=spent,
         wall_time_s=clock.perf_counter() - begin,
@@ -326,7 +333,7 @@ def _with_stiffness(scenario: Scenario, snubber: str, stiffness: float) -> Scena
 
 def _pad_modulus(section: IdentifyStiffness, estimate: StiffnessEstimate | None) -> float:
     """E_r = k h / b, Pa (thesis, section 1.3.3)."""
-    if section.pad is None or estimate is None:
+    if section.pad is None or estimate is None or section.pad.height is None or section.pad.area is None:
         return float("nan")
     return estimate.stiffness * section.pad.height / section.pad.area
 
@@ -337,6 +344,8 @@ def _summary(result: IdentificationResult) -> dict[str, Any]:
     if result.estimate is not None:
         summary["pad_youngs_modulus_pa"] = result.pad_modulus
         summary["sensitivities"] = {s.parameter: s.relative for s in result.sensitivities}
+    if result.pad is not None:
+        summary["pad_yaml"] = result.pad.yaml
     update, nonlinear = result.update, result.nonlinear
     if update is not None:
         summary["updated"] = {p.parameter: _plain(p) for p in update.parameters} | dict(update.choices)

@@ -72,6 +72,45 @@ class StiffnessEstimate:
     outcome: Outcome = ending("how the search ended", default=COMPLETE)
 
 
+_BRANCHES = (Counter("branch", "number of the Maxwell branch, in the order of relaxation times"),)
+_CURVE = (Counter("pad_curve", "number of the point of the fitted curve"),)
+_SAMPLES = (Counter("pad_measurement", "number of the measurement of the pad"),)
+
+
+@declared
+class PadFit:
+    """A spring and Maxwell branches fitted to measurements of the pad."""
+
+    kind: str = attribute("", "dynamic (over frequency) or relaxation (over time)")
+    stiffness: float = attribute("N/m", "stiffness after a long rest")
+    misfit: float = attribute("1", "root mean square of the relative errors of the complex stiffness or the relaxation")
+    least_misfit: float = attribute("1", "the same with as many branches as there could be")
+    branch_stiffness: Floats = dataset("N/m", "stiffness of each branch", along=_BRANCHES)
+    relaxation_time: Floats = dataset("s", "relaxation time of each branch", along=_BRANCHES)
+    measured_stiffness: Floats = dataset(
+        "N/m", "measured storage stiffness, or force over deflection in relaxation", along=_SAMPLES
+    )
+    fitted_stiffness: Floats = dataset("N/m", "the same of spring and branches", along=_SAMPLES)
+    curve_at: Floats = dataset("{unit}", "frequency or time of the fitted curve", along=_CURVE)
+    curve_stiffness: Floats = dataset("N/m", "storage stiffness or relaxation there", along=_CURVE)
+    curve_loss_factor: Floats = dataset("1", "loss factor there; zero in relaxation", along=_CURVE)
+    unit: str = attribute("", "unit of curve_at")
+    frequency_hz: Floats | None = dataset("Hz", "frequency of each measurement", along=_SAMPLES, default=None)
+    time: Floats | None = dataset("s", "time of each measurement after the deflection", along=_SAMPLES, default=None)
+    measured_loss_factor: Floats | None = dataset("1", "measured loss factor", along=_SAMPLES, default=None)
+    fitted_loss_factor: Floats | None = dataset("1", "loss factor of spring and branches", along=_SAMPLES, default=None)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def yaml(self) -> str:
+        """Keys of a snubber that has this spring and these branches."""
+        branches = ", ".join(
+            f"{{stiffness: {k:.5g} N/m, relaxation_time: {tau:.4g} s}}"
+            for k, tau in zip(self.branch_stiffness, self.relaxation_time, strict=True)
+        )
+        return f"stiffness: {self.stiffness:.5g} N/m, maxwell: [{branches}]"
+
+
 @declared
 class Sensitivity:
     """How the identified stiffness depends on one number of the structure."""
@@ -207,6 +246,11 @@ _SUMMARY = (
     Entry("reachable_hz", of="estimate.reach_hz", label="reach"),
     Entry("residual", of="estimate.residual"),
     Entry("pad_youngs_modulus_pa", "Pa", "Young's modulus of the pad", "pad's Young's modulus"),
+    Entry("pad_stiffness_n_per_m", of="pad.stiffness", label="pad after a long rest"),
+    Entry("pad_branch_stiffness_n_per_m", of="pad.branch_stiffness", label="branches of the pad"),
+    Entry("pad_relaxation_time_s", of="pad.relaxation_time"),
+    Entry("pad_misfit", of="pad.misfit", label="misfit of the pad"),
+    Entry("pad_yaml", "", "keys of a snubber with this spring and these branches", "for the snubber"),
     Entry("eigenvalue_solutions", of="estimate.eigenvalue_solutions", label="eigenvalue solutions"),
     Entry("frequencies_with_hz", "Hz", "predicted natural frequencies with the snubber", "with permanent contact",
              "with_snubber.predicted_hz"),
@@ -245,6 +289,7 @@ class IdentificationResult(Result):
         ),
     )
     nonlinear: NonlinearEstimate | None = group("nonlinear")
+    pad: PadFit | None = group("pad")
     pad_modulus: float = attribute(
         "Pa", "Young's modulus of the pad; NaN without one", name="pad_youngs_modulus_pa", at="stiffness",
         default=float("nan"),

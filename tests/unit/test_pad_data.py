@@ -1,0 +1,140 @@
+"""Maxwell branches from dynamic tests and relaxation curves of a pad."""
+
+import numpy as np
+import pytest
+import yaml
+
+import beamsim
+from beamsim.contacts.branch_fit import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
+from beamsim.contacts.force_curve import ForceCurve
+from beamsim.contacts.pads import MaxwellBranch, recovering_law
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+
+BRANCHES = (MaxwellBranch(40e3, 1e-3), MaxwellBranch(25e3, 2e-2), MaxwellBranch(10e3, 0.5))
+STIFFNESS = 60e3
+OMEGA = 2 * np.pi * np.geomspace(0.1, 2e3, 30)
+
+
+def measured(omega=OMEGA, branches=BRANCHES):
+    k = dynamic_stiffness(STIFFNESS, branches, omega)
+    return k.real, k.imag / k.real
+
+
+def agree(fit, branches=BRANCHES, rel=1e-5):
+    assert fit.stiffness == pytest.approx(STIFFNESS, rel=rel)
+    assert [b.stiffness for b in fit.branches] == pytest.approx([b.stiffness for b in branches], rel=rel)
+    assert [b.relaxation_time for b in fit.branches] == pytest.approx([b.relaxation_time for b in branches], rel=rel)
+
+
+def test_the_formula_is_that_of_the_law():
+    line = ForceCurve(np.array([0.0, 1.0]), np.array([0.0, STIFFNESS]))
+    law = recovering_law(line, 0.0, BRANCHES)
+    expected = law.dynamic_stiffness(law.resting_phase(1.0), OMEGA)
+    np.testing.assert_allclose(dynamic_stiffness(STIFFNESS, BRANCHES, OMEGA), expected, rtol=1e-12)
+
+
+def test_branches_are_found_again():
+    agree(fit_dynamic(OMEGA, *measured()))
+    agree(fit_dynamic(OMEGA, *measured(), branches=3))
+    time = np.geomspace(1e-4, 5.0, 40)
+    agree(fit_relaxation(time, relaxation(STIFFNESS, BRANCHES, time)))
+    agree(fit_relaxation(time, relaxation(STIFFNESS, BRANCHES[1:2], time)), BRANCHES[1:2])
+    assert fit_dynamic(OMEGA, *measured()).misfit < 1e-6
+
+
+def test_noise_is_not_fitted_by_more_branches():
+    noise = np.random.default_rng(3).normal(size=(2, OMEGA.size))
+    storage, loss = measured()
+    fit = fit_dynamic(OMEGA, storage * (1 + 0.01 * noise[0]), loss * (1 + 0.02 * noise[1]))
+    assert len(fit.branches) <= 4
+    assert 0.005 < fit.misfit < 0.02
+    k = dynamic_stiffness(fit.stiffness, fit.branches, OMEGA)
+    np.testing.assert_allclose(np.abs(k), np.abs(dynamic_stiffness(STIFFNESS, BRANCHES, OMEGA)), rtol=0.02)
+
+
+def test_fewer_branches_fit_worse():
+    misfits = [fit_dynamic(OMEGA, *measured(), branches=count).misfit for count in (1, 2, 3)]
+    assert misfits[0] > 2 * misfits[1] > 4 * misfits[2]
+
+
+# -- scenarios -------------------------------------------------------------------------------------------------------
+
+CASE = {
+    "chain": {"masses": [1.0], "springs": [50.0], "damping": {"kind": "modal", "ratio": 0.02}},
+    "snubbers": [{"name": "pad", "at": {"mass": 1}, "side": "above", "stiffness": "1 kN/m", "gap": "1 mm"}],
+}
+
+
+def case(**pad):
+    return {**CASE, "identify_stiffness": {"snubber": "pad", "pad": pad}}
+
+
+def rows(*columns):
+    return [[float(x) for x in row] for row in np.column_stack(columns)]
+
+
+def test_a_dynamic_test_in_a_scenario():
+    storage, loss = measured()
+    result = beamsim.identify_stiffness(load_scenario(case(data={"dynamic": rows(OMEGA / (2 * np.pi), storage, loss)})))
+    fit = result.pad
+    assert fit.stiffness == pytest.approx(STIFFNESS, rel=1e-5)
+    np.testing.assert_allclose(fit.relaxation_time, [b.relaxation_time for b in BRANCHES], rtol=1e-5)
+    np.testing.assert_allclose(fit.fitted_loss_factor, loss, rtol=1e-5)
+    assert result.estimate is None
+    stop = {**CASE["snubbers"][0], **yaml.safe_load("{" + result.summary["pad_yaml"] + "}")}
+    built = load_scenario({**CASE, "snubbers": [stop]})  # what is printed is a snubber
+    assert [b.stiffness for b in built.all_snubbers[0].maxwell] == pytest.approx([40e3, 25e3, 10e3], rel=1e-4)
+
+
+@pytest.mark.parametrize("unit", ["stiffness", "modulus"])
+def test_a_relaxation_curve_from_a_file(tmp_path, unit):
+    time = np.geomspace(1e-3, 5.0, 30)
+    k = relaxation(STIFFNESS, BRANCHES[1:], time)
+    height, area = 0.02, 250e-6
+    heading, values = ("stiffness (kN/m)", k / 1e3) if unit == "stiffness" else ("E (MPa)", k * height / area / 1e6)
+    lines = [f"time (ms),{heading}", *(f"{1e3 * t:.10g},{x:.12g}" for t, x in zip(time, values, strict=True))]
+    (tmp_path / "pad.csv").write_text("\n".join(lines))
+    text = yaml.safe_dump(case(height=height, area=area, data={"file": "pad.csv"}))
+    (tmp_path / "case.yaml").write_text(text)
+    result = beamsim.identify_stiffness(load_scenario(tmp_path / "case.yaml"))
+    assert result.pad.kind == "relaxation"
+    np.testing.assert_allclose(result.pad.relaxation_time, [2e-2, 0.5], rtol=1e-4)
+    assert result.pad.stiffness == pytest.approx(STIFFNESS, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("pad", "says"),
+    [
+        ({}, "pad.height is missing"),
+        ({"height": 0.02}, "pad.area is missing"),
+        ({"data": {}}, "needs one of dynamic, relaxation and file"),
+        ({"data": {"file": "a.csv", "relaxation": [[1, 2], [2, 1]]}}, "has relaxation and file"),
+        ({"data": {"dynamic": [[1, 2, 0.1], [1, 3, 0.1]]}}, "does not lie above the one before"),
+        ({"data": {"dynamic": [[1, 2, 0.0], [2, 3, 0.0]]}}, "no loss at all"),
+        ({"data": {"dynamic": [[1, 2, 0.1], [2, 3, 0.1]], "branches": 3}}, "measure at 4 or more"),
+        ({"data": {"relaxation": [[1, -2], [2, 3]]}}, "relaxation"),
+    ],
+)
+def test_bad_measurements_are_refused(pad, says):
+    with pytest.raises(ScenarioError, match=says):
+        load_scenario(case(**pad))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (None, "does not exist"),
+        ("frequency (Hz),force (N),loss factor\n1,2,0.1\n2,3,0.1", "which is no unit of"),
+        ("frequency (Hz),loss factor\n1,0.1\n2,0.1", "it needs columns"),
+        ("frequency (Hz),E (MPa),loss factor\n1,2,0.1\n2,3,0.1", "add height and area"),
+        ("time (s),stiffness (N/m)\n1,2\n2,\n", "row 2 of the numbers is not complete"),
+        ("time (s),stiffness (N/m)\n2,2\n1,1\n", "row 2 of the numbers"),
+    ],
+)
+def test_bad_files_are_refused(tmp_path, text, says):
+    if text is not None:
+        (tmp_path / "pad.csv").write_text(text)
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(case(data={"file": "pad.csv"})))
+    with pytest.raises(ScenarioError, match=says):
+        beamsim.identify_stiffness(load_scenario(tmp_path / "case.yaml"))
