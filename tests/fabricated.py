@@ -19,6 +19,7 @@ from beamsim.analyses.run.result import (
 )
 from beamsim.analyses.run.spectrum import spectrum
 from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.scenario.excitation import NoExcitation
 from beamsim.structures.stations import ALONG, MASSES, Stations
 
 YAML = """\
@@ -38,6 +39,7 @@ class FabricatedScenario:
     title: str = "Fabricated, 65 Hz"
     bodies_of_places: dict[str, dict[str, str]] = field(default_factory=dict)
     units: None = None
+    excitation: NoExcitation = field(default_factory=NoExcitation)
 
     def to_yaml(self) -> str:
         return YAML

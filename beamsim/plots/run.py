@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult, SnubberHistory, Spectrum
+from beamsim.analyses.run.windows import Window
 from beamsim.fields import rows_of
 from beamsim.plots.assembly import assembly_figures
 from beamsim.plots.impacts import impact_figures
@@ -44,6 +45,7 @@ SHARE_SHOWN = 0.125  # of a run without excitation frequency
 DEEPEST_DB = 100.0  # below the highest line of a spectrum
 CONTENT_DB = 40.0  # below the highest point of a broadband spectrum, down to which it is shown
 DOUBTFUL_LINES = f"lines that change by more than {100 * ALLOWED_CHANGE:g} % with a finer model"
+DECAYING_LINES = "lines, weighted to the beginning"
 _LINE_MARKS = {"fundamental": "o", "superharmonic": "o", "subharmonic": "^", "other": "x", "chosen": "D"}
 _FREE, _CLOSED = "0.45", "#d1495b"
 
@@ -106,6 +108,7 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
     for k, s in enumerate(spectra[:MOST_CURVES]):
         unit = s.excitation_hz if forced else 1.0
         style = curve_style(k)
+        falls = Window.named(s.window).one_sided
         ax.plot(*thinned(s.frequency_hz / unit, s.amplitude_db), label=s.probe, **style)
         for kind, mark in _LINE_MARKS.items():
             marked = [line for line in s.lines if line.kind == kind] if k == 0 else []
@@ -117,7 +120,7 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
                 markersize=4,
                 markerfacecolor="white",
                 color=style["color"],
-                label="_nolegend_",
+                label=DECAYING_LINES if marked and kind == "other" and falls else "_nolegend_",
             )
         doubtful = [line for line in s.lines if (line.relative_change or 0.0) > ALLOWED_CHANGE] if k == 0 else []
         ax.plot(
@@ -134,7 +137,7 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
     named = quantity.replace("_", " ").capitalize()
     axis = "Frequency / excitation frequency" if forced else "Frequency (Hz)"
     finish(ax, axis, f"{named} (dB re max)")
-    boxes = sum(line.get_label() == DOUBTFUL_LINES for line in ax.lines)
+    boxes = sum(line.get_label() in (DOUBTFUL_LINES, DECAYING_LINES) for line in ax.lines)
     legend(ax, min(len(spectra), MOST_CURVES) + boxes, len(spectra) + boxes, "probes")
     return _doubts(result, ax, "spectral_lines", "lines", f" {quantity}")
 
@@ -280,7 +283,13 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
             figure.suptitle(result.title, x=0.012, ha="left", fontsize="medium", color="0.3")
         return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
 
+    shock = result.scenario.excitation.shock
+
     def whole_and_last_part(draw: Callable[..., Axes]) -> Figure:
+        if shock:  # which is over in the last part
+            figure, (ax,) = panels(1, height=4.4)
+            draw(result, ax)
+            return figure
         figure, (above, below) = panels(2)
         draw(result, above)
         draw(result, below, last_part=True)
@@ -293,6 +302,12 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
         "displacement": whole_and_last_part(plot_displacement),
         "acceleration": whole_and_last_part(plot_absolute_acceleration),
     }
+    if shock and result.base_unit == "m" and np.any(result.base_acceleration):
+        figure, (above, below) = panels(2)
+        plot_absolute_acceleration(result, above)
+        plot_base_acceleration(result, below)
+        above.set_xlabel("")
+        figures["acceleration"] = figure
     if result.snubbers:
         figures["contact_force"] = whole_and_last_part(plot_contact_force)
         figure, (ax,) = panels(1, height=4.4)
@@ -355,6 +370,16 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
                 ax.set_title(body, fontsize="medium")
         figures["deflected_shapes"] = figure
     return figures | impact_figures(result, panels) | plate_figures(result) | assembly_figures(result)
+
+
+def plot_base_acceleration(result: RunResult, ax: Axes) -> Axes:
+    """Time history of the acceleration of the base, the input."""
+    t, x = thinned(rows_of(result, "time"), rows_of(result, "base_acceleration"))
+    scale, clock = acceleration_scale(), time_scale()
+    ax.plot(t * clock.factor, x * scale.factor, **curve_style(0))
+    ax.set_xlim(t[0] * clock.factor, t[-1] * clock.factor)
+    finish(ax, f"Time ({clock.unit})", f"Acceleration of the base ({scale.unit})")
+    return ax
 
 
 def _histories(

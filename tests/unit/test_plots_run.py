@@ -13,13 +13,16 @@ from matplotlib.figure import Figure
 from PIL import Image
 from sampling import slow_after
 
+import beamsim
 from beamsim.errors import ResultFileError
 from beamsim.fields import changed
 from beamsim.plots import run as plots
 from beamsim.plots.layout import lay_out
 from beamsim.plots.png import write_png
+from beamsim.plots.run import run_figures
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import scale_for, thinned
+from beamsim.scenario import load_scenario
 
 EVERYTHING = {
     "displacement",
@@ -215,3 +218,22 @@ def test_a_broadband_spectrum_is_shown_as_far_as_it_has_content(fabricated_run):
     broad = [changed(x, amplitude_db=level, lines=(line,)) for x in result.spectra.values()]
     assert plots._highest_shown(broad, forced=False, broadband=False) == 1.5
     assert plots._highest_shown(broad, forced=False, broadband=True) == s.frequency_hz[level > -60.0][-1]
+
+
+def test_a_shock_is_shown_whole_with_its_input():
+    result = beamsim.run(
+        load_scenario(
+            {
+                "chain": {"masses": [1.0], "springs": [4e3], "dashpots": [5.0]},
+                "excitation": {"kind": "half_sine", "applied_to": "base", "level": "10 g", "duration": "11 ms"},
+                "run": {"duration": 0.3, "sample_rate": "2 kHz", "convergence": "off"},
+            }
+        )
+    )
+    figures = run_figures(result)
+    (ax,) = figures["displacement"].axes
+    assert ax.get_xlim() == pytest.approx((0.0, result.time[-1]))
+    above, below = figures["acceleration"].axes
+    assert "base" in below.get_ylabel()
+    assert below.lines[0].get_ydata().max() == pytest.approx(10.0, rel=1e-3)
+    assert above.get_xlim() == below.get_xlim()
