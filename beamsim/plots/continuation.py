@@ -66,7 +66,9 @@ def _overlay(result: FrequencyResponse, ax: Axes, curves: Sequence[tuple[Overlay
         label = f"{'swept' if curve.steady is None else 'stepped'} {curve.direction}"
         if _levels(result) or len(curves) > 2:
             label += f", {_level(result, curve.level)}"
-        line: dict[str, Any] = {"linewidth": 2.2} if curve.steady is None else {"linestyle": "none", "marker": "."}
+        line: dict[str, Any] = {"linestyle": "none", "marker": "."}
+        if curve.steady is None:  # told apart without colour, too
+            line = {"linewidth": 2.2, "linestyle": (0, (4, 1)) if k % 2 else "-"}
         ax.plot(
             f, peak * scale.factor, color=_OVERLAID[k % len(_OVERLAID)], label=label, markersize=4, zorder=1, **line
         )
@@ -87,6 +89,11 @@ def plot_harmonics(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
             at = branch.parameter * x.factor
             label = None if k else f"order {order}" if order else "mean"
             plot_branch(ax, at, y, branch.stable, color=style["color"], width=1.3, label=label)
+        _number(
+            ax,
+            order,
+            [(b.parameter * x.factor, v[:, order] * scale.factor) for b, v in zip(alike, values, strict=True)],
+        )
     _explain_dashes(ax, alike)
     if top > 0:
         ax.set_yscale("log")
@@ -94,6 +101,13 @@ def plot_harmonics(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
     finish(ax, _axis(result), f"Amplitude of {probe} ({scale.unit})")
     _legend(ax)
     return ax
+
+
+def _number(ax: Axes, order: int, curves: Sequence[tuple[Floats, Floats]]) -> None:
+    """The order at the right end of its curve, which is found without colour then."""
+    ends = [(at[k], y[k]) for at, y in curves if at.size for k in [int(np.argmax(at))] if y[k] > 0.0]
+    if ends:
+        ax.annotate(str(order), max(ends), xytext=(4, 0), textcoords="offset points", va="center", fontsize="x-small")
 
 
 def plot_fold_curves(result: FrequencyResponse, ax: Axes) -> Axes:
