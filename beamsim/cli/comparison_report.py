@@ -33,4 +33,34 @@ def _delay(c: ChannelComparison) -> str:
     return "no delay" if periods < 1e-9 else f"a delay of {amount(c.delay_s, 's')}"
 
 
-TEXTS: Texts = {"comparisons": _channels}
+def _sweeps(comparison: Comparison, _: Sequence[Any]) -> Iterator[Row]:
+    for c in comparison.sweeps:
+        yield f"{c.place} {c.quantity.replace('_', ' ')}", f"measured: {c.channel}, {c.detector} of {c.curve}"
+        yield "  FRAC", f"{c.frac:.4f}" + ("" if c.has_phase else " (of amplitudes)")
+        for number, peak in enumerate(c.peaks, 1):
+            measured = (
+                f"measured {peak.measured_hz:.2f} Hz, {amount(peak.measured_level, c.unit)}{_quality(peak.measured_q)}"
+            )
+            if not math.isfinite(peak.predicted_hz):
+                yield f"  peak {number}", f"{measured}; no computed peak is near"
+                continue
+            predicted = (
+                f"{peak.predicted_hz:.2f} Hz, {amount(peak.predicted_level, c.unit)}{_quality(peak.predicted_q)}"
+            )
+            difference = f"{100 * peak.frequency_difference:+.2f} %, {peak.difference_db:+.2f} dB"
+            yield f"  peak {number}", f"{measured}; predicted {predicted}; difference {difference}"
+    if comparison.assurance is not None:
+        diagonal = np.diagonal(comparison.assurance.fdac)
+        f = comparison.assurance.measured_hz
+        yield (
+            "FDAC",
+            f"at equal frequencies {np.mean(diagonal):.3f} in the mean, lowest {np.min(diagonal):.3f} at "
+            f"{f[np.argmin(diagonal)]:.4g} Hz",
+        )
+
+
+def _quality(q: float) -> str:
+    return f", Q {q:.3g}" if math.isfinite(q) else ""
+
+
+TEXTS: Texts = {"comparisons": _channels, "sweeps": _sweeps}

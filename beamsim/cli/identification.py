@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,14 @@ import typer
 
 from beamsim.cli.failures import guarded
 from beamsim.cli.options import Case, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored
+
+
+class DetectorChoice(StrEnum):
+    """Values of ``beamsim compare --detector``."""
+
+    peak = "peak"
+    fundamental = "fundamental"
+    rms = "rms"
 
 
 def register(app: typer.Typer) -> None:
@@ -58,25 +67,36 @@ def compare(
     last: Annotated[
         float | None, typer.Option("--last", min=0.0, help="Use only the last part of the measurement, s.")
     ] = None,
+    curve: Annotated[str | None, typer.Option("--curve", help="Curve of a sweep, e.g. up_0.")] = None,
+    detector: Annotated[
+        DetectorChoice | None, typer.Option("--detector", help="What the measurement of a sweep shows of each cycle.")
+    ] = None,
     output: Output = None,
     json: Json = False,
     no_plots: NoPlots = False,
     debug: Debug = False,
 ) -> None:
-    """Overlay a run with measured signals. Prints harmonic differences in dB, phase aligned."""
+    """Overlay a run or sweep with measured signals. Prints differences of harmonics, phase aligned; of sweeps peaks."""
     from beamsim.analyses.compare.analysis import compare as compare_with
+    from beamsim.analyses.compare.sweeps import compare_sweep
+    from beamsim.analyses.run.result import RunResult
     from beamsim.cli.conclusion import Reporting, finish
     from beamsim.cli.output import output_file
     from beamsim.cli.progress import progress_of
     from beamsim.store.pairing import pair_channels
-    from beamsim.store.results import open_run
-    from beamsim.store.stored import damage_of
+    from beamsim.store.results import open_run, open_sweep
+    from beamsim.store.stored import damage_of, kind_of
 
-    stored = open_run(result)
+    swept = open_sweep(result) if kind_of(result) == "sweep" else None
+    stored = open_run(result) if swept is None else swept
     target = output_file(output, f"{result.stem}_compare", ".h5", ".hdf5")
     pairs = pair_channels(
         stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit, axis_unit=axis_unit
     )
     with damage_of(result), progress_of(f"comparing with {measured.name}", shown=not json):
-        comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)
+        if swept is not None:
+            comparison = compare_sweep(swept, pairs, curve=curve, detector=None if detector is None else detector.value)
+        else:
+            assert isinstance(stored, RunResult)
+            comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)
     finish("compare", comparison, target, Reporting(not no_plots, json))

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from beamsim.inputs.headings import split_heading
+from beamsim.inputs.headings import split_heading, stated
+from beamsim.scenario.units import ACCELERATION, FORCE, FREQUENCY, LENGTH, TIME, VELOCITY, UnitError, read_level
 from beamsim.typing import Floats
+
+_MEASURED = (TIME, FREQUENCY, ACCELERATION, VELOCITY, LENGTH, FORCE)
 
 
 @dataclass(frozen=True)
@@ -66,13 +69,38 @@ def read_csv(path: Path) -> CsvTable:
     if first is None:
         raise ValueError("no line starts with a number")
     width = len(rows[first])
-    headings = [] if not first else rows[first - 1] if width > 1 else [lines[first - 1].strip().strip('"')]
+    headings = [] if not first else headings_of(rows[:first]) if width > 1 else [lines[first - 1].strip().strip('"')]
     if separator == "," and headings and width == 2 * len(headings):
         raise ValueError("it has decimal commas between commas; export it with decimal points")
     ragged = next((i for i, row in enumerate(rows[first:]) if len(row) != width), None)
     if ragged is not None:
         raise ValueError(f"line {first + ragged + 1} has {len(rows[first + ragged])} columns instead of {width}")
     return CsvTable(headings, np.array([[float(cell) if cell else np.nan for cell in row] for row in rows[first:]]))
+
+
+def headings_of(rows: list[list[str]]) -> list[str]:
+    """Headings of the columns from the rows above the numbers: the last row, with the units that may stand below it.
+
+    >>> headings_of([["Test 7"], ["Frequency", "tip"], ["Hz", "g"]])
+    ['Frequency (Hz)', 'tip (g)']
+    """
+    last = rows[-1]
+    if len(rows) < 2 or len(rows[-2]) != len(last) or not all(map(_is_unit, last)):
+        return last
+    units = (stated(cell.strip("()[] ")) for cell in last)
+    return [f"{name} ({unit})" if unit else name for name, unit in zip(rows[-2], units, strict=True)]
+
+
+def _is_unit(text: str) -> bool:
+    """Whether a cell is a unit of what is measured, or says that there is none."""
+    unit = stated(text.strip("()[] "))
+    if not unit:
+        return True
+    try:
+        read_level(f"1 {unit}", _MEASURED)
+    except UnitError:
+        return False
+    return True
 
 
 def _is_number(text: str) -> bool:

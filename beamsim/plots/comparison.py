@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.compare.result import ChannelComparison, Comparison
+from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, SweptComparison
 from beamsim.plots.style import acceleration_scale, finish, scale_for, thinned, time_scale
 
 if TYPE_CHECKING:
@@ -52,6 +52,43 @@ def plot_spectra(c: ChannelComparison, ax: Axes) -> Axes:
     return ax
 
 
+def plot_swept(c: SweptComparison, ax: Axes) -> Axes:
+    """Response over frequency, with the peaks that are compared."""
+    if c.quantity == "absolute_acceleration":
+        factor, unit = acceleration_scale()
+    else:
+        factor, unit = scale_for(c.unit, np.abs(c.predicted), np.abs(c.measured))
+    ax.plot(c.frequency_hz, np.abs(c.predicted) * factor, label="predicted", **_PREDICTED)
+    ax.plot(c.frequency_hz, np.abs(c.measured) * factor, label="measured", **_MEASURED)
+    for marker, size, frequency, level in (
+        ("o", 5, "predicted_hz", "predicted_level"),
+        ("s", 5, "measured_hz", "measured_level"),
+    ):
+        at = [(getattr(peak, frequency), getattr(peak, level) * factor) for peak in c.peaks]
+        ax.plot(*np.array(at).reshape(-1, 2).T, marker, markersize=size, markerfacecolor="none",
+                color=(_PREDICTED if marker == "o" else _MEASURED)["color"])  # fmt: skip
+    ax.set_yscale("log")
+    detected = {"peak": "peak", "fundamental": "fundamental of", "rms": "rms"}[c.detector]
+    finish(
+        ax, f"Excitation frequency (Hz), {c.curve}", f"{detected} {c.quantity.replace('_', ' ')} ({unit})".capitalize()
+    )
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize="small")
+    ax.set_title(f"FRAC {c.frac:.3f}", loc="left", fontsize="small", color="0.3")
+    return ax
+
+
+def plot_fdac(assurance: Assurance, ax: Axes) -> Axes:
+    """FDAC over both frequencies; the dotted line is that of equal frequencies."""
+    mesh = ax.pcolormesh(assurance.measured_hz, assurance.predicted_hz, assurance.fdac, cmap="cividis", vmin=0, vmax=1,
+                         shading="nearest")  # fmt: skip
+    ends = [float(assurance.measured_hz[0]), float(assurance.measured_hz[-1])]
+    ax.plot(ends, ends, ":", color="#d1495b", linewidth=1.4)
+    if ax.figure is not None:
+        ax.figure.colorbar(mesh, ax=ax, label="FDAC")
+    finish(ax, "Measured frequency (Hz)", "Predicted frequency (Hz)")
+    return ax
+
+
 def comparison_figures(comparison: Comparison) -> dict[str, Figure]:
     """One figure per channel, named after place and quantity."""
     from matplotlib.figure import Figure
@@ -64,4 +101,14 @@ def comparison_figures(comparison: Comparison) -> dict[str, Figure]:
         plot_histories(c, above)
         plot_spectra(c, below)
         figures[f"{c.place}_{c.quantity}".replace(" ", "_")] = figure
+    for swept in comparison.sweeps:
+        figure = Figure(figsize=(8.0, 4.8), layout="constrained")
+        figure.suptitle(f"{comparison.title}: {swept.place}", x=0.012, ha="left", fontsize="medium", color="0.3")
+        plot_swept(swept, figure.subplots())
+        figures[f"{swept.place}_{swept.quantity}".replace(" ", "_")] = figure
+    if comparison.assurance is not None:
+        figure = Figure(figsize=(6.4, 5.2), layout="constrained")
+        figure.suptitle(comparison.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+        plot_fdac(comparison.assurance, figure.subplots())
+        figures["fdac"] = figure
     return figures

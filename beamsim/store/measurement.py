@@ -14,6 +14,7 @@ import numpy as np
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.axes import AxisError, axis_factor, check_record, without_unit
+from beamsim.inputs.csv_table import headings_of
 from beamsim.inputs.headings import FREQUENCY_NAMES, TIME_NAMES, is_frequency, split_heading, stated
 from beamsim.inputs.universal_file import is_in_si_units, units_of_uff
 from beamsim.scenario.driven import spoken
@@ -199,12 +200,11 @@ def _read_csv(path: Path, axis_unit: str | None) -> list[MeasuredSignal]:
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise _wrong(f"{path} contains no data", "export the measurement again")
-    delimiter = max((",", ";", "\t"), key=lambda mark: lines[0].count(mark))
-    if lines[0].count(delimiter) == 0:
-        delimiter = " "
+    delimiter = next((mark for mark in (";", "\t", ",") if mark in lines[-1]), " ")
     rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True)]
-    header = rows[0] if not _is_number(rows[0][0], delimiter) else [f"column {k + 1}" for k in range(len(rows[0]))]
-    body = rows[1:] if header is rows[0] else rows
+    first = _first_sample(rows, delimiter)
+    header = headings_of(rows[:first]) if first else [f"column {k + 1}" for k in range(len(rows[0]))]
+    body = rows[first:]
     if not body:
         raise _wrong(f"{path} has a header but no samples", "export the measurement again")
     values = np.empty((len(body), len(header)))
@@ -231,6 +231,17 @@ def _read_csv(path: Path, axis_unit: str | None) -> list[MeasuredSignal]:
         for j, name in enumerate(header)
         if j > 0
     ]
+
+
+def _first_sample(rows: list[list[str]], delimiter: str) -> int:
+    """Number of the row after the headings: rows of titles and units have no number in their first cell.
+
+    A row with numbers beside that cell, right above the samples, is a sample with a fault.
+    """
+    first = next((k for k, row in enumerate(rows) if _is_number(row[0], delimiter)), 1)
+    while first > 1 and any(_is_number(cell, delimiter) for cell in rows[first - 1]):
+        first -= 1
+    return first
 
 
 def _is_number(cell: str, delimiter: str) -> bool:

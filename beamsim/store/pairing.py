@@ -9,12 +9,13 @@ import numpy as np
 from beamsim.analyses.compare.analysis import QUANTITIES
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.store.measurement import channel_named, holds_name, in_si, read_signals
 
 
 def pair_channels(
-    result: RunResult,
+    result: RunResult | SweepResult,
     path: Path,
     *,
     place: str | None = None,
@@ -23,7 +24,7 @@ def pair_channels(
     unit: str | None = None,
     axis_unit: str | None = None,
 ) -> list[tuple[str, str, MeasuredSignal]]:
-    """The measured channels of a file that belong to the probes and snubbers of a run by name, in SI units.
+    """The measured channels of a file that belong to the probes and snubbers of a result by name, in SI units.
 
     With `channel`, or in a file with one, that one is compared with `quantity` (by default what its name or unit says,
     else the absolute acceleration) at `place` (by default the one it is named after, or the only one).
@@ -34,7 +35,8 @@ def pair_channels(
         If the file cannot be used or no channel matches.
     """
     signals = read_signals(path, axis_unit)
-    places = list(dict.fromkeys([*result.probes, *result.snubbers]))
+    probes, snubbers = _places(result)
+    places = list(dict.fromkeys([*probes, *snubbers]))
     if place is not None and place not in places:
         raise ScenarioError(Problem("", f"--probe {place} is not in the result", f"it has {', '.join(places)}"))
     if channel is not None or len(signals) == 1:
@@ -42,13 +44,13 @@ def pair_channels(
             signals, channel or signals[0].name, quantity or "absolute_acceleration", path, required=channel is not None
         )
         compared = quantity or _quantity_of(signal.name, signal.unit or unit or "")
-        at = place or _place_of(signal, list(result.snubbers if compared == "force" else result.probes), path)
-        _known(result, at, compared)
+        at = place or _place_of(signal, snubbers if compared == "force" else probes, path)
+        _known(snubbers if compared == "force" else probes, at, compared)
         return [(at, compared, in_si(signal, unit, compared, "--unit"))]
     pairs: list[tuple[str, str, MeasuredSignal]] = []
     for name in places if place is None else [place]:
         for q in QUANTITIES if quantity is None else [quantity]:
-            if name not in (result.snubbers if q == "force" else result.probes):
+            if name not in (snubbers if q == "force" else probes):
                 continue
             try:
                 signal = channel_named(signals, name, q, path, required=True)
@@ -109,11 +111,20 @@ def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:
     )  # fmt: skip
 
 
-def _known(result: RunResult, place: str, quantity: str) -> None:
+def _places(result: RunResult | SweepResult) -> tuple[list[str], list[str]]:
+    """Names of the probes and snubbers of a result."""
+    if isinstance(result, RunResult):
+        return list(result.probes), list(result.snubbers)
+    curves = result.curves.values()
+    return list(dict.fromkeys(p for c in curves for p in c.displacement)), list(
+        dict.fromkeys(s for c in curves for s in c.force)
+    )
+
+
+def _known(owners: list[str], place: str, quantity: str) -> None:
     if quantity not in QUANTITIES:
         raise ScenarioError(
             Problem("", f"--quantity {quantity} is not one of {', '.join(QUANTITIES)}", "choose one of these")
         )
-    owners = result.snubbers if quantity == "force" else result.probes
     if place not in owners:
         raise ScenarioError(Problem("", f"--probe {place} has no {quantity}", f"choose from {', '.join(owners)}"))

@@ -6,7 +6,7 @@ import numpy as np
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import Spectrum
-from beamsim.fields import Entry, attribute, axis, dataset, declared, group, numbered, stored
+from beamsim.fields import Counter, Entry, attribute, axis, dataset, declared, group, numbered, stored, table
 from beamsim.typing import Complexes, Floats, Ints
 
 _ORDER = ("order",)
@@ -67,12 +67,71 @@ class ChannelComparison:
 
 
 @declared
+class PeakPair:
+    """A measured peak over frequency, and the computed one beside it; NaN where there is none."""
+
+    measured_hz: float = dataset("Hz", "frequency of the measured peak")
+    predicted_hz: float = dataset("Hz", "frequency of the computed peak")
+    measured_level: float = dataset("", "level of the measured peak, in the unit of the channel")
+    predicted_level: float = dataset("", "level of the computed peak, in the unit of the channel")
+    measured_q: float = dataset("1", "measured frequency over the half-power band; NaN where that has no end")
+    predicted_q: float = dataset("1", "computed frequency over the half-power band; NaN where that has no end")
+
+    @property
+    @stored(dataset("1", "computed frequency over the measured one, less 1"))
+    def frequency_difference(self) -> float:
+        """Relative difference of the frequencies."""
+        return self.predicted_hz / self.measured_hz - 1.0
+
+    @property
+    @stored(dataset("dB", "20 log10(computed / measured level)"))
+    def difference_db(self) -> float:
+        """Difference of the levels, dB."""
+        return float(20 * np.log10(self.predicted_level / self.measured_level))
+
+
+@declared
+class SweptComparison:
+    """One quantity at one place over the frequency of a sweep, predicted and measured."""
+
+    place: str = attribute("", "name of the probe; that of the snubber for a force")
+    quantity: str = attribute("", "quantity that is compared")
+    unit: str = attribute("", "its unit")
+    channel: str = attribute("", "channel of the measurement")
+    source: str = attribute("", "file of the measurement")
+    curve: str = attribute("", "curve of the sweep")
+    detector: str = attribute("", "what is compared of each cycle: peak, fundamental or rms")
+    has_phase: bool = attribute("", "whether phases are compared, too")
+    frequency_hz: Floats = axis("Hz", "excitation frequency, those of the measurement")
+    predicted: Complexes = dataset(
+        "{unit}", "predicted response", along=("frequency_hz",), imaginary="its imaginary part"
+    )
+    measured: Complexes = dataset(
+        "{unit}", "measured response", along=("frequency_hz",), imaginary="its imaginary part"
+    )
+    frac: float = attribute("1", "frequency response assurance criterion")
+    peaks: tuple[PeakPair, ...] = table("peaks", Counter("peak", "number of the measured peak"), default=())
+
+
+@declared
+class Assurance:
+    """Frequency domain assurance criterion: likeness of the deflection at two frequencies, over all channels."""
+
+    predicted_hz: Floats = axis("Hz", "frequency of the prediction")
+    measured_hz: Floats = axis("Hz", "frequency of the measurement")
+    fdac: Floats = dataset("1", "frequency domain assurance criterion", along=("predicted_hz", "measured_hz"))
+
+
+@declared
 class Comparison(Result):
     """Result of ``beamsim compare``."""
 
     SUMMARY = (
         Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one",
                  "channels"),
+        Entry("sweeps", "", "by channel of a sweep: place, quantity, curve, FRAC, and its peaks", "channels"),
     )  # fmt: skip
 
-    channels: tuple[ChannelComparison, ...] = numbered("channels", start=1, required=True)
+    channels: tuple[ChannelComparison, ...] = numbered("channels", start=1, default=())
+    sweeps: tuple[SweptComparison, ...] = numbered("sweeps", start=1, default=())
+    assurance: Assurance | None = group("assurance", default=None)  # of two channels of a sweep or more

@@ -1,0 +1,171 @@
+"""Comparison of sweeps with measured ones: peaks, Q, FRAC and FDAC, and files as laboratories write them."""
+
+import numpy as np
+import pytest
+import pyuff
+from typer.testing import CliRunner
+
+from beamsim.analyses.compare.measured import MeasuredSignal
+from beamsim.analyses.compare.sweeps import assurance, compare_sweep, peaks_of
+from beamsim.analyses.sweep.analysis import sweep
+from beamsim.cli.app import app
+from beamsim.errors import ScenarioError
+from beamsim.inputs.csv_table import read_csv
+from beamsim.plots.comparison import comparison_figures
+from beamsim.scenario import load_scenario
+from beamsim.store.measurement import read_signals
+from beamsim.store.results import open_result, write_comparison, write_sweep
+
+G = 9.80665
+CASE = {
+    "chain": {"masses": [1, 0.5], "springs": [39478.4, 60000, 0], "damping": {"kind": "modal", "ratio": "2 %"}},
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": "1 g", "frequency": "20 Hz"},
+    "probes": [{"name": "first", "mass": 1}, {"name": "second", "mass": 2}],
+    "sweep": {"kind": "swept_sine", "from": "15 Hz", "to": "35 Hz", "rate": "30 oct/min", "orders": [1]},
+}
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return sweep(load_scenario(CASE))
+
+
+def measured(swept, place, factor=1.0, shift=1.0, *, complex_values=True):
+    """The sweep itself with another level and other frequencies, as a laboratory's channel."""
+    curve = swept.curves["up_0"]
+    of = curve.acceleration[place]
+    y = factor * (of.harmonics[0] if complex_values else of.peak)
+    return MeasuredSignal(f"{place} absolute acceleration", shift * curve.frequency_hz, y, True, "m/s^2")
+
+
+def test_a_sweep_agrees_with_itself(swept):
+    pairs = [(place, "absolute_acceleration", measured(swept, place)) for place in ("first", "second")]
+    comparison = compare_sweep(swept, pairs)
+    for channel in comparison.sweeps:
+        assert channel.detector == "fundamental"
+        assert channel.frac == pytest.approx(1.0, abs=1e-12)
+        for peak in channel.peaks:
+            assert peak.frequency_difference == pytest.approx(0.0, abs=1e-12)
+            assert peak.difference_db == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(np.diagonal(comparison.assurance.fdac), 1.0, atol=1e-12)
+    assert comparison.assurance.fdac.min() < 0.9
+
+
+@pytest.mark.parametrize("complex_values", [True, False])
+def test_a_louder_and_stiffer_specimen_is_told(swept, complex_values):
+    """1.5 times the level is 3.52 dB, and frequencies that are 4 % higher shift the peak and lower FRAC."""
+    signal = measured(swept, "second", 1.5, 1.04, complex_values=complex_values)
+    (channel,) = compare_sweep(swept, [("second", "absolute_acceleration", signal)]).sweeps
+    assert channel.detector == ("fundamental" if complex_values else "peak")
+    peak = max(channel.peaks, key=lambda each: each.measured_level)
+    assert peak.frequency_difference == pytest.approx(1 / 1.04 - 1, abs=2e-3)
+    assert peak.difference_db == pytest.approx(-20 * np.log10(1.5), abs=0.05)
+    assert peak.predicted_q == pytest.approx(peak.measured_q, rel=0.03)
+    assert channel.frac < 0.9
+
+
+def test_q_of_an_oscillator_is_that_of_its_damping():
+    zeta, f = 0.02, np.linspace(5.0, 15.0, 4001)
+    r = f / 10.0
+    (peak,) = peaks_of(f, 1 / np.abs(1 - r**2 + 2j * zeta * r))
+    assert peak[0] == pytest.approx(10 * np.sqrt(1 - 2 * zeta**2), rel=1e-5)
+    assert peak[1] == pytest.approx(1 / (2 * zeta * np.sqrt(1 - zeta**2)), rel=1e-5)
+    assert peak[2] == pytest.approx(1 / (2 * zeta), rel=2e-3)
+
+
+def test_a_lone_peak_has_no_partner(swept):
+    x = np.linspace(16.0, 34.0, 200)
+    signal = MeasuredSignal("second", x, 1.0 + np.exp(-(((x - 20.0) / 0.5) ** 2)) * 5, True, "m/s^2")
+    (channel,) = compare_sweep(swept, [("second", "absolute_acceleration", signal)]).sweeps
+    (lone,) = channel.peaks
+    assert np.isnan(lone.predicted_hz)
+    assert lone.measured_hz == pytest.approx(20.0, abs=0.05)
+
+
+def test_frac_ignores_a_factor_and_notices_a_difference():
+    one = np.exp(1j * np.linspace(0, 3, 50))
+    assert assurance(one, -2.5j * one) == pytest.approx(1.0, abs=1e-12)
+    assert assurance(one, one.conj()) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("signal", "words"),
+    [
+        (MeasuredSignal("second", np.arange(20.0), np.ones(20)), "time history"),
+        (MeasuredSignal("second", np.linspace(1.0, 14.0, 50), np.ones(50), True), "0 frequencies"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(swept, signal, words):
+    with pytest.raises(ScenarioError, match=words):
+        compare_sweep(swept, [("second", "absolute_acceleration", signal)])
+    with pytest.raises(ScenarioError, match="unknown"):
+        compare_sweep(swept, [], curve="down_0")
+
+
+CHANNELS = "first absolute acceleration;second absolute acceleration"
+HEADERS = {
+    "titles and a row of units": (f"Sine sweep;;\nRun 7;2026;\nFrequency;{CHANNELS}\nHz;g;g\n", ";", ","),
+    "units in the headings": (f"frequency (Hz);{CHANNELS.replace(';', ' (g);')} (g)\n".replace(";", ","), ",", "."),
+    "tabs and units in brackets": (f"Frequency;{CHANNELS}\n[Hz];[g];[g]\n".replace(";", "\t"), "\t", ","),
+}
+
+
+@pytest.mark.parametrize("kind", HEADERS)
+def test_csv_files_of_laboratories(swept, tmp_path, kind):
+    header, separator, point = HEADERS[kind]
+    curve = swept.curves["up_0"]
+    columns = [curve.frequency_hz, *(curve.acceleration[p].peak / G for p in ("first", "second"))]
+    rows = [separator.join(f"{v:.9g}".replace(".", point) for v in row) for row in zip(*columns, strict=True)]
+    path = tmp_path / "test.csv"
+    path.write_text(header + "\n".join(rows) + "\n")
+    signals = read_signals(path)
+    assert [signal.unit for signal in signals] == ["g", "g"]
+    assert all(signal.of_frequency for signal in signals)
+    np.testing.assert_allclose(signals[1].y, columns[2], rtol=1e-8)
+    assert read_csv(path).units == ["Hz", "g", "g"]
+    write_sweep(swept, tmp_path / "sweep.h5")
+    target = str(tmp_path / "sweep_compare.h5")
+    done = CliRunner().invoke(app, ["compare", str(tmp_path / "sweep.h5"), str(path), "--no-plots", "-o", target])
+    assert done.exit_code == 0, done.output
+    assert "FRAC" in done.output
+    assert "FDAC" in done.output
+    stored = open_result(tmp_path / "sweep_compare.h5", "compare")
+    assert [channel.place for channel in stored.sweeps] == ["first", "second"]
+    assert min(channel.frac for channel in stored.sweeps) > 1 - 1e-9
+
+
+def test_a_fault_right_above_the_samples_is_still_one(tmp_path):
+    (tmp_path / "bad.csv").write_text("frequency (Hz),second (g)\nabc,1.0\n2,1\n3,1\n")
+    with pytest.raises(ScenarioError, match="sample 1 of frequency"):
+        read_signals(tmp_path / "bad.csv")
+
+
+def test_universal_files(swept, tmp_path):
+    """Written here, read by pyuff, compared again."""
+    write_sweep(swept, tmp_path / "sweep.h5")
+    done = CliRunner().invoke(app, ["export", str(tmp_path / "sweep.h5"), "--format", "uff", "-o", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    file = pyuff.UFF(str(tmp_path / "sweep.uff"))
+    kinds = [int(kind) for kind in file.get_set_types()]
+    assert {15, 58, 164} <= set(kinds)
+    target = str(tmp_path / "sweep_compare.h5")
+    arguments = ["compare", str(tmp_path / "sweep.h5"), str(tmp_path / "sweep.uff"), "--no-plots", "-o", target]
+    channel = "up 0 probes second harmonic absolute acceleration order 1"
+    done = CliRunner().invoke(app, [*arguments, "--channel", channel, "--probe", "second"])
+    assert done.exit_code == 0, done.output
+    (stored,) = open_result(tmp_path / "sweep_compare.h5", "compare").sweeps
+    assert stored.detector == "fundamental"
+    assert stored.frac > 1 - 1e-6
+
+
+def test_stored_and_drawn(swept, tmp_path):
+    pairs = [(place, "absolute_acceleration", measured(swept, place, 1.1, 1.02)) for place in ("first", "second")]
+    comparison = compare_sweep(swept, pairs)
+    write_comparison(comparison, tmp_path / "c.h5")
+    stored = open_result(tmp_path / "c.h5", "compare")
+    np.testing.assert_array_equal(stored.assurance.fdac, comparison.assurance.fdac)
+    assert [peak.measured_q for peak in stored.sweeps[0].peaks] == [p.measured_q for p in comparison.sweeps[0].peaks]
+    figures = comparison_figures(comparison)
+    assert set(figures) == {"first_absolute_acceleration", "second_absolute_acceleration", "fdac"}
+    for name, figure in figures.items():
+        figure.savefig(tmp_path / f"{name}.png")
