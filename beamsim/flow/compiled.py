@@ -40,6 +40,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             if "cannot cache function" not in str(error):
                 raise
             dispatcher = numba.njit(**{**options, "cache": use_temporary_folder()})(function)
+        _ignore_literals(dispatcher)
         _know_all_sources(dispatcher)
         _tolerate_failures(dispatcher)
         return dispatcher
@@ -115,6 +116,17 @@ def _announce() -> None:
 @cache
 def _warn_once(reason: str) -> None:
     warnings.warn(f"compiled code cannot be kept ({reason}); {_REMEDY}", CacheWarning, stacklevel=2)
+
+
+def _ignore_literals(dispatcher: Any) -> None:
+    """Compile a call with a number that is written out for its type, not once more for every such number."""
+    template_of = dispatcher.get_call_template
+    unliteral: Any = numba.types.unliteral
+
+    def get_call_template(arguments: Any, named: Any) -> Any:
+        return template_of(tuple(map(unliteral, arguments)), {name: unliteral(each) for name, each in named.items()})
+
+    dispatcher.get_call_template = get_call_template
 
 
 def _know_all_sources(dispatcher: Any) -> None:

@@ -196,7 +196,7 @@ def product_integrals(  # type: ignore[no-untyped-def]
         at[0], at[2] = g, 0.0
         _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
         _rows(tables, s, real, imag, zeta, rows[0], rows[1])
-        groups = int(nb > 0)  # for a literal the callees would be compiled once more
+        groups = int(nb > 0)
         longest = 0
         for b in range(nb):
             exponents[group[s, b]] = exponent[b]

@@ -567,7 +567,7 @@ def extremes(  # type: ignore[no-untyped-def]
     B = tables.exponent.shape[1]
     gamma, size, out = np.zeros((B, TOGETHER), dtype=np.complex128), np.zeros((B, TOGETHER)), np.zeros((4, TOGETHER))
     gamma_of_one, size_of_one, out_of_one = np.zeros((B, 1), dtype=np.complex128), np.zeros((B, 1)), np.zeros((4, 1))
-    output = np.zeros(TOGETHER, dtype=np.int64)
+    output, limit = np.zeros(TOGETHER, dtype=np.int64), np.zeros(TOGETHER)
     largest, bend = np.zeros(B), np.zeros(B)
     ceiling, first, rate, curve = np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(k)
     real, imag = _parts(table)
@@ -597,8 +597,10 @@ def extremes(  # type: ignore[no-untyped-def]
             if z == 0.0:
                 continue
             highest_part, bent = abs(z) * largest[b], abs(z) * bend[b]
+            constant = exponent[b] == 0.0 and power[b] == 0
             for j in range(k):
-                ceiling[j] += highest_part * magnitude[s, q, j]
+                value = real[s, q, j] * z.real - imag[s, q, j] * z.imag
+                ceiling[j] += value if constant else highest_part * magnitude[s, q, j]
                 curve[j] += bent * magnitude[s, q, j]
             if power[b] == 0:
                 w = exponent[b] * z
@@ -611,7 +613,7 @@ def extremes(  # type: ignore[no-untyped-def]
         for begin in range(int(at[1]), k, TOGETHER):
             tau = at[2]
             at[1], at[2] = begin, 0.0
-            count: Any = np.int64(0)  # for a literal the callees would be compiled once more
+            count = 0
             for j in range(begin, min(begin + TOGETHER, k)):
                 # most segments hold no new extreme, as a bound on them or on their start proves: first with what
                 # all outputs share, then with the output's own coefficients, whose parts have cancelled
@@ -624,13 +626,14 @@ def extremes(  # type: ignore[no-untyped-def]
                 top, bent = 0.0, 0.0
                 for b in range(nb):
                     size[b, count] = abs(gamma[b, count])
-                    top += size[b, count] * largest[b]
+                    constant = exponent[b] == 0.0 and power[b] == 0
+                    top += gamma[b, count].real if constant else size[b, count] * largest[b]
                     bent += size[b, count] * bend[b]
                 if top <= highest[j] or _stays_below(highest[j], first[j], rate[j], bent, H):
                     continue
-                if not top < LARGEST_SQUARE:  # steps are square roots of products, which would overflow
+                if not abs(top) < LARGEST_SQUARE:  # steps are square roots of products, which would overflow
                     continue
-                output[count] = j
+                output[count], limit[count] = j, top
                 count += 1
             near_zero = 0
             while count > 0:
@@ -662,9 +665,10 @@ def extremes(  # type: ignore[no-untyped-def]
                     if near and near_zero > PATIENCE and safe < 0.1 * (reach - tau) and value > 0.0:
                         safe = max(safe, _taylor_step(exponent, power, nb, gamma, size, i, -1.0, tau, reach, value))
                     close = close or near
-                    if reach >= H and safe >= H - tau:  # done with this output here: the last takes its place
+                    within = limit[i] <= highest[j] + slack  # all of the segment is, as of a motion at rest
+                    if within or (reach >= H and safe >= H - tau):  # done with it here: the last takes its place
                         count -= 1
-                        output[i] = output[count]
+                        output[i], limit[i] = output[count], limit[count]
                         for b in range(nb):
                             gamma[b, i], size[b, i] = gamma[b, count], size[b, count]
                     elif safe < h:

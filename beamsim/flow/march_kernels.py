@@ -261,7 +261,8 @@ def march(  # type: ignore[no-untyped-def]
                 keep_segment(tables, swept, response, state, piece, t, tau, zeta, used)
             _fill_basis(exponent, power, nb, tau, basis)
             if swept is not None:
-                start[:] = y
+                for k in range(y.size):
+                    start[k] = y[k]
             _state_at(tables, state, zeta, basis, y)
             if swept is not None:
                 add_forced_state(response, used, omega, tau, y)
@@ -397,7 +398,9 @@ def sample_evenly(  # type: ignore[no-untyped-def]
         _coefficients(tables, s, table, zeta, k, gamma)
         while i < stop:
             count = min(RESTART, stop - i)
-            sums[:, :count] = 0.0
+            for j in range(k):
+                for n in range(count):
+                    sums[j, n] = 0.0
             for b in range(tables.n_basis[s]):
                 lam, p = tables.exponent[s, b], tables.power[s, b]
                 _fill_evenly(lam, time[i] - seg_time[g], step, count, real, imag)

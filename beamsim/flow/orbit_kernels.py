@@ -24,6 +24,7 @@ import numpy as np
 
 from beamsim.flow.compiled import allocating, inner, kernel
 from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _state_at
+from beamsim.flow.linear_kernels import eliminate, substitute
 
 
 class Variation(NamedTuple):
@@ -83,58 +84,58 @@ def _force_terms(  # type: ignore[no-untyped-def]
 
     ``(K_s - k^2 omega^2 + i k omega C_s) q = force_h - closed ground contacts``; ``out`` (2, S, H, N) receives the
     derivatives by omega and by the level, ``dforce``/``dbase`` and ``level_force``/``level_base`` being those of the
-    loads.
+    loads. Returns False where a response is infinite.
     """
     S, n, _ = K.shape
     H = multiple.size
     m = contacts.sign.size
+    Z, order = np.empty((n, n), dtype=np.complex128), np.empty(n, dtype=np.int64)
+    x, by_level = np.empty(n, dtype=np.complex128), np.empty(n, dtype=np.complex128)
+    by_frequency, extra = np.empty(n, dtype=np.complex128), np.empty(n, dtype=np.complex128)
     for s in range(S):
         for h in range(H):
             w = multiple[h] * omega
-            Z = np.empty((n, n), dtype=np.complex128)
             for i in range(n):
                 for j in range(n):
                     Z[i, j] = complex(K[s, i, j], w * C[s, i, j])
                 Z[i, i] -= w * w
-            B = np.empty((n, 2), dtype=np.complex128)
-            for i in range(n):
-                B[i, 0] = force[h, i]
-                B[i, 1] = level_force[h, i]
-            extra = np.zeros(n, dtype=np.complex128)
+                x[i], by_level[i], extra[i] = force[h, i], level_force[h, i], 0.0
             for j in range(m):
                 law = contacts.force[j, tables.phase[s, j]]
                 if contacts.felt[j] != 0.0 and (law[0] != 0.0 or law[1] != 0.0):
                     z = contacts.felt[j] * complex(law[0], w * law[1])
                     dz = contacts.felt[j] * complex(0.0, multiple[h] * law[1])
                     for i in range(n):
-                        B[i, 0] -= z * contacts.shape[j, i] * base[h]
-                        B[i, 1] -= z * contacts.shape[j, i] * level_base[h]
+                        x[i] -= z * contacts.shape[j, i] * base[h]
+                        by_level[i] -= z * contacts.shape[j, i] * level_base[h]
                         extra[i] -= (dz * base[h] + z * dbase[h]) * contacts.shape[j, i]
-            X = np.linalg.solve(Z, B)
+            if not eliminate(Z, order):
+                return False
+            substitute(Z, order, x)
+            substitute(Z, order, by_level)
             for i in range(n):
                 total = dforce[h, i] + extra[i]
                 for j in range(n):
-                    total -= multiple[h] * complex(0.0, C[s, i, j]) * X[j, 0]
-                total += 2.0 * multiple[h] * w * X[i, 0]
-                B[i, 0] = total
-            D = np.linalg.solve(Z, B)
+                    total -= multiple[h] * complex(0.0, C[s, i, j]) * x[j]
+                by_frequency[i] = total + 2.0 * multiple[h] * w * x[i]
+            substitute(Z, order, by_frequency)
             t = first_forced[s] + h
             b = first_basis[s] + h
             iw = complex(0.0, w)
             tables.exponent[s, b] = iw
             inputs.exponent[1 + h] = iw
             for i in range(n):
-                tables.term_vector[s, t, i] = X[i, 0]
-                tables.term_vector[s, t, n + i] = iw * X[i, 0]
-                out[0, s, h, i] = D[i, 0]
-                out[0, s, h, n + i] = iw * D[i, 0] + complex(0.0, multiple[h]) * X[i, 0]
-                out[1, s, h, i] = X[i, 1]
-                out[1, s, h, n + i] = iw * X[i, 1]
+                tables.term_vector[s, t, i] = x[i]
+                tables.term_vector[s, t, n + i] = iw * x[i]
+                out[0, s, h, i] = by_frequency[i]
+                out[0, s, h, n + i] = iw * by_frequency[i] + complex(0.0, multiple[h]) * x[i]
+                out[1, s, h, i] = by_level[i]
+                out[1, s, h, n + i] = iw * by_level[i]
             for g in range(tables.n_guards[s]):
                 j = tables.guard_contact[s, g]
                 delta = 0.0j
                 for i in range(n):
-                    delta += contacts.shape[j, i] * X[i, 0]
+                    delta += contacts.shape[j, i] * x[i]
                 delta += contacts.felt[j] * base[h]
                 delta *= -contacts.sign[j]
                 row = contacts.guard[j, tables.phase[s, j], _guard_of_contact(tables, s, g)]
@@ -143,11 +144,12 @@ def _force_terms(  # type: ignore[no-untyped-def]
                     rows = contacts.reset[j, tables.phase[s, j], _guard_of_contact(tables, s, g)]
                     for i in range(tables.states[j]):
                         tables.watch[s, t, tables.reset[s, g] + i] = complex(rows[i, 0], w * rows[i, 1]) * delta
+    return True
 
 
 @kernel
 def set_loads(tables, inputs, contacts, variation, loads, omega, level):  # type: ignore[no-untyped-def]
-    """Rewrite the loads' responses in the tables at a frequency and level; False where the loads are not finite."""
+    """Rewrite the loads' responses in the tables at a frequency and level; False where they are not finite."""
     H, n = loads.force.shape
     ratio = omega / loads.reference
     unit = np.empty((H, n), dtype=np.complex128)
@@ -165,7 +167,7 @@ def set_loads(tables, inputs, contacts, variation, loads, omega, level):  # type
         loads.base_derivative[0, h] = level * moved * (loads.base_power[h] / omega)
         loads.base_derivative[1, h] = moved
     if finite:
-        _force_terms(
+        finite = _force_terms(
             tables, inputs, contacts, variation.first_forced, loads.first_basis, loads.stiffness, loads.damping,
             omega, variation.multiple, force, variation.base, dforce, loads.base_derivative[0], unit,
             loads.base_derivative[1], loads.derivative,
@@ -503,7 +505,7 @@ def carry_sensitivity(  # type: ignore[no-untyped-def]
                 re, im = c[2 * i, k], c[2 * i + 1, k]
                 turned[2 * q, k] = e.real * re - e.imag * im
                 turned[2 * q + 1, k] = e.real * im + e.imag * re
-        sens[:] = np.dot(variation.right[s], turned)
+        np.dot(variation.right[s], turned, sens)
         _add_forced_derivative(tables, s, inputs, variation, parameters, t1, 1.0, sens)
         for p in range(P):
             if parameters.moves_contacts[p]:

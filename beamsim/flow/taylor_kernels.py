@@ -363,7 +363,7 @@ def carry_smooth(  # type: ignore[no-untyped-def]
     dx = np.zeros((nc, ORDER + 1))
     d = np.zeros(ORDER + 1)
     dd = np.zeros(ORDER + 1)
-    out = np.zeros(n)
+    out = np.zeros(2 * n)
     scale = 0.0
     for i in range(n):
         scale = max(scale, math.sqrt(abs(s.omega2[i])))
@@ -389,20 +389,18 @@ def carry_smooth(  # type: ignore[no-untyped-def]
         for j in range(m):
             log_closed[steps, j] = closed[j]
         steps += 1
-        _add_up(q, h, out)
-        y[:n] = out
-        _add_up(v, h, out)
-        y[n:] = out
+        _add_up(q, h, y[:n])
+        _add_up(v, h, y[n:])
         for k in range(columns):
             for i in range(n):
                 dq[0, i] = sens[i, k]
                 dv[0, i] = sens[n + i, k]
             p = k - (columns - parameters)
             _varied(s, closed, t, q, v, x2, x3, d, p if p >= 0 else -1, dq, dv, dx, dd)
-            _add_up(dq, h, out)
-            sens[:n, k] = out
-            _add_up(dv, h, out)
-            sens[n:, k] = out
+            _add_up(dq, h, out[:n])
+            _add_up(dv, h, out[n:])
+            for i in range(2 * n):
+                sens[i, k] = out[i]
         for i in range(n):
             total = 0.0
             for k in range(ORDER, 0, -1):
@@ -454,19 +452,16 @@ def sample_smooth(s, log_time, log_closed, log_y, times, out):  # type: ignore[n
     x2 = np.zeros((nc, ORDER + 1))
     x3 = np.zeros((nc, ORDER + 1))
     d = np.zeros(ORDER + 1)
-    row = np.zeros(n)
     g = 0
     current = -1
     for i in range(times.size):
         while g < log_time.size - 1 and log_time[g + 1] <= times[i]:
             g += 1
         if g != current:
-            q[0] = log_y[g, :n]
-            v[0] = log_y[g, n:]
+            for k in range(n):
+                q[0, k], v[0, k] = log_y[g, k], log_y[g, n + k]
             _series(s, log_closed[g], log_time[g], q, v, x, x2, x3, d)
             current = g
         h = times[i] - log_time[g]
-        _add_up(q, h, row)
-        out[i, :n] = row
-        _add_up(v, h, row)
-        out[i, n:] = row
+        _add_up(q, h, out[i, :n])
+        _add_up(v, h, out[i, n:])

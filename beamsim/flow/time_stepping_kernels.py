@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.flow.compiled import allocating, inner, kernel
+from beamsim.flow.linear_kernels import eliminate, substitute
 from beamsim.typing import Floats
 
 MOST_ITERATIONS = 40  # of the contacts' phases in one step
@@ -14,30 +15,6 @@ def contact_space(projection: Floats, inverse: Floats) -> tuple[Floats, Floats]:
     """Change of the coordinates (n, m) and of the penetrations (m, m) by a unit force at each contact."""
     moved = inverse @ projection.T
     return np.ascontiguousarray(moved), np.ascontiguousarray(projection @ moved)
-
-
-@inner
-def _solve(A, b):  # type: ignore[no-untyped-def]
-    """Solution of a small linear system, in b, by elimination with row exchanges; A is overwritten."""
-    m = b.size
-    for i in range(m):
-        p = i
-        for k in range(i + 1, m):
-            if abs(A[k, i]) > abs(A[p, i]):
-                p = k
-        if p != i:
-            for k in range(m):
-                A[i, k], A[p, k] = A[p, k], A[i, k]
-            b[i], b[p] = b[p], b[i]
-        for k in range(i + 1, m):
-            factor = A[k, i] / A[i, i]
-            for j in range(i, m):
-                A[k, j] -= factor * A[i, j]
-            b[k] -= factor * b[i]
-    for i in range(m - 1, -1, -1):
-        for k in range(i + 1, m):
-            b[i] -= A[i, k] * b[k]
-        b[i] /= A[i, i]
 
 
 @inner
@@ -74,7 +51,7 @@ def march_in_steps(  # type: ignore[no-untyped-def]
         for j in range(m, every):
             N[j] = cubic[j - m] * delta[j] ** 3
         a[:] = loads[0] - stiffness * q - damping @ v - N @ projection
-    A, b = np.zeros((every, every)), np.zeros(every)
+    A, b, order = np.zeros((every, every)), np.zeros(every), np.zeros(every, dtype=np.int64)
     pending = np.zeros(m, dtype=np.int64)  # guard whose reset gives the internal states at the end of the step, plus 1
     origin = phases.copy()
     unsettled = 0
@@ -108,7 +85,8 @@ def march_in_steps(  # type: ignore[no-untyped-def]
                         A[j, i] = share * (k + c * fast) * compliance[j, i]
                     A[j, j] += 1.0
                     b[j] = k * free_delta[j] + c * free_rate[j] + constant
-                _solve(A, b)
+                eliminate(A, order)
+                substitute(A, order, b)
                 settled = True
                 for j in range(every):
                     push = 0.0
@@ -175,14 +153,15 @@ def _inside(  # type: ignore[no-untyped-def]
             same = same and abs(value - new[i]) <= 1e-12 * (abs(value) + abs(new[i]))
             new[i] = value
         return same
-    A, b = np.zeros((R, R)), np.zeros(R)
+    A, b, order = np.zeros((R, R)), np.zeros(R), np.zeros(R, dtype=np.int64)
     for i in range(R):
         row = dynamics[j, phase, i]
         b[i] = p[i] + 0.5 * h * (_row(row, delta, rate, p) + row[0] * new_delta + row[1] * new_rate + row[2])
         for k in range(R):
             A[i, k] = -0.5 * h * row[3 + k]
         A[i, i] += 1.0
-    _solve(A, b)
+    eliminate(A, order)
+    substitute(A, order, b)
     for i in range(R):
         same = same and abs(b[i] - new[i]) <= 1e-12 * (abs(b[i]) + abs(new[i]))
         new[i] = b[i]

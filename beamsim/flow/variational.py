@@ -229,7 +229,7 @@ class VariationalFlow(SeriesFlow):
         if not set_loads(
             self._tables, self._inputs, contacts, self._variation, self._periodic_loads, self.omega, self.level
         ):
-            raise NotFinite("the loads leave the range of floating-point numbers")
+            raise NotFinite("the loads or the responses to them leave the range of floating-point numbers")
 
     def set(self, omega: float | None = None, level: float | None = None) -> None:
         """Change frequency and level; contact states are kept."""

@@ -60,17 +60,10 @@ def compiled_newton(
         tables = flow.shooting_tables(kind)
         if tables is None:
             raise NotCompiled
-        try:
-            ended, iterations, residual, segments, events, state, guard, passages, at_omega, at_level = (
-                solve_periodic(
-                    *tables, limits, isinstance(kind, Frequency), omega, level, flow.omega, flow.level, multiple,
-                    np.ascontiguousarray(guess), row, target, scale, phases, log, u, y, sens, slope, jacobian,
-                )
-            )  # fmt: skip
-        except np.linalg.LinAlgError:
-            by_frequency = isinstance(kind, Frequency)
-            flow.note_loads(u[N] if by_frequency else omega, level if by_frequency else u[N])
-            return None
+        ended, iterations, residual, segments, events, state, guard, passages, at_omega, at_level = solve_periodic(
+            *tables, limits, isinstance(kind, Frequency), omega, level, flow.omega, flow.level, multiple,
+            np.ascontiguousarray(guess), row, target, scale, phases, log, u, y, sens, slope, jacobian,
+        )  # fmt: skip
         flow.passages += passages
         flow.note_loads(at_omega, at_level)
         if ended == NEW_START:

@@ -128,6 +128,24 @@ def test_the_first_compilation_is_announced_on_standard_error(installed, tmp_pat
     assert line.startswith("beamsim: compiling the numerical kernels")
 
 
+LITERALS = """
+from beamsim.flow.compiled import inner, kernel
+@inner
+def power(x, k):
+    return x ** k
+@kernel
+def f(x, k):
+    return power(x, 2) + power(x, 3) + power(x, k)
+"""
+
+
+def test_numbers_that_are_written_out_are_no_types_of_their_own(installed, tmp_path):
+    (installed / "beamsim/flow/literal_kernels.py").write_text(LITERALS)
+    code = "from beamsim.flow.literal_kernels import f, power; print(f(2, 1), len(power.signatures))"
+    done = python(installed, code, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+    assert done.stdout == "14 1\n", done.stderr
+
+
 RUN_AND_COUNT = """
 import gc, sys
 from numba.core.dispatcher import Dispatcher
