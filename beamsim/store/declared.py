@@ -35,12 +35,14 @@ from beamsim.fields import (
 )
 from beamsim.store.outcomes import failures_text, outcome_attributes, read_failures, read_outcome
 from beamsim.store.schema import group_name, plain
+from beamsim.store.small_objects import TEXT, create_dataset, set_text
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 ROWS_AT_ONCE = 2**18  # of a history that are held in memory; longer ones are written and read in parts
 
-_TEXT = h5py.string_dtype("utf-8")
 _unfilled: ContextVar[list[tuple[h5py.Dataset, RowBlocks]]] = ContextVar("unfilled")
+_axes: ContextVar[dict[tuple[str, str], h5py.Dataset]] = ContextVar("axes")
+"""Axes found so far while a result is written, by the group that they were searched for and their name."""
 
 
 # --- Writing ---------------------------------------------------------------------------------------------------------
@@ -69,12 +71,13 @@ def write_in_parts(file: h5py.File, value: Any) -> Iterator[tuple[int, int]]:
     ------
     Rows written so far and rows in all, after each part. All histories have the same length then.
     """
-    token = _unfilled.set([])
+    token, axes = _unfilled.set([]), _axes.set({})
     try:
         write(file, value)
         histories = _unfilled.get()
     finally:
         _unfilled.reset(token)
+        _axes.reset(axes)
     count = max((history.size for _, history in histories), default=0)
     part = max((history.block for _, history in histories), default=1)
     for first in range(0, count, part):
@@ -203,7 +206,7 @@ def _write_table(group: h5py.Group, declared: Table, rows: Sequence[Any], member
 
 def _column(values: list[Any], column: Member) -> Any:
     if column.annotation is str:
-        return np.array(values, dtype=_TEXT)
+        return np.array(values, dtype=TEXT)
     if get_origin(column.annotation) is tuple:
         return np.array(values, dtype=float).reshape(len(values), -1)
     return np.array(values, dtype=column.annotation if column.annotation in (int, float, bool) else float)
@@ -242,22 +245,30 @@ def _put(
         return _described(dataset, declared, names, unit, meaning)
     values = np.asarray(value.value if isinstance(value, RowBlocks) else value)
     if values.dtype.kind == "U" or (isinstance(value, tuple) and not value):
-        values = np.array(value, dtype=_TEXT)
+        values = np.array(value, dtype=TEXT)
     if declared.flags is not None:
         values = values.astype(np.uint8)
-    return _described(group.create_dataset(filled(name, names), data=values), declared, names, unit, meaning)
+    return _described(create_dataset(group, filled(name, names), values), declared, names, unit, meaning)
 
 
 def _described(dataset: h5py.Dataset, declared: Dataset, names: Sequence[Any], unit: str, meaning: str) -> h5py.Dataset:
     """The dataset with its attributes."""
-    dataset.attrs["units"] = filled(unit or declared.unit, names)
-    dataset.attrs["long_name"] = filled(meaning or declared.meaning, names)
+    set_text(dataset, "units", filled(unit or declared.unit, names))
+    set_text(dataset, "long_name", filled(meaning or declared.meaning, names))
     if declared.flags is not None:
         dataset.attrs["flag_values"] = np.array([0, 1], dtype=np.uint8)
         dataset.attrs["flag_meanings"] = " ".join(declared.flags)
     if declared.scale:
-        dataset.make_scale(dataset.name.rpartition("/")[2])
+        _make_scale(dataset, dataset.name.rpartition("/")[2])
     return dataset
+
+
+def _make_scale(dataset: h5py.Dataset, name: str) -> None:
+    """Make a dataset an axis; it may be nearer than those found before."""
+    dataset.make_scale(name)
+    known = _axes.get({})
+    for place in [place for place in known if place[1] == name]:
+        del known[place]
 
 
 def _attach(group: h5py.Group, dataset: h5py.Dataset, along: Along, names: Sequence[Any], first: int = 0) -> None:
@@ -274,7 +285,7 @@ def _named_axes(dataset: h5py.Dataset, axes: Axes, names: Sequence[Any]) -> tupl
     along: tuple[str, ...] = getattr(names[-1], axes.field)
     auxiliary: tuple[str, ...] = getattr(names[-1], axes.auxiliary) if axes.auxiliary else ()
     if link in along:
-        dataset.make_scale(link)
+        _make_scale(dataset, link)
         return ()
     if auxiliary and link not in auxiliary:
         dataset.attrs["coordinates"] = " ".join(auxiliary)
@@ -287,14 +298,22 @@ def _counted(group: h5py.Group, counter: Counter, size: int) -> h5py.Dataset:
         return group[counter.name]
     labels = np.arange(counter.start, counter.start + size) if not counter.labels else counter.labels
     text = bool(counter.labels) and isinstance(counter.labels[0], str)
-    dataset = group.create_dataset(counter.name, data=np.array(labels, dtype=_TEXT if text else None))
-    dataset.attrs.update({"units": "1", "long_name": counter.meaning})
-    dataset.make_scale(counter.name)
+    dataset = group.create_dataset(counter.name, data=np.array(labels, dtype=TEXT if text else None))
+    set_text(dataset, "units", "1")
+    set_text(dataset, "long_name", counter.meaning)
+    _make_scale(dataset, counter.name)
     return dataset
 
 
 def _axis(dataset: h5py.Dataset, name: str) -> h5py.Dataset:
     """The axis of this name in the group of the dataset, or in the nearest group around it that has one."""
+    known, place = _axes.get({}), (dataset.name.rpartition("/")[0], name)
+    if place not in known:
+        known[place] = _nearest_axis(dataset, name)
+    return known[place]
+
+
+def _nearest_axis(dataset: h5py.Dataset, name: str) -> h5py.Dataset:
     group = dataset.parent
     while name not in group or not isinstance(group[name], h5py.Dataset) or not group[name].is_scale:
         if group.name == "/":
