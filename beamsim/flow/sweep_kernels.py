@@ -22,15 +22,11 @@ import numpy as np
 from beamsim.flow.compiled import allocating, inner
 from beamsim.flow.integral_kernels import moments
 from beamsim.flow.kernels import EPS, _coefficients, _exp
+from beamsim.flow.peak_kernels import make_peaks, search_peaks, size
 
 MOST_POWERS = 48  # of a forced response's polynomial
 WELL_CONDITIONED = 30.0  # sum of a recursion's terms over the first, below which it needs no power series
 PRUNED = 1e-13  # a group whose share of an output is smaller is left out of integrals and searches
-FINEST = 1e-10  # of an output's range: peaks are found to this
-GRID = 0.3  # share of its range by which an output may miss the chord or the cubic between two points
-SLOPE = math.sqrt(3.0) / 216.0  # error of the slope of an interpolating cubic, over the fourth derivative and h^3
-MOST_POINTS = 260  # of the grid on a segment on which peaks are searched for
-EQUAL = 8  # steps of that grid, before its width is chosen anew
 
 
 class Forced(NamedTuple):
@@ -171,19 +167,19 @@ def _forced_response(forced, windows, s, k, x, H, c, beta, w, U):  # type: ignor
     while first > 0:
         last = first
         first = forced.block_start[s, last - 1]
-        size = last - first
+        width = last - first
         distance = np.inf
         for e in range(first, last):
-            distance = min(distance, abs(nu - forced.eigenvalue[s, e]))
+            distance = min(distance, size(nu - forced.eigenvalue[s, e]))
         spread = forced.spread[s, first]
         near = distance * H < 1.0 + spread * H
-        if near and size == 1 and distance > 0.0:
-            total = abs(beta[0, first])
+        if near and width == 1 and distance > 0.0:
+            total = size(beta[0, first])
             start = total
             factor = 1.0
             for p in range(1, D + 1):
                 factor *= p / distance
-                total += abs(beta[p, first]) * factor
+                total += size(beta[p, first]) * factor
             near = total > WELL_CONDITIONED * start
         if near:
             powers = most
@@ -202,7 +198,7 @@ def _forced_response(forced, windows, s, k, x, H, c, beta, w, U):  # type: ignor
                         v += beta[q, e]
                     v /= q + 1
                     w[q + 1, e] = v
-                    biggest = max(biggest, abs(v) * scale)
+                    biggest = max(biggest, size(v) * scale)
                 largest = max(largest, biggest)
                 if q >= D and biggest <= 1e-18 * largest:
                     powers = q + 1
@@ -301,13 +297,13 @@ def watch_response(tables, swept, response, s, k, used, H, least):  # type: igno
         speed = 0.0
         inside = 0.0
         for i in range(n):
-            position += abs(U[q, i]) ** 2
-            speed += abs(U[q, n + i]) ** 2
+            position += U[q, i].real ** 2 + U[q, i].imag ** 2
+            speed += U[q, n + i].real ** 2 + U[q, n + i].imag ** 2
         for i in range(2 * n, N):
-            inside += abs(U[q, i]) ** 2
+            inside += U[q, i].real ** 2 + U[q, i].imag ** 2
         a = 4.0 * EPS * H**q
         for j in range(least.size):
-            response.watch_size[j, q] = abs(response.watch[j, q])
+            response.watch_size[j, q] = size(response.watch[j, q])
             least[j] += a * max(
                 math.sqrt(position) * outputs.watch_size[s, j, 0],
                 math.sqrt(speed) * outputs.watch_size[s, j, 1],
@@ -464,19 +460,14 @@ class _Work(NamedTuple):
     degree: Any  # (G,)
     exponent: Any  # (G,) times the segment's length
     end: Any  # (G,) exp of it
-    turned: Any  # (G,) exp of it times the place that is looked at
-    ratio: Any  # (G,) of two such, a step of the grid apart
     live: Any  # (G,)
     moment: Any  # (2 P + D,)
     projector: Any  # (D + 1,)
     phase: Any  # (D + 1,)
     sums: Any  # (P,)
-    grid: Any  # (points, K, 6) what `_values` gives at the points of a search for peaks
-    times: Any  # (points,)
-    stack: Any  # (80, 8)
     gamma: Any  # (B, K)
-    single: Any  # (1, 6)
     length: Any  # (K, G, 5) sums over p of |poly| times 1, p, p (p - 1), ... p (p - 1) (p - 2) (p - 3)
+    peaks: Any  # see `beamsim.flow.peak_kernels.Peaks`
 
 
 @allocating
@@ -488,19 +479,14 @@ def _make_work(outputs, K, B, DM):  # type: ignore[no-untyped-def]
         np.zeros(G, dtype=np.int64),
         np.zeros(G, dtype=np.complex128),
         np.zeros(G, dtype=np.complex128),
-        np.zeros(G, dtype=np.complex128),
-        np.zeros(G, dtype=np.complex128),
         np.zeros(G, dtype=np.bool_),
         np.zeros(2 * P + DM + 4, dtype=np.complex128),
         np.zeros(DM + 3, dtype=np.complex128),
         np.zeros(DM + 3, dtype=np.complex128),
         np.zeros(P, dtype=np.complex128),
-        np.zeros((MOST_POINTS, K, 6)),
-        np.zeros(MOST_POINTS),
-        np.zeros((80, 8)),
         np.zeros((B, K), dtype=np.complex128),
-        np.zeros((1, 6)),
         np.zeros((K, G, 5)),
+        make_peaks(G, P, K),
     )
 
 
@@ -529,7 +515,7 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
     while top > 0:
         matters = False
         for j in range(K):
-            if abs(response.output[j, top]) * T**top > 0.1 * PRUNED * cycles.scale[j]:
+            if size(response.output[j, top]) * T**top > 0.1 * PRUNED * cycles.scale[j]:
                 matters = True
                 break
         if matters:
@@ -558,14 +544,14 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
                 length[q] = 0.0
             for p in range(work.degree[g] + 1):
                 a = work.poly[j, p, g]
-                size = math.sqrt(a.real**2 + a.imag**2)  # half the cost of abs, which avoids overflow
+                part = size(a)
                 for q in range(5):
-                    length[q] += size
-                    size *= p - q
+                    length[q] += part
+                    part *= p - q
             if length[0] > PRUNED * cycles.scale[j]:
                 live = True
         work.live[g] = live
-    _search_peaks(work, groups + 1, K, cycles, cycle)
+    search_peaks(work, groups + 1, K, cycles.scale, cycles.high[cycle], cycles.low[cycle])
     _add_squares(work, groups + 1, K, T, cycles, cycle)
     if windows.order.size > 0:
         _add_harmonics(work, windows, groups + 1, K, k, x, T, omega, cycles, cycle)
@@ -641,7 +627,7 @@ def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type:
             projector[p] *= factor
             factor *= T
         top = D
-        while top > 0 and abs(projector[top]) < 1e-14 * abs(projector[0]):
+        while top > 0 and size(projector[top]) < 1e-14 * size(projector[0]):
             top -= 1
         angle = -order * omega * T
         down = complex(0.0, angle)
@@ -669,255 +655,3 @@ def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type:
                         a = work.poly[j, p, g]
                         total += (np.conj(a) if conjugate == 1 else a) * work.sums[p]
                     cycles.harmonic[cycle, j, r] += total
-
-
-@inner
-def _turn(work, G, s, out):  # type: ignore[no-untyped-def]
-    """Exponentials of the groups at s."""
-    for g in range(G):
-        if work.live[g]:
-            lam = work.exponent[g]
-            out[g] = _exp(lam.real, lam.imag, s)
-
-
-@inner
-def _values(work, G, first, last, s, out):  # type: ignore[no-untyped-def]
-    """Outputs first ... last - 1 at s, of which `work` has the exponentials: value, slope, curvature, and what bounds
-    them up to 1.
-
-    ``out`` rows: value, slope, curvature, bounds on curvature and on the fourth derivative from s to 1, round-off.
-    """
-    for j in range(first, last):
-        i = j - first
-        for q in range(6):
-            out[i, q] = 0.0
-    for g in range(G):
-        if not work.live[g]:
-            continue
-        lam, e = work.exponent[g], work.turned[g]
-        highest = work.end[g] if lam.real > 0.0 else e
-        level = math.sqrt(highest.real * highest.real + highest.imag * highest.imag)
-        r = math.sqrt(lam.real * lam.real + lam.imag * lam.imag)
-        dg = work.degree[g]
-        if dg == 0:
-            e1 = lam * e
-            e2 = lam * e1
-            b2 = r * r * level
-            b4 = r * r * b2
-            for j in range(first, last):
-                a = work.poly[j, 0, g]
-                i = j - first
-                out[i, 0] += a.real * e.real - a.imag * e.imag
-                out[i, 1] += a.real * e1.real - a.imag * e1.imag
-                out[i, 2] += a.real * e2.real - a.imag * e2.imag
-                a0 = work.length[j, g, 0]
-                out[i, 3] += a0 * b2
-                out[i, 4] += a0 * b4
-                out[i, 5] += a0 * level * (8.0 + r * s)
-            continue
-        for j in range(first, last):
-            v = 0.0 + 0.0j
-            d = 0.0 + 0.0j
-            d2 = 0.0 + 0.0j
-            for p in range(dg, -1, -1):
-                d2 = d2 * s + 2.0 * d
-                d = d * s + v
-                v = v * s + work.poly[j, p, g]
-            a0, a1 = work.length[j, g, 0], work.length[j, g, 1]
-            a2, a3, a4 = work.length[j, g, 2], work.length[j, g, 3], work.length[j, g, 4]
-            i = j - first
-            f1 = d + lam * v
-            f2 = d2 + 2.0 * lam * d + lam * lam * v
-            out[i, 0] += v.real * e.real - v.imag * e.imag
-            out[i, 1] += f1.real * e.real - f1.imag * e.imag
-            out[i, 2] += f2.real * e.real - f2.imag * e.imag
-            out[i, 3] += level * (a2 + 2.0 * r * a1 + r * r * a0)
-            out[i, 4] += level * (a4 + r * (4.0 * a3 + r * (6.0 * a2 + r * (4.0 * a1 + r * a0))))
-            out[i, 5] += level * a0 * (8.0 + r * s)
-
-
-@inner
-def _search_peaks(work, G, K, cycles, cycle):  # type: ignore[no-untyped-def]
-    """Raise the cycle's highest and lower its lowest values to those of the segment.
-
-    Between two points bounds limit how far an output can rise above the chord, or above the cubic that has its values
-    and slopes there; only where both allow more than the highest value so far is the interval looked into, first
-    beside the highest point.
-    """
-    grid, times = work.grid, work.times
-    last = 0
-    times[0] = 0.0
-    work.turned[:] = 1.0
-    _values(work, G, 0, K, 0.0, grid[0])
-    for j in range(K):
-        spread = 0.0
-        for g in range(G):
-            if work.live[g]:
-                spread = max(spread, abs(work.poly[j, 0, g]))
-        if spread > cycles.scale[j]:
-            cycles.scale[j] = spread
-    while times[last] < 1.0:
-        value = grid[last]
-        s = times[last]
-        h = 1.0 - s
-        for j in range(K):
-            if value[j, 3] > 0.0:
-                allowed = GRID * cycles.scale[j]
-                step = max(math.sqrt(8.0 * allowed / value[j, 3]), math.sqrt(math.sqrt(384.0 * allowed / value[j, 4])))
-                h = min(h, max(step, 1.0 / (MOST_POINTS - EQUAL - 4)))
-        # a few equal steps, over which exponentials follow from those before
-        steps = min(EQUAL, max(1, math.ceil((1.0 - s) / h - 1e-9)))
-        if s + steps * h > 1.0:
-            h = (1.0 - s) / steps
-        if steps > 1:
-            _turn(work, G, h, work.ratio)
-            _turn(work, G, s, work.turned)
-        for i in range(1, steps + 1):
-            last += 1
-            times[last] = s + i * h if s + i * h < 1.0 - 1e-9 else 1.0
-            if steps == 1:
-                _turn(work, G, times[last], work.turned)
-            else:
-                for g in range(G):
-                    work.turned[g] *= work.ratio[g]
-            _values(work, G, 0, K, times[last], grid[last])
-    for j in range(K):
-        slack = FINEST * cycles.scale[j] + 4.0 * EPS * max(grid[0, j, 5], grid[last, j, 5])
-        cycles.high[cycle, j] = _highest(work, G, j, 1.0, last, slack, cycles.high[cycle, j])
-        cycles.low[cycle, j] = -_highest(work, G, j, -1.0, last, slack, -cycles.low[cycle, j])
-
-
-@inner
-def _highest(work, G, j, sign, last, slack, best):  # type: ignore[no-untyped-def]
-    """Largest value of ``sign * output j`` on the segment, at least ``best``, from the grid of `_search_peaks`."""
-    grid, times = work.grid, work.times
-    at = 0
-    for i in range(last + 1):
-        if sign * grid[i, j, 0] > sign * grid[at, j, 0]:
-            at = i
-    best = max(best, sign * grid[at, j, 0])
-    for n in range(last + 2):
-        i = at - 1 + n if n < 2 else n - 2
-        if 0 <= i < last and (n < 2 or i < at - 1 or i > at):
-            start, end = grid[i, j], grid[i + 1, j]
-            if _may_exceed(best + slack, sign, start, end, start, times[i + 1] - times[i]):
-                best = _climb(work, G, j, sign, times[i], times[i + 1], start, end, slack, best)
-    return best
-
-
-@inner
-def _may_exceed(limit, sign, at_left, at_right, bounds, h):  # type: ignore[no-untyped-def]
-    """Whether ``sign`` times an output may be above a limit between two points with a distance h.
-
-    The three are rows of `_values`, ``bounds`` being one that holds from the left point on. The chord is missed by at
-    most ``bounds[3] h^2 / 8``, the cubic with the same values and slopes by ``bounds[4] h^4 / 384``, and its slope by
-    ``sqrt(3) bounds[4] h^3 / 216``: where that does not reach zero, an end is highest.
-    """
-    fa, fb = sign * at_left[0], sign * at_right[0]
-    top = max(fa, fb)
-    if top > limit:
-        return True
-    d = abs(fb - fa)
-    bend = 0.5 * bounds[3] * h * h
-    if d >= bend or 0.5 * (fa + fb) + 0.25 * bend + 0.25 * d * d / bend <= limit:
-        return False
-    da, db, c, e = _cubic(sign, at_left, at_right, h)
-    fourth = bounds[4] * h**4
-    steepest, flattest = max(da, db), min(da, db)
-    if 0.0 < -c * e < 3.0 * e * e:  # where the cubic's slope is extreme
-        extreme = da - c * c / (3.0 * e)
-        steepest, flattest = max(steepest, extreme), min(flattest, extreme)
-    if flattest > SLOPE * fourth or steepest < -SLOPE * fourth:
-        return False
-    u = _top(da, c, e)
-    return max(top, fa + u * (da + u * (c + u * e))) + fourth / 384.0 > limit
-
-
-@inner
-def _cubic(sign, at_left, at_right, h):  # type: ignore[no-untyped-def]
-    """Of the cubic with the values and slopes of two points, in u = t / h: slopes at the ends, factors of u^2, u^3."""
-    rise = sign * (at_right[0] - at_left[0])
-    da, db = sign * at_left[1] * h, sign * at_right[1] * h
-    return da, db, 3.0 * rise - 2.0 * da - db, da + db - 2.0 * rise
-
-
-@inner
-def _top(da, c, e):  # type: ignore[no-untyped-def]
-    """Where within (0, 1) a cubic with slope da + 2 c u + 3 e u^2 has its maximum; 0 if it has none there."""
-    square = c * c - 3.0 * e * da
-    u = 0.0
-    if square > 0.0:  # the root of the slope where the curvature is negative
-        root = math.sqrt(square)
-        if c <= 0.0:
-            u = da / (root - c)
-        elif e != 0.0:
-            u = -(c + root) / (3.0 * e)
-    return u if u < 1.0 and u > 0.0 else 0.0
-
-
-@inner
-def _newton(work, G, j, sign, u, v, t, slack, best):  # type: ignore[no-untyped-def]
-    """The same where the curvature is negative from u to v, the slope positive at u and negative at v; t is a guess."""
-    single = work.single
-    for _ in range(60):
-        if not (u < t < v):
-            t = 0.5 * (u + v)
-            if not (u < t < v):
-                break
-        _turn(work, G, t, work.turned)
-        _values(work, G, j, j + 1, t, single)
-        best = max(best, sign * single[0, 0])
-        d, curve = sign * single[0, 1], sign * single[0, 2]
-        # at a slope d the maximum is no higher above than this
-        if d * d <= -curve * slack:
-            break
-        if d > 0.0:
-            u = t
-        else:
-            v = t
-        t -= d / curve
-    return best
-
-
-@inner
-def _climb(work, G, j, sign, left, right, at_left, at_right, slack, best):  # type: ignore[no-untyped-def]
-    """Largest value of ``sign * output j`` between two points, at least ``best``, to within ``slack``.
-
-    An interval is cut where the cubic through its ends is highest, until it holds nothing higher or its curvature is
-    negative throughout: then it has a single maximum.
-    """
-    single, stack = work.single, work.stack
-    stack[0, 0] = left
-    stack[0, 1] = right
-    for q in range(3):
-        stack[0, 2 + q] = at_left[q]
-        stack[0, 5 + q] = at_right[q]
-    depth = 1
-    while depth > 0:
-        depth -= 1
-        a, b = stack[depth, 0], stack[depth, 1]
-        start, end = stack[depth, 2:5], stack[depth, 5:8]
-        h = b - a
-        if not _may_exceed(best + slack, sign, start, end, at_left, h):
-            continue
-        da, _, c, e = _cubic(sign, start, end, h)
-        t = a + h * _top(da, c, e)
-        if max(sign * start[2], sign * end[2]) + 0.125 * at_left[4] * h * h < 0.0:
-            if sign * start[1] > 0.0 and sign * end[1] < 0.0:
-                best = _newton(work, G, j, sign, a, b, t, slack, best)
-            continue
-        if not (a + 0.05 * h < t < b - 0.05 * h):
-            t = 0.5 * (a + b)
-        if depth + 2 > stack.shape[0] or not (a < t < b):
-            continue
-        _turn(work, G, t, work.turned)
-        _values(work, G, j, j + 1, t, single)
-        best = max(best, sign * single[0, 0])
-        for q in range(3):
-            stack[depth + 1, 5 + q] = end[q]
-            stack[depth + 1, 2 + q] = single[0, q]
-            stack[depth, 5 + q] = single[0, q]
-        stack[depth + 1, 0], stack[depth + 1, 1] = t, b
-        stack[depth, 1] = t
-        depth += 2
-    return best

@@ -52,6 +52,7 @@ RENAMED: dict[str, tuple[str, str]] = {}
 EXACT_WINDOWS = "extremes after contacts part are those of the continuous motion, no longer of samples"
 WIDER_SPECTRA = "spectra reach 16 lines beyond the highest mode, which has a line now in short records"
 MENDED: dict[str, str] = {
+    "sweep_backlash sweep regular file/level_0@evaluations": "sizes of complex numbers: other round-off in sweeps",
     "* file/random/*/density_open*": "is new",
     "* file/random/*/density_closed*": "is new",
     "* json/gapping/*": "shocks, records and random input have it, too",
