@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 BINS = 700  # of frequency; the cycles in a bin are drawn as one point
 MOST_MARKS = 8  # labelled peaks in one plot
-_MARKS = {"linear resonance": "o", "nonlinear resonance": "o", "superharmonic": "^", "subharmonic": "v"}
+_MARKS = {"linear resonance": "o", "nonlinear resonance": "o", "superharmonic": "^", "subharmonic": "v", "beat": "x"}
 
 
 def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 0) -> Axes:

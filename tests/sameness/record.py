@@ -51,10 +51,22 @@ RENAMED: dict[str, tuple[str, str]] = {}
 
 EXACT_WINDOWS = "extremes after contacts part are those of the continuous motion, no longer of samples"
 WIDER_SPECTRA = "spectra reach 16 lines beyond the highest mode, which has a line now in short records"
+EXACT_PEAKS = "peaks of periodic motions are those of the continuous motion, no longer of samples and a parabola"
 MENDED: dict[str, str] = {
     "sweep_backlash sweep regular file/level_0@evaluations": "sizes of complex numbers: other round-off in sweeps",
     "* file/random/*/density_open*": "is new",
     "* file/random/*/density_closed*": "is new",
+    **{
+        f"{name} {path}": EXACT_PEAKS
+        for name in (
+            "continuation_* sweep*",
+            "chain_bumpers sweep",
+            "chain_two_dof sweep*",
+            "vibeams sweep",
+            "two_panels_opening sweep",
+        )
+        for path in ("json/peaks/*", "json/fold_curves/*", "file/branches/*", "file/fold_curves/*")
+    },
     "* json/gapping/*": "shocks, records and random input have it, too",
     **{
         f"{name} run {path}": EXACT_WINDOWS

@@ -118,3 +118,17 @@ def test_the_last_row_takes_up_the_incomplete_cycle_at_the_end():
     assert touched.contacts["stop"].sum() == touched.contacts["stop"][-1] == 1
     assert touched.force["stop"].maximum[-1] > 0.0
     assert touched.contact_share["stop"][-1] > 0.0
+
+
+@pytest.mark.parametrize(("gap", "linear"), [(1.0, True), (0.0, False)])
+def test_a_fast_linear_sweep_beats_behind_its_resonance(gap, linear):
+    """Its maxima there were named sub- and superharmonic resonances of a structure without contact."""
+    chain = {"masses": [1.0], "springs": [1e4, 0], "damping": {"kind": "modal", "ratio": 0.02}}
+    stop = {"name": "s", "mass": 1, "side": "below", "stiffness": 1e5, "gap": gap}
+    base = {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 14.0}
+    fast = {"kind": "swept_sine", "from": 10, "to": 30, "rate": "5 Hz/s"}
+    result = sweep(load_scenario({"chain": chain, "snubbers": [stop], "excitation": base, "sweep": fast}))
+    kinds = [peak.kind for peak in result.peaks]
+    assert len(kinds) > 3
+    assert (set(kinds) == {"linear resonance", "beat"}) == linear
+    assert ("beat" in kinds) == linear

@@ -1,7 +1,8 @@
 """A periodic motion in samples, and what a response curve shows of it: extremes, harmonics, forces, allowables.
 
-Extremes are those of equidistant samples, refined by the parabola through the three about them, and of the instants at
-which a contact opens or closes, taken from both sides: there the force of a dashpot jumps.
+Extremes are sought among equidistant samples, further ones within short contacts, and the instants at which a contact
+opens or closes, taken from both sides, since there the force of a dashpot jumps. About every sample that may be near an
+extreme the motion is sampled again, between the events beside it.
 """
 
 from __future__ import annotations
@@ -24,8 +25,12 @@ if TYPE_CHECKING:
     from beamsim.system.structural import StructuralSystem
 
 Rows = Callable[[Floats], Floats]
+Again = Callable[[Floats, Ints], "SampledMotion"]
 
 SAMPLES = 2048  # of a period: enough for the accelerations of the highest modes that are kept
+INSIDE = 16  # least number of parts of a segment between two events
+POINTS = 32  # about a sample that may be near an extreme
+MOST_NEAR = 8  # such samples of an output
 
 
 @dataclass(frozen=True)
@@ -50,16 +55,20 @@ def _circle(turns: int) -> Complexes:
 
 @dataclass(frozen=True)
 class SampledMotion:
-    """States at equidistant times, then at both sides of every contact event."""
+    """States at times: equidistant ones, if it has any, then in short segments and at both sides of every event."""
 
     omega: float  # rad/s, of the excitation
     multiple: int  # periods of the excitation in one of the motion
     level: float
-    times: Floats  # (S + E,) s, the first S equidistant over a period
-    q: Rows  # (k, n) rows -> (S + E, k) their products with the displacement
+    times: Floats  # (T,) s
+    even: int  # how many of the times, the first ones, are equidistant over a period
+    segment: Ints  # (T,) of the motion between two events
+    bounds: Floats  # (G + 1,) s, of the segments
+    again: Again  # the same motion at other times within given segments
+    q: Rows  # (k, n) rows -> (T, k) their products with the displacement
     v: Rows  # ... and of the velocity
-    penetration: Floats  # (S + E, contacts of the system) m
-    force: Floats  # (S + E, m) N
+    penetration: Floats  # (T, contacts of the system) m
+    force: Floats  # (T, m) N
     contact_share: Floats  # (contacts of the system,)
     contacts: Contacts  # m of them
     owner: Ints  # (m,) contact of the system that each of these is, or is a part of
@@ -67,15 +76,15 @@ class SampledMotion:
 
     @property
     def by_contact(self) -> Floats:
-        """(S + E, contacts of the system) N, of all parts together."""
+        """(T, contacts of the system) N, of all parts together."""
         force = np.zeros((self.times.size, int(self.owner.max(initial=-1)) + 1))
         np.add.at(force.T, self.owner, (self.force * self.direction).T)
         return force
 
     def turning(self, multiple: int) -> Complexes:
-        """(S + E,) ``e^{i multiple omega t}``."""
-        edges = np.exp(1j * multiple * self.omega * self.times[SAMPLES:])
-        return np.concatenate([_circle(multiple * self.multiple), edges])
+        """(T,) ``e^{i multiple omega t}``."""
+        others = np.exp(1j * multiple * self.omega * self.times[self.even :])
+        return np.concatenate([_circle(multiple * self.multiple)[: self.even], others])
 
 
 @dataclass(frozen=True)
@@ -94,27 +103,45 @@ class MeasuredMotion:
     lowest_output: Floats  # (k,)
 
 
+def _inside(bounds: Floats) -> tuple[Floats, Ints]:
+    """Times within segments that hold few equidistant samples, and their segments, in order of time."""
+    length = np.diff(bounds)
+    short = np.flatnonzero((length > 0.0) & (length * SAMPLES < INSIDE * bounds[-1]))
+    times = bounds[short, None] + np.multiply.outer(length[short], np.arange(1, INSIDE) / INSIDE)
+    return times.ravel(), np.repeat(short, INSIDE - 1)
+
+
 def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
     """An orbit found by shooting."""
     flow, _ = problem.flow_at(point.parameter)
     passage = point.data
     n = flow.system.size
-    even = np.arange(SAMPLES) * (passage.duration / SAMPLES)
     contacts, phases = flow.system.contacts, flow.phases_in(passage)
-    here = np.clip(np.searchsorted(passage.time, even, side="right") - 1, 0, passage.time.size - 1)
-    inner = np.arange(1, passage.time.size)  # segments that begin with an event
-    edge = passage.time[inner]
-    y = np.vstack([flow.states_evenly(passage, SAMPLES), passage.y[inner], passage.y[inner]])
-    times = np.concatenate([even, edge, edge])
-    delta, rate = flow.penetration_of(y, times)
+    bounds = np.append(passage.time, passage.duration)
     share = passage.length @ contacts.touching(phases) / passage.duration
-    each = np.vstack([phases[here], phases[inner - 1], phases[inner]])
-    force = contacts.forces(each, delta, rate, y[:, 2 * n :])
-    return SampledMotion(
-        flow.omega, problem.multiple, flow.level, times, lambda rows: y[:, :n] @ rows.T,
-        lambda rows: y[:, n : 2 * n] @ rows.T, delta, force, share, contacts,
-        np.arange(contacts.count), np.ones(contacts.count),
-    )  # fmt: skip
+
+    def again(times: Floats, segment: Ints) -> SampledMotion:
+        order = np.argsort(times)
+        y = np.empty((times.size, flow.size))
+        y[order] = flow.states_at(passage, times[order])
+        return motion(times, segment, y, 0)
+
+    def motion(times: Floats, segment: Ints, y: Floats, even: int) -> SampledMotion:
+        delta, rate = flow.penetration_of(y, times)
+        force = contacts.forces(phases[segment], delta, rate, y[:, 2 * n :])
+        return SampledMotion(
+            flow.omega, problem.multiple, flow.level, times, even, segment, bounds, again,
+            lambda rows: y[:, :n] @ rows.T, lambda rows: y[:, n : 2 * n] @ rows.T, delta, force, share, contacts,
+            np.arange(contacts.count), np.ones(contacts.count),
+        )  # fmt: skip
+
+    even = np.arange(SAMPLES) * (passage.duration / SAMPLES)
+    here = np.clip(np.searchsorted(passage.time, even, side="right") - 1, 0, passage.time.size - 1)
+    inside, short = _inside(bounds)
+    inner = np.arange(1, passage.time.size)  # segments that begin with an event
+    known = [flow.states_evenly(passage, SAMPLES), flow.states_at(passage, inside), passage.y[inner], passage.y[inner]]
+    times = np.concatenate([even, inside, passage.time[inner], passage.time[inner]])
+    return motion(times, np.concatenate([here, short, inner - 1, inner]), np.vstack(known), SAMPLES)
 
 
 def sampled_motion(motion: HarmonicMotion, loads: PeriodicForcing, omega: float, level: float) -> SampledMotion:
@@ -122,56 +149,71 @@ def sampled_motion(motion: HarmonicMotion, loads: PeriodicForcing, omega: float,
     balanced = motion.contacts
     contacts, owner, direction = balanced.springs, balanced.owner, balanced.direction
     m, owners, w = contacts.count, int(owner.max(initial=-1)) + 1, motion.fundamental
-    even = np.arange(SAMPLES) * (motion.period / SAMPLES)
-    closed = np.zeros((SAMPLES, m), dtype=bool)
     share = np.zeros(m)
-    edges: list[float] = []
+    begins: list[float] = []
+    ends: list[float] = []
     for j, phases in enumerate(motion.closed):
         share[j] = float(np.sum(phases[:, 1] - phases[:, 0])) / (2 * np.pi)
-        for begin, end in phases:
-            inside = (w * even - begin) % (2 * np.pi) < end - begin
-            closed[:, j] |= inside
-            if end - begin < 2 * np.pi:
-                edges += [begin / w, end / w]
-    edge = np.mod(np.array(edges), motion.period)
-    times = np.concatenate([even, edge, edge])
-    d, dv = loads.base_motion(omega, level, times)
+        cut = phases[phases[:, 1] - phases[:, 0] < 2 * np.pi]
+        begins += (cut[:, 0] / w).tolist()
+        ends += (cut[:, 1] / w).tolist()
+    edge = np.mod(np.array(begins + ends), motion.period)
+    bounds = np.unique(np.concatenate([[0.0], edge, [motion.period]]))
+    after = np.searchsorted(bounds, edge)  # segments that begin there
+    begun = np.arange(edge.size) < len(begins)
     iw = 1j * w * np.arange(motion.highest + 1)
-    at_edges = np.exp(np.multiply.outer(edge, iw))
-
-    def summed(harmonics: Complexes) -> Floats:
-        """(S + E, k) values of harmonics (H + 1, k): by one transform, and at the edges by summation."""
-        two_sided = (0.5 * SAMPLES) * harmonics
-        two_sided[0] = SAMPLES * harmonics[0]
-        inside = (at_edges @ harmonics).real
-        return np.vstack([np.fft.irfft(two_sided, SAMPLES, axis=0), inside, inside])
-
-    # projected before they are summed, so that the cost does not grow with the model
-    def q(rows: Floats) -> Floats:
-        return summed(motion.coordinates @ rows.T)
-
-    def v(rows: Floats) -> Floats:
-        return summed(iw[:, None] * (motion.coordinates @ rows.T))
-
     ground = contacts.felt
-    delta = -contacts.gap - contacts.sign * (q(contacts.shape) + np.multiply.outer(d, ground))
-    rate = -contacts.sign * (v(contacts.shape) + np.multiply.outer(dv, ground))
-    felt = delta  # by the springs, of which those of pads are not at the structure
-    if balanced.pads:
-        of_springs = summed(motion.deflections[:, :m]) + np.multiply.outer(d, ground)
-        felt = -contacts.gap - contacts.sign * of_springs
-    both = np.zeros((2 * edge.size, m), dtype=bool)
-    both[edge.size :] = True  # the force just inside; just outside it is zero
-    both &= np.abs(felt[SAMPLES:]) <= 1e-6 * np.abs(felt).max(axis=0, initial=0.0)
-    force = contacts.forces(np.vstack([closed, both]).astype(np.int64), felt, rate, np.zeros((times.size, 0)))
-    for spring in balanced.relaxing:
-        force[:, spring.row] = contacts.sign[spring.row] * summed(motion.forces[:, [spring.row]])[:, 0]
     parts = [[np.flatnonzero((owner == j) & (direction == sign)) for sign in (1.0, -1.0)] for j in range(owners)]
     touching = np.array([sum(share[of].max(initial=0.0) for of in sides) for sides in parts])
-    deepest = np.array([delta[:, np.concatenate(sides)[0]] for sides in parts]).reshape(owners, times.size).T
-    return SampledMotion(
-        omega, round(omega / w), level, times, q, v, deepest, force, touching, contacts, owner, direction
-    )  # fmt: skip
+
+    middle = 0.5 * (bounds[1:] + bounds[:-1])
+    closed = np.zeros((middle.size, m), dtype=np.int64)
+    for j, phases in enumerate(motion.closed):
+        for begin, end in phases:
+            closed[:, j] |= (w * middle - begin) % (2 * np.pi) < end - begin
+
+    def at(times: Floats, segment: Ints, even: int) -> SampledMotion:
+        elsewhere = np.exp(np.multiply.outer(times[even:], iw))
+
+        def summed(harmonics: Complexes) -> Floats:
+            """(T, k) values of harmonics (H + 1, k): by one transform, and elsewhere by summation."""
+            others = (elsewhere @ harmonics).real
+            if not even:
+                return np.asarray(others)
+            two_sided = (0.5 * SAMPLES) * harmonics
+            two_sided[0] = SAMPLES * harmonics[0]
+            return np.vstack([np.fft.irfft(two_sided, SAMPLES, axis=0), others])
+
+        # projected before they are summed, so that the cost does not grow with the model
+        def q(rows: Floats) -> Floats:
+            return summed(motion.coordinates @ rows.T)
+
+        def v(rows: Floats) -> Floats:
+            return summed(iw[:, None] * (motion.coordinates @ rows.T))
+
+        d, dv = loads.base_motion(omega, level, times)
+        delta = -contacts.gap - contacts.sign * (q(contacts.shape) + np.multiply.outer(d, ground))
+        rate = -contacts.sign * (v(contacts.shape) + np.multiply.outer(dv, ground))
+        felt = delta  # by the springs, of which those of pads are not at the structure
+        if balanced.pads:
+            of_springs = summed(motion.deflections[:, :m]) + np.multiply.outer(d, ground)
+            felt = -contacts.gap - contacts.sign * of_springs
+        force = contacts.forces(closed[segment], felt, rate, np.zeros((times.size, 0)))
+        for spring in balanced.relaxing:
+            force[:, spring.row] = contacts.sign[spring.row] * summed(motion.forces[:, [spring.row]])[:, 0]
+        deepest = np.array([delta[:, np.concatenate(sides)[0]] for sides in parts]).reshape(owners, times.size).T
+        return SampledMotion(
+            omega, round(omega / w), level, times, even, segment, bounds, lambda t, g: at(t, g, 0), q, v, deepest, force,
+            touching, contacts, owner, direction,
+        )  # fmt: skip
+
+    even = np.arange(SAMPLES) * (motion.period / SAMPLES)
+    here = np.searchsorted(bounds, even, side="right") - 1
+    inside, short = _inside(bounds)
+    outer, inner = np.where(begun, after - 1, after), np.where(begun, after, after - 1)
+    beside = np.mod(np.concatenate([outer, inner]), bounds.size - 1)
+    times = np.concatenate([even, inside, edge, edge])
+    return at(times, np.concatenate([here, short, beside]), SAMPLES)
 
 
 def measure(
@@ -188,22 +230,30 @@ def measure(
     ``base`` is its acceleration, m/s^2, None where it is at rest; ``signals`` are those of the loads.
     """
     shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
-    x = motion.q(shapes)
-    carried = np.zeros(motion.times.size) if base is None else base.at(motion)[:, 0]
-    acceleration = _accelerations(system, loads, motion, shapes) + np.multiply.outer(carried, system.carried)
-    parts = {"x": x, "acceleration": acceleration, "force": motion.by_contact}
-    if "gap" in limited:
-        parts["penetration"] = motion.penetration
-    if "bending_stress" in limited and system.stress is not None:
-        parts["bending"] = motion.q(system.stress.row) + np.multiply.outer(carried, system.stress.base)
-    if system.outputs:
-        parts["outputs"] = _outputs(system, loads, motion, carried, signals.at(motion))
-    rows = np.concatenate([part.T for part in parts.values()])
+
+    def parts_of(motion: SampledMotion) -> dict[str, Floats]:
+        x = motion.q(shapes)
+        carried = np.zeros(motion.times.size) if base is None else base.at(motion)[:, 0]
+        acceleration = _accelerations(system, loads, motion, shapes) + np.multiply.outer(carried, system.carried)
+        parts = {"x": x, "acceleration": acceleration, "force": motion.by_contact}
+        if "gap" in limited:
+            parts["penetration"] = motion.penetration
+        if "bending_stress" in limited and system.stress is not None:
+            parts["bending"] = motion.q(system.stress.row) + np.multiply.outer(carried, system.stress.base)
+        if system.outputs:
+            parts["outputs"] = _outputs(system, loads, motion, carried, signals.at(motion))
+        return parts
+
+    def rows_of(motion: SampledMotion) -> Floats:
+        return np.concatenate([part.T for part in parts_of(motion).values()])
+
+    parts = parts_of(motion)
     ends = np.cumsum([part.shape[1] for part in parts.values()])[:-1]
-    high, low = (dict(zip(parts, np.split(top, ends), strict=True)) for top in (_top(rows), -_top(-rows)))
+    rows = np.concatenate([part.T for part in parts.values()])
+    high, low = (dict(zip(parts, np.split(top, ends), strict=True)) for top in _extremes(motion, rows, rows_of))
     gap = {s.name: -float(low["penetration"][j]) for j, s in enumerate(system.snubbers)} if "gap" in limited else {}
     stress = float(max(high["bending"].max(), -low["bending"].min())) if "bending" in parts else None
-    spectrum = 2.0 * np.fft.rfft(rows[: x.shape[1], :SAMPLES])[:, : harmonics + 1] / SAMPLES
+    spectrum = 2.0 * np.fft.rfft(rows[: len(shapes), :SAMPLES])[:, : harmonics + 1] / SAMPLES
     spectrum[:, 0] *= 0.5
     none = np.zeros(0)
     return MeasuredMotion(
@@ -216,7 +266,7 @@ def measure(
 def _outputs(
     system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion, carried: Floats, signals: Floats
 ) -> Floats:
-    """(S + E, k) what the scenario asks for; energies are half the sums of the squares of their rows."""
+    """(T, k) what the scenario asks for; energies are half the sums of the squares of their rows."""
     columns = [np.zeros((motion.times.size, 0))]
     for rows in system.outputs:
         values = (
@@ -233,7 +283,7 @@ def _outputs(
 
 
 def _pulls(system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion) -> Floats:
-    """(S + E, c) of the cubic springs."""
+    """(T, c) of the cubic springs."""
     cubic = system.cubic
     base, _ = loads.base_motion(motion.omega, motion.level, motion.times)
     stretch = motion.q(cubic.shape) + np.multiply.outer(base, cubic.felt)
@@ -241,7 +291,7 @@ def _pulls(system: StructuralSystem, loads: PeriodicForcing, motion: SampledMoti
 
 
 def _accelerations(system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion, shapes: Floats) -> Floats:
-    """(S + E, probes) from the equation of motion."""
+    """(T, probes) from the equation of motion."""
     dynamics, c, cubic = system.dynamics, motion.contacts, system.cubic
     force = loads.at(motion.omega, motion.level)[0]
     load = np.zeros((motion.times.size, len(shapes))) + shapes @ dynamics.constant_load
@@ -253,14 +303,58 @@ def _accelerations(system: StructuralSystem, loads: PeriodicForcing, motion: Sam
     return np.asarray(load - elastic + (motion.force * c.sign) @ (c.shape @ shapes.T))
 
 
-def _top(x: Floats) -> Floats:
-    """(k,) largest values of rows (k, S + E): of the samples, refined by a parabola, and of the edges behind them."""
-    even = x[:, :SAMPLES]
-    k = np.argmax(even, axis=1)
-    row = np.arange(x.shape[0])
-    a, b, c = even[row, k - 1], even[row, k], even[row, (k + 1) % SAMPLES]
+def _extremes(motion: SampledMotion, rows: Floats, rows_of: Callable[[SampledMotion], Floats]) -> tuple[Floats, Floats]:
+    """Largest and smallest values (k,) of rows (k, T), which ``rows_of`` gives of the motion at other times."""
+    best = np.concatenate([rows.max(axis=1), -rows.min(axis=1)])
+    begin, end, segment = _near(motion, _likely(motion, rows, best))
+    if begin.size:
+        share = (np.arange(POINTS) + 0.5) / POINTS
+        times = begin[:, None] + (end - begin)[:, None] * share
+        finer = rows_of(motion.again(times.ravel(), np.repeat(segment, POINTS))).reshape(len(rows), -1, POINTS)
+        best = np.maximum(best, _tops(np.concatenate([finer, -finer])).max(axis=1))
+    return best[: len(rows)], -best[len(rows) :]
+
+
+def _likely(motion: SampledMotion, rows: Floats, best: Floats) -> Ints:
+    """The times beside which an extreme may lie: a parabola there could exceed the largest sample, ``best`` (2 k,)."""
+    count, segment = motion.even, motion.segment[: motion.even]
+    beside = np.arange(-1, count + 1) % count
+    alone = segment[beside[:-2]] != segment[beside[2:]]  # beside an event: three samples are no parabola
+    bend = np.diff(rows[:, beside], 2, axis=1)
+    np.abs(bend, out=bend)
+    bend[:, alone] = 0.0
+    rise = 0.25 * bend.max(axis=1)
+    likely = []
+    for k, x in enumerate(np.concatenate([rows, -rows])):
+        row, top = k % len(rows), best[k]
+        j = np.flatnonzero(x[:count] + rise[row] >= top)
+        peak = (x[j] >= x[beside[j]]) & (x[j] > x[beside[j + 2]]) & (x[j] + 0.25 * bend[row, j] >= top)
+        others = count + np.flatnonzero(x[count:] + np.maximum(rise[row], 0.02 * np.abs(x[count:])) >= top)
+        j = np.concatenate([j[peak | alone[j]], others])
+        likely.append(j[np.argsort(-x[j], kind="stable")[:MOST_NEAR]])
+    return np.unique(np.concatenate(likely))
+
+
+def _near(motion: SampledMotion, samples: Ints) -> tuple[Floats, Floats, Ints]:
+    """Beginning and end of the time about each sample within its segment, and the segment."""
+    bounds, period = motion.bounds, float(motion.bounds[-1])
+    step, segment, t = period / SAMPLES, motion.segment[samples], motion.times[samples]
+    length = np.diff(bounds)
+    reach = np.where(length < INSIDE * step, length / INSIDE, step)[segment]
+    wrapped = t < reach  # what is before t = 0 is at the end of the period
+    begin = np.concatenate([t - reach, np.full(wrapped.sum(), period - step)])
+    end = np.concatenate([t + reach, np.full(wrapped.sum(), period)])
+    segment = np.concatenate([segment, np.full(wrapped.sum(), length.size - 1)])
+    begin, end = np.maximum(begin, bounds[segment]), np.minimum(end, bounds[segment + 1])
+    kept = end > begin
+    return begin[kept], end[kept], segment[kept]
+
+
+def _tops(x: Floats) -> Floats:
+    """(k, W) largest values of rows (k, W, P) of equidistant samples, refined by the parabola through three of them."""
+    k = np.clip(np.argmax(x, axis=2), 1, POINTS - 2)[:, :, None]
+    a, b, c = (np.take_along_axis(x, k + of, axis=2)[:, :, 0] for of in (-1, 0, 1))
     bend = a - 2 * b + c
-    refined = np.where(bend < 0, b - (c - a) ** 2 / (8 * np.where(bend < 0, bend, -1.0)), b)
-    # a corner between two samples is no parabola
-    refined = np.where(refined - b > np.abs(bend), b, refined)
-    return np.asarray(np.maximum(refined, x[:, SAMPLES:].max(axis=1, initial=-np.inf)))
+    inner = (bend < 0) & (b >= a) & (b >= c)
+    refined = np.where(inner, b - (c - a) ** 2 / (8 * np.where(inner, bend, -1.0)), b)
+    return np.asarray(np.maximum(refined, x.max(axis=2)))

@@ -2,7 +2,8 @@
 
 A peak is classified by the harmonic with the largest increase: the excitation frequency itself (a resonance, linear if
 contact is never lost or never made, nonlinear otherwise), a multiple of it (a superharmonic resonance), or a fraction
-(a subharmonic resonance).
+(a subharmonic resonance). A linear motion has neither: there it is a beat of the free motion, which a fast sweep
+leaves behind a resonance, with the excitation.
 """
 
 from __future__ import annotations
@@ -66,8 +67,11 @@ def _named(curve: SweepCurve, probe: str, index: Ints, frequency: Floats, at: in
     rise = np.where(np.isfinite(rise), rise, -np.inf)
     r = int(np.argmax(rise))
     order = float(curve.orders[r])
+    linear = _linear(curve, index[here])
     if order == 1.0 or not np.isfinite(rise[r]):
-        kind = "linear resonance" if _linear(curve, index[here]) else "nonlinear resonance"
+        kind = "linear resonance" if linear else "nonlinear resonance"
+    elif linear:
+        kind = "beat"
     else:
         kind = "superharmonic" if order > 1 else "subharmonic"
     value = float(envelope.peak[index[at]])
