@@ -203,8 +203,8 @@ def sampled_motion(motion: HarmonicMotion, loads: PeriodicForcing, omega: float,
             force[:, spring.row] = contacts.sign[spring.row] * summed(motion.forces[:, [spring.row]])[:, 0]
         deepest = np.array([delta[:, np.concatenate(sides)[0]] for sides in parts]).reshape(owners, times.size).T
         return SampledMotion(
-            omega, round(omega / w), level, times, even, segment, bounds, lambda t, g: at(t, g, 0), q, v, deepest, force,
-            touching, contacts, owner, direction,
+            omega, round(omega / w), level, times, even, segment, bounds, lambda t, g: at(t, g, 0), q, v, deepest,
+            force, touching, contacts, owner, direction,
         )  # fmt: skip
 
     even = np.arange(SAMPLES) * (motion.period / SAMPLES)
