@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.sweep.result import SweepCurve, SweepResult
+from beamsim.analyses.sweep.result import SweepResult
 from beamsim.plots.notching import notching_figure
 from beamsim.plots.outputs import draw_limit, output_label, output_scale
 from beamsim.plots.style import (
@@ -21,13 +21,19 @@ from beamsim.plots.style import (
     level_text,
     scale_for,
 )
-from beamsim.typing import Floats
+from beamsim.plots.sweep_axes import by_frequency, envelope, frequency_axis
+from beamsim.plots.sweep_responses import (
+    has_transmissibility,
+    plot_acceleration,
+    plot_spectrogram,
+    plot_transmissibility,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BINS = 700  # of frequency; the cycles in a bin are drawn as one point
+SAME_LEVEL = 0.01  # relative difference up to which the curves of two levels are one
 MOST_MARKS = 8  # labelled peaks in one plot
 _MARKS = {"linear resonance": "o", "nonlinear resonance": "o", "superharmonic": "^", "subharmonic": "v", "beat": "x"}
 
@@ -38,7 +44,7 @@ def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 
     scale = scale_for("m", *(c.displacement[probe].peak for c in curves))
     if curves:
         linear = result.linear
-        amplitude = np.interp(linear.frequency_hz, *_by_frequency(curves[0], curves[0].excitation_amplitude))
+        amplitude = np.interp(linear.frequency_hz, *by_frequency(curves[0], curves[0].excitation_amplitude))
         ax.plot(
             linear.frequency_hz,
             np.abs(linear.displacement[probe]) * amplitude * scale.factor,
@@ -48,7 +54,7 @@ def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 
             zorder=1,
         )
     for k, curve in enumerate(curves):
-        f, peak = _envelope(curve, curve.displacement[probe].peak)
+        f, peak = envelope(curve, curve.displacement[probe].peak)
         ax.plot(f, peak * scale.factor, label=f"sweep {curve.direction}", **curve_style(k))
     names = {c.name for c in curves}
     named = [p for p in result.peaks if p.curve in names and p.probe == probe][:MOST_MARKS]
@@ -64,7 +70,7 @@ def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 
             color="0.2",
             label=kind,
         )
-    _frequency_axis(result, ax)
+    frequency_axis(result, ax)
     ax.set_yscale("log")
     finish(ax, "Excitation frequency (Hz)", f"Peak displacement of {probe} ({scale.unit})")
     ax.legend(loc="best", frameon=False, fontsize="small", handlelength=2.6)
@@ -77,9 +83,9 @@ def plot_contact_force_curve(result: SweepResult, ax: Axes, level_index: int = 0
     drawn = [(c, name) for c in curves for name in c.force]
     scale = scale_for("N", *(c.force[name].peak for c, name in drawn))
     for k, (curve, name) in enumerate(drawn[:6]):
-        f, peak = _envelope(curve, curve.force[name].peak)
+        f, peak = envelope(curve, curve.force[name].peak)
         ax.plot(f, peak * scale.factor, label=f"{name}, {curve.direction}", **curve_style(k))
-    _frequency_axis(result, ax)
+    frequency_axis(result, ax)
     finish(ax, "Excitation frequency (Hz)", f"Peak contact force ({scale.unit})")
     legend(ax, min(len(drawn), 6), len(drawn), "curves")
     return ax
@@ -91,11 +97,11 @@ def plot_output_peaks(result: SweepResult, ax: Axes, name: str) -> Axes:
     scale = output_scale(curves[0].outputs[name].unit, *(curve.outputs[name].peak for curve in curves))
     several = len({curve.level_index for curve in curves}) > 1
     for k, curve in enumerate(curves[:MOST_CURVES]):
-        f, peak = _envelope(curve, curve.outputs[name].peak)
+        f, peak = envelope(curve, curve.outputs[name].peak)
         level = f", {level_text(curve.level, result.scenario.level_unit)}" if several else ""
         ax.plot(f, peak * scale.factor, label=f"{curve.direction}{level}", **curve_style(k))
     draw_limit(ax, result.scenario.limits, name, scale)
-    _frequency_axis(result, ax)
+    frequency_axis(result, ax)
     finish(ax, "Excitation frequency (Hz)", output_label("Peak of", name, scale))
     ax.set_ylim(bottom=0.0)
     legend(ax, min(len(curves), MOST_CURVES), len(curves), "curves")
@@ -127,14 +133,21 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -
 
 
 def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str) -> Axes:
-    """Peak displacement divided by excitation amplitude for each level; the curves coincide for a linear structure."""
+    """Peak displacement divided by excitation amplitude for each level; all but the first where they differ by 1 %."""
     curves = [c for c in result.curves.values() if c.direction == direction]
     for k, curve in enumerate(curves[:6]):
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = curve.displacement[probe].peak / curve.excitation_amplitude
-        f, value = _envelope(curve, ratio)
-        ax.plot(f, value, label=level_text(curve.level, result.scenario.level_unit), **curve_style(k))
-    _frequency_axis(result, ax)
+        f, value = envelope(curve, ratio)
+        if k == 0:
+            first = f, value
+        else:
+            differs = np.abs(value / np.interp(f, *first) - 1.0) > SAME_LEVEL
+            beside = differs | np.append(differs[1:], False) | np.append(False, differs[:-1])
+            value = np.where(beside, value, np.nan)
+        level = level_text(curve.level, result.scenario.level_unit)
+        ax.plot(f, value, label=level if np.any(np.isfinite(value)) else f"{level} (the same)", **curve_style(k))
+    frequency_axis(result, ax)
     ax.set_yscale("log")
     unit = f"m per {curves[0].excitation_unit.replace('^2', '²')}" if curves else "m"
     finish(ax, f"Excitation frequency (Hz), {direction}", f"Peak displacement of {probe} / level ({unit})")
@@ -149,11 +162,11 @@ def plot_harmonic_energy(result: SweepResult, ax: Axes, probe: str, direction: s
     for r, order in enumerate(orders[:6]):
         for k, curve in enumerate(curves[:4]):
             ratio = np.abs(curve.displacement[probe].harmonics[r]) ** 2 / curve.excitation_amplitude**2
-            f, value = _envelope(curve, ratio, mean=True)
+            f, value = envelope(curve, ratio, mean=True)
             style = {**curve_style(r), "alpha": 1.0 - 0.2 * k}
             label = f"order {Fraction(float(order)).limit_denominator(12)}" if k == 0 else "_nolegend_"
             ax.plot(f, value, label=label, **style)
-    _frequency_axis(result, ax)
+    frequency_axis(result, ax)
     ax.set_yscale("log")
     finish(ax, f"Excitation frequency (Hz), {direction}", f"Mean square of {probe} / mean-square excitation")
     legend(ax, min(orders.size, 6), orders.size, "orders")
@@ -172,7 +185,7 @@ def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
         ax.plot(
             f, 100 * share, label=f"{name}, {level_text(curve.level, result.scenario.level_unit)}", **curve_style(k)
         )
-    _frequency_axis(result, ax)
+    frequency_axis(result, ax)
     ax.set_ylim(-2, 102)
     finish(ax, f"Excitation frequency (Hz), {direction}", "Time in contact (%)")
     legend(ax, min(len(drawn), 6), len(drawn), "curves")
@@ -188,10 +201,10 @@ def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
         ax.plot(linear.frequency_hz, levels.changing * scale.factor, label=f"{name}: {what}", **curve_style(k))
     for index, curve in enumerate({c.level_index: c for c in result.curves.values()}.values()):
-        swept, amplitude = _by_frequency(curve, np.abs(curve.excitation_amplitude))
+        swept, amplitude = by_frequency(curve, np.abs(curve.excitation_amplitude))
         label = "sweep" if index == 0 else None
         ax.plot(swept, amplitude * scale.factor, color="0.6", linewidth=0.8, zorder=0, label=label)
-    _frequency_axis(result, ax)
+    frequency_axis(result, ax)
     ax.set_yscale("log")
     finish(ax, "Excitation frequency (Hz)", f"Level ({scale.unit})")
     ax.legend(loc="best", frameon=False, fontsize="small")
@@ -202,12 +215,12 @@ def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
     """Preload needed to keep contact at the highest excitation of the sweep, over frequency."""
     linear = result.linear
     curve = max(result.curves.values(), key=lambda c: float(c.excitation_amplitude.max(initial=0.0)))
-    amplitude = np.interp(linear.frequency_hz, *_by_frequency(curve, curve.excitation_amplitude))
+    amplitude = np.interp(linear.frequency_hz, *by_frequency(curve, curve.excitation_amplitude))
     needed = {name: levels.preload_needed * amplitude for name, levels in linear.contact.items()}
     scale = scale_for("N", *needed.values())
     for k, (name, values) in enumerate(needed.items()):
         ax.plot(linear.frequency_hz, values * scale.factor, label=name, **curve_style(k))
-    _frequency_axis(result, ax)
+    frequency_axis(result, ax)
     ax.set_yscale("log")
     finish(ax, "Excitation frequency (Hz)", f"Preload needed to keep contact ({scale.unit})")
     legend(ax, min(len(needed), 6), len(needed), "snubbers")
@@ -262,6 +275,17 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
         figure, (ax,) = page()
         plot_response(result, ax, probe, index)
         figures[f"response_{index}"] = figure
+    if last.acceleration:
+        both = has_transmissibility(result)
+        figure, axes = page(8.0 if both else 4.8, 2 if both else 1)
+        plot_acceleration(result, axes[0], last.level_index)
+        if both:
+            plot_transmissibility(result, axes[1], last.level_index)
+        figures["acceleration"] = figure
+    for index in result.histories:
+        figure, (ax,) = page()
+        plot_spectrogram(result, ax, probe, index)
+        figures[f"spectrogram_{index}"] = figure
     figure, (ax,) = page()
     plot_waterfall(result, ax, probe, last.name)
     figures["waterfall"] = figure
@@ -290,41 +314,10 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
         figures["harmonic_energy"] = figure
     for curve in result.curves.values():
         if curve.notching is not None:
-            figures[f"notching_{curve.name}"] = notching_figure(curve, result.title, partial(_frequency_axis, result))
+            figures[f"notching_{curve.name}"] = notching_figure(curve, result.title, partial(frequency_axis, result))
     if last.steady is not None:
         figure, (above, below) = page(6.4, 2)
         plot_steady_states(result, above, last.name)
         plot_poincare(result, below, last.name, probe)
         figures["steady_states"] = figure
     return figures
-
-
-def _by_frequency(curve: SweepCurve, values: Floats) -> tuple[Floats, Floats]:
-    order = np.argsort(curve.frequency_hz)
-    return curve.frequency_hz[order], values[order]
-
-
-def _envelope(curve: SweepCurve, values: Floats, *, mean: bool = False) -> tuple[Floats, Floats]:
-    """Values by increasing frequency; with many cycles, the largest (or mean) value of each frequency bin."""
-    f, v = _by_frequency(curve, values)
-    if f.size <= 2 * BINS:
-        return f, v
-    edges = np.geomspace(f[0], f[-1], BINS + 1)
-    first = np.unique(np.searchsorted(f, edges[:-1]))
-    count = np.diff(np.append(first, f.size))
-    middle = np.add.reduceat(f, first) / count
-    return middle, np.add.reduceat(v, first) / count if mean else np.maximum.reduceat(v, first)
-
-
-def _frequency_axis(result: SweepResult, ax: Axes) -> None:
-    lows = [float(c.frequency_hz.min()) for c in result.curves.values() if c.frequency_hz.size]
-    highs = [float(c.frequency_hz.max()) for c in result.curves.values() if c.frequency_hz.size]
-    if lows:
-        ax.set_xlim(min(lows), max(highs))
-        if max(highs) > 8 * min(lows):
-            ax.set_xscale("log")
-            from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-            ax.xaxis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
-            ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            ax.xaxis.set_minor_formatter(NullFormatter())

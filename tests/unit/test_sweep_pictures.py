@@ -1,0 +1,69 @@
+"""Pictures of sweeps: accelerations and transmissibility of all probes, spectrograms, levels where they differ."""
+
+import numpy as np
+import pytest
+
+from beamsim.analyses.sweep.analysis import sweep
+from beamsim.plots.sweep import sweep_figures
+from beamsim.scenario import load_scenario
+
+CASE = {
+    "chain": {"masses": [1, 0.5], "springs": [39478.4, 60000, 0], "damping": {"kind": "modal", "ratio": "2 %"}},
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": "1 g", "frequency": "20 Hz"},
+    "probes": [{"name": "first", "mass": 1}, {"name": "second", "mass": 2}],
+    "sweep": {"kind": "swept_sine", "from": "15 Hz", "to": "35 Hz", "rate": "4 oct/min", "orders": [1]},
+}
+STOP = {"name": "stop", "mass": 2, "side": "below", "stiffness": 60000, "gap": "5 mm"}
+
+
+def result(chain=None, **settings):
+    return sweep(
+        load_scenario({**CASE, "chain": {**CASE["chain"], **(chain or {})}, "sweep": {**CASE["sweep"], **settings}})
+    )
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return result(history_rate=400.0, levels=[2.0, 4.0])
+
+
+def test_transmissibility_of_every_probe_with_its_quality():
+    """The first mode has 2 % of damping: Q is 25 where the sweep is slow."""
+    slow = result(rate="0.6 oct/min", **{"from": "24 Hz", "to": "29 Hz"})
+    above, below = sweep_figures(slow)["acceleration"].axes
+    labels = [text.get_text() for text in below.get_legend().get_texts()]
+    assert [label.split(",")[0] for label in labels[:2]] == ["first", "second"]
+    for label in labels[:2]:
+        assert float(label.split("Q ")[1].split()[0]) == pytest.approx(25.0, rel=0.1)
+    assert len(above.lines) == 2
+
+
+def test_a_force_has_no_transmissibility():
+    excitation = {**CASE["excitation"], "applied_to": {"mass": 2}, "level": "1 N"}
+    driven = sweep(load_scenario({**CASE, "excitation": excitation}))
+    assert len(sweep_figures(driven)["acceleration"].axes) == 1
+
+
+def test_a_spectrogram_follows_the_sweep(swept):
+    axes = sweep_figures(swept)["spectrogram_0"].axes[0]
+    (mesh,) = axes.collections
+    level = mesh.get_array()
+    corners = mesh.get_coordinates()
+    middle = 0.5 * (corners[:-1, :-1] + corners[1:, 1:])
+    curve = swept.curves["up_0"]
+    for column in range(10, level.shape[1] - 10, 40):
+        strongest = middle[int(np.argmax(level[:, column])), column]
+        assert strongest[1] == pytest.approx(np.interp(strongest[0], curve.time, curve.frequency_hz), rel=0.05)
+    assert level.max() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_levels_are_drawn_where_they_differ(swept):
+    """A linear structure has one curve; with a stop the second level is drawn near the resonance alone."""
+    first, second = sweep_figures(swept)["levels"].axes[0].lines
+    assert np.all(np.isfinite(first.get_ydata()))
+    assert not np.any(np.isfinite(second.get_ydata()))
+    assert second.get_label().endswith("(the same)")
+    stopped = result({"snubbers": [STOP]}, levels=[0.2, 9.0])
+    _, second = sweep_figures(stopped)["levels"].axes[0].lines
+    drawn = np.isfinite(second.get_ydata())
+    assert 0 < drawn.sum() < drawn.size
