@@ -36,6 +36,7 @@ MODES = (
     Entry("static_vectors", of="modes.static_vectors"),
     Entry("reduction_error", label="reduction", of="modes.reduction_error"),
     Entry("reduction_bound", label="bound of the reduction", of="modes.reduction_bound"),
+    Entry("probe_bound", of="modes.probe_bound"),
     Entry("highest_frequency_hz", of="modes.highest_frequency_hz"),
 )
 PROCESSOR_TIME = Entry("processor_time_s", "s", "processor time of the solver alone", "solver")

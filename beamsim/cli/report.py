@@ -186,7 +186,9 @@ def _reduction_bound(result: Result, bound: float) -> str:
     if math.isnan(bound):
         return "not known"
     highest = amount(result.summary["highest_frequency_hz"], "Hz")
-    return f"{bound:.2g} of the receptance at contacts and loads up to {highest}"
+    probes = result.summary.get("probe_bound")
+    beside = "" if probes is None or math.isnan(probes) else f", {probes:.2g} between these and the probes,"
+    return f"{bound:.2g} of the receptance at contacts and loads{beside} up to {highest}"
 
 
 def base_correction(result: Result, share: float) -> str:

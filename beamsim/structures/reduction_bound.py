@@ -33,45 +33,55 @@ _NO_DEFLECTION = 1e-24
 _FREQUENCIES = 12
 
 
-def receptance_bound(model: Structure, basis: ReducedBasis, damping: Floats, loads: Floats) -> float:
-    """Largest error of the reduced receptance between loads, over the size of the receptances.
+@dataclass(frozen=True)
+class ReceptanceBound:
+    """Largest errors of the reduced receptance, over the size of the receptances.
+
+    0 where all modes are kept; infinite where the modes kept lack some below the highest frequency that the reduction
+    was made for; nan where round-off leaves that open. The size of a receptance is the geometric
+    mean of those at its two places, each of which is its static compliance or, near resonances, its present amount.
+    """
+
+    loads: float  # between two loads
+    probes: float | None  # between a load and a probe; None without probes
+
+
+def receptance_bound(
+    model: Structure, basis: ReducedBasis, damping: Floats, loads: Floats, probes: Floats
+) -> ReceptanceBound:
+    """Bounds up to the highest frequency that the reduction was made for.
 
     Parameters
     ----------
     model, basis : full model and its reduced coordinates.
     damping : (n, n) C of the reduced model, 1/s.
     loads : (m, N) rows of contacts and forces, and the inertia load where the base moves.
-
-    Returns
-    -------
-    float
-        A bound up to the highest frequency that the reduction was made for; 0 where all modes are kept, infinite where
-        there are natural frequencies below it that the modes kept lack, nan where round-off leaves that open. The size
-        of a receptance is the geometric mean of those at its two places, each of which is its static compliance or,
-        near resonances, its present amount.
+    probes : (p, N) rows of what is observed only, of which the basis has no static vectors.
     """
+    acting, known = loads.shape[0], None if not len(probes) else 0.0
     parts = [(part.structure, part.dofs) for part in model.parts] or [(model, slice(None))]
     blocks = basis.blocks or ((basis, np.arange(basis.size)),)
     truncations = [
-        LeftOut(structure, reduced, damping[np.ix_(columns, columns)], loads[:, dofs])
+        LeftOut(structure, reduced, damping[np.ix_(columns, columns)], np.vstack([loads, probes])[:, dofs], acting)
         for (structure, dofs), (reduced, columns) in zip(parts, blocks, strict=True)
     ]
     if all(part.complete for part in truncations):
-        return 0.0
+        return ReceptanceBound(0.0, known)
     static: Floats = np.asarray(sum(part.compliances / part.model.stiffness_scale for part in truncations))
     moved = static > 0
-    if not moved.any():
-        return 0.0
-    largest = 0.0
+    if not moved[:acting].any():
+        return ReceptanceBound(0.0, known)
+    largest = np.zeros(moved.size)  # of each place and any load
     for omega in _frequencies(basis) * model.frequency_scale:
         errors, present = np.zeros((2, moved.size, moved.size))
         for part in truncations:
             scaled = omega / part.model.frequency_scale
             errors += part.errors(scaled) / part.model.stiffness_scale
             present += np.abs(part.receptance(scaled)) / part.model.stiffness_scale
-        size = np.sqrt(np.maximum(static, np.diag(present)))[moved]
-        largest = np.maximum(largest, (errors[np.ix_(moved, moved)] / np.outer(size, size)).max())
-    return float(largest)
+        errors[~moved], errors[:, ~moved] = 0.0, 0.0
+        size = np.where(moved, np.sqrt(np.maximum(static, np.diag(present))), 1.0)
+        largest = np.maximum(largest, (errors / np.outer(size, size))[:, :acting].max(axis=1))
+    return ReceptanceBound(float(largest[:acting].max()), float(largest[acting:].max()) if known is not None else None)
 
 
 def _frequencies(basis: ReducedBasis) -> Floats:
@@ -95,6 +105,7 @@ class LeftOut:
     basis: ReducedBasis
     damping: Floats  # (n, n) of the reduced model, 1/s
     loads: Floats  # (m, N)
+    acting: int  # loads that the static vectors are made for, the first of them
 
     @property
     def complete(self) -> bool:
@@ -155,7 +166,7 @@ class LeftOut:
         trial = np.hstack([self.static, self.flexibility])
         kept = self.basis.omega[: self.basis.modes]
         if not trial.shape[1]:
-            trial = self._left_out(self.loads.T)
+            trial = self._left_out(self.loads[: self.acting].T)
         bent = np.asarray(self.model.factor @ trial)
         moving = np.einsum("ij,ij->j", trial, self.model.mass @ trial)
         ritz = np.sqrt(np.sum(bent**2, axis=0)[moving > 0] / moving[moving > 0])

@@ -23,7 +23,7 @@ from beamsim.structures.damping import damping_ratios
 from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.moving_point import places_needed
 from beamsim.structures.places import SLOPE, LoadSite, Place, Site
-from beamsim.structures.reduction_bound import receptance_bound
+from beamsim.structures.reduction_bound import ReceptanceBound, receptance_bound
 from beamsim.structures.reduction_error import LinearState, reduction_error
 from beamsim.structures.stations import Recovery, Stations
 from beamsim.system.equations import PiecewiseLinearSystem
@@ -287,7 +287,9 @@ def _mode_table(
 ) -> ModeTable:
     basis, structure = parts.basis, parts.structure
     error = reduction_error(structure, basis, damping, _linear_state(parts, stops)) if assessed else math.nan
-    bound = receptance_bound(structure, basis, damping, _loads(parts)) if assessed else math.nan
+    bound = ReceptanceBound(math.nan, None)
+    if assessed:
+        bound = receptance_bound(structure, basis, damping, _loads(parts), structure.rows(parts.probe_sites))
     closed = closed_frequencies(parts.omega, stops.shape, stops.slow[0], basis.rigid)
     return ModeTable(
         open_frequencies_hz=parts.omega / (2 * np.pi),
@@ -299,7 +301,8 @@ def _mode_table(
         static_vectors=basis.static_vectors,
         highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
         reduction_error=error,
-        reduction_bound=bound,
+        reduction_bound=bound.loads,
+        probe_bound=bound.probes,
         **_energy_shares(structure, basis),
     )
 

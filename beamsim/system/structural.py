@@ -82,6 +82,7 @@ class ModeTable:
         "compliance there, or over the receptance where that is larger",
         default=None,
     )
+    probe_bound: float | None = attribute("1", "the same of the receptance between these and the probes", default=None)
     # by body, of several bodies only
     kinetic_energy_share: dict[str, Floats] = per_name(
         "bodies", "1", "share of a mode's kinetic energy in this body", along=_MODE, default_factory=dict

@@ -68,10 +68,12 @@ def chains(draw):
 
 
 def truncation(case):
+    """What is left out of the responses at contacts and to the inertia load, and at probes."""
     parts = reduced_parts(load_scenario(json.dumps(case)))
     structure = parts.structure
     loads = np.vstack([structure.rows(parts.snubber_sites), structure.inertia])
-    return LeftOut(structure, parts.basis, parts.reduced.damping, loads)
+    places = np.vstack([loads, structure.rows(parts.probe_sites)])
+    return LeftOut(structure, parts.basis, parts.reduced.damping, places, len(loads))
 
 
 def full_receptance(t, s):
@@ -125,6 +127,27 @@ def assert_within_three(case):
 @given(beams())
 def test_it_bounds_the_error_of_beams_whatever_damps_and_holds_them(case):
     assert_bounded(truncation(case))
+
+
+@settings(max_examples=20, deadline=None)
+@given(beams(), PLACE)
+def test_it_bounds_the_error_at_probes_which_have_no_static_vectors(case, position):
+    held = case["beam"]["supports"]["right"] in ("clamped", "pinned")
+    t = truncation({**case, "probes": [{"name": "p", "position": min(position, 0.95 if held else 1.0)}]})
+    assert t.loads.shape[0] == t.acting + 1
+    assert_bounded(t)
+    loads, probe = t.loads[: t.acting], t.loads[t.acting :]
+    both = receptance_bound(t.model, t.basis, t.damping, loads, probe)
+    alone = receptance_bound(t.model, t.basis, t.damping, loads, probe[:0])
+    assert alone.probes is None
+    assert both.loads == pytest.approx(alone.loads, rel=1e-6, abs=1e-12, nan_ok=True)
+    if np.isfinite(both.probes) and both.probes > 0:
+        s = t.basis.highest_frequency
+        full, reduced = full_receptance(t, s), t.receptance(s)
+        size = np.sqrt(np.maximum(t.compliances, np.abs(np.diag(reduced))))
+        moved = t.compliances[: t.acting] > 0
+        true = (np.abs(full - reduced)[-1] / (size[-1] * size))[: t.acting][moved].max()
+        assert true <= both.probes * (1 + 1e-6) + 1e-11
 
 
 @settings(max_examples=50, deadline=None)
@@ -210,7 +233,7 @@ def test_between_two_bodies_errors_add_up():
     between = {**panels, "snubbers": [{"name": "s", "between": ends, "stiffness": 1e5, "gap": 1e-3}]}
     parts = reduced_parts(load_scenario(json.dumps(between)))
     loads = parts.structure.rows(parts.snubber_sites)
-    bound = receptance_bound(parts.structure, parts.basis, parts.reduced.damping, loads)
+    bound = receptance_bound(parts.structure, parts.basis, parts.reduced.damping, loads, loads[:0]).loads
     full = reduced_parts(load_scenario(json.dumps({**between, "reduction": {"modes": "all"}})))
     static = float(np.sum((loads @ full.basis.vectors) ** 2 / full.basis.omega**2))
     s = parts.basis.highest_frequency

@@ -54,6 +54,8 @@ WIDER_SPECTRA = "spectra reach 16 lines beyond the highest mode, which has a lin
 EXACT_PEAKS = "peaks of periodic motions are those of the continuous motion, no longer of samples and a parabola"
 MENDED: dict[str, str] = {
     "sweep_backlash sweep regular file/level_0@evaluations": "sizes of complex numbers: other round-off in sweeps",
+    "* json/probe_bound": "is new",
+    "* file/*@probe_bound": "is new",
     "* file/random/*/density_open*": "is new",
     "* file/random/*/density_closed*": "is new",
     **{
