@@ -46,6 +46,10 @@ _FREQUENCIES = ("excitation frequency", "excitation frequency of the fold", "fre
 _RESPONSES = ("displacement per unit of excitation, without snubbers", "absolute acceleration per unit of excitation")
 _SWEPT = ("absolute acceleration", "displacement", "force")
 REWORDED = {
+    "energy stored, kinetic and elastic, snubbers included": [
+        "energy stored, kinetic and elastic, snubbers included; where supports move relative to the base, that of the "
+        "degrees of freedom which they leave",
+    ],
     **{
         f"amplitude of cos(order x phase) in the {x}": [
             f"amplitude of cos(order x phase) in the {x}; of order p/q over q cycles up to this one"
