@@ -93,6 +93,13 @@ class Contacts:
         return [j for j, law in enumerate(self.laws) if law.internal_states]
 
     @cached_property
+    def sliders(self) -> Ints:
+        """Numbers of the internal states that rest but where a contact slides or yields."""
+        a = self.arrays
+        rubbing = [j for j, law in enumerate(self.laws) if law.rubs and law.internal_states]
+        return np.array([a.first[j] + i for j in rubbing for i in range(a.states[j])], dtype=np.int64)
+
+    @cached_property
     def stiffness(self) -> Floats:
         """(m,) N/m, of laws made of one stiffness and one dashpot; ValueError if there are others."""
         return self._numbers("stiffness")

@@ -33,7 +33,7 @@ from beamsim.orbits.continuation import (
 )
 from beamsim.orbits.grazing import cyclic, grazings
 from beamsim.orbits.paths import DampingPath
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Complexes, Floats, Ints
 
 STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
 AT_BOUNDARY = 1e-5  # distance of a multiplier from where a located point says that it is
@@ -42,6 +42,7 @@ NEAR_CIRCLE = 0.02  # the same for complex multipliers and two Neimark–Sacker 
 EARLY = 30  # periods of a transient before the path of falling damping is tried
 MOST_DAMPED = 400  # points of that path
 FIRST_AMPLITUDE = 0.01  # of a motion of another branch beside the one that it leaves, over that one's size
+RESTS = 1e-7  # change of a slider by a unit of the state, over a period, that is round-off
 GUESSED_RATIO = 0.01  # least damping ratio in a first guess, which must have a bound at resonance
 
 
@@ -67,6 +68,7 @@ class ForcedOrbits:
         self._one = np.eye(self.flow.size)
         self._smallest = max(1e-3 * float(np.max(np.abs(self.flow.system.contacts.clearances), initial=0.0)), 1e-30)
         self._n2 = 2 * self.flow.system.size
+        self._sliders = self._n2 + self.flow.system.contacts.sliders
         # the flow may be shared: what doesn't change here is set again with what does
         self.omega, self.level = self.flow.omega, self.flow.level
 
@@ -110,14 +112,32 @@ class ForcedOrbits:
         J[:, -1] = passage.parameters[:, 0]
         if self.parameter == "frequency":
             J[:, -1] -= passage.slope * (period / flow.omega)
-        return passage.end - z, J, passage
+        change = passage.end - z
+        resting = self._resting(passage)
+        J[resting], change[resting] = 0.0, 0.0
+        J[resting, resting] = 1.0
+        return change, J, passage
+
+    def _resting(self, passage: Passage) -> Ints:
+        """Sliders of friction and hardening that a motion leaves where they are, among the unknowns.
+
+        Any place of theirs is periodic: the equation says that Newton's method leaves them there too.
+        """
+        if not self._sliders.size:
+            return self._sliders
+        rows = passage.transition[self._sliders].copy()
+        rows[np.arange(self._sliders.size), self._sliders] -= 1.0
+        n = self._n2 // 2
+        rows[:, n : 2 * n] *= self.flow.omega
+        resting: Ints = self._sliders[np.abs(rows).max(axis=1) < RESTS]
+        return resting
 
     def newton(
         self, guess: Floats, row: Floats, target: float, scale: Floats, settings: Settings, furthest: float
     ) -> Converged | None:
         """Newton's method, see :func:`beamsim.orbits.continuation.newton`: compiled where the flow allows that."""
         flow = self.flow
-        if not isinstance(self.parameter, str) or not isinstance(flow, VariationalFlow):
+        if not isinstance(self.parameter, str) or not isinstance(flow, VariationalFlow) or self._sliders.size:
             return newton(self, guess, row, target, scale, settings, furthest)
         kind = Frequency() if self.parameter == "frequency" else Level()
         try:

@@ -67,10 +67,13 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
     dynamics = system.dynamics
     for name, law in zip(system.contact_names, dynamics.contacts.laws, strict=True):
         if not law.has_undamped_form:
-            what = "hardening" if law.yields else "maxwell"
+            rubs, yields = law.rubs, law.yields
+            what = (
+                f"hardening of {name}" if yields else f"the friction contact {name}" if rubs else f"maxwell of {name}"
+            )
             raise ScenarioError(
                 Problem("nnm", f"needs contacts without losses, and that of {name} rubs or keeps internal states",
-                        f"leave out {what} of {name}, or the friction contact")
+                        f"leave out {what}")
             )  # fmt: skip
     undamped = replace(
         dynamics,

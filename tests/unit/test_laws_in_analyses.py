@@ -1,0 +1,120 @@
+"""Every contact law in every analysis: it is taken, or refused with the reason and a remedy."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+
+BRANCHES = [{"stiffness": 200.0, "relaxation_time": 0.03}]
+TABLE = [[0, 0], [2e-3, 0.8], [10e-3, 6]]
+DASHPOT = {"kind": "viscous", "coefficient": 4.0}
+RUB = {
+    "name": "rub", "at": {"mass": 2}, "mounted_on": "ground", "normal_force": 1.0,
+    "coefficient": {"static": 0.3, "sliding": 0.2},
+}  # fmt: skip
+STOPS = {
+    "table": {"force_deflection": TABLE},
+    "branch": {"stiffness": 300.0, "maxwell": BRANCHES},
+    "table and branch": {"force_deflection": TABLE, "maxwell": BRANCHES},
+    "dashpot": {"stiffness": 300.0, "law": "no_tension", "damping": DASHPOT},
+    "hardening": {"stiffness": 300.0, "hardening": {"yield_force": 0.5, "stiffness": 60.0}},
+    "friction": {"stiffness": 300.0},
+    "rigid friction": {"stiffness": 300.0},
+}
+CHANGED = {
+    "table": ("chain.snubbers.pad.force_deflection[1][1]", 0.6, 0.9),
+    "branch": ("chain.snubbers.pad.maxwell[0].stiffness", 100.0, 300.0),
+    "table and branch": ("chain.snubbers.pad.maxwell[0].relaxation_time", 0.01, 0.05),
+    "dashpot": ("chain.snubbers.pad.damping.coefficient", 1.0, 5.0),
+    "hardening": ("chain.snubbers.pad.hardening.yield_force", 0.3, 0.6),
+    "friction": ("friction.rub.coefficient.sliding", 0.05, 0.25),
+    "rigid friction": ("friction.rub.normal_force", 0.5, 1.5),
+}
+RUN = {"duration": 0.5, "sample_rate": 1000.0, "start": "rest"}
+CONTINUATION = {"kind": "continuation", "from": 3.9, "to": 3.94, "side_branches": "none"}
+
+
+def case(law, **sections):
+    rubs = {"friction": [{**RUB, "stiffness": 3000.0}], "rigid friction": [RUB]}
+    return load_scenario({
+        "chain": {
+            "masses": [1.0, 1.0], "springs": [400.0, 400.0], "dashpots": [2.0, 2.0],
+            "snubbers": [{"name": "pad", "mass": 1, "side": "below", "gap": 1e-3, **STOPS[law]}],
+        },
+        "probes": [{"name": "a", "mass": 1}],
+        "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": 3.0, "frequency": 4.5},
+        **({"friction": rubs[law]} if law in rubs else {}),
+        **sections,
+    })  # fmt: skip
+
+
+laws = pytest.mark.parametrize("law", STOPS)
+
+
+@laws
+def test_runs(law):
+    result = beamsim.run(case(law, run=RUN))
+    assert result.outcome.trusted
+    assert result.summary["energy_error"] < 1e-10
+    assert result.summary["contacts"]["pad"] >= 1
+
+
+@laws
+def test_swept_sines(law):
+    sweep = {"kind": "swept_sine", "from": 4.0, "to": 5.0, "rate": "1 Hz/s"}
+    assert beamsim.sweep(case(law, sweep=sweep)).outcome.trusted
+
+
+@laws
+def test_studies_of_its_numbers(law):
+    path, first, last = CHANGED[law]
+    parameters = [{"path": path, "from": first, "to": last, "points": 2}]
+    result = beamsim.design_study(case(law, run=RUN, vary={"kind": "grid", "parameters": parameters}))
+    peaks = result.responses["snubbers/pad/peak_force"].values
+    assert result.outcome.trusted
+    assert np.ptp(peaks) > 1e-4 * peaks.max()
+
+
+@pytest.mark.parametrize("law", [*list(STOPS)[:4], "friction", pytest.param("hardening", marks=pytest.mark.slow)])
+def test_continuation(law):
+    ends = {"from": 4.48, "to": 4.52} if law == "hardening" else {}
+    result = beamsim.frequency_response(case(law, sweep={**CONTINUATION, **ends}))
+    assert result.outcome.trusted
+    assert all(np.max(branch.energy_error) < 1e-8 for branch in result.branches)
+
+
+@laws
+def test_normal_modes(law):
+    section = {"nnm": {"mode": 1, "energy": 1e-3}, "excitation": {"kind": "none"}}
+    refused = {
+        "branch": "leave out maxwell of pad", "table and branch": "leave out maxwell of pad",
+        "hardening": "leave out hardening of pad", "friction": "leave out the friction contact rub",
+        "rigid friction": "leave out the friction contact rub",
+    }  # fmt: skip
+    if law in refused:
+        with pytest.raises(ScenarioError, match=f"nnm needs contacts without losses.*{refused[law]}"):
+            beamsim.nnm(case(law, **section))
+    else:
+        assert beamsim.nnm(case(law, **section)).outcome.trusted
+
+
+@pytest.mark.parametrize("law", ["hardening", "friction", "rigid friction"])
+def test_what_rubs_is_refused_by_harmonic_balance(law):
+    says = "tangential stiffness" if law == "rigid friction" else "friction or hardening are beyond harmonic balance"
+    with pytest.raises(ScenarioError, match=says):
+        beamsim.frequency_response(case(law, sweep={**CONTINUATION, "method": "harmonic_balance"}))
+
+
+def test_a_contact_that_sticks_throughout():
+    """Any place of its slider is periodic; the continuation leaves it where it began, and did not end before."""
+    rub = {**RUB, "normal_force": 100.0, "stiffness": 3000.0}
+    result = beamsim.frequency_response(
+        case("friction", friction=[rub], sweep={**CONTINUATION, "from": 4.4, "to": 4.52})
+    )
+    assert result.outcome.trusted
+    (branch,) = result.branches
+    assert branch.frequency_hz.size < 100
+    np.testing.assert_allclose(branch.frequency_hz[[0, -1]], [4.4, 4.52], rtol=1e-9)
+    np.testing.assert_allclose(branch.floquet_multipliers[:, 0], 1.0, atol=1e-9)
