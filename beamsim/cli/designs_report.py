@@ -59,7 +59,7 @@ def _passing(result: DesignsResult, passing: int) -> str:
     every = "every limit" if len(result.limits) > 1 else "the limit"
     if "tolerances" in result.summary:
         quantile = result.summary["tolerances"]["quantile"]
-        every += " in all realisations" if quantile == 1.0 else f" in {_share(quantile)} of the realisations"
+        every += " in all realisations" if quantile == 1.0 else f" at its {_share(quantile)} quantile"
     return f"{passing} of {result.cases} cases meet {every}" if passing else f"no case meets {every}"
 
 
