@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Tag
+from pydantic import BeforeValidator, Tag
 
 from beamsim.scenario import units
 from beamsim.scenario.base import Schema, Variants, fail
@@ -36,6 +36,15 @@ def _coefficient_form(value: Any) -> str:
     return "<both>" if isinstance(value, (dict, FrictionCoefficients)) else "<number>"
 
 
+def _constant(value: Any) -> Any:
+    if isinstance(value, dict) and "snubber" in value:
+        raise fail(
+            f"= the force of {value['snubber']} varies, and friction under a varying normal force is not modelled",
+            "give a constant force, for example the snubber's preload or its mean force in contact",
+        )
+    return value
+
+
 def _start_form(value: Any) -> str:
     return "<text>" if value == "unstressed" else "<number>"
 
@@ -45,7 +54,7 @@ class FrictionBase(Named):
 
     kind: ClassVar[str] = "friction"
 
-    normal_force: PositiveForce
+    normal_force: Annotated[PositiveForce, BeforeValidator(_constant)]
     """Constant force that presses the faces together."""
     coefficient: Annotated[
         Annotated[PositiveNumber, Tag("<number>")] | Annotated[FrictionCoefficients, Tag("<both>")],
