@@ -168,10 +168,15 @@ class BeamBody(Body):
         return max((stretch.bending.depth or 0.0 for stretch in self.stretches), default=0.0)
 
     @property
+    def largest_deflection(self) -> float:
+        """A fifth of the length."""
+        return self.length / 5.0
+
+    @property
     def largest_gap(self) -> float:
         """A fifth of the length, or ten times the depth if that is less."""
         depth = self.largest_depth
-        return min(self.length / 5.0, 10.0 * depth if depth > 0.0 else math.inf)
+        return min(self.largest_deflection, 10.0 * depth if depth > 0.0 else math.inf)
 
     @property
     def marks(self) -> tuple[tuple[float, str], ...]:

@@ -80,6 +80,11 @@ class Body(Schema):
         return self
 
     @property
+    def largest_deflection(self) -> float:
+        """Deflection above which theory for small ones no longer holds, m."""
+        return math.inf
+
+    @property
     def largest_gap(self) -> float:
         """Gap, or prestress, of a snubber above which a factor is likely to be wrong, m."""
         return math.inf

@@ -149,10 +149,14 @@ class PlateBody(Body):
         return math.pi / 2.0 * math.sqrt(stiffness / self.surface_mass) / max(self.length, self.width) ** 2
 
     @property
+    def largest_deflection(self) -> float:
+        """A fifth of the longer side."""
+        return max(self.length, self.width) / 5.0
+
+    @property
     def largest_gap(self) -> float:
         """A fifth of the longer side, or ten times the thickness if that is less."""
-        longer = max(self.length, self.width)
-        return min(longer / 5.0, math.inf if self.depth is None else 10.0 * self.depth)
+        return min(self.largest_deflection, math.inf if self.depth is None else 10.0 * self.depth)
 
     def refined(self) -> Self:
         """The plate with twice the elements in both directions."""

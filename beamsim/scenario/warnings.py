@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
 from beamsim.scenario.base import Path, path_text, walk
@@ -55,6 +55,26 @@ def doubts(scenario: _Doubted) -> Iterator[str]:
                 f"reduction.highest_frequency = {reduction.highest_frequency:g} Hz is below the excitation frequency, "
                 f"{highest:g} Hz; the modes it excites are omitted"
             )
+
+
+def large_deflections(scenario: _Doubted, peaks: Mapping[str, float]) -> list[str]:
+    """A warning for each body whose computed deflection is beyond the theory of small ones.
+
+    Parameters
+    ----------
+    peaks : m, by probe, of a structure that cannot move as a rigid body.
+    """
+    bodies = {probe.name: probe.place.body for probe in scenario.probes}
+    largest: dict[str, tuple[float, str]] = {}
+    for probe, peak in peaks.items():
+        body = bodies.get(probe) or scenario.default_body
+        largest[body] = max(largest.get(body, (0.0, "")), (peak, probe))
+    return [
+        f"the largest displacement at {probe} = {peak:.3g} m is not small for {path_text(scenario.body_path(name))} "
+        f"(more than {allowed:.3g} m), and the theory does not hold: a unit such as mm or g may be wrong"
+        for name, (peak, probe) in largest.items()
+        if name in scenario.all_bodies and peak > (allowed := scenario.all_bodies[name].largest_deflection)
+    ]
 
 
 def _damping(where: str, damping: Any) -> Iterator[str]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.branch import BranchResult, OutputExtremes, SpecialPointResult
+from beamsim.analyses.deflections import deflection_warnings
 from beamsim.analyses.interruption import Stop, Stopped, never
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.reduction import reduction_checked
@@ -131,6 +132,7 @@ def frequency_response(
             *model.system.warnings,
             *model.system.certificate_warnings(found_on),
             *left_out,
+            *deflection_warnings(scenario, model.system.modes, (branch.peak_displacement for branch in branches)),
         ),
         wall_time_s=clock.perf_counter() - begin,
         parameter=f.kind,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.analyses.deflections import deflection_warnings
 from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.convergence import resting, with_convergence
 from beamsim.analyses.run.derived import DerivedFigures
@@ -96,6 +97,7 @@ def run(
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the spectra") if whole else motion.outcome
         motion = replace(_with_few_times(motion), trajectory=None, outcome=outcome)
         spectra = spectra_of(scenario, system, motion)  # of the samples
+    probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes["displacement"])
     with_inputs = (motion.few_inputs if motion.outcome.interrupted else None) or system
     result = RunResult(
         scenario=scenario,
@@ -115,6 +117,7 @@ def run(
             *system.warnings,
             *motion.warnings,
             *pull_warnings(system, motion),
+            *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
             *(folding_doubts(spectra) if motion.trajectory is None else ()),  # else a bound, and lines are free of it
         ),
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.deflections import deflection_warnings
 from beamsim.analyses.gapping import gapping, static_penetration
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.reduction import reduction_checked
@@ -130,7 +131,17 @@ def sweep(
             levels=dict(computed),
             histories=dict(histories),
             truncation=truncation,
-            warnings=(*scenario.warnings, *system.warnings, *_uncompared(scenario, system), *corrected),
+            warnings=(
+                *scenario.warnings,
+                *system.warnings,
+                *_uncompared(scenario, system),
+                *corrected,
+                *deflection_warnings(
+                    scenario,
+                    system.modes,
+                    ({name: x.peak for name, x in curve.displacement.items()} for curve in curves.values()),
+                ),
+            ),
             wall_time_s=clock.perf_counter() - begin,
         ).with_summary(
             **_summary(scenario, curves),
