@@ -229,6 +229,36 @@ class SpringFriction:
 
 
 @dataclass(frozen=True)
+class Branch:
+    """A Maxwell branch that always acts, of a joint; its state is the stretch of its spring."""
+
+    stiffness: float
+    time: float  # s, of relaxation
+    states, phases, pushes, knots = 1, 1, False, ()
+
+    def touching(self, _):
+        return False
+
+    def phase_at(self, *_):
+        return 0
+
+    def static(self, _):
+        return 0.0, 0.0
+
+    def force(self, _):
+        return unit(4, s0=self.stiffness)
+
+    def rates(self, _):
+        return unit(4, v=1.0, s0=-1.0 / self.time)[None, :]
+
+    def exits(self, _):
+        return []
+
+    def stored(self, _, __, states):
+        return 0.5 * self.stiffness * states[0] ** 2
+
+
+@dataclass(frozen=True)
 class RigidFriction:
     """Dry friction that holds a motion exactly while it sticks; phases as of `SpringFriction`."""
 

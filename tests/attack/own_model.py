@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from dense_stepper import EPS, Inputs, Linear, integrate
 from independent import Beam
-from own_laws import Curve, Pad, RigidFriction, SpringFriction, TableStop
+from own_laws import Branch, Curve, Pad, RigidFriction, SpringFriction, TableStop
 from scipy.interpolate import CubicSpline, PPoly
 from scipy.linalg import eigh, null_space
 from scipy.optimize import brentq
@@ -122,6 +122,8 @@ class Body:
     def __init__(self, spec):
         if "masses" in spec:
             self._chain(spec)
+        elif "dofs" in spec:
+            self._imported(spec)
         else:
             self._beam(spec)
         squares, shapes = eigh(self.K, self.M)
@@ -159,6 +161,14 @@ class Body:
             self.C = spec["damping"]["coefficient"] / line * bare.M
         self.ground = np.zeros(len(self.M))
         self.springs = ()
+
+    def _imported(self, spec):
+        """Nodes that move along z; the first is the base, to which all of their springs lead in the end."""
+        M, K = (_matrix(spec[key]["file"]) for key in ("mass", "stiffness"))
+        rigid = -np.linalg.solve(K[1:, 1:], K[1:, 0])
+        self.M, self.K, self.inertia = M[1:, 1:], K[1:, 1:], M[1:, 1:] @ rigid + M[1:, 0]
+        self.C, self.ground = np.zeros_like(self.M), np.zeros(len(rigid))
+        self.beam, self.springs, self.rigid = None, (), 0
 
     def _chain(self, spec):
         masses, springs = np.array(spec["masses"], dtype=float), list(spec["springs"])
@@ -203,7 +213,7 @@ class Body:
     def row(self, place):
         if self.beam is not None:
             return self.beam.row(place["position"])
-        return np.eye(len(self.M))[place["mass"] - 1]
+        return np.eye(len(self.M))[place["mass"] - 1 if "mass" in place else place["node"] - 2]
 
     def slope(self, place):
         """Slope at a node of a beam."""
@@ -223,6 +233,14 @@ class Body:
         return both[self.beam.free]
 
 
+def _matrix(file):
+    """A dense matrix of the MatrixMarket format."""
+    with open(file, encoding="utf-8") as lines:
+        numbers = [line for line in lines if not line.startswith("%")]
+    rows, columns = map(int, numbers[0].split())
+    return np.array(numbers[1:], dtype=float).reshape(columns, rows).T
+
+
 class Structure:
     """All bodies of a scenario in open modal coordinates."""
 
@@ -240,21 +258,37 @@ class Structure:
             M[part, part], K[part, part], C[part, part] = body.M, body.K, body.C
             self.inertia[part], self.ground[part] = body.inertia, body.ground
         self.rigid = sum(body.rigid for body in self.bodies.values())
-        held = []
+        held, self.branches = [], []
+        origins = {next(iter(self.bodies)): 0.0}  # of bodies along the common axis
         for joint in case.get("joints", ()):
             first, second = joint["between"]
             across = self.across(second) - self.across(first)
+            if second != "base" and "position" in first and "position" in second and first["body"] in origins:
+                origins.setdefault(second["body"], origins[first["body"]] + first["position"] - second["position"])
+            if "rotational_stiffness" in joint:
+                turn = self.across(second, slope=True) - self.across(first, slope=True)
+                K += joint["rotational_stiffness"] * np.outer(turn, turn)
+                C += joint["rotational_dashpot"] * np.outer(turn, turn)
             if joint["kind"] == "spring":
                 K += joint["stiffness"] * np.outer(across, across)
                 C += joint.get("dashpot", 0.0) * np.outer(across, across)
+                self.branches += [(across, b["stiffness"], b["relaxation_time"]) for b in joint.get("maxwell", ())]
                 continue
             held.append(across)
             if joint["kind"] == "rigid":
                 held.append(self.across(second, slope=True) - self.across(first, slope=True))
+        excitation = case.get("excitation", {})
+        self.origins, self.about = origins, excitation.get("about") if excitation.get("direction") == "ry" else None
+        driven = self.inertia.copy()
+        if self.about is not None:
+            for name, body in self.bodies.items():
+                driven[self.parts[name]] = body.beam.turning_inertia(self.about - origins[name])
         self.free = null_space(np.array(held)) if held else np.eye(size)  # motions that joints allow
         M, K, C = (self.free.T @ matrix @ self.free for matrix in (M, K, C))
-        self.inertia, self.ground = self.inertia @ self.free, self.ground @ self.free
+        self.inertia, self.driven, self.ground = (load @ self.free for load in (self.inertia, driven, self.ground))
         squares, self.shapes = eigh(K, M)
+        if case.get("joints"):  # they may hold what floats by itself
+            self.rigid = int(np.sum(squares < 1e-13 * squares[-1]))
         squares[: self.rigid] = 0.0
         self.omega = np.sqrt(np.maximum(squares, 0.0))
         self.damping = self.shapes.T @ C @ self.shapes
@@ -265,11 +299,20 @@ class Structure:
         return self.across(place.get("at", place)) @ self.free @ self.shapes
 
     def across(self, place, slope=False):
-        """Deflection or slope at a place in the coordinates of all bodies."""
+        """Deflection or slope at a place in the coordinates of all bodies; the base does not move."""
+        if place == "base":
+            return np.zeros(max(part.stop for part in self.parts.values()))
         name = place.get("body", next(iter(self.bodies)))
         row = np.zeros(max(part.stop for part in self.parts.values()))
         row[self.parts[name]] = (self.bodies[name].slope if slope else self.bodies[name].row)(place)
         return row
+
+    def lift(self, place):
+        """Motion of the base at a place, for a unit of what is given."""
+        if self.about is None:
+            return 1.0
+        at = place.get("at", place)
+        return self.about - self.origins[at["body"]] - at["position"]
 
     def modal(self, load):
         return self.shapes.T @ load
@@ -294,7 +337,8 @@ def contacts_of(case, structure):
             row, felt = structure.row(second) - structure.row(first), 0.0
             sign = 1.0 if snubber.get("resists", "approach") == "approach" else -1.0
         else:
-            row, felt = structure.row(snubber), float(snubber.get("mounted_on") == "ground")
+            row = structure.row(snubber)
+            felt = structure.lift(snubber) if snubber.get("mounted_on") == "ground" else 0.0
             sign = 1.0 if snubber["side"] == "below" else -1.0
         k, damping = snubber.get("stiffness", 0.0), snubber.get("damping", {})
         c = damping.get("coefficient", 0.0)
@@ -324,6 +368,10 @@ def contacts_of(case, structure):
             whole[structure.parts[name]] = spring.row
             found.append(Contact(**{**vars(spring), "row": whole @ structure.free @ structure.shapes}))
             preloads.append(None)
+    for across, stiffness, time in structure.branches:
+        row = across @ structure.free @ structure.shapes
+        found.append(Contact("", "branch", row, -1.0, 0.0, stiffness, of=Branch(stiffness, time)))
+        preloads.append(None)
     for friction in case.get("friction", ()):
         found.append(friction_of(friction, structure))
         preloads.append(None)
@@ -336,7 +384,8 @@ def friction_of(friction, structure):
         first, second = friction["between"]
         row, felt = structure.row(second) - structure.row(first), 0.0
     else:
-        row, felt = structure.row(friction), float(friction["mounted_on"] == "ground")
+        row = structure.row(friction)
+        felt = structure.lift(friction) if friction["mounted_on"] == "ground" else 0.0
     limits = [friction["normal_force"] * friction["coefficient"][key] for key in ("static", "sliding")]
     stiffness = friction.get("stiffness", 0.0)
     law = SpringFriction(stiffness, *limits) if stiffness else RigidFriction(*limits)
@@ -422,7 +471,7 @@ def sines(amplitude, omega, phase, quantity):
     if quantity == "force":
         amplitudes, phases = np.array([amplitude, amplitude * omega]), np.array([phase, phase + np.pi / 2])
         return Inputs(0, np.zeros(1), omega, amplitudes, phases, np.zeros(2), np.zeros((2, 1, 1)))
-    power = {"acceleration": 0, "velocity": 1, "displacement": 2}[quantity]
+    power = {"acceleration": 0, "velocity": 1, "displacement": 2, "rotation": 2}[quantity.removeprefix("angular_")]
     amplitudes = np.array([amplitude * omega ** (power - i) for i in range(3)])
     phases = np.array([phase + (power - i) * np.pi / 2 for i in range(3)])
     return Inputs(0, np.zeros(1), omega, amplitudes, phases, np.zeros(2), np.zeros((3, 1, 1)))
@@ -525,7 +574,7 @@ def model_of(case, duration):
     for i, force in enumerate(spec.get("forces", [spec] if inputs.count in (1, 2) else [])):
         loads[i] = structure.row(force["applied_to"])
     if inputs.count == 3:
-        loads[0], loads[2] = -structure.modal(structure.inertia), structure.modal(structure.ground)
+        loads[0], loads[2] = -structure.modal(structure.driven), structure.modal(structure.ground)
     contacts, preloads = contacts_of(case, structure)
     if any(p is not None for p in preloads):
         x = equilibrium(structure, contacts, constant, np.array([np.nan if p is None else p for p in preloads]))

@@ -5,7 +5,8 @@ one to three snubbers on either side, on the base, on the ground or between two 
 of the structure; laws kelvin_voigt, no_tension and piecewise_linear; gaps of 0, backlash, prestress or a preload;
 dashpots by ratio (up to 1.5) or coefficient; no input, or each of the inputs on the base or as a force; every start
 but a mode. Seeds from `MORE` on also have force-deflection tables, Maxwell branches, dry friction, several forces and
-joints; those from `LARGE` on are chains of 30 to 80 masses with three or four snubbers.
+joints; those from `ASSEMBLIES` on are two or three bodies, imported matrices among them, with joints of every kind,
+under a base that moves or turns; those from `LARGE` on are chains of 30 to 80 masses with three or four snubbers.
 """
 
 import numpy as np
@@ -14,6 +15,7 @@ from own_model import Structure
 SUPPORTS = ("clamped", "pinned", "free", "guided")
 LARGEST_RATIO, SMALLEST_RATIO = 8.0, -3.0  # powers of ten of the stiffness ratio
 MORE = 10_000_000  # first seed of the systems with tables, branches, friction, several forces and joints
+ASSEMBLIES = 20_000_000  # first seed of two or three bodies with joints, imported matrices, and a base that turns
 AIMED = 2_000_000_000, 2_000_000_001  # seeds of systems that are not drawn, for faults that these hardly meet
 LARGE = 1_000_000_000  # first seed of the systems with many modes
 PERIODS = 30.0  # of the first mode, at most
@@ -80,6 +82,7 @@ class _Draw:
         self.features = set()
         self.large = seed >= LARGE
         self.more = MORE <= seed < LARGE
+        self.assembled = ASSEMBLIES <= seed < LARGE
 
     def chance(self, share):
         return bool(self.rng.random() < share)
@@ -97,7 +100,10 @@ class _Draw:
         self.size = self.power(-5, -2)  # m, of the motion
         kind = self.rng.choice(["chain", "beam", "two"], p=[1.0, 0.0, 0.0] if self.large else [0.45, 0.4, 0.15])
         case = {"title": f"system {self.seed}"}
-        if kind == "chain":
+        if self.assembled:
+            kind = "assembly"
+            self.assembly(case)
+        elif kind == "chain":
             case["chain"] = self.chain()
         elif kind == "beam":
             case["beam"], case["reduction"] = self.beam(), {"modes": "all"}
@@ -209,6 +215,83 @@ class _Draw:
         self.features |= {"beam", f"supports {supports['left']}-{supports['right']}", f"structural damping {kind}"}
         return beam
 
+    def assembly(self, case):
+        """Two or three bodies, each joined to one before it, until nothing floats; some have a joint to the base."""
+        makers = {"beam": self.beam, "chain": lambda: self.chain(True), "matrices": self.imported}
+        while True:
+            features = set(self.features)
+            kinds = ["beam", *self.rng.choice(["beam", "beam", "chain", "matrices"], int(self.rng.integers(1, 3)))]
+            if not self.chance(0.7):
+                kinds = kinds[1:] + kinds[:1]
+            case["bodies"], case["joints"] = {}, []
+            for number, kind in enumerate(kinds):
+                spec = {"kind": str(kind), **makers[kind]()}
+                spec.pop("damping", None)
+                before = list(case["bodies"])
+                case["bodies"][f"body_{number + 1}"] = spec
+                if before:
+                    self.connect(case, self.pick(*before), f"body_{number + 1}")
+            if self.chance(0.3):
+                self.connect(case, self.pick(*case["bodies"]), "base")
+            structure = Structure(case)
+            K = structure.omega**2
+            if K.min() > 1e-9 * np.median(K):
+                break
+            self.features = features
+        self.features = {f for f in self.features if not f.startswith("structural damping")} | {f"{len(kinds)} bodies"}
+        case["reduction"] = {"modes": "all"}
+
+    def connect(self, case, first, second):
+        """A joint between nodes of two bodies, or of one and the base."""
+        bodies = case["bodies"]
+        ends = [self.node(name, bodies[name]) for name in (first, second) if name != "base"]
+        turn = all("position" in end and not self.guided(bodies, end) for end in ends)
+        kind = self.pick("hinge", "spring", *(["rigid"] if turn else []))
+        if second == "base":
+            kind, ends = "spring", [*ends, "base"]
+        joint = {"name": f"joint_{len(case['joints']) + 1}", "kind": kind, "between": ends}
+        k = self.reference_stiffness(case)
+        if kind == "spring":
+            joint["stiffness"] = k * self.power(-1, 2)
+            if self.chance(0.5):
+                joint["dashpot"] = self.between(0, 0.1) * np.sqrt(joint["stiffness"])
+            if self.chance(0.4):
+                joint["maxwell"] = [
+                    {"stiffness": k * self.power(-1, 2), "relaxation_time": self.power(-4, 0)}
+                    for _ in range(int(self.rng.integers(1, 3)))
+                ]
+                self.features.add("joint with Maxwell branches")
+        if kind != "rigid" and turn and self.chance(0.5):
+            length = bodies[ends[0]["body"]]["length"]
+            joint["rotational_stiffness"] = k * length**2 * self.power(-1, 1)
+            joint["rotational_dashpot"] = self.between(0, 0.1) * np.sqrt(k) * length**2
+            self.features.add("joint with a rotational spring")
+        case["joints"].append(joint)
+        self.features |= {f"joint {kind}", *(["joint to the base"] if second == "base" else [])}
+
+    def imported(self):
+        """Matrices of a random network of springs, with masses that are coupled; its first node is the base."""
+        n, k = int(self.rng.integers(2, 5)), self.power(1, 5)
+        K = np.zeros((n + 1, n + 1))
+        for i in range(1, n + 1):
+            for j in {i - 1, int(self.rng.integers(0, i))}:
+                row = np.eye(n + 1)[i] - np.eye(n + 1)[j]
+                K += k * self.power(-0.7, 0.7) * np.outer(row, row)
+        couple = np.eye(n + 1) + 0.2 * self.rng.normal(size=(n + 1, n + 1))
+        M = couple @ np.diag(10 ** self.rng.uniform(-1, 0.5, n + 1)) @ couple.T
+        self.files = getattr(self, "files", 0) + 1
+        spec = {"kind": "matrices", "base": {"nodes": [1], "direction": "z"}}
+        for key, matrix in (("mass", M), ("stiffness", K)):
+            file = self.folder / f"{key}_{self.seed}_{self.files}.mtx"
+            text = "".join(f"{value!r}\n" for value in ((matrix + matrix.T) / 2).T.ravel().tolist())
+            file.write_text(f"%%MatrixMarket matrix array real general\n{n + 1} {n + 1}\n{text}")
+            spec[key] = {"file": str(file)}
+        dofs = self.folder / f"dofs_{self.seed}_{self.files}.csv"
+        dofs.write_text("node,direction\n" + "".join(f"{i},z\n" for i in range(1, n + 2)))
+        self.features.add("imported matrices")
+        self.imported_stiffness = k
+        return {**spec, "dofs": str(dofs)}
+
     def joint(self, case):
         """Join the two bodies at nodes; damping is what does not depend on their modes."""
         bodies = case["bodies"]
@@ -229,12 +312,19 @@ class _Draw:
         """A mass of a chain, or a node of a beam that can move."""
         if "masses" in spec:
             return {"body": name, "mass": int(self.rng.integers(1, len(spec["masses"]) + 1))}
+        if "dofs" in spec:
+            return {"body": name, **self.imported_place(spec)}
         nodes = list(range(1, spec["elements"]))
         nodes += [0] if spec["supports"]["left"] in ("free", "guided") else []
         nodes += [spec["elements"]] if spec["supports"]["right"] in ("free", "guided") else []
         if not nodes:
             spec["elements"], nodes = 2, [1]
         return {"body": name, "position": spec["length"] * self.pick(*nodes) / spec["elements"]}
+
+    def imported_place(self, spec):
+        with open(spec["dofs"], encoding="utf-8") as lines:
+            count = sum(1 for _ in lines) - 1
+        return {"node": int(self.rng.integers(2, count + 1)), "direction": "z"}
 
     @staticmethod
     def guided(bodies, end):
@@ -247,6 +337,9 @@ class _Draw:
         for spec in (case.get("bodies") or {"": case.get("beam") or case["chain"]}).values():
             if "masses" in spec:
                 found.append(max(spec["springs"]) or 1e3)
+                continue
+            if "dofs" in spec:
+                found.append(self.imported_stiffness)
                 continue
             bending = spec.get("bending_stiffness")
             if bending is None:
@@ -262,11 +355,23 @@ class _Draw:
         spec = bodies[body] if bodies else case.get("beam") or case["chain"]
         if "masses" in spec:
             place = {"mass": int(self.rng.integers(1, len(spec["masses"]) + 1))}
+        elif "dofs" in spec:
+            place = self.imported_place(spec)
         else:
             ends = [at for at, side in ((1.0, "right"), (0.0, "left")) if spec["supports"][side] in ("free", "guided")]
             share = self.pick(*ends) if ends and self.chance(0.5) else self.between(0.15, 0.95)
             place = {"position": share * spec["length"]}
         return {"at": {"body": body, **place}} if bodies else place
+
+    def moves(self, first, second):
+        """Whether joints leave two places a distance that changes."""
+        rows = self.structure.row(first), self.structure.row(second)
+        return np.abs(rows[1] - rows[0]).max() > 1e-6 * np.abs(rows).max()
+
+    def two_of(self, case):
+        """Names of two bodies."""
+        names = list(case["bodies"])
+        return names if len(names) == 2 else [names[i] for i in sorted(self.rng.choice(len(names), 2, replace=False))]
 
     # -- inputs --------------------------------------------------------------------------------------------------------
 
@@ -289,6 +394,13 @@ class _Draw:
             return self.forces(case, f)
         case["excitation"] = spec = {"kind": str(kind), "applied_to": "base" if base else place.get("at", place)}
         a = self.size * self.omega**2 * self.between(0.3, 3)  # m/s^2
+        turns = base and self.assembled and all("supports" in body for body in case["bodies"].values())
+        turns = turns and all(joint["between"][1] != "base" for joint in case["joints"]) and self.chance(0.5)
+        if turns:
+            length = case["bodies"]["body_1"]["length"]
+            spec |= {"direction": "ry", "about": length * self.between(-0.5, 1.5)}
+            a /= length
+            self.features.add("base that turns")
         if not base:
             row = np.abs(self.structure.row(place)).max()
             a = self.size * self.stiffness * self.between(0.3, 3) if row == 0 else a / row**2 * 0.3
@@ -296,7 +408,8 @@ class _Draw:
             quantity = self.pick("acceleration", "acceleration", "velocity", "displacement") if base else "force"
             power = {"velocity": 1, "displacement": 2}.get(quantity, 0)
             if base:
-                spec["quantity"] = quantity
+                angular = {"acceleration": "angular_acceleration", "velocity": "angular_velocity"}
+                spec["quantity"] = angular.get(quantity, "rotation") if turns else quantity
                 self.features.add(f"base {quantity}")
 
             def tone():
@@ -338,9 +451,11 @@ class _Draw:
             values = a * np.cumsum(self.rng.normal(size=121)) * np.exp(-np.arange(121) / 60)
             file = self.folder / f"input_{self.seed}.csv"
             lines = [f"{t!r},{v!r}\n" for t, v in zip(time.tolist(), (values - values.mean()).tolist(), strict=True)]
-            file.write_text(f"time (s),value ({'m/s^2' if base else 'N'})\n" + "".join(lines))
-            spec |= {"file": str(file), "quantity": "acceleration" if base else "force", "time_unit": "s"}
-            spec["unit"] = "m/s^2" if base else "N"
+            unit = "rad/s^2" if turns else "m/s^2" if base else "N"
+            file.write_text(f"time (s),value ({unit})\n" + "".join(lines))
+            quantity = "angular_acceleration" if turns else "acceleration" if base else "force"
+            spec |= {"file": str(file), "quantity": quantity, "time_unit": "s"}
+            spec["unit"] = unit
         else:
             self.duration *= 0.5
             top = f * self.between(1.5, 3)
@@ -376,7 +491,9 @@ class _Draw:
             link = "bodies" in case or (chain and len(chain["masses"]) > 1 and self.chance(0.3))
             snubber = {"name": f"stop_{i + 1}"}
             if link and "bodies" in case and (i == 0 or self.chance(0.5)):
-                snubber["between"] = [self.place(case, body)["at"] for body in ("one", "two")]
+                snubber["between"] = [self.place(case, body)["at"] for body in self.two_of(case)]
+                while not self.moves(*snubber["between"]):
+                    snubber["between"] = [self.place(case, body)["at"] for body in self.two_of(case)]
                 snubber["resists"] = self.pick("approach", "separation")
             elif link and chain:
                 first, second = self.rng.choice(len(chain["masses"]), 2, replace=False) + 1
@@ -448,7 +565,7 @@ class _Draw:
         for i in range(1 if rigid else int(self.rng.integers(1, 3))):
             friction = {"name": f"friction_{i + 1}"}
             if "bodies" in case and self.chance(0.4):
-                friction["between"] = [self.place(case, body)["at"] for body in ("one", "two")]
+                friction["between"] = [self.place(case, body)["at"] for body in self.two_of(case)]
             else:
                 place = self.place(case)
                 friction["at"] = place.get("at", place)

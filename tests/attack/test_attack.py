@@ -7,7 +7,7 @@ import pytest
 import seeded_faults
 import yaml_mutants
 from comparison import compare, own_motion
-from random_systems import AIMED, MORE, random_case
+from random_systems import AIMED, ASSEMBLIES, MORE, random_case
 
 # the independent stepper compiles for 20 s; mutants, kills and full disks need processes of their own
 pytestmark = pytest.mark.slow
@@ -74,6 +74,15 @@ def test_tables_branches_friction_forces_and_joints(tmp_path):
     features = {feature for f in agreeing for feature in f.features}
     assert features.issuperset(MORE_FEATURES)
     assert any(feature.startswith("joint") for feature in features)
+
+
+ASSEMBLED = ("imported matrices", "joint with Maxwell branches", "joint with a rotational spring", "joint to the base",
+             "joint rigid", "joint hinge", "base that turns", "3 bodies")  # fmt: skip
+
+
+def test_assemblies_of_joined_bodies(tmp_path):
+    agreeing = assert_agreement(range(ASSEMBLIES, ASSEMBLIES + 24), tmp_path)
+    assert {feature for f in agreeing for feature in f.features}.issuperset(ASSEMBLED)
 
 
 def test_the_same_contact_is_not_counted_twice(tmp_path):

@@ -49,6 +49,15 @@ class Beam:
         lift = np.tile([1.0, 0.0], elements + 1)
         part = np.ix_(self.free, self.free)
         self.M, self.K, self.inertia = M[part], K[part], (M @ lift)[self.free]
+        self.turned = [(M @ moved)[self.free] for moved in (lift, self._by_turning())]
+
+    def _by_turning(self):
+        """Motion of all dofs by a unit rotation about the left end, which takes points of larger x down."""
+        return np.stack([-self.h * np.arange(self.elements + 1), -np.ones(self.elements + 1)], axis=1).ravel()
+
+    def turning_inertia(self, about):
+        """Load of a unit angular acceleration of the base about a position, but for its sign."""
+        return self.turned[1] + about * self.turned[0]
 
     def whole_row(self, x):
         e = min(int(x / self.h * (1 + 1e-12)), self.elements - 1)
