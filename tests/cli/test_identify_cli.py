@@ -191,7 +191,7 @@ def test_nonlinear_parameters_from_a_file(call, tmp_path, history, suffix):
         (None, "does not exist"),
         ("", "is empty"),
         ("time,tip\n", "no samples"),
-        ("time_s,tip_g\n0,1\n1,nan\n2,1\n", "not a number at sample 2"),
+        ("time_s,tip_g\n0,1\n1,nan\n2,1\n", "1 values that are not finite, the first at sample 2"),
         ("time,tip\n0,1\n1,what\n", "not a number"),
         ("time_s,other,more\n0,1,1\n1,2,2\n2,3,3\n", "has no channel tip"),
         ("time_s,tip_g\n0,1\n0,2\n0,3\n", "does not increase"),
