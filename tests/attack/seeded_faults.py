@@ -20,14 +20,22 @@ SEEDED = {
         "return 2.0 * g / (root - slope)",
         "return 2.8 * g / (root - slope)",
     ),
-    "bound on the curvature a tenth": (KERNELS, "out[j, 2] += a * bound", "out[j, 2] += 0.1 * a * bound"),
+    "bound on the curvature a tenth": (
+        KERNELS,
+        "            noise = EPS * (8.0 + r * tau) * level\n",
+        "            noise = EPS * (8.0 + r * tau) * level\n            bound *= 0.1\n",
+    ),
     "bound without the cross term of tau e^(lambda tau)": (
         KERNELS,
         "bound = (r2 * reach + 2.0 * r) * level",
         "bound = r2 * reach * level",
     ),
     "bound without the last term of powers": (KERNELS, "+ p * (p - 1.0)) * rp * level", ") * rp * level"),
-    "sign in the slope": (KERNELS, "out[j, 1] += g.real * sr - g.imag * si", "out[j, 1] += g.real * sr + g.imag * si"),
+    "sign in the slope": (
+        KERNELS,
+        "value.real, value.imag, slope.real, slope.imag",
+        "value.real, value.imag, slope.real, -slope.imag",
+    ),
     "decay taken at the far end": (
         KERNELS,
         "math.exp(lam.real * (tau if lam.real < 0.0 else reach))",
@@ -35,8 +43,8 @@ SEEDED = {
     ),
     "only the first contact is watched": (
         KERNELS,
-        "    step = longest\n    for j in range(least.size):",
-        "    step = longest\n    for j in range(min(1, least.size)):",
+        "    step, hit = longest, -1\n    for j in range(least.size):",
+        "    step, hit = longest, -1\n    for j in range(min(1, least.size)):",
     ),
     "released faces start from the wrong side": (
         KERNELS,

@@ -145,6 +145,12 @@ def test_the_systems_aimed_at_seeded_faults_agree(tmp_path):
     assert len(assert_agreement(AIMED, tmp_path)) == len(AIMED)
 
 
+@pytest.mark.parametrize("name", seeded_faults.SEEDED)
+def test_what_a_seeded_fault_changes_is_there(name):
+    file, text, _ = seeded_faults.SEEDED[name]
+    assert (seeded_faults.ROOT / file).read_text(encoding="utf-8").count(text) == 1
+
+
 def test_a_seeded_fault_is_caught():
     """Others, and the twin without a fault, by `python -m tests.attack`."""
     assert seeded_faults.catch("decay taken at the far end", 0, 20).startswith(
