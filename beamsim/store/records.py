@@ -1,6 +1,7 @@
-"""Functions of time and frequency in a result file of any kind, as records of a universal file.
+"""Functions of time and frequency in a result file of any kind, and mode shapes, as records of a universal file.
 
-Nodes are the probes of the scenario, then its snubbers, then the base of a run (at the origin); x is the
+Nodes are the probes of the scenario, then its snubbers, then the base of a run (at the origin), then the points along a
+beam at which its modes are stored; x is the
 position along the beam (the number of the mass in a chain) and motion is along +z. The force of a snubber above the
 structure is along -z. Amplitude spectra are of function type 0 (general), because pyuff does not write type 12
 (spectrum).
@@ -17,7 +18,19 @@ from numpy.typing import NDArray
 
 from beamsim.store.declared import ordered
 from beamsim.store.tables import datasets, values_of
-from beamsim.store.uff import FREQUENCY_RESPONSE, GENERAL, LOAD_CODES, ORDINATES, TIME_RESPONSE, UP, Source, record_58
+from beamsim.store.uff import (
+    FREQUENCY_RESPONSE,
+    GENERAL,
+    LOAD_CODES,
+    ORDINATES,
+    TIME_RESPONSE,
+    UP,
+    Source,
+    header_151,
+    record_55,
+    record_58,
+    trace_line,
+)
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -69,7 +82,30 @@ def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
     if not records:
         return []
     x, y = np.array([*nodes.values()], dtype=float).T
-    return [pyuff.prepare_15(node_nums=np.arange(1, x.size + 1), x=x, y=y, z=np.zeros(x.size)), *records]
+    along, shapes = _mode_shapes(file, source, x.size)
+    x, y = np.append(x, along), np.append(y, np.zeros(along.size))
+    of_nodes = pyuff.prepare_15(node_nums=np.arange(1, x.size + 1), x=x, y=y, z=np.zeros(x.size))
+    return [header_151(source), of_nodes, *shapes, *records]
+
+
+def _mode_shapes(file: h5py.File, source: Source, nodes: int) -> tuple[Floats, list[dict[str, Any]]]:
+    """Positions along a beam at which its modes are stored, a line through these nodes, and a record for each mode.
+
+    The nodes follow the other ``nodes``. None of plates, chains and several bodies.
+    """
+    modes = file.get("modes")
+    if modes is None or not {"position", "shapes"} <= modes.keys() or {"body", "across"} & modes.keys():
+        return np.zeros(0), []
+    if modes["position"].attrs.get("units") != "m":
+        return np.zeros(0), []
+    position, shapes = values_of(modes["position"]), values_of(modes["shapes"])
+    number = nodes + 1 + np.arange(position.size)
+    frequencies, damping = values_of(modes["open_frequencies_hz"]), values_of(modes["damping_ratios"])
+    records = [
+        record_55(source, mode, float(f), float(np.nan_to_num(ratio)), number, shape)
+        for mode, (f, ratio, shape) in enumerate(zip(frequencies, damping, shapes, strict=True), 1)
+    ]
+    return position, [trace_line(number), *records]
 
 
 def _nodes(scenario: Scenario) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:

@@ -1,4 +1,4 @@
-"""Universal files: records of type 58 (function at a degree of freedom)."""
+"""Universal files: header, nodes, lines, modes and functions at degrees of freedom (data sets 151, 15, 82, 55, 58)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.files import replacing
-from beamsim.typing import Floats
+from beamsim.typing import Floats, Ints
 
 # Codes of the universal file format: (specific data type, length exponent, force exponent).
 ORDINATES = {
@@ -102,6 +102,39 @@ def record_58(
         "x": np.array(x, dtype=float),
         "data": np.array(y, dtype=complex if np.iscomplexobj(y) else float),
     }
+
+
+def header_151(source: Source) -> dict[str, Any]:
+    """The header of a file: what it is of, and what wrote it."""
+    import pyuff
+
+    day, _, clock = _date(source.created).partition(" ")
+    return dict(
+        pyuff.prepare_151(
+            model_name=_ascii(source.title, 80), description="NONE", db_app=_ascii(source.maker, 80),
+            program=_ascii(source.maker, 80), date_db_created=day, time_db_created=clock, version_db1=0, version_db2=0,
+            file_type=0, date_db_saved=day, time_db_saved=clock, date_db_written=day, time_db_written=clock,
+        )
+    )  # fmt: skip
+
+
+def trace_line(nodes: Ints) -> dict[str, Any]:
+    """A line through nodes (data set 82)."""
+    return {"type": 82, "trace_num": 1, "color": 0, "id": "beam", "n_nodes": nodes.size, "nodes": nodes}
+
+
+def record_55(
+    source: Source, mode: int, frequency_hz: float, damping_ratio: float, nodes: Ints, deflection: Floats
+) -> dict[str, Any]:
+    """A normal mode of unit modal mass: its deflection along +z at nodes (data set 55)."""
+    nothing = np.zeros(nodes.size)
+    return {
+        "type": 55, "id1": _ascii(source.title, 80), "id2": "NONE", "id3": _date(source.created),
+        "id4": _ascii(source.maker, 80), "id5": f"mode {mode}", "model_type": 1, "analysis_type": 2, "data_ch": 2,
+        "spec_data_type": 8, "data_type": 2, "n_data_per_node": 3, "load_case": 1, "mode_n": mode,
+        "freq": frequency_hz, "modal_m": 1.0, "modal_damp_vis": damping_ratio, "modal_damp_his": 0.0,
+        "node_nums": nodes.astype(float), "r1": nothing, "r2": nothing, "r3": np.asarray(deflection, dtype=float),
+    }  # fmt: skip
 
 
 def write_uff(sets: Sequence[dict[str, Any]], path: Path) -> None:

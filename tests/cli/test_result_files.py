@@ -206,7 +206,7 @@ def test_uff_holds_what_depends_on_time_or_frequency(name, files, tmp_path):
     path = files(name)
     done = call("export", path, "--format", "uff", "-o", tmp_path)
     assert done.exit_code == 0, done.output
-    units, nodes, *functions = pyuff.UFF(str(tmp_path / f"{name}.uff")).read_sets()
+    units, _, nodes, *functions = pyuff.UFF(str(tmp_path / f"{name}.uff")).read_sets()
     assert units["length"] == 1.0
     assert list(nodes["x"])[:2] == [1.0, 2.0]
     assert {function["type"] for function in functions} == {58}
@@ -230,7 +230,7 @@ def test_a_curve_in_a_universal_file(files, tmp_path):
 
     path = files("sweep")
     assert call("export", path, "--format", "uff", "-o", tmp_path).exit_code == 0
-    by_label = {f["id1"].strip(): f for f in pyuff.UFF(str(tmp_path / "sweep.uff")).read_sets()[2:]}
+    by_label = {f["id1"].strip(): f for f in pyuff.UFF(str(tmp_path / "sweep.uff")).read_sets()[3:]}
     with h5py.File(path) as file:
         curve = file["up_0"]
         peak = by_label["up 0 probes one peak displacement"]

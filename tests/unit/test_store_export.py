@@ -3,13 +3,19 @@
 import csv
 import math
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import beamsim
 from beamsim.errors import ResultFileError
+from beamsim.scenario import load_scenario
 from beamsim.store.export import export_result, export_target
 from beamsim.store.results import write_run
+from beamsim.store.shapes import read_shapes
+
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def export_run(result, target, form):
@@ -54,11 +60,12 @@ def test_uff_is_read_back_by_pyuff(fabricated_run, tmp_path):
     (path,) = export_run(result, tmp_path / "case.uff", "uff")
     file = pyuff.UFF(str(path))
     kinds = file.get_set_types().tolist()
-    assert kinds[:2] == [164, 15]
-    assert set(kinds[2:]) == {58}
-    units, nodes, *functions = file.read_sets()
+    assert kinds[:3] == [164, 151, 15]
+    assert set(kinds[3:]) <= {58, 55, 82}
+    units, _, nodes, *others = file.read_sets()
+    functions = [each for each in others if each["type"] == 58]
     assert (units["length"], units["force"]) == (1.0, 1.0)
-    assert nodes["x"] == pytest.approx([0.27, 0.135, 0.27, 0.135, 0.0])
+    assert nodes["x"][:5] == pytest.approx([0.27, 0.135, 0.27, 0.135, 0.0])
 
     by_label = {f["id1"].strip(): f for f in functions}
     acceleration = by_label["tip absolute acceleration"]
@@ -84,7 +91,7 @@ def test_uff_is_ascii_where_that_is_exact(fabricated_run, tmp_path):
     result = fabricated_run(probes=("Spitze über 80 Zeichen " + 80 * "x",))
     (path,) = export_run(result, tmp_path / "case.uff", "uff")
     assert path.read_bytes().isascii()
-    function = pyuff.UFF(str(path)).read_sets(2)
+    function = next(each for each in pyuff.UFF(str(path)).read_sets() if each["type"] == 58)
     np.testing.assert_allclose(function["x"], result.time, atol=1e-15)
 
 
@@ -116,3 +123,29 @@ def test_refusals(fabricated_run, tmp_path):
         export_run(fabricated_run(), tmp_path / "case_csv", "csv")
     with pytest.raises(ResultFileError, match="is a folder"):
         export_run(fabricated_run(), tmp_path, "mat")
+
+
+def test_modes_of_a_beam_are_in_the_universal_file(tmp_path):
+    """Data sets 151, 15, 82 and 55, read by pyuff and compared with the structure's own modes."""
+    pyuff = pytest.importorskip("pyuff")
+    changes = ["run.duration=0.02 s", "run.spectrum=null", "run.sample_rate=5 kHz"]
+    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", changes)
+    result = beamsim.run(scenario)
+    (path,) = export_run(result, tmp_path / "case.uff", "uff")
+    sets = pyuff.UFF(str(path)).read_sets()
+    kinds = [each["type"] for each in sets]
+    assert kinds[:4] == [164, 151, 15, 82]
+    header, nodes, line = sets[1:4]
+    assert header["model_name"].strip() == scenario.title
+    modes = [each for each in sets if each["type"] == 55]
+    assert len(modes) == result.modes.open_frequencies_hz.size
+    position = {int(node): x for node, x in zip(nodes["node_nums"], nodes["x"], strict=True)}
+    np.testing.assert_array_equal(line["nodes"], modes[0]["node_nums"])
+    assert [position[int(node)] for node in line["nodes"]] == pytest.approx(
+        list(result.modes.stations.position), rel=1e-4
+    )
+    for mode, frequency, shape in zip(modes, result.modes.open_frequencies_hz, result.modes.shapes, strict=True):
+        assert mode["freq"] == pytest.approx(frequency, rel=1e-4)
+        np.testing.assert_allclose(mode["r3"], shape, atol=1e-4 * np.abs(shape).max())
+    shapes = read_shapes(path, scenario)
+    assert shapes.frequency_hz == pytest.approx(result.modes.open_frequencies_hz, rel=1e-4)
