@@ -93,10 +93,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
         moved = transfer(system, frequency_hz, phases) @ contacts.shape.T
         return np.asarray(moved + base[:, None] * contacts.felt)
 
-    resting = contacts.resting_phases(penetration)
-    pressed = resting.copy()  # piecewise-linear springs keep their phase at rest
-    for k in np.flatnonzero(~closed[:count]).tolist():
-        pressed[k] = contacts.laws[k].resting_phase(SLIGHT * abs(float(penetration[k])) or SLIGHT)
+    resting, pressed = contacts.resting_phases(penetration), pressed_phases(system, penetration)
     at_rest, shut = opening(resting), opening(pressed)
     impedance = contacts.dynamic_stiffness(pressed, omega)
     receptance = _receptances(system, omega, resting, ~closed[:count])
@@ -125,6 +122,16 @@ def static_penetration(system: StructuralSystem) -> Floats:
     if system.static_equilibrium is None:
         return np.full(contacts.count, np.nan)
     return np.asarray(-contacts.gap - contacts.sign * (contacts.shape @ system.static_equilibrium))
+
+
+def pressed_phases(system: StructuralSystem, penetration: Floats) -> Ints:
+    """(m,) phases with every snubber closed; piecewise-linear springs and friction stay as they are at rest."""
+    contacts = system.dynamics.contacts
+    phases = contacts.resting_phases(penetration)
+    for k in np.flatnonzero(~(penetration[: len(system.snubbers)] > 0)).tolist():
+        clearance = -float(penetration[k])
+        phases[k] = contacts.laws[k].resting_phase(SLIGHT * clearance if clearance > 0 else SLIGHT)  # also of nan
+    return phases
 
 
 def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: Floats) -> dict[str, dict[str, Any]]:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.gapping import SLIGHT, contact_levels, gapping, static_penetration
+from beamsim.analyses.gapping import contact_levels, gapping, pressed_phases, static_penetration
 from beamsim.analyses.run.figures import SEEDS, refine_extremes
 from beamsim.analyses.run.linear_prediction import Deviations, linear_input, stationary_deviations
 from beamsim.analyses.run.motion import RunMotion
@@ -129,15 +129,6 @@ def _of_motion(
             "preload_alone_n": _needed(law, rest, at_rest, j) if closed[j] else together if same else float("nan"),
         }
     return of_snubber
-
-
-def pressed_phases(system: StructuralSystem, penetration: Floats) -> Ints:
-    """(m,) phases with every snubber closed; springs and friction stay as they are at rest."""
-    contacts = system.dynamics.contacts
-    phases = contacts.resting_phases(penetration)
-    for k in np.flatnonzero(~(penetration[: len(system.snubbers)] > 0)).tolist():
-        phases[k] = contacts.laws[k].resting_phase(SLIGHT * abs(float(penetration[k])) or SLIGHT)
-    return phases
 
 
 def _factor(law: ContactLaw, rest: float, linear: _Excursion, j: int) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.gapping import SLIGHT, static_penetration, transfer
+from beamsim.analyses.gapping import pressed_phases, static_penetration, transfer
 from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.flow.stopping import check_stop
 from beamsim.inputs.random_input import density
@@ -90,10 +90,7 @@ def linear_structures(scenario: Scenario, system: StructuralSystem) -> LinearStr
     if driven is None:
         return None
     contacts = system.dynamics.contacts
-    resting = static_penetration(system)
-    pressed = np.array(
-        [law.resting_phase(float(x) if x > 0 else SLIGHT) for law, x in zip(contacts.laws, resting, strict=True)]
-    )
+    pressed = pressed_phases(system, static_penetration(system))
     of_open = stationary_deviations(driven, contacts.start)
     of_closed = None if of_open is None else stationary_deviations(driven, pressed)
     if of_open is None or of_closed is None:
