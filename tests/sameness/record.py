@@ -49,38 +49,7 @@ MARGIN = 100.0  # from the measured change to the tolerance
 RENAMED: dict[str, tuple[str, str]] = {}
 """Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
 
-EXACT_WINDOWS = "extremes after contacts part are those of the continuous motion, no longer of samples"
-WIDER_SPECTRA = "spectra reach 16 lines beyond the highest mode, which has a line now in short records"
-EXACT_PEAKS = "peaks of periodic motions are those of the continuous motion, no longer of samples and a parabola"
-MENDED: dict[str, str] = {
-    "sweep_backlash sweep regular file/level_0@evaluations": "sizes of complex numbers: other round-off in sweeps",
-    "* json/probe_bound": "is new",
-    "* file/*@probe_bound": "is new",
-    "* file/random/*/density_open*": "is new",
-    "* file/random/*/density_closed*": "is new",
-    **{
-        f"{name} {path}": EXACT_PEAKS
-        for name in (
-            "continuation_* sweep*",
-            "chain_bumpers sweep",
-            "chain_two_dof sweep*",
-            "vibeams sweep",
-            "two_panels_opening sweep",
-        )
-        for path in ("json/peaks/*", "json/fold_curves/*", "file/branches/*", "file/fold_curves/*")
-    },
-    "* json/gapping/*": "shocks, records and random input have it, too",
-    **{
-        f"{name} run {path}": EXACT_WINDOWS
-        for name in ("point_force_*hz", "spring_position", "two_panels")
-        for path in ("json/convergence/*", "file/*@relative_change")
-    },
-    **{
-        f"{name} run {path}": WIDER_SPECTRA
-        for name in ("chain_piecewise_linear", "dry_friction", "released_panel")
-        for path in ("json/spectral_lines/*", "json/convergence/*", "file/spectra/*")
-    },
-}
+MENDED: dict[str, str] = {}
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 
 ROUND_OFF = {"energy_error", "residual", "largest_residual", "drift", "motion_drift"}
