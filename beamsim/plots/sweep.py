@@ -23,6 +23,7 @@ from beamsim.plots.style import (
 )
 from beamsim.plots.sweep_axes import by_frequency, envelope, frequency_axis
 from beamsim.plots.sweep_responses import (
+    has_spectrogram,
     has_transmissibility,
     plot_acceleration,
     plot_spectrogram,
@@ -283,6 +284,8 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
             plot_transmissibility(result, axes[1], last.level_index)
         figures["acceleration"] = figure
     for index in result.histories:
+        if not has_spectrogram(result, probe, index):
+            continue
         figure, (ax,) = page()
         plot_spectrogram(result, ax, probe, index)
         figures[f"spectrogram_{index}"] = figure

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 DEEPEST_DB = 80.0
 LINES = 240  # of frequency in a spectrogram, up to twice the highest tracked order
 COLUMNS = 300  # of time
+WINDOWS = 8  # in a time history at least
+FEWEST_SAMPLES = 16  # in a window
 RESOLVED = 24  # cycles of the lowest frequency in a window of the spectrogram
 
 
@@ -64,10 +66,16 @@ def plot_transmissibility(result: SweepResult, ax: Axes, level_index: int) -> Ax
     return ax
 
 
+def has_spectrogram(result: SweepResult, probe: str, level_index: int) -> bool:
+    """Whether a time history is stored that moves and is long enough for some windows."""
+    history = result.histories[level_index]
+    return history.time.size >= WINDOWS * FEWEST_SAMPLES and bool(np.any(history.displacement[probe]))
+
+
 def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int) -> Axes:
     """Spectrum of the displacement over time, in dB re its largest line; the frequency of the sweep is dotted.
 
-    Hann windows of 24 cycles of the lowest frequency, of the stored time history.
+    Hann windows of 24 cycles of the lowest frequency, at most an eighth of the stored time history.
     """
     from scipy.signal import spectrogram
 
@@ -75,7 +83,7 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
     curves = [c for c in result.curves.values() if c.level_index == level_index]
     rate = (history.time.size - 1) / float(history.time[-1] - history.time[0])
     lowest, highest = (pick([pick(c.frequency_hz) for c in curves]) for pick in (np.min, np.max))
-    length = int(min(history.time.size, max(RESOLVED * rate / lowest, 16)))
+    length = int(min(history.time.size // WINDOWS, max(RESOLVED * rate / lowest, FEWEST_SAMPLES)))
     step = max(1, (history.time.size - length) // COLUMNS)
     x = history.displacement[probe]
     f, t, power = spectrogram(x, rate, "hann", length, length - step, scaling="spectrum", mode="magnitude")

@@ -129,8 +129,13 @@ def test_objectives_that_cannot_be(call, here):
     done = call("sweep", "case.yaml", "--set", "vary.minimise=peak_force", "--set", "vary.maximise=peak_force")
     assert done.exit_code == 2
     assert "vary.maximise stands beside minimise" in done.stderr
-    done = call("sweep", "case.yaml", "--no-plots", "--workers", 1, "--set", "vary.minimise=snubbers/top/peak_force")
-    assert "vary.minimise = snubbers/top/peak_force: no case has such a response; they have " in done.stderr
+    done = call("sweep", "case.yaml", "--set", "vary.minimise=snubbers/top/peak_force")
+    assert done.exit_code == 2
+    assert "vary.minimise = snubbers/top/peak_force names no response: no top; did you mean tip" in done.stderr
+    done = call(
+        "sweep", "case.yaml", "--no-plots", "--workers", 1, "--set", "vary.minimise=rms_force"
+    )  # of random input
+    assert "vary.minimise = rms_force: no case has such a response; they have " in done.stderr
     assert "best" not in done.stdout
 
 
