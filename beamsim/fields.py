@@ -197,6 +197,7 @@ class Members:
     order: Callable[[Mapping[str, Any], Any], Any] | None = None  # to sort by: of the fields read before and the member
     given: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     required: bool = False  # at least one
+    unless: str = ""  # folder whose members may stand in their place
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -309,10 +310,12 @@ def named(
 
 
 def numbered(
-    folder: str, *, start: int = 0, indexed: bool = False, required: bool = False, default: Any = _REQUIRED
-) -> Any:
+    folder: str, *, start: int = 0, indexed: bool = False, required: bool = False, unless: str = "",
+    default: Any = _REQUIRED,
+) -> Any:  # fmt: skip
     """A tuple of dataclasses, ``<folder>/<n>`` with n from ``start``; with the attribute ``index`` if ``indexed``."""
-    return _field(Members(folder=folder, start=start, indexed=indexed, required=required), default, _REQUIRED)
+    kept = Members(folder=folder, start=start, indexed=indexed, required=required, unless=unless)
+    return _field(kept, default, _REQUIRED)
 
 
 def keyed(

@@ -423,7 +423,7 @@ def _read_members(group: h5py.Group, member: Member, declared: Members, names: S
     for link, home in _candidates(folder, declared) if folder is not None else ():
         called = _true_name(home) if declared.labelled else link
         members.append((called, cls(**declared.given, **read(cls, home, (declared.given, *names), key=called))))
-    if not members and declared.required:
+    if not members and declared.required and not (declared.unless and declared.unless in group):
         raise KeyError(f"{group.name}{declared.folder} is missing")
     if declared.order is not None:
         members.sort(key=lambda entry: declared.order(names[0], entry[1]))  # type: ignore[misc]

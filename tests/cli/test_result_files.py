@@ -316,6 +316,16 @@ def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path):
     assert 2 in outcomes
 
 
+def test_a_comparison_without_channels_is_damaged(files, tmp_path):
+    path = tmp_path / "compare.h5"
+    path.write_bytes(files("compare").read_bytes())
+    with h5py.File(path, "a") as file:
+        del file["channels"]
+    done = call("info", path)
+    assert done.exit_code == 2
+    assert "channels is missing" in done.stderr
+
+
 def test_every_kind_is_tried():
     assert set(KINDS) == set(CASES) - {"stepped"}
 

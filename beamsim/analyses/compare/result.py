@@ -132,6 +132,6 @@ class Comparison(Result):
         Entry("sweeps", "", "by channel of a sweep: place, quantity, curve, FRAC, and its peaks", "channels"),
     )  # fmt: skip
 
-    channels: tuple[ChannelComparison, ...] = numbered("channels", start=1, default=())
+    channels: tuple[ChannelComparison, ...] = numbered("channels", start=1, required=True, unless="sweeps", default=())
     sweeps: tuple[SweptComparison, ...] = numbered("sweeps", start=1, default=())
     assurance: Assurance | None = group("assurance", default=None)  # of two channels of a sweep or more
