@@ -311,11 +311,10 @@ def _fill_least(tables, s, zeta, H, least):  # type: ignore[no-untyped-def]
 
 @inner
 def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-untyped-def]
-    """What each watched function may be below zero where a segment begins.
+    """What each watched function may be below zero where a segment begins with an event.
 
-    All were watched up to there, or decided by their derivatives where the motion begins: a negative value is round-off
-    of the change of coordinates, for the contact of an event and for any other with an event at the same instant (two
-    stops that touch one point from both sides).
+    All were watched up to there: a negative value is round-off of the change of coordinates, for the contact of the
+    event and for any other with an event at the same instant (two stops that touch one point from both sides).
     """
     for j in range(floors.size):
         floors[j] = 0.0
@@ -361,13 +360,13 @@ def _follow_zeros(out, least, tau, slopes):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _leaves_at_once(out, least, floors, tau, slopes, hit):  # type: ignore[no-untyped-def]
+def _leaves_at_once(out, least, tau, slopes, hit):  # type: ignore[no-untyped-def]
     """Whether a function below zero at tau has been so since the segment began; ``slopes`` by `_follow_zeros`.
 
     What rests at zero until an input begins leaves it with a power of time, and falls below its round-off late. Where
     the slope at the start takes it there, the zero is that of a straight line.
     """
-    return slopes[hit] * tau > -0.5 * max(out[3, hit], least[hit], floors[hit])
+    return slopes[hit] * tau > -0.5 * max(out[3, hit], least[hit])
 
 
 @inner

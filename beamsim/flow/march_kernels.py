@@ -228,7 +228,7 @@ def march(  # type: ignore[no-untyped-def]
                 if swept is not None:
                     add_watched(response, used, omega, tau, reach, guards, out)
                 n_eval += 1
-                if tau == 0.0:
+                if tau == 0.0 and guard >= 0:
                     _fill_floors(out, size, nb, forced_size, used, H, floors)
                 step, hit = _next_step(out, least, floors, reach - tau)
                 if guard < 0:
@@ -253,7 +253,7 @@ def march(  # type: ignore[no-untyped-def]
                     break
             if hit < 0:
                 tau = H
-            elif guard < 0 and _leaves_at_once(out, least, floors, tau, slopes, hit):
+            elif guard < 0 and _leaves_at_once(out, least, tau, slopes, hit):
                 tau = 0.0
             else:
                 tau = _crossing(out, hit, tau)
