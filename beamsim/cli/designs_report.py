@@ -78,7 +78,8 @@ def _scatter(result: DesignsResult, scatter: Mapping[str, Any]) -> Iterator[Row]
     ranges, texts = scatter["responses"], {}
     compared = [limited_response(name) for name in result.limits]
     decisive = [*compared, *filter(None, [Objective.of(result.scenario.vary).response])]
-    shown = {n: r for n, r in ranges.items() if any(f"/{n}".endswith(f"/{name}") for name in decisive)} or ranges
+    named = {response.name for name in decisive for response in responses_of(result.responses, name)}
+    shown = {name: item for name, item in ranges.items() if name in named} or ranges
     for name, item in list(shown.items())[:MOST_ROWS]:
         unit = result.responses[name].unit
         extent = f"{amount(item['smallest'], unit)} to {amount(item['largest'], unit)}"

@@ -267,8 +267,7 @@ def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]
         finer = f"{model['modes']} instead of {result.summary['kept_modes']} modes"
         largest = percent(max(sizes, default=0.0), 2)
         where = f" of the first {amount(model['compared_s'], 's')}" if is_known(model.get("compared_s")) else ""
-        meshed = any(body.refined() is not body for body in result.scenario.all_bodies.values())
-        elements = " and twice the elements of every mesh" if meshed else ""
+        elements = " and twice the elements of every mesh" if result.scenario.has_mesh else ""
         yield "", f"changes{where} with {finer}{elements}: at most {largest}"
         if is_known(model["sequences_part_s"]):
             yield "", f"the sequences of contacts part at {amount(model['sequences_part_s'], 's')}"

@@ -174,6 +174,11 @@ class Scenario(Schema):
         return {name: body for name, body in bodies.items() if body is not None}
 
     @property
+    def has_mesh(self) -> bool:
+        """Whether a body has a mesh that can be finer."""
+        return any(body.refined() is not body for body in self.all_bodies.values())
+
+    @property
     def default_body(self) -> str:
         """The body that a place without one means; empty where there are several."""
         bodies = self.all_bodies

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
+from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import rows_of
@@ -296,9 +296,6 @@ def _solved(result: RunResult, model: BuiltModel | None) -> tuple[Scenario, Buil
         raise ScenarioError(Problem("run", "is missing", "animate the result of a run"))
     if not isinstance(settings.start, OrbitStart):
         return scenario, model or model_of(scenario)
-    orbit = read_orbit(settings.start, scenario.folder_of("run", "start", "orbit"))
-    scenario = at_orbit(scenario, orbit, keep_excitation=settings.start.keep_excitation)
-    at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
     shared = model.shared if model else SharedBuilds()
-    system = build_system(at_rest, shared, assessed=False)
-    return at_rest, BuiltModel(started(system, orbit, settings.start.factor), shared)
+    scenario, system = built_at_orbit(scenario, lambda at_rest: build_system(at_rest, shared, assessed=False))
+    return scenario, BuiltModel(system, shared)

@@ -13,17 +13,12 @@ import numpy as np
 from beamsim.analyses.designs.cases import CaseSolver, solve_case, warm_up
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_designs
-from beamsim.analyses.designs.result import (
-    CaseOutcome,
-    DesignsResult,
-)
+from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine, on_threads
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-
-Value = float | str
 
 THREADED = ("run", "swept_sine")  # analyses whose time is spent in compiled code, which threads execute side by side
 

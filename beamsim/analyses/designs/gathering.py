@@ -45,15 +45,17 @@ def gather(plan: DesignPlan, table: CaseTable, wall_time_s: float = 0.0) -> Desi
     }
     limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
     margins, where, meets = _margins(plan, realised, limits)
-    solved: Bools = np.all(table.solved.reshape(*plan.shape, count), axis=-1, keepdims=True)[..., 0]
+    solved = np.asarray(table.solved.reshape(-1, count).all(axis=1)).reshape(plan.shape)
     failures = _failures(plan, table)
     missing = int(np.sum(~table.known.reshape(-1, count).all(axis=1)))
     passing = passing_cases(margins, solved)
     objective = Objective.of(plan.scenario.vary)
-    values = (
-        objective.values(realised, (*plan.shape, count), plan.realisations.quantile) if objective.response else None
-    )
-    best = _best(plan, objective, values, margins, passing)
+    values, unknown = None, False
+    if objective.response:
+        values = objective.values(realised, (*plan.shape, count), plan.realisations.quantile)
+        unknown = values is None
+    chosen = plan.kind not in SAMPLES or bool(objective.response)  # the best of many parts is no choice
+    best = best_cases(values, margins, passing, largest=objective.largest) if chosen and not unknown else []
     shares = meets.mean(axis=-1) if limits and count > 1 else None
     sensitivity, gaps = sensitivities(responses, len(plan.coordinates)) if plan.kind == "sobol" else ((), [])
     scalar = {name: r for name, r in realised.items() if is_scalar(r, (*plan.shape, count))} if count > 1 else {}
@@ -76,9 +78,7 @@ def gather(plan: DesignPlan, table: CaseTable, wall_time_s: float = 0.0) -> Desi
         failures=failures,
         warnings=(
             *plan.scenario.warnings, *_about_seeds(plan),
-            *_about_choice(
-                plan, objective, responses, gaps, limits, unknown=bool(objective.response) and values is None
-            ),
+            *_about_choice(plan, objective, responses, gaps, limits, unknown=unknown),
         ),
         wall_time_s=wall_time_s,
         fingerprint=plan.fingerprint,
@@ -120,15 +120,6 @@ def _failures(plan: DesignPlan, table: CaseTable) -> tuple[CaseFailure, ...]:
         CaseFailure(case, plan.tasks[k].values[: len(plan.coordinates)], table.failures[k].outcome)
         for case, k in first.items()
     )
-
-
-def _best(
-    plan: DesignPlan, objective: Objective, values: Floats | None, margins: Mapping[str, Response], passing: Bools
-) -> list[dict[str, Any]]:
-    chosen = plan.kind not in SAMPLES or bool(objective.response)  # the best of many parts is no choice
-    if not chosen or (objective.response and values is None):
-        return []
-    return best_cases(values, margins, passing, largest=objective.largest)
 
 
 def _tolerances(realisations: Realisations) -> dict[str, Any] | None:

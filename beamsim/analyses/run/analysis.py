@@ -29,7 +29,7 @@ from beamsim.analyses.run.motion import (
     spectra_of,
     step_of_few,
 )
-from beamsim.analyses.run.orbit_start import at_orbit, read_orbit, started
+from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.outputs import MOTION_SHARE, pieces_of
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import folding_doubts
@@ -73,10 +73,7 @@ def run(
         raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
     settings = scenario.run
     if isinstance(settings.start, OrbitStart):
-        orbit = read_orbit(settings.start, scenario.folder_of("run", "start", "orbit"))
-        scenario = at_orbit(scenario, orbit, keep_excitation=settings.start.keep_excitation)
-        at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
-        system = started(build_system(at_rest), orbit, settings.start.factor)
+        scenario, system = built_at_orbit(scenario, build_system)
     else:
         system = build_system(scenario)
     times = output_times(settings)

@@ -433,8 +433,7 @@ def _remedy(result: RunResult, doubtful: Sequence[str]) -> str:
     accelerations = [name for name in doubtful if name.startswith("peak_acceleration_g")]
     remedies = []
     if len(accelerations) < len(doubtful):
-        meshed = any(body.refined() is not body for body in result.scenario.all_bodies.values())
-        remedies.append("raise reduction.modes" + (" and the number of elements" if meshed else ""))
+        remedies.append("raise reduction.modes" + (" and the number of elements" if result.scenario.has_mesh else ""))
     if accelerations:
         dashpot = any(snubber.dashpot for snubber in result.snubbers.values())
         contact = ", give the structure a point mass at the contact, or leave out the contact's dashpot"

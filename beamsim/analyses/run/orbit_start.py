@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -120,6 +121,26 @@ def at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool = 
             "follows a position, in coordinates that change with it", "start from a continuation in another parameter"
         )
     return scenario.model_copy(update=changed)
+
+
+def built_at_orbit(
+    scenario: Scenario, build: Callable[[Scenario], StructuralSystem]
+) -> tuple[Scenario, StructuralSystem]:
+    """The scenario at the point that its run starts from, and its system with the state there.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such point, or the scenario is another model than that of the file.
+    """
+    settings = scenario.run
+    assert settings is not None
+    start = settings.start
+    assert isinstance(start, OrbitStart)
+    orbit = read_orbit(start, scenario.folder_of("run", "start", "orbit"))
+    scenario = at_orbit(scenario, orbit, keep_excitation=start.keep_excitation)
+    at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
+    return scenario, started(build(at_rest), orbit, start.factor)
 
 
 def started(system: StructuralSystem, orbit: StoredOrbit, factor: float = 1.0) -> StructuralSystem:

@@ -111,39 +111,42 @@ class SweepOutputs:
 
         return output_of
 
-    def _columns(self) -> tuple[dict[str, int], dict[str, int], dict[str, int]]:
-        """Columns of displacements and accelerations by probe, and of forces by snubber."""
-        probes, snubbers = [p.name for p in self.system.probes], [s.name for s in self.system.snubbers]
-        P, S = len(probes), len(snubbers)
-        acceleration = {name: P + S + k for k, name in enumerate(probes)} if self.with_accelerations else {}
-        return (
-            {name: k for k, name in enumerate(probes)},
-            acceleration,
-            {name: P + k for k, name in enumerate(snubbers)},
-        )
+    def _groups(self) -> dict[str, slice]:
+        """Columns of each group of outputs, in the order of `rows`."""
+        system, probes, snubbers = self.system, len(self.system.probes), len(self.system.snubbers)
+        losses = loss_owner(system.dynamics.contacts).size
+        stations = 0 if system.stress is None else system.stress.row.shape[0]
+        sizes = {
+            "displacement": probes,
+            "force": snubbers,
+            "acceleration": probes * self.with_accelerations,
+            "impacts": (snubbers + losses) * self.with_impacts,
+            "gap": snubbers * ("gap" in self.limited),
+            "bending_stress": stations * ("bending_stress" in self.limited),
+            "outputs": len(system.linear_outputs),
+        }
+        ends = np.cumsum(list(sizes.values())).tolist()
+        return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+
+    def _named(self, group: str) -> dict[str, int]:
+        """Columns of a group by name of probe, snubber or output."""
+        of = self._groups()[group]
+        if group == "force":
+            names = [snubber.name for snubber in self.system.snubbers]
+        elif group == "outputs":
+            names = [output.name for output in self.system.linear_outputs]
+        else:
+            names = [probe.name for probe in self.system.probes]
+        return dict(zip(names, range(of.start, of.stop), strict=False))  # there may be no accelerations
 
     def column(self, section: str, item: str, quantity: str) -> int:
         """Column of a probe's displacement or acceleration, of a snubber's force, or of an output."""
-        displacement, acceleration, force = self._columns()
-        if section != "outputs":
-            return {"displacement": displacement, "acceleration": acceleration, "force": force}[quantity][item]
-        names = [output.name for output in self.system.linear_outputs]
-        return self._before_outputs() + names.index(item)
-
-    def _before_outputs(self) -> int:
-        """Number of the columns before those of the outputs."""
-        count = sum(len(columns) for columns in self._columns()) + ("gap" in self.limited) * len(self.system.snubbers)
-        if self.with_impacts:
-            count += len(self.system.snubbers) + loss_owner(self.system.dynamics.contacts).size
-        if "bending_stress" in self.limited and self.system.stress is not None:
-            count += self.system.stress.row.shape[0]
-        return count
+        return self._named("outputs" if section == "outputs" else quantity)[item]
 
     def curve(self, values: CycleValues, **fields: Any) -> SweepCurve:
         """The curve of these values; ``fields`` are the other fields of `SweepCurve`."""
-        displacement, acceleration, force = self._columns()
-        outputs = self.system.linear_outputs
-        before = values.high.shape[1] - len(outputs)
+        force, outputs = self._named("force"), self.system.linear_outputs
+        before = self._groups()["outputs"].start
         values, of_outputs = values.columns(slice(before)), values.columns(slice(before, None))
 
         def envelopes(columns: dict[str, int], quantity: str, unit: str) -> dict[str, Envelope]:
@@ -156,8 +159,8 @@ class SweepOutputs:
             }  # fmt: skip
 
         return SweepCurve(
-            displacement=envelopes(displacement, "displacement", "m"),
-            acceleration=envelopes(acceleration, "absolute_acceleration", "m/s^2"),
+            displacement=envelopes(self._named("displacement"), "displacement", "m"),
+            acceleration=envelopes(self._named("acceleration"), "absolute_acceleration", "m/s^2"),
             force=envelopes(force, "force", "N"),
             contact_share={name: values.contact_share[:, k] for k, name in enumerate(force)},
             contacts={name: values.closings[:, k] for k, name in enumerate(force)},
@@ -185,8 +188,8 @@ class SweepOutputs:
         """Impacts by snubber, from rates in contact and from outputs whose squares are the power lost."""
         if not self.with_impacts:
             return {}
-        displacement, acceleration, force = self._columns()
-        first, count = len(displacement) + len(force) + len(acceleration), len(force)
+        force = self._named("force")
+        first, count = self._groups()["impacts"].start, len(force)
         period, out = values.period, {}
         for k, (name, column) in enumerate(force.items()):
             lossy = first + count + np.flatnonzero(loss_owner(self.system.dynamics.contacts) == k)
@@ -204,22 +207,19 @@ class SweepOutputs:
 
     def _of_limits(self, values: CycleValues) -> dict[str, Any]:
         """Fields of a curve that are computed for limits only."""
-        displacement, acceleration, force = self._columns()
-        first = len(displacement) + len(force) + len(acceleration)
-        if self.with_impacts:
-            first += len(force) + loss_owner(self.system.dynamics.contacts).size
+        gap, stress = self._groups()["gap"], self._groups()["bending_stress"]
         fields: dict[str, Any] = {}
         if "gap" in self.limited:
-            fields["peak_gap"] = {name: -values.low[:, first + k] for k, name in enumerate(force)}
-            first += len(force)
-        if "bending_stress" in self.limited and self.system.stress is not None:
-            extremes = np.abs(values.high[:, first:]), np.abs(values.low[:, first:])
+            fields["peak_gap"] = {name: -values.low[:, gap.start + k] for k, name in enumerate(self._named("force"))}
+        if stress.stop > stress.start:
+            extremes = np.abs(values.high[:, stress]), np.abs(values.low[:, stress])
             fields["peak_bending_stress"] = np.maximum(*extremes).max(axis=1)
         return fields
 
     def history(self, time: Floats, values: Floats) -> SweepHistory:
         """The time history of outputs (nt, K)."""
-        return SweepHistory(time, *({name: values[:, k] for name, k in columns.items()} for columns in self._columns()))
+        groups = (self._named(group) for group in ("displacement", "acceleration", "force"))
+        return SweepHistory(time, *({name: values[:, k] for name, k in columns.items()} for columns in groups))
 
 
 def loss_owner(contacts: Contacts) -> Ints:
