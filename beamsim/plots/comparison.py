@@ -69,9 +69,8 @@ def plot_swept(c: SweptComparison, ax: Axes) -> Axes:
                 color=(_PREDICTED if marker == "o" else _MEASURED)["color"])  # fmt: skip
     ax.set_yscale("log")
     detected = {"peak": "peak", "fundamental": "fundamental of", "rms": "rms"}[c.detector]
-    finish(
-        ax, f"Excitation frequency (Hz), {c.curve}", f"{detected} {c.quantity.replace('_', ' ')} ({unit})".capitalize()
-    )
+    response = f"{detected} {c.quantity.replace('_', ' ')}".capitalize()
+    finish(ax, f"Excitation frequency (Hz), {c.curve}", f"{response} ({unit})")
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize="small")
     ax.set_title(f"FRAC {c.frac:.3f}", loc="left", fontsize="small", color="0.3")
     return ax

@@ -239,8 +239,7 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
             plot_response_curves(result, ax, quantity)
         return {"curves": figure}
     if dimensions == 2 and result.kind == "grid" and min(result.shape) > 1:
-        maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == 2 and _varies(r)]
-        maps = maps[:MOST_PANELS]
+        maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == 2 and _varies(r)][:MOST_PANELS]
         if maps:
             figure, axes = panels(len(maps), min(2, len(maps)), (5.2, 3.6), starred=best is not None)
             for ax, response in zip(axes, maps, strict=False):

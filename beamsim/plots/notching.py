@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from beamsim.typing import Floats
 
 MOST_LIMITS = 4  # drawn, those with the largest shares
-SHADES = ("0.86", "0.93")  # of ranges that alternate
-_LEVEL, _RESPONSE, _LIMIT = "#0b3c5d", "#0b3c5d", "#d1495b"
+_LEVEL, _RESPONSE, _LIMIT, _GOVERNED = "#0b3c5d", "#0b3c5d", "#d1495b", "0.86"
 
 
 def plot_notched_level(curve: SweepCurve, ax: Axes) -> Axes:
@@ -48,7 +47,7 @@ def plot_limited_response(curve: SweepCurve, limit: NotchLimit, ax: Axes) -> Axe
     ax.axhline(limit.limit * scale.factor, color=_LIMIT, linestyle=(0, (5, 1.5)), linewidth=1.4, label="limit")
     governed = [part for part in curve.notching.ranges if part.limit == limit.name]
     for number, part in enumerate(governed):
-        ax.axvspan(part.from_hz, part.to_hz, color=SHADES[0], linewidth=0, zorder=0,
+        ax.axvspan(part.from_hz, part.to_hz, color=_GOVERNED, linewidth=0, zorder=0,
                    label="governs" if number == 0 else None)  # fmt: skip
     unit = f" ({scale.unit})" if scale.unit else ""
     finish(ax, "", f"{limit.name.replace('probes.', '').replace('snubbers.', '').replace('.', ' ')}{unit}")
@@ -62,10 +61,7 @@ def limited_peak(curve: SweepCurve, name: str) -> Floats:
     forces = [n for n, o in curve.outputs.items() if o.quantity == "reaction_force" and o.at == "base"]
     of = limited_quantity(name, *forces[:1])
     assert of is not None
-    if of.section == "outputs":
-        return curve.outputs[of.item].peak
-    sources = {"acceleration": curve.acceleration, "displacement": curve.displacement, "force": curve.force}
-    return sources[of.quantity][of.item].peak
+    return curve.envelope_of(of.section, of.item, of.quantity).peak
 
 
 def notching_figure(curve: SweepCurve, title: str, frequency_axis: Callable[[Axes], None]) -> Figure:

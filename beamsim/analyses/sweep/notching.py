@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamsim.analyses.sweep.outputs import SweepOutputs
-from beamsim.analyses.sweep.result import NotchedRange, Notching, NotchLimit, SweepCurve
+from beamsim.analyses.sweep.result import Envelope, NotchedRange, Notching, NotchLimit, OutputEnvelope, SweepCurve
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.level_control import LevelControl
 from beamsim.flow.stopping import never
@@ -119,12 +119,12 @@ def profile_through(notching: Notching) -> Profile:
 
 def compared(notching: Notching, limited: Sequence[Limited], curve: SweepCurve) -> Notching:
     """The notching with what the response under its level is: largest values, and which limit governs where."""
-    peaks = np.array([_peak(curve, each.of) for each in limited])  # (limits, C)
+    peaks = np.array([_envelope(curve, each.of).peak for each in limited])  # (limits, C)
     share = peaks / np.array([each.limit for each in limited])[:, None]
     largest = np.nanargmax(share, axis=1)
     limits = tuple(
         NotchLimit(
-            each.name, _unit(curve, each.of), each.limit, float(peaks[k, at]), float(share[k, at]),
+            each.name, _envelope(curve, each.of).unit, each.limit, float(peaks[k, at]), float(share[k, at]),
             float(curve.frequency_hz[at]),
         )
         for k, (each, at) in enumerate(zip(limited, largest, strict=True))
@@ -135,7 +135,7 @@ def compared(notching: Notching, limited: Sequence[Limited], curve: SweepCurve) 
 def not_held(curve: SweepCurve, limited: Sequence[Limited]) -> Outcome | None:
     """What to say where a limit is exceeded by more than is allowed; None where all are met."""
     assert curve.notching is not None
-    shares = np.array([_peak(curve, each.of) / each.limit for each in limited])
+    shares = np.array([_envelope(curve, each.of).peak / each.limit for each in limited])
     over = shares > 1.0 + ALLOWED_EXCESS
     if not over.any():
         return None
@@ -152,18 +152,8 @@ def not_held(curve: SweepCurve, limited: Sequence[Limited]) -> Outcome | None:
     )  # fmt: skip
 
 
-def _peak(curve: SweepCurve, of: LimitedQuantity) -> Floats:
-    """(C,) largest magnitude of a limited quantity in each cycle."""
-    if of.section == "outputs":
-        return curve.outputs[of.item].peak
-    sources = {"acceleration": curve.acceleration, "displacement": curve.displacement, "force": curve.force}
-    return sources[of.quantity][of.item].peak
-
-
-def _unit(curve: SweepCurve, of: LimitedQuantity) -> str:
-    if of.section == "outputs":
-        return curve.outputs[of.item].unit
-    return {"acceleration": "m/s^2", "displacement": "m", "force": "N"}[of.quantity]
+def _envelope(curve: SweepCurve, of: LimitedQuantity) -> Envelope | OutputEnvelope:
+    return curve.envelope_of(of.section, of.item, of.quantity)
 
 
 def _ranges(notching: Notching, limited: Sequence[Limited], curve: SweepCurve, share: Floats) -> Sequence[NotchedRange]:

@@ -236,6 +236,14 @@ class SweepCurve:
     notching: Notching | None = group("notching", default=None)  # where sweep.notch_to asks for it
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
+    def envelope_of(self, section: str, item: str, quantity: str) -> Envelope | OutputEnvelope:
+        """A probe's displacement or acceleration, a snubber's force, or an output, in every cycle."""
+        if section == "outputs":
+            return self.outputs[item]
+        return {"displacement": self.displacement, "acceleration": self.acceleration, "force": self.force}[quantity][
+            item
+        ]
+
     @property
     def excitation_unit(self) -> str:
         """Unit of its amplitude."""
