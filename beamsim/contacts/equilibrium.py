@@ -25,7 +25,7 @@ from beamsim.typing import Bools, Floats, Ints
 # Relative size of what counts as round-off in loads and gaps.
 NODE = 1e-13  # of a contact's shape: a deflection in a rigid-body motion that is zero
 _ROUND_OFF = 1e-10
-_RIGID = 1e4  # stiffness of a spring against all others from which on it holds as a rigid one
+_CANCELLED = 1e-13  # of the stiffnesses of a law's parts: a slope that is zero
 # Method of multipliers for the balance of rigid-body modes: weight of each pass (compliance of the contacts = 1). It
 # has to grow: soft contacts that carry the load alone converge as one over weight times their share of the stiffness.
 _PENALTIES = (*(10.0**p for p in range(3, 11)), *(1e10,) * 20)
@@ -353,12 +353,12 @@ def _by_newton(
     given = float(np.abs(load).max(initial=0.0) + np.abs((springs.stiffness * springs.gap) @ normal).max(initial=0.0))
     if residual > 1e-9 * size + noise or (np.any(springs.stiffness < 0) and residual > 1e-6 * given):
         return Equilibrium(None, nothing, start.reason or UNBALANCED)
-    if np.any(springs.stiffness < 0) and not _unique(stiffness, springs, bent, q, largest):
+    if np.any(springs.stiffness < 0) and not _unique(stiffness, springs, bent, q):
         return Equilibrium(None, nothing, FLOATS)
     return Equilibrium(q, springs.stiffness * np.maximum(-springs.gap - normal @ q, 0.0))
 
 
-def _unique(stiffness: Floats, springs: Springs, bent: Floats, q: Floats, largest: float) -> bool:
+def _unique(stiffness: Floats, springs: Springs, bent: Floats, q: Floats) -> bool:
     """Whether a minimum of the convex energy is unique: every direction from it stretches a spring.
 
     Contacts that just touch count as closed if that softens the structure, and as stops if it stiffens it.
@@ -368,19 +368,49 @@ def _unique(stiffness: Floats, springs: Springs, bent: Floats, q: Floats, larges
     near = _ROUND_OFF * float(np.abs(springs.gap).max(initial=0.0) + np.abs(normal * q).max(initial=0.0))
     softer = springs.stiffness < 0
     closed = (clear < -near) | (softer & (clear <= near))
-    # what is much stiffer than all that bends or softens is rigid: beside it soft motions would be round-off
-    size = np.abs(springs.stiffness) * np.sum(normal**2, axis=1)
-    rigid = closed & ~softer & (size > _RIGID * max(float(stiffness.max()), float(size[softer].max(initial=0.0))))
-    closed &= ~rigid
-    allowed = _loose(normal[rigid] / np.linalg.norm(normal[rigid], axis=1)[:, None])
-    tangent = np.diag(stiffness) + normal[closed].T @ (springs.stiffness[closed, None] * normal[closed])
-    values, vectors = np.linalg.eigh(allowed @ tangent @ allowed.T)
-    if rigid.any():
-        largest = float(np.abs(values).max(initial=0.0))
-    loose = vectors[:, values <= _ROUND_OFF * largest].T @ allowed
+    loose = _unresisted(stiffness, springs.take(closed))
     if bent.shape[0]:  # a cubic spring stops every motion that stretches it
         loose = _loose(bent @ loose.T) @ loose
     if loose.shape[0] == 0:
         return True
     touching = normal[(np.abs(clear) <= near) & ~softer]
     return _held(touching @ loose.T, np.zeros(touching.shape[0], dtype=bool), np.ones(touching.shape[0], dtype=bool))
+
+
+def _unresisted(stiffness: Floats, closed: Springs) -> Floats:
+    r"""(l, n) directions in which closed springs, some of which soften, leave no stiffness at all.
+
+    The stiffening parts resist with :math:`|G q|^2`, of which the softening ones take away :math:`|W q|^2 \le |G q|^2`.
+    With :math:`G = Q R` that is all of it where a singular value of :math:`W R^{-1}` is one: each direction is measured
+    by what resists it, so that neither stiff stops nor high modes hide that soft ones are held. Sorted rows and pivoted
+    columns leave every row of G its own accuracy (Cox and Higham, *BIT* 38, 1998).
+    """
+    from scipy.linalg import block_diag, qr, solve_triangular
+
+    parts = np.arange(closed.stiffness.size) if closed.contact is None else closed.contact
+    _, first, contact = np.unique(parts, return_index=True, return_inverse=True)
+    both = closed.stiffness, np.abs(closed.stiffness)
+    slope, size = (np.bincount(contact, weights=k, minlength=first.size) for k in both)
+    slope[np.abs(slope) <= _CANCELLED * size] = 0.0  # parts of a law that cancel
+    shape = closed.shape[first]
+    held, softened = shape[slope > 0], shape[slope < 0]
+    n, rigid = stiffness.size, int(np.sum(stiffness == 0.0))
+    away = held[:, :rigid] / np.linalg.norm(held, axis=1)[:, None]
+    away[np.abs(away) <= NODE] = 0.0
+    floating = _loose(away)
+    free = np.pad(floating, ((0, 0), (0, n - rigid)))
+    if softened.shape[0] == 0:
+        return free
+    others = block_diag(_loose(floating), np.eye(n - rigid))  # what is resisted
+    resisting = np.vstack([np.diag(np.sqrt(stiffness)), np.sqrt(slope[slope > 0])[:, None] * held]) @ others.T
+    scale = 1.0 / np.linalg.norm(resisting, axis=0)
+    resisting *= scale
+    rows = np.argsort(-np.abs(resisting).max(axis=1))
+    _, triangle, columns = qr(resisting[rows], mode="economic", pivoting=True)
+    taking = np.sqrt(-slope[slope < 0])[:, None] * softened @ others.T * scale
+    _, share, directions = np.linalg.svd(solve_triangular(triangle, taking[:, columns].T, trans="T").T)
+    lost = directions[: share.size][1.0 - share**2 <= _ROUND_OFF]
+    moved = np.zeros((lost.shape[0], scale.size))
+    moved[:, columns] = solve_triangular(triangle, lost.T).T
+    moved = moved * scale @ others
+    return np.vstack([free, moved / np.linalg.norm(moved, axis=1)[:, None]])

@@ -66,6 +66,7 @@ class Own:
     apart: np.ndarray  # (nt,) largest difference so far, over the largest state
     whole: float  # s, intended
     step: float  # s, the longest
+    most_steps: int  # of the motion
 
     @cached_property
     def starting_phases(self):
@@ -138,7 +139,7 @@ def own_motion(case, most_steps=MOST_STEPS, others=OTHERS[:1], finer=1, change=P
         apart = np.max([a[:count] for a in aparts], axis=0)
         outputs = np.flatnonzero(np.isin(stops[: apart.size], times) & (stops[: apart.size] <= end))
         if outputs.size > OUTPUTS // 4:
-            return Own(equations, motion, moved, outputs, apart, whole, step)
+            return Own(equations, motion, moved, outputs, apart, whole, step, most_steps)
         longest *= max(outputs.size, 1) / OUTPUTS
         step = min(step, longest / OUTPUTS)
     return APART
@@ -265,6 +266,8 @@ def _ill_conditioned(case, own):
 
     def measured(case):
         result, finer = _package(case, own)
+        if not result.complete:  # with other last digits: what it shows is no motion to compare with
+            raise ValueError(result.status)
         late = result.events.time > begin
         times = [result.events.time[late & (result.events.snubber == k)] for k in range(len(result.snubbers))]
         return result.probes["probe"].displacement[finer::finer], times, list(result.snubbers)
@@ -364,7 +367,7 @@ def _depth(own, contact, times, end):
     It is that from touching, or of a face that pushes its force over its stiffness.
     """
     equations, law = own.equations, own.equations.model.contacts[contact]
-    moved = equations.move(np.unique([*times, *own.motion.time[own.motion.time < end]]), own.step, 2 * MOST_STEPS)
+    moved = equations.move(np.unique([*times, *own.motion.time[own.motion.time < end]]), own.step, 2 * own.most_steps)
     at = np.flatnonzero(np.isin(moved.time, times))
     depth = []
     for y, phases, inputs in zip(moved.y[at], moved.phases[at], equations.inputs_at(moved.time[at]), strict=True):
@@ -380,7 +383,7 @@ def _at_a_bend(own, contact, end, slack):
     law = equations.model.contacts[contact]
     row_y, row_u, rate_y, rate_u = equations.penetration(law)
     times = np.union1d(np.linspace(0.0, end, 20_000)[1:], own.motion.time[own.motion.time <= end])
-    moved = equations.move(times, own.step, times.size + 2 * MOST_STEPS)
+    moved = equations.move(times, own.step, times.size + 2 * own.most_steps)
     u = equations.inputs_at(moved.time)
     stretch, rate = moved.y @ row_y + u @ row_u, moved.y @ rate_y + u @ rate_u
     turns = np.flatnonzero(rate[1:] * rate[:-1] <= 0.0)

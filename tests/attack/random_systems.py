@@ -566,6 +566,8 @@ class _Draw:
             friction = {"name": f"friction_{i + 1}"}
             if "bodies" in case and self.chance(0.4):
                 friction["between"] = [self.place(case, body)["at"] for body in self.two_of(case)]
+                while not self.moves(*friction["between"]):  # the package refuses what a joint leaves without effect
+                    friction["between"] = [self.place(case, body)["at"] for body in self.two_of(case)]
             else:
                 place = self.place(case)
                 friction["at"] = place.get("at", place)

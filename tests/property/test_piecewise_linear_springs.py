@@ -166,6 +166,26 @@ def test_statics_of_a_softening_spring_beside_a_very_stiff_stop(load):
     np.testing.assert_allclose(equilibrium.q, (load + max(force, 0.0) * row) / stiffness, rtol=1e-9)
 
 
+STOP = 1e12  # N/m, beside modes whose squares are 3 to 6e10 (rad/s)^2
+HELD = {  # slopes, directions and gaps of the parts of two contacts, and whether they leave a motion free
+    "a stiff stop that gives way stays open": ([STOP, -0.6 * STOP, -1.0], [1, 1, 1], [1e-3, 2e-3, 1.0], False),
+    "a stiff stop that gives way is pressed": ([STOP, -0.6 * STOP, -1.0], [1, 1, 1], [-2e-3, -1e-3, 1.0], False),
+    "pressed, and no stiffer from there on": ([STOP, -STOP, -1.0], [1, 1, 1], [-2e-3, -1e-3, 1.0], False),
+    "a spring softens beside a stop that is pressed": ([STOP, 0.5 * STOP, -2.0], [1, 1, -1], [-1e-9, 1.0, -1.0], False),
+    "a spring takes all stiffness": ([STOP, 0.5 * STOP, -3.0], [1, 1, 1], [1e-3, 1.0, -1.0], True),
+}
+
+
+@pytest.mark.parametrize("case", HELD)
+def test_softening_parts_beside_very_stiff_stops_and_soft_modes(case):
+    """Whether a motion is held does not depend on how stiff other things are, found by the attack (10,002,568)."""
+    slopes, sign, gap, floats = HELD[case]
+    shape = np.array([[1.0, -0.7, 0.4], [1.0, -0.7, 0.4], [1.0, 0.0, 0.0]])
+    springs = Springs(shape, np.array(sign, float), np.array(slopes), np.array(gap), np.array([0, 0, 1]))
+    found = find_equilibrium(np.array([3.0, 2e4, 6e10]), 0, springs, np.zeros((1, 3)))
+    assert found.reason == (FLOATS if floats else "")
+
+
 def test_a_cubic_spring_holds_what_a_softened_spring_lets_go():
     springs = Springs(np.ones((1, 1)), np.array([-1.0]), np.array([-2.0]), np.array([1.0]))
     alone = find_equilibrium(np.array([2.0]), 0, springs, np.array([[5.0]]))
