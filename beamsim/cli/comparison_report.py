@@ -36,6 +36,9 @@ def _delay(c: ChannelComparison) -> str:
 def _sweeps(comparison: Comparison, _: Sequence[Any]) -> Iterator[Row]:
     for c in comparison.sweeps:
         yield f"{c.place} {c.quantity.replace('_', ' ')}", f"measured: {c.channel}, {c.detector} of {c.curve}"
+        if c.begin_s is not None:
+            width = "" if c.bandwidth is None else f", bandwidth {100 * c.bandwidth:.3g} % of the frequency"
+            yield "  tracked", f"from {amount(c.begin_s, 's')} of the record{width}"
         yield "  FRAC", f"{c.frac:.4f}" + ("" if c.has_phase else " (of amplitudes)")
         for number, peak in enumerate(c.peaks, 1):
             measured = (

@@ -71,6 +71,15 @@ def compare(
     detector: Annotated[
         DetectorChoice | None, typer.Option("--detector", help="What the measurement of a sweep shows of each cycle.")
     ] = None,
+    reference: Annotated[
+        str | None, typer.Option("--reference", help="Channel of the excitation, in a time history of a sweep.")
+    ] = None,
+    begin: Annotated[
+        float | None, typer.Option("--begin", help="Time of such a record at which the sweep begins, s.")
+    ] = None,
+    cycles: Annotated[
+        int, typer.Option("--cycles", min=1, help="Track such a record over so many cycles: bandwidth is f / cycles.")
+    ] = 1,
     output: Output = None,
     json: Json = False,
     no_plots: NoPlots = False,
@@ -78,11 +87,12 @@ def compare(
 ) -> None:
     """Overlay a run or sweep with measured signals. Prints differences of harmonics, phase aligned; of sweeps peaks."""
     from beamsim.analyses.compare.analysis import compare as compare_with
-    from beamsim.analyses.compare.sweeps import compare_sweep
+    from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
     from beamsim.analyses.run.result import RunResult
     from beamsim.cli.conclusion import Reporting, finish
     from beamsim.cli.output import output_file
     from beamsim.cli.progress import progress_of
+    from beamsim.store.measurement import history_named
     from beamsim.store.pairing import pair_channels
     from beamsim.store.results import open_run, open_sweep
     from beamsim.store.stored import damage_of, kind_of
@@ -95,7 +105,11 @@ def compare(
     )
     with damage_of(result), progress_of(f"comparing with {measured.name}", shown=not json):
         if swept is not None:
-            comparison = compare_sweep(swept, pairs, curve=curve, detector=None if detector is None else detector.value)
+            excitation = None if reference is None else history_named(measured, reference, axis_unit)
+            comparison = compare_sweep(
+                swept, pairs, curve=curve, detector=None if detector is None else detector.value,
+                tracking=Tracking(begin, excitation, cycles),
+            )  # fmt: skip
         else:
             assert isinstance(stored, RunResult)
             comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)

@@ -124,6 +124,20 @@ def channel_named(
     return _checked(chosen[0], path)
 
 
+def history_named(path: Path, name: str, axis_unit: str | None = None) -> MeasuredSignal:
+    """The time history of that name.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be used, there is none, or the channel is a function of frequency.
+    """
+    signal = channel_named(read_signals(path, axis_unit), name, "", path, required=True)
+    if signal.of_frequency:
+        raise _wrong(f"{path}: {signal.name} is no time history", "choose the channel of the excitation over time")
+    return signal
+
+
 def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> MeasuredSignal:
     """The signal converted to SI from the given unit, else from that of the file.
 

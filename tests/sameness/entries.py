@@ -95,6 +95,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "continuation_60_120hz sweep overlay": (),
     "one_sided_65hz compare": (),
     "one_sided_78hz compare": (),
+    "sweep_test compare": (),
 }
 """Further entries: ``config command name`` -> overrides."""
 
@@ -105,6 +106,7 @@ OPTIONS: dict[str, list[str]] = {
     "continuation_60_120hz sweep overlay": ["--overlay", "{before}"],
     "one_sided_65hz compare": [str(CONFIGS / "measurements/tip_65hz_2g.csv"), "--unit", "g", "--probe", "tip"],
     "one_sided_78hz compare": [str(CONFIGS / "measurements/tip_78hz_2g.csv"), "--unit", "g", "--probe", "tip"],
+    "sweep_test compare": [str(CONFIGS / "measurements/sweep_test.csv"), "--reference", "base", "--cycles", "3"],
 }
 """Entry -> further options; ``{before}`` is the result file of the step before."""
 
@@ -116,6 +118,7 @@ BEFORE: dict[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "one_sided_65hz compare": ("run", "one_sided_65hz", ()),
     "one_sided_78hz compare": ("run", "one_sided_78hz", ()),
+    "sweep_test compare": ("sweep", "sweep_test", ()),
 }
 """Entry -> command, config and overrides of a step before it."""
 

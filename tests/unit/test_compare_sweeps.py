@@ -1,12 +1,15 @@
 """Comparison of sweeps with measured ones: peaks, Q, FRAC and FDAC, and files as laboratories write them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import pyuff
 from typer.testing import CliRunner
 
 from beamsim.analyses.compare.measured import MeasuredSignal
-from beamsim.analyses.compare.sweeps import assurance, compare_sweep, peaks_of
+from beamsim.analyses.compare.sweeps import Tracking, assurance, compare_sweep, peaks_of
+from beamsim.analyses.compare.tracking import track
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
@@ -21,7 +24,14 @@ CASE = {
     "chain": {"masses": [1, 0.5], "springs": [39478.4, 60000, 0], "damping": {"kind": "modal", "ratio": "2 %"}},
     "excitation": {"kind": "harmonic", "applied_to": "base", "level": "1 g", "frequency": "20 Hz"},
     "probes": [{"name": "first", "mass": 1}, {"name": "second", "mass": 2}],
-    "sweep": {"kind": "swept_sine", "from": "15 Hz", "to": "35 Hz", "rate": "30 oct/min", "orders": [1]},
+    "sweep": {
+        "kind": "swept_sine",
+        "from": "15 Hz",
+        "to": "35 Hz",
+        "rate": "30 oct/min",
+        "orders": [1],
+        "history_rate": "2 kHz",
+    },
 }
 
 
@@ -91,7 +101,8 @@ def test_frac_ignores_a_factor_and_notices_a_difference():
 @pytest.mark.parametrize(
     ("signal", "words"),
     [
-        (MeasuredSignal("second", np.arange(20.0), np.ones(20)), "time history"),
+        (MeasuredSignal("second", np.arange(2000) / 50, np.ones(2000)), "is sampled at 50 Hz"),
+        (MeasuredSignal("second", np.arange(50) / 1000, np.ones(50)), "0 cycles"),
         (MeasuredSignal("second", np.linspace(1.0, 14.0, 50), np.ones(50), True), "0 frequencies"),
     ],
 )
@@ -100,6 +111,84 @@ def test_what_cannot_be_compared_is_refused(swept, signal, words):
         compare_sweep(swept, [("second", "absolute_acceleration", signal)])
     with pytest.raises(ScenarioError, match="unknown"):
         compare_sweep(swept, [], curve="down_0")
+
+
+def record_of(swept, late=0.3):
+    """Time of a record that begins before the sweep, the excitation and the response of the second mass in it."""
+    history, curve = swept.histories[0], swept.curves["up_0"]
+    before = np.arange(round(2000 * late)) / 2000
+    rate = np.log(2) * 30 / 60
+    drive = G * np.sin(2 * np.pi * 15 * np.expm1(rate * history.time) / rate)
+    at_rest = np.zeros(before.size)
+    time = np.append(before, history.time + late)
+    response = np.append(at_rest, history.acceleration["second"])
+    assert curve.time[0] == 0.0
+    return time, np.append(at_rest, drive), response
+
+
+def test_a_tracked_history_is_what_the_sweep_computes(swept):
+    """The history of the sweep itself, resampled at its cycles, against the exact values of each cycle."""
+    time, _, response = record_of(swept)
+    of = track(swept.curves["up_0"], MeasuredSignal("second", time, response), 0.3)
+    envelope = swept.curves["up_0"].acceleration["second"]
+    known = slice(of.frequency_hz.size)
+    size = envelope.peak.max()
+    np.testing.assert_allclose(of.frequency_hz, swept.curves["up_0"].frequency_hz[known], rtol=1e-12)
+    np.testing.assert_allclose(of.fundamental, envelope.harmonics[0][known], atol=1e-3 * size)
+    np.testing.assert_allclose(of.peak, envelope.peak[known], atol=1e-3 * size)
+    np.testing.assert_allclose(of.rms, envelope.rms[known], atol=1e-3 * size)
+
+
+def test_time_histories_of_a_test(swept, tmp_path):
+    """A CSV with the excitation beside the response: where the sweep begins is found, and phases are compared."""
+    write_sweep(swept, tmp_path / "sweep.h5")
+    time, drive, response = record_of(swept)
+    rows = "".join(f"{t:.4f},{a:.6f},{b:.6f}\n" for t, a, b in zip(time, drive / G, response / G, strict=True))
+    (tmp_path / "test.csv").write_text("time (s),drive (g),second (g)\n" + rows)
+    arguments = [
+        "compare",
+        str(tmp_path / "sweep.h5"),
+        str(tmp_path / "test.csv"),
+        "--no-plots",
+        "--channel",
+        "second (g)",
+    ]
+    options = ["-o", str(tmp_path / "c.h5"), "--reference", "drive", "--cycles", "4"]
+    done = CliRunner().invoke(app, [*arguments, *options])
+    assert done.exit_code == 0, done.output
+    assert "bandwidth 25 % of the frequency" in done.output
+    (channel,) = open_result(tmp_path / "c.h5", "compare").sweeps
+    assert channel.begin_s == pytest.approx(0.3, abs=2e-3)
+    assert channel.has_phase
+    assert channel.frac > 1 - 1e-4
+
+
+def test_where_the_sweep_begins_is_found_without_the_excitation(swept):
+    time, _, response = record_of(swept, late=3.0)
+    signal = MeasuredSignal("second", time, response)
+    (channel,) = compare_sweep(swept, [("second", "absolute_acceleration", signal)]).sweeps
+    assert channel.begin_s == pytest.approx(3.0, abs=0.05)
+    assert not channel.has_phase
+    assert channel.frac > 0.99
+    other = MeasuredSignal("second", 0.6 * time, response)  # a faster test
+    with pytest.raises(ScenarioError, match="compute the sweep with the rate"):
+        compare_sweep(swept, [("second", "absolute_acceleration", other)])
+
+
+def test_tracking_that_cannot_be_is_refused(swept):
+    time, drive, response = record_of(swept)
+    history = ("second", "absolute_acceleration", MeasuredSignal("second", time, response))
+    excitation = MeasuredSignal("drive", time, drive)
+    over_frequency = ("second", "absolute_acceleration", measured(swept, "second"))
+    stepped = replace(swept, kind="stepped")
+    for result, pair, detector, tracking, words in (
+        (swept, history, None, Tracking(0.9, excitation), "does not follow the sweep"),
+        (swept, history, "peak", Tracking(0.3, cycles=3), "leave one of them out"),
+        (swept, over_frequency, None, Tracking(cycles=3), "belong to time histories"),
+        (stepped, history, None, None, "the sweep is stepped"),
+    ):
+        with pytest.raises(ScenarioError, match=words):
+            compare_sweep(result, [pair], detector=detector, tracking=tracking)
 
 
 CHANNELS = "first absolute acceleration;second absolute acceleration"

@@ -111,6 +111,12 @@ class SweptComparison:
     )
     frac: float = attribute("1", "frequency response assurance criterion")
     peaks: tuple[PeakPair, ...] = table("peaks", Counter("peak", "number of the measured peak"), default=())
+    begin_s: float | None = attribute(
+        "s", "time of the measured history at which the curve begins; of a history alone", default=None
+    )
+    bandwidth: float | None = attribute(
+        "1", "bandwidth of the tracking filter over the frequency; of the fundamental of a history alone", default=None
+    )
 
 
 @declared

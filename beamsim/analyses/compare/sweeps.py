@@ -1,8 +1,12 @@
-"""A computed sweep beside measured ones: response over frequency, peaks with their quality, FRAC and FDAC."""
+"""A computed sweep beside measured ones: response over frequency, peaks with their quality, FRAC and FDAC.
+
+Time histories of a swept sine are first tracked over its cycles (`beamsim.analyses.compare.tracking`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Literal
 
@@ -10,6 +14,7 @@ import numpy as np
 
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison
+from beamsim.analyses.compare.tracking import Followed, beginning, check_beginning, filtered, track
 from beamsim.analyses.sweep.result import Envelope, SweepCurve, SweepResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE
@@ -24,29 +29,44 @@ FEWEST = 8  # measured frequencies within the sweep
 MOST_FREQUENCIES = 120  # of an FDAC matrix, on each side
 
 
+@dataclass(frozen=True)
+class Tracking:
+    """How time histories of a sweep become responses over frequency."""
+
+    begin: float | None = None  # s, time of the record at which the curve begins; found from the record by default
+    reference: MeasuredSignal | None = None  # the excitation in the same record, which gives phases
+    cycles: int = 1  # mean over so many: a tracking filter with that part of the frequency as bandwidth
+
+
 def compare_sweep(
     result: SweepResult,
     pairs: Sequence[tuple[str, str, MeasuredSignal]],
     *,
     curve: str | None = None,
     detector: Detector | None = None,
+    tracking: Tracking | None = None,
 ) -> Comparison:
-    """Compare pairs of (place, quantity, measured response over frequency in SI units) with a curve of a sweep.
+    """Compare pairs of (place, quantity, measured signal in SI units) with a curve of a sweep.
+
+    Signals are responses over frequency, or time histories of a swept sine with the range and rate of the computed one.
 
     Parameters
     ----------
     curve : name of the curve; may be left out where there is one.
     detector : what was measured in each cycle: the largest magnitude, the amplitude of the fundamental, or the root
-        mean square; by default the fundamental where phases were measured, else the largest magnitude.
+        mean square; by default the fundamental where phases were measured or a time history is tracked, else the
+        largest magnitude.
+    tracking : of time histories.
 
     Raises
     ------
     ScenarioError
-        If there is no such curve, or a record is a time history or shares too few frequencies with the sweep.
+        If there is no such curve, or a record shares too few frequencies with the sweep or does not follow it.
     """
     begin = perf_counter()
     chosen = _curve(result, curve)
-    channels = tuple(_channel(chosen, *pair, detector) for pair in pairs)
+    tracking = _settled(result, chosen, pairs, tracking or Tracking())
+    channels = tuple(_channel(chosen, *pair, detector, tracking) for pair in pairs)
     return Comparison(
         scenario=result.scenario,
         outcome=COMPLETE,
@@ -67,15 +87,43 @@ def _curve(result: SweepResult, name: str | None) -> SweepCurve:
     return result.curves[name]
 
 
-def _channel(
-    curve: SweepCurve, place: str, quantity: str, signal: MeasuredSignal, detector: Detector | None
-) -> SweptComparison:
-    where = f"{signal.source or signal.name}: {signal.name}"
-    if not signal.of_frequency:
+def _settled(
+    result: SweepResult, curve: SweepCurve, pairs: Sequence[tuple[str, str, MeasuredSignal]], tracking: Tracking
+) -> Tracking:
+    """The same with the beginning of the curve in the records, checked; as it is where there are no histories."""
+    histories = [pair for pair in pairs if not pair[2].of_frequency]
+    if not histories:
+        if tracking != Tracking():
+            raise ScenarioError(
+                Problem("", "--reference, --begin and --cycles belong to time histories, and the measurement is over "
+                        "frequency", "leave them out")
+            )  # fmt: skip
+        return tracking
+    wheres = [_where(signal) for _, _, signal in histories]
+    if result.kind != "swept_sine":
         raise ScenarioError(
-            Problem("", f"{where} is a time history, and a sweep is compared over frequency",
-                    "export the response over frequency from the controller or analyser")
+            Problem("", f"{wheres[0]} is a time history, which is compared with a swept sine, and the sweep is "
+                    f"{result.kind.replace('_', ' ')}",
+                    "compute a sweep of kind: swept_sine with the rate of the test, or export responses over frequency")
         )  # fmt: skip
+    if tracking.reference is not None:
+        records = [Followed(tracking.reference)]
+    else:
+        records = [
+            Followed(signal, _detected(curve, _envelope(curve, place, quantity, where), "fundamental", where))
+            for (place, quantity, signal), where in zip(histories, wheres, strict=True)
+        ]
+    begin = beginning(curve, records) if tracking.begin is None else tracking.begin
+    check_beginning(curve, records, begin)
+    return replace(tracking, begin=begin)
+
+
+def _where(signal: MeasuredSignal) -> str:
+    """A channel as messages name it."""
+    return f"{signal.source or signal.name}: {signal.name}"
+
+
+def _envelope(curve: SweepCurve, place: str, quantity: str, where: str) -> Envelope:
     sources = {"force": curve.force, "displacement": curve.displacement, "absolute_acceleration": curve.acceleration}
     envelope = sources.get(quantity, {}).get(place)
     if envelope is None:
@@ -83,23 +131,39 @@ def _channel(
             Problem("", f"{where}: the sweep holds no {quantity.replace('_', ' ')} of {place}",
                     "compare absolute_acceleration or displacement of a probe, or force of a snubber")
         )  # fmt: skip
+    return envelope
+
+
+def _channel(
+    curve: SweepCurve,
+    place: str,
+    quantity: str,
+    signal: MeasuredSignal,
+    detector: Detector | None,
+    tracking: Tracking,
+) -> SweptComparison:
+    where = _where(signal)
+    followed = not signal.of_frequency
+    envelope = _envelope(curve, place, quantity, where)
+    if detector is None:
+        measured_phases = followed or signal.has_phase
+        detector = "fundamental" if measured_phases and np.any(curve.orders == 1.0) else "peak"
     rising = np.argsort(curve.frequency_hz, kind="stable")
-    frequency = curve.frequency_hz[rising]
+    frequency, values = curve.frequency_hz[rising], _detected(curve, envelope, detector, where)[rising]
+    if followed:
+        signal = _tracked(curve, signal, detector, tracking)
+        frequency, values = _filtered(frequency, tracking.cycles), filtered(values, tracking.cycles)
     inside = (signal.x >= frequency[0]) & (signal.x <= frequency[-1])
     if np.count_nonzero(inside) < FEWEST:
         raise ScenarioError(
             Problem("", f"{where} has {np.count_nonzero(inside)} frequencies between {frequency[0]:.4g} and "
                     f"{frequency[-1]:.4g} Hz, those of the sweep", f"at least {FEWEST} are needed")
         )  # fmt: skip
-    has_phase = signal.has_phase
-    if detector is None:
-        detector = "fundamental" if has_phase and np.any(curve.orders == 1.0) else "peak"
-    values = _detected(curve, envelope, detector, where)[rising]
     x = signal.x[inside]
     measured = np.asarray(signal.y[inside], dtype=complex)
     phase = np.unwrap(np.angle(values))
     predicted = np.interp(x, frequency, np.abs(values)) * np.exp(1j * np.interp(x, frequency, phase))
-    has_phase = has_phase and detector == "fundamental"
+    has_phase = signal.has_phase and detector == "fundamental"
     if not has_phase:
         measured, predicted = np.abs(measured).astype(complex), np.abs(predicted).astype(complex)
     return SweptComparison(
@@ -116,7 +180,37 @@ def _channel(
         measured=measured,
         frac=assurance(predicted, measured),
         peaks=tuple(_peak_pairs(frequency, np.abs(values), x, np.abs(measured))),
+        begin_s=tracking.begin if followed else None,
+        bandwidth=1.0 / tracking.cycles if followed and detector == "fundamental" else None,
     )
+
+
+def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, tracking: Tracking) -> MeasuredSignal:
+    """What a detector shows of each cycle of a time history; with phases where the excitation was recorded."""
+    assert tracking.begin is not None
+    of = track(curve, signal, tracking.begin)
+    if detector != "fundamental":
+        if tracking.cycles > 1:
+            raise ScenarioError(
+                Problem("", f"--cycles {tracking.cycles} is the bandwidth of a tracking filter, and --detector is "
+                        f"{detector}", "leave one of them out")
+            )  # fmt: skip
+        return replace(signal, x=of.frequency_hz, y=of.peak if detector == "peak" else of.rms, of_frequency=True)
+    y = of.fundamental
+    if tracking.reference is not None:
+        excitation = track(curve, tracking.reference, tracking.begin)
+        some = np.isin(excitation.frequency_hz, of.frequency_hz)
+        turned = excitation.fundamental[some]
+        # the sweep's excitation is a sine: -i as the amplitude of a cosine
+        y = y * -1j * np.conj(turned) / np.maximum(np.abs(turned), 1e-300)
+    y = filtered(y, tracking.cycles)
+    x = _filtered(of.frequency_hz, tracking.cycles)
+    return replace(signal, x=x, y=np.abs(y) if tracking.reference is None else y, of_frequency=True)
+
+
+def _filtered(frequency: Floats, cycles: int) -> Floats:
+    """Frequencies of the means over cycles."""
+    return np.asarray(filtered(frequency.astype(complex), cycles).real)
 
 
 def _detected(curve: SweepCurve, envelope: Envelope, detector: Detector, where: str) -> Complexes:
@@ -222,7 +316,7 @@ def _crossing(frequency: Floats, lower: Bools, amplitude: Floats, half: float, p
 
 def _compared(channel: SweptComparison) -> dict[str, Any]:
     """Summary of one channel."""
-    names = ("place", "quantity", "channel", "curve", "detector", "frac")
+    names = ("place", "quantity", "channel", "curve", "detector", "begin_s", "bandwidth", "frac")
     peaks = [{**vars(peak), "frequency_difference": peak.frequency_difference, "difference_db": peak.difference_db}
              for peak in channel.peaks]  # fmt: skip
     return {**{name: getattr(channel, name) for name in names}, "peaks": peaks}
