@@ -263,6 +263,13 @@ class Trajectory:
         total = float(self.length.sum())
         return np.asarray(self.length @ flags[self.state] / total) if total > 0 else np.zeros(flags.shape[1])
 
+    @property
+    def lasting(self) -> Trajectory:
+        """The segments that last, all where none does. In the others contacts pass through a phase at an instant: their
+        forces there are not reached, that of a face which would have to stick with more than it can, for example."""
+        lasts = self.length > 0.0
+        return self if lasts.all() or not lasts.any() else self.only(np.flatnonzero(lasts))
+
     def maxima(
         self,
         output_of: Callable[[Ints], LinearOutput],
@@ -278,11 +285,11 @@ class Trajectory:
         """
         highest, at = (np.atleast_2d(np.array(values, dtype=float)) for values in (seed, when))
         evaluations = 0
-        whole = self
-        many = many_pieces(self)
+        whole = self.lasting
+        many = many_pieces(whole)
         if many:
             table = _both_signs(self.flow.output_table(output_of), highest.shape[0])
-            whole = self.only(rule_out_maxima(self, table, highest.ravel(), at.ravel()))
+            whole = whole.only(rule_out_maxima(whole, table, highest.ravel(), at.ravel()))
         for part in whole.parts():
             if many or not part.exponentials:
                 table = _both_signs(part.flow.output_table(output_of), highest.shape[0])

@@ -210,6 +210,17 @@ def test_against_time_stepping_on_a_shaken_base():
     np.testing.assert_allclose(a, b, atol=1e-6 * 60.0)
 
 
+def test_peak_force_is_the_sliding_or_the_static_one():
+    """A face that turns under more than it can hold passes through sticking at an instant: that force is not reached."""
+    case = scenario(
+        excitation={"kind": "harmonic", "applied_to": "base", "level": 20.0, "frequency": 6.0},
+        friction=[{"name": "pad", "at": {"mass": 1}, "normal_force": 20.0, "coefficient": 0.2}],
+    )
+    summary = beamsim.run(case).summary
+    assert summary["friction"]["pad"]["slides"] > 10
+    assert summary["peak_friction_force_n"]["pad"] == pytest.approx(4.0, rel=1e-9)
+
+
 def test_what_never_slides_is_a_support():
     """The tip of a beam on a face of unlimited friction moves as if it were pinned; a face without, as if free."""
     beam = {"length": 0.3, "width": 0.02, "thickness": 0.005, "youngs_modulus": 7e10, "density": 2700.0,
