@@ -79,10 +79,10 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
 
     There are none of a snubber whose law is more than a stiffness and a dashpot: a table changes its stiffness while it
     is pressed, and the forces of Maxwell branches depend on the frequency. Nor are there any beside friction that holds
-    without a spring.
+    without a spring, or that a snubber presses.
     """
     contacts, count = system.dynamics.contacts, len(system.snubbers)
-    if system.static_equilibrium is None or count == 0 or contacts.ever_hold:
+    if system.static_equilibrium is None or count == 0 or contacts.ever_hold or contacts.pressed.size:
         return {}
     penetration = static_penetration(system)
     closed = penetration > 0

@@ -51,6 +51,8 @@ class Watched:
     following: Ints  # (g,) phase of the guard's contact after its event
     reaction: Floats  # (w,) factor of the contact's force, where it holds
     reset: Ints  # (g,) first of the rows that give the internal states after the event, -1 without a reset
+    pressing: Floats  # (w,) factor of the force of the contact that presses the function's own
+    pressing_rate: Floats  # (w,) s, factor of that force's rate
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,7 @@ class Contacts:
     on_ground: Bools  # (m,) whether it depends on the absolute deflection
     laws: tuple[ContactLaw, ...]  # (m,)
     lever: Floats | None = None  # (m,) displacement of its place for a unit displacement d of the base; None: 1
+    pressed_by: Ints | None = None  # (m,) contact whose force presses each, -1 where there is none; None: nowhere
 
     @property
     def count(self) -> int:
@@ -213,6 +216,32 @@ class Contacts:
         """(m,) phases from which the search for those of a given motion starts."""
         return self.arrays.start.copy()  # type: ignore[no-any-return]
 
+    @cached_property
+    def pressed(self) -> Ints:
+        """Contacts that the force of another one presses."""
+        return np.zeros(0, dtype=np.int64) if self.pressed_by is None else np.flatnonzero(self.pressed_by >= 0)
+
+    @cached_property
+    def pressing(self) -> Ints:
+        """Of each of `pressed` the contact that presses it."""
+        return np.zeros(0, dtype=np.int64) if self.pressed_by is None else self.pressed_by[self.pressed]
+
+    def pressing_factors(self, phases: Ints) -> Floats:
+        """Of each of `pressed` the factor of the pressing force in its own, in phases (..., m)."""
+        return np.asarray(self._pressing_factors[self.pressed, phases[..., self.pressed]])
+
+    def presses(self, phases: Ints) -> bool:
+        """Whether a force of one contact depends on that of another in these phases."""
+        return self.pressed.size > 0 and bool(self.pressing_factors(phases).any())
+
+    def pushes(self, phases: Ints) -> Floats:
+        """(m, n) generalised force for a unit of each contact's own force, friction that it presses included."""
+        push = self.sign[:, None] * self.shape
+        if self.presses(phases):
+            rubbing = self.pressing_factors(phases)[:, None] * push[self.pressed]
+            np.add.at(push, self.pressing, rubbing)
+        return np.asarray(push)
+
     def touching(self, phases: Ints) -> Bools:
         """Whether each contact touches; ``phases`` is (..., m)."""
         return np.asarray(self.arrays.touching[np.arange(self.count), phases])
@@ -236,9 +265,26 @@ class Contacts:
         return changes
 
     def after(self, phases: Ints, contact: int, following: int) -> Ints:
-        """The phases after one contact has changed its phase."""
-        phases = phases.copy()
+        """The phases after one contact has changed its phase, and those that it presses where it touches or lets go."""
+        before, phases = phases[contact], phases.copy()
         phases[contact] = following
+        if self.pressed.size:
+            touches = self.arrays.touching[contact, following]
+            if touches != self.arrays.touching[contact, before]:
+                for j in self.pressed[self.pressing == contact].tolist():
+                    now = self.laws[j].phases[phases[j]]
+                    then = now.when_pressed if touches else now.when_released
+                    phases[j] = phases[j] if then is None else then
+        return phases
+
+    def pressed_at_start(self, phases: Ints, start: Ints) -> Ints:
+        """The phases from which the search starts, with ``start`` (m,) of the contacts that a touching one presses."""
+        if not self.pressed.size:
+            return phases
+        phases, touches = phases.copy(), self.touching(phases)
+        for j, i in zip(self.pressed.tolist(), self.pressing.tolist(), strict=True):
+            released = self.laws[j].phases[start[j]].when_released
+            phases[j] = start[j] if touches[i] or released is None else released
         return phases
 
     def border(self, contact: int, before: int, after: int) -> tuple[float, bool]:
@@ -271,7 +317,7 @@ class Contacts:
         return out
 
     def forces(self, phases: Ints, penetration: Floats, rate: Floats, internal: Floats) -> Floats:
-        """(nt, m) forces, N; ``internal`` is (nt, r), the others (nt, m)."""
+        """(nt, m) forces, N, without what others press; ``internal`` is (nt, r), the others (nt, m)."""
         row = self.arrays.force[np.arange(self.count), phases]
         force = row[..., 0] * penetration + row[..., 1] * rate + row[..., 2]
         return np.asarray(force + np.sum(row[..., 3:] * self.own_internal(internal), axis=-1))
@@ -284,6 +330,10 @@ class Contacts:
         by_penetration = 0.5 * row[..., 0] * penetration + constant + np.sum(row[..., 3:] * p, axis=-1)
         z = np.concatenate([np.ones((*p.shape[:2], 1)), p], axis=2)
         energy = by_penetration * penetration + 0.5 * np.einsum("tji,tjik,tjk->tj", z, stored, z)
+        if self.pressed.size:
+            normal = self.forces(phases, penetration, np.zeros_like(penetration), internal)[:, self.pressing]
+            strained = self.pressing_factors(phases) * normal
+            energy[:, self.pressed] += 0.5 * self._compliances[self.pressed, phases[..., self.pressed]] * strained**2
         return np.asarray(energy.sum(axis=1))
 
     def losses(self, phases: Ints) -> tuple[Floats, Floats]:
@@ -316,17 +366,22 @@ class Contacts:
 
     def event_losses(self, before: Ints, after: Ints) -> Floats:
         """(n, m) energy lost, J, where the phases change from ``before`` to ``after``, (n, m) each."""
-        return np.asarray(self._losing_events[np.arange(self.count), before, after])
+        return np.asarray(self._losing_events[0][np.arange(self.count), before, after])
+
+    def pressing_losses(self, before: Ints, after: Ints) -> Floats:
+        """The same of each of `pressed` for a unit of the pressing force squared, m/N."""
+        return np.asarray(self._losing_events[1][self.pressed, before[:, self.pressed], after[:, self.pressed]])
 
     @cached_property
     def _losing_events(self) -> Floats:
-        """(m, P, P) energy lost when a contact changes from one phase to another, J."""
+        """(2, m, P, P) energy lost when a contact changes from one phase to another, J, and for a unit of the pressing
+        force squared, m/N."""
         most = self.arrays.touching.shape[1]
-        out = np.zeros((self.count, most, most))
+        out = np.zeros((2, self.count, most, most))
         for j, law in enumerate(self.laws):
             for k, phase in enumerate(law.phases):
                 for guard in phase.guards:
-                    out[j, k, guard.next] = guard.loss
+                    out[:, j, k, guard.next] = guard.loss, guard.pressing_loss
         return out
 
     def energy_slopes(self, phases: Ints) -> tuple[Floats, Floats]:
@@ -403,6 +458,20 @@ class Contacts:
         """(m, P) `friction` of each phase."""
         return self._of_phases(lambda phase: phase.friction)
 
+    @cached_property
+    def _pressing_factors(self) -> Floats:
+        """(m, P) `pressing` of each phase."""
+        return self._of_phases(lambda phase: phase.pressing)
+
+    @cached_property
+    def _compliances(self) -> Floats:
+        """(m, P) `compliance` of each phase."""
+        return self._of_phases(lambda phase: phase.compliance)
+
+    def pressing_compliances(self, phases: Ints) -> Floats:
+        """Of each of `pressed` the `compliance` of its phase, m/N."""
+        return np.asarray(self._compliances[self.pressed, phases[self.pressed]])
+
     def _of_phases(self, number: Callable[[Phase], float]) -> Floats:
         """(m, P) a number of each phase of each contact."""
         out = np.zeros(self.arrays.touching.shape)
@@ -426,9 +495,17 @@ class Contacts:
         for g in np.flatnonzero(a.states[contact]):
             j = contact[g]
             internal[g, a.first[j] : a.first[j] + a.states[j]] = table[g, 3 : 3 + a.states[j]]
-        reaction = np.zeros(contact.size)
+        reaction, pressing, pressing_rate = np.zeros((3, contact.size))
         reaction[: first.size] = self._reactions[place]
-        return Watched(contact, table[:, :3], internal, place[2].size, a.next[place], reaction, first)
+        for rubbing in self.pressed.tolist():
+            for i in np.flatnonzero(contact[: first.size] == rubbing).tolist():
+                guard = self.laws[rubbing].phases[phases[rubbing]].guards[place[2][i]]
+                pressing[i], pressing_rate[i] = guard.pressing, guard.pressing_rate
+                if guard.reset_pressing:
+                    pressing[first[i]] = guard.reset_pressing
+        return Watched(
+            contact, table[:, :3], internal, place[2].size, a.next[place], reaction, first, pressing, pressing_rate
+        )
 
     @cached_property
     def arrays(self) -> PhaseArrays:

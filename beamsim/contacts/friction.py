@@ -7,6 +7,11 @@ Sliding ends where the motion turns, :math:`\dot\delta = 0`, and p follows from 
 while it slides is lost.
 
 Without a spring the stuck face holds: T is whatever keeps it where it is.
+
+N is constant, or the force of another contact: then both limits follow its motion, :math:`T = \pm\mu_d N` is linear in
+the state but not symmetric, and a phase without force lasts while the other contact is open. With a spring sliding ends
+where the slider stands still, :math:`\dot p = \dot\delta \mp \mu_d \dot N / k = 0`; while it slides or is free
+the internal state follows :math:`\delta`, so that the spring is unstressed where the faces meet again.
 """
 
 from __future__ import annotations
@@ -14,9 +19,13 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from beamsim.contacts.laws import ContactLaw, Guard, Phase
 
 STICK, FORWARDS, BACKWARDS = 0, 1, 2  # phases
+FREE = 3  # of a contact that another one presses; without a spring those of motions to either side, 3 and 4
+DIRECTION = np.array([0.0, 1.0, -1.0, 0.0, 0.0])  # of sliding, by phase
 
 
 @lru_cache(maxsize=1024)
@@ -77,3 +86,70 @@ def rigid_friction_law(static: float, sliding: float, start: float = 0.0) -> Con
     )
     stick = Phase("stick", breaks_away, touching=True, holds=True)
     return ContactLaw((stick, *slides), sliding=(FORWARDS, BACKWARDS), static=(), resting_force=start)
+
+
+@lru_cache(maxsize=1024)
+def pressed_friction_law(stiffness: float | None, static: float, sliding: float) -> ContactLaw:
+    """Dry friction under the force of another contact, with or without a tangential spring.
+
+    Parameters
+    ----------
+    stiffness : of the tangential spring, N/m; None: the face does not move at all while it sticks.
+    static, sliding : coefficients of friction.
+
+    Examples
+    --------
+    >>> law = pressed_friction_law(None, 0.3, 0.2)
+    >>> [(phase.name, phase.pressing, phase.when_released) for phase in law.phases[:3]]
+    [('stick', 0.0, 3), ('sliding forwards', 0.2, 3), ('sliding backwards', -0.2, 4)]
+    """
+    if stiffness is None:
+        return _rigid_and_pressed(static, sliding)
+    k = stiffness
+    resting: dict[str, Any] = {"dynamics": ((0.0,),), "drive": ((0.0, 0.0, 0.0),)}
+    following: dict[str, Any] = {"dynamics": ((0.0,),), "drive": ((0.0, 1.0, 0.0),)}
+    here = ((1.0, 0.0, 0.0, 0.0),)
+    lost = 0.5 * (static - sliding) * (static + sliding) / k
+    breaks_away = tuple(
+        Guard(
+            phase, penetration=-sign * k, internal=(sign * k,), pressing=static, reset=here, pressing_loss=lost
+        )
+        for phase, sign in ((FORWARDS, 1.0), (BACKWARDS, -1.0))
+    )  # fmt: skip
+    stick = Phase(
+        "stick", breaks_away, touching=True, stiffness=k, internal=(-k,), stored=((k,),), when_released=FREE, **resting
+    )
+    slides = tuple(
+        Phase(
+            name,
+            (
+                Guard(
+                    STICK, rate=sign, pressing_rate=-sliding / k, reset=here, reset_pressing=-sign * sliding / k
+                ),
+            ),
+            touching=False, pressing=sign * sliding, compliance=1.0 / k, when_released=FREE, **following,
+        )
+        for name, sign in (("sliding forwards", 1.0), ("sliding backwards", -1.0))
+    )  # fmt: skip
+    free = Phase("free", (), touching=False, when_pressed=STICK, **following)
+    return ContactLaw((stick, *slides, free), internal_states=1, static=(), settled=lambda penetration: (penetration,))
+
+
+def _rigid_and_pressed(static: float, sliding: float) -> ContactLaw:
+    """Dry friction under the force of another contact, of a face that does not move at all while it sticks."""
+    breaks_away = tuple(
+        Guard(phase, pressing=1.0, reaction=-sign / static) for phase, sign in ((FORWARDS, 1.0), (BACKWARDS, -1.0))
+    )
+    slides, frees = [], []
+    for name, sign, other in (("forwards", 1.0, FREE + 1), ("backwards", -1.0, FREE)):
+        own = FREE if sign > 0.0 else FREE + 1
+        slides.append(
+            Phase(
+                f"sliding {name}", (Guard(STICK, rate=sign),), touching=False, pressing=sign * sliding,
+                when_released=own,
+            )
+        )  # fmt: skip
+        back = FORWARDS if sign > 0.0 else BACKWARDS
+        frees.append(Phase(f"free, {name}", (Guard(other, rate=sign),), touching=False, when_pressed=back))
+    stick = Phase("stick", breaks_away, touching=True, holds=True, when_released=FREE)
+    return ContactLaw((stick, *slides, *frees), sliding=(FORWARDS, BACKWARDS), static=())

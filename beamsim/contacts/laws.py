@@ -20,6 +20,8 @@ function of the same quantities. A law of another kind is another list of phases
   force, whose work is lost;
 * *friction* without one: sticking is a phase that holds, whatever its force has to be, and its guards are those of the
   force;
+* friction under the *force of another contact*: what is proportional to that force is written as ``pressing``, and the
+  phases say which one follows where the other contact ends and begins;
 * *kinematic hardening* (:mod:`beamsim.contacts.hardening`): the two together, an elastic phase and one for yielding in
   either direction, whose resets set the slider where yielding ends.
 """
@@ -46,6 +48,10 @@ class Guard:
     which the next phase starts: one row (penetration, rate, 1, then one factor for each internal state) for each of
     them; None where they go on as they are. ``loss`` is the energy that is lost at the event, J, and ``reaction`` the
     factor of the force in a phase that holds.
+
+    Of a contact that another one presses: the function has ``pressing`` times that one's force besides, and
+    ``pressing_rate`` times its rate; the first internal state starts with ``reset_pressing`` times it besides, and
+    ``pressing_loss`` times its square is lost.
     """
 
     next: int
@@ -56,6 +62,10 @@ class Guard:
     reset: tuple[tuple[float, ...], ...] | None = None
     loss: float = 0.0
     reaction: float = 0.0
+    pressing: float = 0.0
+    pressing_rate: float = 0.0  # s
+    reset_pressing: float = 0.0  # m/N
+    pressing_loss: float = 0.0  # m/N
 
     def row(self, internal_states: int) -> Floats:
         """(3 + r,) factors of the penetration, its rate, 1, and the internal states."""
@@ -81,6 +91,10 @@ class Phase:
     energy: float = 0.0  # J, E_0
     friction: float = 0.0  # N, R
     holds: bool = False  # the force is what keeps the penetration at its value, and the numbers above are zero
+    pressing: float = 0.0  # factor of the force of the contact that presses it, whose work is lost
+    compliance: float = 0.0  # m/N, of a spring that this force strains
+    when_pressed: int | None = None  # phase that follows where the contact that presses it begins to touch
+    when_released: int | None = None  # and where that ends
 
     def row(self, internal_states: int) -> Floats:
         """(3 + r,) factors of the force, as those of a guard."""
@@ -196,7 +210,12 @@ class ContactLaw:
     @property
     def rubs(self) -> bool:
         """Whether it loses work in a phase of its own, as dry friction does."""
-        return any(phase.friction != 0.0 or phase.holds for phase in self.phases)
+        return any(phase.friction != 0.0 or phase.holds for phase in self.phases) or self.needs_pressing
+
+    @property
+    def needs_pressing(self) -> bool:
+        """Whether its force depends on that of another contact, which presses it."""
+        return any(phase.when_released is not None for phase in self.phases)
 
     def resting_phase(self, penetration: float) -> int:
         """The phase after a long rest at a penetration, m: a guard that is negative hands over to the one it names."""
@@ -327,6 +346,8 @@ class ContactLaw:
         row -= now.row(r)
         function = g.row(r)
         size = np.abs(after) + np.abs(now.row(r))
+        if not function.any():  # it depends on other forces alone
+            return row
         pivot = int(np.flatnonzero(function)[0])
         factor = row[pivot] / function[pivot]
         row -= factor * function

@@ -16,19 +16,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.contacts.friction import friction_law, rigid_friction_law
+from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.laws import ContactLaw, piecewise_linear
 from beamsim.contacts.pads import MaxwellBranch, relaxing_law
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.structures.places import ends_of, site_of
-from beamsim.typing import Floats
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario import Located
@@ -89,9 +89,7 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
         elif spring.kind in ("linear", JOINT):
             numbers = (0.0, float(spring.stiffness), relaxing_law(None, branches))
         elif spring.kind == FRICTION:
-            forces = spring.static_force, spring.sliding_force, spring.start_force
-            rigid = spring.stiffness is None
-            numbers = (0.0, 0.0, rigid_friction_law(*forces) if rigid else friction_law(spring.stiffness, *forces))
+            numbers = (0.0, 0.0, _law_of_friction(spring))
         else:
             if any(b <= a for a, b in pairwise(spring.breakpoints)):
                 raise ScenarioError(
@@ -106,6 +104,22 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
         on_ground = len(places) == 1 and spring.kind != JOINT and getattr(spring, "mounted_on", "ground") == "ground"
         infos.append(SpringInfo(spring.name, spring.kind, places, masses, row, on_ground, float(lever), *numbers))
     return tuple(infos)
+
+
+def _law_of_friction(contact: Any) -> ContactLaw:
+    if contact.pressed_by is not None:
+        return pressed_friction_law(contact.stiffness, contact.static_coefficient, contact.sliding_coefficient)
+    forces = contact.static_force, contact.sliding_force, contact.start_force
+    return rigid_friction_law(*forces) if contact.stiffness is None else friction_law(contact.stiffness, *forces)
+
+
+def pressed_by(springs: Sequence[Located], snubbers: Sequence[str]) -> Ints | None:
+    """(m,) of all contacts, snubbers first, the one that presses each, -1 where there is none; None without any."""
+    names = [getattr(spring, "pressed_by", None) for _, _, spring in springs if spring.kind != "cubic"]
+    if not any(names):
+        return None
+    pressing = [-1] * len(snubbers) + [-1 if name is None else list(snubbers).index(name) for name in names]
+    return np.array(pressing, dtype=np.int64)
 
 
 def cubic_springs(springs: Sequence[SpringInfo], size: int) -> CubicSprings:

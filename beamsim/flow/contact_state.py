@@ -292,8 +292,8 @@ def build_state(
 
 def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats]:
     """Stiffness and damping (n, n) with the contacts in given phases; internal states and reactions apart."""
-    phi, k, c = _acting(system, phases)
-    return np.diag(system.stiffness) + (phi.T * k) @ phi, system.damping + (phi.T * c) @ phi
+    phi, k, c, along = _acting(system, phases)
+    return np.diag(system.stiffness) + (along.T * k) @ phi, system.damping + (along.T * c) @ phi
 
 
 def _rates_of(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting) -> Callable[[Complexes], Complexes]:
@@ -304,8 +304,9 @@ def _rates_of(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting) -> C
     a product with the matrix itself would be a load of slow motions.
     """
     contacts, n = system.contacts, system.size
-    phi, k, c = acting
+    phi, k, c, along = acting
     if contacts.internal_states:
+        push = contacts.pushes(phases)
         penetration = -contacts.sign[:, None] * contacts.shape
         h = contacts.force_rows(phases)[1]
         internal, drive = contacts.internal_rates(phases)
@@ -315,9 +316,9 @@ def _rates_of(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting) -> C
         q, v, p = y[:, :n], y[:, n : 2 * n], y[:, 2 * n :]
         out = np.empty_like(y)
         out[:, :n] = v
-        out[:, n : 2 * n] = -system.stiffness * q - v @ system.damping.T - ((q @ phi.T) * k + (v @ phi.T) * c) @ phi
+        out[:, n : 2 * n] = -system.stiffness * q - v @ system.damping.T - ((q @ phi.T) * k + (v @ phi.T) * c) @ along
         if contacts.internal_states:
-            out[:, n : 2 * n] -= (p @ h.T) @ penetration
+            out[:, n : 2 * n] += (p @ h.T) @ push
             moved = (q @ penetration.T) @ drive[:, :, 0].T + (v @ penetration.T) @ drive[:, :, 1].T
             out[:, 2 * n :] = p @ internal.T + moved
         if held is not None:
@@ -333,12 +334,22 @@ class _Acting(NamedTuple):
     shape: Floats  # (a, n)
     stiffness: Floats  # (a,) N/m
     dashpot: Floats  # (a,) N s/m
+    along: Floats  # (a, n) direction of the forces; that of `shape` but where a contact presses others that rub
+
+    @property
+    def crossed(self) -> bool:
+        """Whether forces act along other directions than those that make them."""
+        return self.along is not self.shape
 
 
 def _acting(system: PiecewiseLinearSystem, phases: Ints) -> _Acting:
     row, _ = system.contacts.force_rows(phases)
+    contacts = system.contacts
     acting = ((row[:, 0] != 0.0) | (row[:, 1] != 0.0)).nonzero()[0]
-    return _Acting(system.contacts.shape[acting], row[acting, 0], row[acting, 1])
+    shape = along = contacts.shape[acting]
+    if contacts.presses(phases):
+        along = contacts.sign[acting, None] * contacts.pushes(phases)[acting]
+    return _Acting(shape, row[acting, 0], row[acting, 1], along)
 
 
 def _diagonalise(
@@ -383,14 +394,14 @@ def _solved_modes(
     n, contacts = system.size, system.contacts
     N = 2 * n + contacts.internal_states
     together = contacts.coupled(phases)
-    shape, spring, dashpot = acting
+    shape, spring, dashpot, along = acting
     held = held_contacts(system, phases)
     across = None if held is None else held.across
     omega2, psi, felt = _undamped_modes(system, shape, spring, across)
     d = psi.T @ system.damping @ psi + (felt.T * dashpot) @ felt
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
-    if together:
+    if together or acting.crossed:
         coupled[:] = True
     free = np.flatnonzero(~coupled)
     modes, blocks = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
@@ -404,6 +415,10 @@ def _solved_modes(
         A[:r, r : 2 * r] = np.diag(scale)
         A[r : 2 * r, :r] = -np.diag(omega2[g] / scale)
         A[r : 2 * r, r : 2 * r] = -d[np.ix_(g, g)]
+        if acting.crossed:
+            aside = psi[:, g].T @ (along - shape).T
+            A[r : 2 * r, :r] -= (aside * spring) @ felt[:, g] / scale
+            A[r : 2 * r, r : 2 * r] -= (aside * dashpot) @ felt[:, g]
         out = np.zeros((N, 2 * r + inside))
         out[:n, :r] = psi[:, g] / scale
         out[n : 2 * n, r : 2 * r] = psi[:, g]
@@ -415,7 +430,7 @@ def _solved_modes(
             _, h = contacts.force_rows(phases)
             internal, drive = contacts.internal_rates(phases)
             penetration = -contacts.sign[:, None] * contacts.shape
-            A[r : 2 * r, 2 * r :] = -(penetration @ psi).T @ h / unit
+            A[r : 2 * r, 2 * r :] = (contacts.pushes(phases) @ psi).T @ h / unit
             A[2 * r :, :r] = unit * (drive[:, :, 0] @ penetration @ psi) / scale
             A[2 * r :, r : 2 * r] = unit * (drive[:, :, 1] @ penetration @ psi)
             A[2 * r :, 2 * r :] = internal
@@ -429,7 +444,7 @@ def _solved_modes(
                 [np.diag(1.0 / scale), np.zeros((r, r))],
             ])  # fmt: skip
 
-        known = inverse if not together and omega2[g].min() > 0.0 else None
+        known = inverse if not together and not acting.crossed and omega2[g].min() > 0.0 else None
         modes, blocks = _with_part(modes, blocks, *block_diagonalise(A, window, known), out, back)
     if across is not None:
         pushed = system.stiffness[:, None] * across + (shape.T * spring) @ (shape @ across)
@@ -541,7 +556,7 @@ def acting_loads(
     load = np.zeros((sources.count, n + contacts.internal_states))
     slope = np.zeros_like(load)
     row, _ = contacts.force_rows(phases)
-    pushing = contacts.sign[:, None] * contacts.shape
+    pushing = contacts.pushes(phases)
     load[0, :n] = system.constant_load - contacts.gap @ (row[:, :1] * pushing) + row[:, 2] @ pushing
     driven = contacts.internal_states > 0
     drive = contacts.internal_rates(phases)[1] if driven else np.zeros((0, contacts.count, 3))

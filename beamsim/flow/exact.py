@@ -290,7 +290,7 @@ class ExactFlow:
         """As `equation_of_motion`, with what reactions balance."""
         n, contacts = self.system.size, self.system.contacts
         load, slope = acting_loads(self.system, self.forcing, self.sources, self.base_channel, phases)
-        internal = (contacts.sign[:, None] * contacts.shape).T @ contacts.force_rows(phases)[1]
+        internal = contacts.pushes(phases).T @ contacts.force_rows(phases)[1]
         return *state_matrices(self.system, phases), internal, load[:, :n], slope[:, :n]
 
     def reactions(self, phases: Ints) -> LinearOutput:
@@ -322,7 +322,31 @@ class ExactFlow:
         """Force of every contact in given phases."""
         contacts = self.system.contacts
         forces = self._combined(np.arange(contacts.count), *contacts.force_rows(phases))
+        if contacts.presses(phases):
+            forces += self.pressed_forces(phases)
         return forces + self.reactions(phases) if contacts.ever_hold else forces
+
+    def pressing_forces(self, phases: Ints) -> LinearOutput:
+        """Of each contact that another one presses the force of that one."""
+        contacts = self.system.contacts
+        row, internal = contacts.force_rows(phases)
+        return self._combined(contacts.pressing, row[contacts.pressing], internal[contacts.pressing])
+
+    def pressing_force_rates(self, phases: Ints) -> LinearOutput:
+        """Their time derivatives, N/s, of contacts without a dashpot."""
+        contacts = self.system.contacts
+        row, internal = contacts.force_rows(phases)
+        rate = self.penetrations[1].some(contacts.pressing).scaled(row[contacts.pressing, :1])
+        if contacts.internal_states:
+            rate += self.internal_rates(phases).combined(internal[contacts.pressing])
+        return rate
+
+    def pressed_forces(self, phases: Ints) -> LinearOutput:
+        """(m,) forces of friction that are proportional to the force of another contact, 0 of the others."""
+        contacts = self.system.contacts
+        place = np.zeros((contacts.count, contacts.pressed.size))
+        place[contacts.pressed, np.arange(contacts.pressed.size)] = contacts.pressing_factors(phases)
+        return self.pressing_forces(phases).combined(place)
 
     def internal_rates(self, phases: Ints) -> LinearOutput:
         """(r,) time derivatives of the contacts' internal states in given phases."""
@@ -337,6 +361,12 @@ class ExactFlow:
     def watched(self, watched: Watched, phases: Ints) -> LinearOutput:
         """The functions watched in a contact state (see `beamsim.contacts.contacts.Watched`)."""
         functions = self._combined(watched.contact, watched.row, watched.internal)
+        if watched.pressing.any() or watched.pressing_rate.any():
+            of = np.zeros((watched.contact.size, self.system.contacts.pressed.size))
+            of[:] = watched.contact[:, None] == self.system.contacts.pressed
+            functions += self.pressing_forces(phases).combined(of * watched.pressing[:, None])
+            if watched.pressing_rate.any():
+                functions += self.pressing_force_rates(phases).combined(of * watched.pressing_rate[:, None])
         held = held_contacts(self.system, phases)
         if held is None:
             return functions
@@ -382,7 +412,7 @@ class ExactFlow:
         contacts, n = self.system.contacts, self.system.size
         rate = self.penetrations[1].row[:, n : 2 * n]
         start = contacts.starting_at(rate @ state[n : 2 * n], AT_REST * np.abs(rate) @ np.abs(state[n : 2 * n]))
-        phases, entered = start, np.zeros(contacts.count, dtype=bool)
+        phases, entered = contacts.pressed_at_start(start, start), np.zeros(contacts.count, dtype=bool)
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)[0]
         inputs = self._inputs_at_start(given)
@@ -408,6 +438,8 @@ class ExactFlow:
             if following == start[j]:
                 unvisited[j].clear()
             phases = contacts.after(phases, j, following)
+            if j in contacts.pressing:
+                phases = contacts.pressed_at_start(phases, start)
             entered[j] |= orders[g] > 0
             entered_by[j] = orders[g]
 

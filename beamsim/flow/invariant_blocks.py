@@ -167,7 +167,8 @@ def _separate(A: Floats, inverse: Callable[[], Floats] | None) -> SimpleModes | 
         Xi = np.linalg.inv(X).astype(complex)
     except np.linalg.LinAlgError:
         return None
-    norms = np.linalg.norm(X, axis=0) * np.linalg.norm(Xi, axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):  # of vectors that are parallel to round-off
+        norms = np.linalg.norm(X, axis=0) * np.linalg.norm(Xi, axis=1)
     return SimpleModes(X, Xi, lam) if np.all(np.isfinite(norms)) and norms.max() <= LARGEST_PROJECTOR else None
 
 

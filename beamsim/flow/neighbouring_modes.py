@@ -28,6 +28,8 @@ def can_update(system: PiecewiseLinearSystem, before: Ints, phases: Ints) -> boo
         return False
     if contacts.holds(before).any() or contacts.holds(phases).any():
         return False
+    if contacts.presses(before) or contacts.presses(phases):
+        return False
     damped = contacts.damped or bool(np.diag(system.damping).any())
     return damped and not system.coupled_by_damping and int(np.count_nonzero(before != phases)) <= MOST_CHANGES
 

@@ -137,6 +137,12 @@ class StateTables:
     def _lead_to(self, index: int, follower: int) -> None:
         """Number that a state has as follower of its neighbours."""
         phases = self._phases[index]
+        if self.contacts.pressed.size:  # several contacts change at once: neighbours are found from their side
+            for neighbour, watched in enumerate(self.watched):
+                for guard in range(watched.guards):
+                    if np.array_equal(self.following(neighbour, guard), phases):
+                        self._arrays["follower"][neighbour, guard] = follower
+            return
         for contact, before in enumerate(self._before):
             for phase in before[phases[contact]]:
                 other = self.index(self.contacts.after(phases, contact, phase))

@@ -184,7 +184,12 @@ class Trajectory:
     def event_losses(self) -> Floats:
         """(S, m) energy that a contact loses at once where each segment begins, J; none where the first does."""
         contacts, phases = self.flow.system.contacts, self.phases_of(self.state)
-        return contacts.event_losses(np.concatenate([phases[:1], phases[:-1]]), phases)
+        before = np.concatenate([phases[:1], phases[:-1]])
+        losses = contacts.event_losses(before, phases)
+        if contacts.pressed.size:
+            normal = self.sample(self.time, self.flow.pressing_forces)
+            losses[:, contacts.pressed] += contacts.pressing_losses(before, phases) * normal**2
+        return losses
 
     def until(self, end: float) -> Trajectory:
         """The motion up to a time."""

@@ -93,6 +93,8 @@ class VariationalFlow(SeriesFlow):
         n = self.system.size
         if self.system.contacts.ever_hold:
             raise MethodError("friction", "without a tangential stiffness is beyond shooting", "give it a stiffness")
+        if self.system.contacts.pressed.size:
+            raise MethodError("friction", "under the force of a snubber is beyond shooting", "give a constant force")
         self.loads = PeriodicForcing.none(n) if self.forcing is None else self.forcing
         H = self.loads.count
         self.size = 2 * n + self.system.contacts.internal_states

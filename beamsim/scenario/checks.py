@@ -68,6 +68,8 @@ class _Checked(ScenarioParts, Protocol):
     @property
     def friction(self) -> tuple[Any, ...]: ...
     @property
+    def all_snubbers(self) -> tuple[Any, ...]: ...
+    @property
     def probes(self) -> tuple[Probe, ...]: ...
     @property
     def outputs(self) -> tuple[Any, ...]: ...
@@ -78,6 +80,7 @@ def problems(scenario: _Checked) -> list[Problem]:
     checks = (
         _structure, _directions, _places, _joints, _names, _outputs, _run, _start, _sweep, _identification, _modes,
         _phase_resonance, _designs, _limits, _rigid_friction,
+        _pressed_friction,
     )  # fmt: skip
     return [problem for check in checks for problem in _guarded(check(scenario))]
 
@@ -475,6 +478,50 @@ def _rigid_friction(scenario: _Checked) -> Problems:
             yield _problem(
                 ("friction", index, "stiffness"), f"is missing, and {needing[0]} needs it",
                 "give the contact a tangential stiffness, or use a stepped or swept sine",
+            )  # fmt: skip
+
+
+def _pressed_friction(scenario: _Checked) -> Problems:
+    """Friction under the force of a snubber: of one that does not pull, in a motion in time."""
+    snubbers = {snubber.name: snubber for snubber in scenario.all_snubbers}
+    rigid = [contact.name for contact in scenario.friction if contact.stiffness is None]
+    for index, contact in enumerate(scenario.friction):
+        if contact.pressed_by is None:
+            continue
+        where, name = ("friction", index, "normal_force"), contact.pressed_by
+        if name not in snubbers:
+            remedy = suggestion(name, snubbers, "the snubbers are") if snubbers else "there is no snubber: give a force"
+            yield _problem((*where, "snubber"), f"= {name} is an unknown snubber", remedy)
+            continue
+        needing = [key for key, asked in (
+            ("sweep", scenario.sweep is not None),
+            ("run.method: reference", scenario.run is not None and scenario.run.method == "reference"),
+            ("identify_stiffness.nonlinear",
+             scenario.identify_stiffness is not None and scenario.identify_stiffness.nonlinear is not None),
+        ) if asked]  # fmt: skip
+        if needing:
+            yield _problem(
+                where, f"= the force of {name} is followed by run in closed form alone, not by {needing[0]}",
+                "give a constant force, for example the snubber's mean force in contact",
+            )  # fmt: skip
+        damped = snubbers[name].damping is not None
+        if damped and snubbers[name].law != "no_tension":
+            remedy = (
+                "leave the snubber's damping out" if snubbers[name].hardening else "give the snubber law: no_tension"
+            )
+            yield _problem(where, f"= the force of {name} may pull, since its dashpot acts while it opens", remedy)
+        elif damped and contact.stiffness is not None:
+            yield _problem(
+                ("friction", index, "stiffness"),
+                f"does not go with the force of {name}: the slider behind a tangential spring follows the rate of the "
+                "force, and that of a dashpot depends on accelerations",
+                "leave stiffness out, or give the snubber maxwell branches instead of its damping",
+            )  # fmt: skip
+        if contact.stiffness is None and len(rigid) > 1:
+            others = ", ".join(other for other in rigid if other != contact.name)
+            yield _problem(
+                ("friction", index, "stiffness"), f"is missing, and {others} sticks without a spring as well",
+                "give the contact a tangential stiffness",
             )  # fmt: skip
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Tag
+from pydantic import Tag
 
 from beamsim.scenario import units
 from beamsim.scenario.base import Schema, Variants, fail
@@ -36,13 +37,15 @@ def _coefficient_form(value: Any) -> str:
     return "<both>" if isinstance(value, (dict, FrictionCoefficients)) else "<number>"
 
 
-def _constant(value: Any) -> Any:
-    if isinstance(value, dict) and "snubber" in value:
-        raise fail(
-            f"= the force of {value['snubber']} varies, and friction under a varying normal force is not modelled",
-            "give a constant force, for example the snubber's preload or its mean force in contact",
-        )
-    return value
+class SnubberForce(Schema):
+    """The force of a snubber, which varies with the motion and is zero where the snubber is open."""
+
+    snubber: str
+    """Name of the snubber."""
+
+
+def _normal_form(value: Any) -> str:
+    return "<snubber>" if isinstance(value, (dict, SnubberForce)) else "<number>"
 
 
 def _start_form(value: Any) -> str:
@@ -54,8 +57,10 @@ class FrictionBase(Named):
 
     kind: ClassVar[str] = "friction"
 
-    normal_force: Annotated[PositiveForce, BeforeValidator(_constant)]
-    """Constant force that presses the faces together."""
+    normal_force: Annotated[
+        Annotated[PositiveForce, Tag("<number>")] | Annotated[SnubberForce, Tag("<snubber>")], Variants(_normal_form)
+    ]
+    """Force that presses the faces together: a constant one, or {snubber: NAME}, that of a snubber."""
     coefficient: Annotated[
         Annotated[PositiveNumber, Tag("<number>")] | Annotated[FrictionCoefficients, Tag("<both>")],
         Variants(_coefficient_form),
@@ -72,16 +77,34 @@ class FrictionBase(Named):
     """Volume worn per normal force and sliding distance (Archard); unknown by default."""
 
     @property
+    def pressed_by(self) -> str | None:
+        """Name of the snubber whose force presses; None where the force is constant."""
+        return self.normal_force.snubber if isinstance(self.normal_force, SnubberForce) else None
+
+    @property
+    def constant_force(self) -> float:
+        """The constant normal force, N; nan where it is that of a snubber."""
+        return math.nan if isinstance(self.normal_force, SnubberForce) else self.normal_force
+
+    @property
+    def static_coefficient(self) -> float:
+        """Friction force over normal force up to which it sticks."""
+        return self.coefficient.static if isinstance(self.coefficient, FrictionCoefficients) else self.coefficient
+
+    @property
+    def sliding_coefficient(self) -> float:
+        """Friction force over normal force while it slides."""
+        return self.coefficient.sliding if isinstance(self.coefficient, FrictionCoefficients) else self.coefficient
+
+    @property
     def static_force(self) -> float:
-        """Largest friction force while it sticks, N."""
-        both = self.coefficient
-        return self.normal_force * (both.static if isinstance(both, FrictionCoefficients) else both)
+        """Largest friction force while it sticks, N; nan where the normal force is that of a snubber."""
+        return self.constant_force * self.static_coefficient
 
     @property
     def sliding_force(self) -> float:
-        """Friction force while it slides, N."""
-        both = self.coefficient
-        return self.normal_force * (both.sliding if isinstance(both, FrictionCoefficients) else both)
+        """Friction force while it slides, N, likewise."""
+        return self.constant_force * self.sliding_coefficient
 
     @property
     def start_force(self) -> float:
@@ -91,7 +114,13 @@ class FrictionBase(Named):
     def settle(self) -> None:
         """Demand a force at the start that sticks."""
         super().settle()
-        if abs(self.start_force) >= self.static_force:
+        if self.pressed_by is not None:
+            if self.start != "unstressed":
+                raise fail(
+                    "does not go with the normal force of a snubber, which may be open at the start",
+                    "leave start out", ("start",),
+                )  # fmt: skip
+        elif abs(self.start_force) >= self.static_force:
             limit = "coefficient times normal_force"
             raise fail(
                 f"= {self.start_force:g} N is not held: the contact sticks below {limit} = {self.static_force:g} N",

@@ -12,7 +12,14 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
 from beamsim.contacts.snubbers import build_contacts, resists, resolve_preloads, springs_of
-from beamsim.contacts.springs import FRICTION, SpringInfo, cubic_springs, describe_springs, spring_contacts
+from beamsim.contacts.springs import (
+    FRICTION,
+    SpringInfo,
+    cubic_springs,
+    describe_springs,
+    pressed_by,
+    spring_contacts,
+)
 from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
@@ -154,7 +161,8 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     if parts.moved:
         check_places(parts.moved, _sensed_places(parts))
     loads = constant_loads(parts)
-    contacts = stops.with_others(spring_contacts(springs, basis.size))
+    pressing = pressed_by(nonlinear, [snubber.name for snubber in scenario.all_snubbers])
+    contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
     contact_sites = _contact_sites(parts, contacts, split=cubic.count > 0)
     if cubic.count:  # what integrates these in time knows one-sided springs alone
         _refuse_memory(snubbers, stops, nonlinear)

@@ -211,7 +211,7 @@ def test_against_time_stepping_on_a_shaken_base():
 
 
 def test_peak_force_is_the_sliding_or_the_static_one():
-    """A face that turns under more than it can hold passes through sticking at an instant: that force is not reached."""
+    """A face that turns under more than it can hold sticks for no time: the force it would take is not reached."""
     case = scenario(
         excitation={"kind": "harmonic", "applied_to": "base", "level": 20.0, "frequency": 6.0},
         friction=[{"name": "pad", "at": {"mass": 1}, "normal_force": 20.0, "coefficient": 0.2}],

@@ -156,7 +156,14 @@ def contact_losses(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearO
     if internal.size:
         moved = stack(moved, flow.internal_rates(phases))
     forces = moved.scaled(np.concatenate([dashpot, internal])[:, None])
-    forces.direct[: dashpot.size, 0] += flow.system.contacts.friction(phases)
+    contacts = flow.system.contacts
+    forces.direct[: dashpot.size, 0] += contacts.friction(phases)
+    if contacts.presses(phases):
+        place = np.zeros((forces.row.shape[0], contacts.pressed.size))
+        place[contacts.pressed, np.arange(contacts.pressed.size)] = 1.0
+        factor = contacts.pressing_factors(phases)
+        forces += flow.pressing_forces(phases).combined(place * factor)
+        moved += flow.pressing_force_rates(phases).combined(-place * factor * contacts.pressing_compliances(phases))
     return forces, moved
 
 

@@ -50,11 +50,11 @@ def gapping_of_run(
 ) -> OfSnubbers:
     """By snubber, for the summary; empty where there is no linear motion to compare with.
 
-    There is none beside nonlinear springs and friction that holds, of snubbers whose law is more than a stiffness and a
-    dashpot, and of a motion that does not start at equilibrium.
+    There is none beside nonlinear springs and friction that holds or that a snubber presses, of snubbers whose law is
+    more than a stiffness and a dashpot, and of a motion that does not start at equilibrium.
     """
     contacts = system.dynamics.contacts
-    unknown = system.cubic.count or contacts.ever_hold or system.static_equilibrium is None
+    unknown = system.cubic.count or contacts.ever_hold or contacts.pressed.size or system.static_equilibrium is None
     if not system.snubbers or unknown or motion.outcome.interrupted:
         return {}
     excitation = scenario.excitation

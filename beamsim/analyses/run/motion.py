@@ -240,13 +240,13 @@ def _springs(system: StructuralSystem, motion: RunMotion) -> dict[str, SpringHis
 def _friction(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[str, FrictionHistory]:
     contacts, number = scenario.friction, friction_contacts(system)
     columns = [i for i, spring in enumerate(system.springs) if spring.kind == FRICTION]
-    figures: list[dict[str, Any]] = [{} for _ in contacts]
+    figures: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
     if contacts and motion.trajectory is not None:
         figures = sliding_figures(system, motion.trajectory, contacts)
     return {
         c.name: FrictionHistory(
             name=c.name,
-            normal_force=c.normal_force,
+            normal_force=c.constant_force,
             static_force=c.static_force,
             sliding_force=c.sliding_force,
             stiffness=c.stiffness or np.inf,
@@ -254,8 +254,7 @@ def _friction(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -
             displacement=motion.column("stretch", i),
             force=motion.column("spring_force", i),
             stuck=motion.histories.closed(int(j)),
-            sliding_share=1.0 - float(motion.contact_share[j]),
-            **of_contact,
+            **{"sliding_share": 1.0 - float(motion.contact_share[j]), **of_contact},
         )
         for c, i, j, of_contact in zip(contacts, columns, number, figures, strict=True)
     }

@@ -127,9 +127,9 @@ class FrictionHistory:
     """One friction contact at the output times; between two places the displacement is the stretch."""
 
     name: str = key("name of the friction contact")
-    normal_force: float = attribute("N", "force that presses the faces together")
-    static_force: float = attribute("N", "friction force up to which it sticks")
-    sliding_force: float = attribute("N", "friction force while it slides")
+    normal_force: float = attribute("N", "force that presses the faces together; nan where it is that of a snubber")
+    static_force: float = attribute("N", "friction force up to which it sticks, likewise")
+    sliding_force: float = attribute("N", "friction force while it slides, likewise")
     stiffness: float = attribute("N/m", "tangential stiffness while it sticks; infinite where it does not move")
     start_force: float = attribute(
         "N", "friction force at the start, positive where it resists a positive displacement"

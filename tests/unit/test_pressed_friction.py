@@ -1,0 +1,256 @@
+"""Dry friction under the force of a snubber: integration by hand, energy, limits and scenarios."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import beamsim
+from beamsim.analyses.run.energy import energy_history, energy_of_segments
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
+from beamsim.contacts.laws import kelvin_voigt, no_tension
+from beamsim.errors import MethodError, ScenarioError
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.transient import simulate
+from beamsim.flow.variational import VariationalFlow
+from beamsim.inputs.signal import Signal
+from beamsim.scenario import load_scenario
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+
+SHAPE = np.array([[-1.0, 0.2], [0.3, 1.0]])  # of the stop and of the motion along the face
+SPRINGS, DAMPERS = np.array([1.0, 3.0]), np.array([0.02, 0.05])
+LOAD, OMEGA = np.array([0.6, 0.5]), np.array([1.3, 2.1])
+STATIC, SLIDING, STOP, GAP = 0.4, 0.3, 50.0, -0.05
+
+
+def system_of(law, stop=None, shape=SHAPE, gap=GAP, pressed=True):
+    contacts = Contacts(
+        shape, np.array([1.0, -1.0]), np.array([gap, 0.0]), np.zeros(2, dtype=bool), (stop or kelvin_voigt(STOP), law),
+        pressed_by=np.array([-1, 0]) if pressed else None,
+    )  # fmt: skip
+    return PiecewiseLinearSystem(SPRINGS, np.diag(DAMPERS), contacts, np.zeros(2))
+
+
+def motion(system, duration, load=LOAD, start=(0.0, 0.0, 0.0, 0.0)):
+    forcing = Forcing(np.diag(load), (Signal.harmonic(1.0, OMEGA[0]), Signal.harmonic(1.0, OMEGA[1])))
+    flow = ExactFlow(system, forcing, duration)
+    y = np.append(start, system.contacts.settled_states(-system.contacts.gap - system.contacts.sign * (
+        system.contacts.shape @ np.array(start[:2]))))  # fmt: skip
+    return simulate(flow, y, max_events=2000)
+
+
+def by_hand(tangential, dashpot, duration):
+    """Final (q, q'), times of changes, energy lost by friction: plain formulas, and a general integrator.
+
+    The contact is closed while it pushes, with a spring of stiffness ``tangential`` sliding ends where the slider s
+    stands still, without one where the face does.
+    """
+    closed, mode, t, changes = True, 0, 0.0, []
+    face, along = -SHAPE[0], SHAPE[1]  # penetration and tangential motion for a unit of each coordinate
+    y = np.zeros(7)  # q, q', compression of the released stop, slider, loss
+
+    def normal(y):
+        return STOP * (face @ y[:2] - GAP) + dashpot * face @ y[2:4] if closed else 0.0
+
+    def free_acceleration(t, y):
+        return LOAD * np.sin(OMEGA * t) - SPRINGS * y[:2] - DAMPERS * y[2:4] - face * normal(y)
+
+    def holding(t, y):
+        return along @ free_acceleration(t, y) / (along @ along)
+
+    def slider_rate(y):
+        turning = 0.0 if tangential is None else mode * SLIDING * STOP * (face @ y[2:4]) / tangential * closed
+        return along @ y[2:4] - turning
+
+    def rub(t, y):
+        if not closed:
+            return 0.0
+        if mode:
+            return mode * SLIDING * normal(y)
+        return holding(t, y) if tangential is None else tangential * (along @ y[:2] - y[5])
+
+    def rhs(t, y):
+        a = free_acceleration(t, y) - along * rub(t, y)
+        relaxing = 0.0 if closed or dashpot == 0.0 else -STOP / dashpot * y[4]
+        moved = slider_rate(y) if mode else 0.0 if closed else along @ y[2:4]
+        lost = rub(t, y) * moved + (dashpot * (face @ y[2:4]) ** 2 if closed else dashpot * relaxing**2)
+        return np.concatenate([y[2:4], a, [relaxing, moved, lost]])
+
+    while t < duration:
+        watched = []
+        if closed:
+            watched.append(("opens", lambda t, y: normal(y)))
+            if mode == 0:
+                watched += [(s, lambda t, y, s=s: STATIC * normal(y) - s * rub(t, y)) for s in (1, -1)]
+            else:
+                watched.append((0, lambda t, y, sign=mode: sign * slider_rate(y)))
+        else:
+            watched.append(("closes", lambda t, y: y[4] - (face @ y[:2] - GAP)))
+        for _, function in watched:
+            function.terminal, function.direction = True, -1.0
+        run = solve_ivp(
+            rhs, (t, duration), y, "DOP853", events=[f for _, f in watched], rtol=1e-10, atol=1e-12, max_step=0.1
+        )
+        t, y = run.t[-1], run.y[:, -1].copy()
+        if run.status != 1:
+            break
+        what = watched[next(i for i, e in enumerate(run.t_events) if e.size)][0]
+        changes.append(t)
+        if what == "opens":
+            closed, mode, y[4] = False, 0, face @ y[:2] - GAP if dashpot else 0.0
+        elif what == "closes":
+            closed = True
+            if tangential is None:
+                mode = int(np.sign(along @ y[2:4]))
+            else:  # at first the limit grows with the force, and the spring's force with the motion
+                y[5] = along @ y[:2]
+                steep = tangential * abs(along @ y[2:4]) > STATIC * STOP * (face @ y[2:4])
+                mode = int(np.sign(along @ y[2:4])) if steep else 0
+        elif what == 0:
+            y[5], mode = along @ y[:2] - (mode * SLIDING * normal(y) / (tangential or np.inf)), 0
+        else:
+            if tangential is not None:
+                y[-1] += (STATIC**2 - SLIDING**2) * normal(y) ** 2 / (2 * tangential)
+                y[5] = along @ y[:2] - what * SLIDING * normal(y) / tangential
+            mode = what
+    return y[:4], np.array(changes), y[-1]
+
+
+@pytest.mark.parametrize(("tangential", "dashpot", "duration"), [(None, 0.0, 8.0), (None, 0.5, 8.0), (20.0, 0.0, 12.0)])
+def test_against_integration_by_hand(tangential, dashpot, duration):
+    """Opening, sticking and sliding in both directions, and the energy that friction and the stop's dashpot lose."""
+    end, changes, lost = by_hand(tangential, dashpot, duration)
+    system = system_of(pressed_friction_law(tangential, STATIC, SLIDING), no_tension(STOP, dashpot))
+    trajectory = motion(system, duration)
+    of_flow = trajectory.event_time[np.append(True, np.diff(trajectory.event_time) > 1e-9)]
+    turns = [t for t, j, k in zip(trajectory.event_time, trajectory.event_contact, trajectory.event_phase, strict=True)
+             if j == 1 and k >= 3]  # of the motion of a free face, which the other code does not watch  # fmt: skip
+    of_flow = of_flow[~np.isin(of_flow, turns)]
+    assert {0, 1, 2, 3} <= set(trajectory.phases_of(trajectory.state)[:, 1].tolist())
+    np.testing.assert_allclose(of_flow, changes, atol=1e-7)
+    np.testing.assert_allclose(trajectory.final_y[:4], end, atol=1e-7)
+    times = np.linspace(0.0, duration, 400)
+    balance = energy_history(trajectory, times)
+    assert balance.error < 1e-12
+    assert energy_of_segments(trajectory).error < 1e-12
+    assert np.all(np.diff(balance.history.dissipated) >= 0.0)
+    viscous = trajectory.product_integrals(times, *[lambda phases: _rates(trajectory.flow)] * 2, DAMPERS[:, None])
+    assert balance.history.dissipated[-1] - viscous[-1, 0] == pytest.approx(lost, rel=1e-6)
+
+
+def _rates(flow):
+    output = flow.empty_output(2)
+    output.row[:, 2:4] = np.eye(2)
+    return output
+
+
+@pytest.mark.parametrize("tangential", [None, 20.0])
+def test_constant_pressing_force(tangential):
+    """A stop that a motion along the face does not compress presses with a constant force."""
+    shape, force = np.eye(2) * [-1.0, 1.0], 0.8
+    limits = STATIC * force, SLIDING * force
+    constant = rigid_friction_law(*limits) if tangential is None else friction_law(tangential, *limits)
+    compressed = -force / STOP  # where the first coordinate is zero: there the load below balances the stop
+    load, balancing = np.array([0.0, 1.1]), np.array([force, 0.0])
+
+    def moved(law, pressed):
+        system = system_of(law, shape=shape, gap=compressed, pressed=pressed)
+        return motion(replace(system, constant_load=balancing), 40.0, load)
+
+    pressed, given = moved(pressed_friction_law(tangential, STATIC, SLIDING), True), moved(constant, False)
+    assert pressed.event_time.size == given.event_time.size > 15
+    np.testing.assert_allclose(pressed.event_time, given.event_time, atol=1e-12)
+    np.testing.assert_allclose(pressed.final_y[:4], given.final_y[:4], atol=1e-12)
+
+
+@pytest.mark.parametrize("tangential", [None, 20.0])
+def test_vanishing_friction(tangential):
+    """As the coefficients tend to zero the motion tends to that without friction, in proportion."""
+    duration, errors = 6.0, []
+    without = motion(system_of(friction_law(1e-9, 1e-12, 1e-12), pressed=False), duration).final_y[:4]
+    for share in (1e-5, 1e-6):
+        law = pressed_friction_law(tangential, STATIC * share, SLIDING * share)
+        errors.append(np.abs(motion(system_of(law), duration).final_y[:4] - without).max())
+    assert errors[1] < 1e-5
+    assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.02)
+
+
+# -- scenarios -------------------------------------------------------------------------------------------------------
+
+PAD = {"name": "pad", "at": {"mass": 1}, "normal_force": {"snubber": "guide"}, "wear_rate": 1e-15,
+       "coefficient": {"static": 0.3, "sliding": 0.2}}  # fmt: skip
+GUIDE = {"name": "guide", "at": {"mass": 3}, "side": "above", "gap": 2e-4, "stiffness": 5e4}
+
+
+def scenario(pad=None, guide=None, **others):
+    return load_scenario(
+        {
+            "chain": {"masses": [2, 2, 1], "springs": [2000, 5000, 8000], "damping": {"kind": "modal", "ratio": 0.01}},
+            "snubbers": [{**GUIDE, **(guide or {})}],
+            "friction": [{**PAD, **(pad or {})}],
+            "excitation": {"kind": "harmonic", "applied_to": "base", "level": 20.0, "frequency": 6.0},
+            "run": {"duration": 1.3, "sample_rate": 2000.0, "start": "rest", "convergence": "off"},
+            **others,
+        }
+    )
+
+
+MAXWELL = {"maxwell": [{"stiffness": 2e4, "relaxation_time": 0.003}]}
+TABLE = {"stiffness": None, "force_deflection": {"points": [[0, 0], [0.002, 100], [0.01, 900]]}}
+
+
+@pytest.mark.parametrize(
+    ("pad", "guide"),
+    [
+        ({}, {}),
+        ({}, {"damping": {"kind": "viscous", "coefficient": 40.0}, "law": "no_tension"}),
+        ({"stiffness": 2e5}, MAXWELL),
+        ({"stiffness": 2e5}, {"hardening": {"yield_force": 150.0, "stiffness": 1e4}}),
+        ({}, TABLE),
+    ],
+    ids=["spring", "dashpot", "maxwell", "hardening", "table"],
+)
+def test_laws_of_the_snubber(pad, guide):
+    """The force stays within its limits, the energy balances, and the figures of sliding are those of the histories."""
+    result = beamsim.run(scenario(pad, guide))
+    contact, normal = result.friction["pad"], result.snubbers["guide"].force[:]
+    assert result.summary["energy_error"] < 1e-12
+    scale = normal.max()
+    assert np.all(np.abs(contact.force[:]) <= 0.3 * normal + 1e-6 * scale)
+    assert np.all(contact.force[:][normal == 0.0] == 0.0)
+    slides = ~contact.stuck[:] & (normal > 0.0)
+    assert contact.sliding_share == pytest.approx(np.mean(slides), abs=0.01)
+    assert contact.slides >= 5
+    if not pad:  # the slider is the face: the integral of force times speed
+        assert contact.dissipated_energy == pytest.approx(0.2 * contact.wear_power * 1.3, rel=1e-9)
+        speed = np.abs(np.gradient(contact.displacement[:], result.time[:]))
+        assert contact.wear_power == pytest.approx(np.trapezoid(normal * speed, result.time[:]) / 1.3, rel=0.02)
+        assert contact.sliding_distance == pytest.approx(np.trapezoid(slides * speed, result.time[:]), rel=0.05)
+    assert contact.worn_volume == pytest.approx(1e-15 * contact.wear_power * 1.3)
+
+
+@pytest.mark.parametrize(
+    ("pad", "guide", "others", "says"),
+    [
+        ({"normal_force": {"snubber": "guid"}}, {}, {}, "snubber = guid is an unknown snubber"),
+        ({"start": 1.0}, {}, {}, "friction[0].start does not go with the normal force of a snubber"),
+        ({}, {"damping": {"kind": "viscous", "coefficient": 4.0}}, {}, "may pull"),
+        ({"stiffness": 1e5}, {"damping": {"kind": "viscous", "coefficient": 4.0}, "law": "no_tension"}, {},
+         "friction[0].stiffness does not go with the force of guide"),
+        ({}, MAXWELL, {}, "friction[0].stiffness is missing, and guide relaxes"),
+        ({}, {}, {"run": {"duration": 1.0, "sample_rate": 1e3, "method": "reference"}}, "not by run.method"),
+        ({}, {}, {"sweep": {"kind": "continuation", "frequencies": [4.0, 8.0]}}, "not by sweep"),
+        ({}, {}, {"friction": [PAD, {**PAD, "name": "other", "normal_force": 1.0}]}, "and other sticks without"),
+    ],
+)  # fmt: skip
+def test_what_is_not_followed_is_refused(pad, guide, others, says):
+    with pytest.raises(ScenarioError) as refused:
+        beamsim.run(scenario(pad, guide, **others))
+    assert says in str(refused.value)
+
+
+def test_shooting_refuses():
+    with pytest.raises(MethodError, match="under the force of a snubber"):
+        VariationalFlow(system_of(pressed_friction_law(20.0, STATIC, SLIDING)))
