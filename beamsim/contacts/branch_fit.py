@@ -2,9 +2,10 @@ r"""Maxwell branches fitted to measurements of a pad: dynamic stiffness over fre
 
 A spring k beside branches :math:`(k_j, \tau_j)` has the dynamic stiffness
 :math:`K'(\omega)(1 + i\eta) = k + \sum_j k_j\, i\omega\tau_j / (1 + i\omega\tau_j)` and, after a sudden unit
-deflection, the force :math:`k + \sum_j k_j e^{-t/\tau_j}`. For given times both are linear in the stiffnesses, which
-are found by non-negative least squares of relative errors; the logarithms of the times are found by Gauss and Newton's
-method about that (variable projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432).
+deflection, the force :math:`k + \sum_j k_j e^{-t/\tau_j}`; where the deflection rises evenly over a time, the forces of
+its parts add up. For given times both are linear in the stiffnesses, which are found by non-negative least squares of
+relative errors; the logarithms of the times are found by Gauss and Newton's method about that (variable projection:
+G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432).
 """
 
 from __future__ import annotations
@@ -41,10 +42,10 @@ def dynamic_stiffness(stiffness: float, branches: tuple[MaxwellBranch, ...], ome
     return np.asarray(_dynamic(omega, np.array([b.relaxation_time for b in branches])) @ k)
 
 
-def relaxation(stiffness: float, branches: tuple[MaxwellBranch, ...], time: Floats) -> Floats:
-    """(t,) force of a spring and branches after a sudden unit deflection."""
+def relaxation(stiffness: float, branches: tuple[MaxwellBranch, ...], time: Floats, ramp: float = 0.0) -> Floats:
+    """(t,) force of a spring and branches at times, s, since a unit deflection began, which rises over ``ramp``, s."""
     k = np.array([stiffness, *(b.stiffness for b in branches)])
-    return np.asarray(_relaxing(time, np.array([b.relaxation_time for b in branches])) @ k)
+    return np.asarray(_relaxing(time, np.array([b.relaxation_time for b in branches]), ramp) @ k)
 
 
 def fit_dynamic(omega: Floats, storage: Floats, loss_factor: Floats, branches: int | None = None) -> BranchFit:
@@ -63,11 +64,14 @@ def fit_dynamic(omega: Floats, storage: Floats, loss_factor: Floats, branches: i
     return _fit(matrix, np.concatenate([target.real, target.imag]), omega.size, span, branches)
 
 
-def fit_relaxation(time: Floats, stiffness: Floats, branches: int | None = None) -> BranchFit:
-    """Branches from the force over a deflection that is applied suddenly at t = 0 and held, N/m, at times, s."""
+def fit_relaxation(time: Floats, stiffness: Floats, branches: int | None = None, ramp: float = 0.0) -> BranchFit:
+    """Branches from the force over the deflection that is held, N/m, at times, s, since the deflection began.
+
+    It is applied suddenly, or evenly over a time ``ramp``, s; forces measured meanwhile count as well.
+    """
 
     def matrix(times: Floats) -> Floats:
-        return _relaxing(time, times) / stiffness[:, None]
+        return _relaxing(time, times, ramp) / stiffness[:, None]
 
     span = float(time[time > 0.0].min()) / REACH, float(time.max()) * REACH
     return _fit(matrix, np.ones(time.size), time.size, span, branches)
@@ -78,8 +82,12 @@ def _dynamic(omega: Floats, times: Floats) -> Complexes:
     return np.column_stack([np.ones(omega.size), turning / (1.0 + turning)])
 
 
-def _relaxing(time: Floats, times: Floats) -> Floats:
-    return np.column_stack([np.ones(time.size), np.exp(-time[:, None] / times)])
+def _relaxing(time: Floats, times: Floats, ramp: float) -> Floats:
+    if ramp == 0.0:
+        return np.column_stack([np.ones(time.size), np.exp(-time[:, None] / times)])
+    loaded = np.minimum(time, ramp)[:, None]  # how long the deflection has risen
+    held = np.exp(-(time[:, None] - loaded) / times)
+    return np.hstack([loaded / ramp, -times / ramp * np.expm1(-loaded / times) * held])
 
 
 def _fit(

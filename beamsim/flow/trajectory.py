@@ -270,10 +270,12 @@ class Trajectory:
 
     @property
     def lasting(self) -> Trajectory:
-        """The segments that last, all where none does. In the others contacts pass through a phase at an instant: their
-        forces there are not reached, that of a face which would have to stick with more than it can, for example."""
+        """The segments that last where contacts may hold, all where none does. In the others a face would have to stick
+        with more than it can: it lets go at the same instant, and that force is not reached."""
         lasts = self.length > 0.0
-        return self if lasts.all() or not lasts.any() else self.only(np.flatnonzero(lasts))
+        if not self.flow.system.contacts.ever_hold or lasts.all() or not lasts.any():
+            return self
+        return self.only(np.flatnonzero(lasts))
 
     def maxima(
         self,

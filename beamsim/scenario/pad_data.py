@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from beamsim.scenario.base import Schema, counted, fail
-from beamsim.scenario.quantities import Frequency, Ratio, Stiffness, Text, Time, Whole
+from beamsim.scenario.quantities import Duration, Frequency, Ratio, Stiffness, Text, Time, Whole
 
 DynamicPoint = tuple[Frequency, Stiffness, Ratio]
 """Frequency, storage stiffness and loss factor."""
 RelaxationPoint = tuple[Time, Stiffness]
-"""Time after a sudden deflection, and force over deflection."""
+"""Time since the deflection began, and force over the deflection that is held."""
 
 
 class PadData(Schema):
@@ -19,7 +19,9 @@ class PadData(Schema):
     dynamic: tuple[DynamicPoint, ...] | None = None
     """Frequency, storage stiffness and loss factor of each measurement: [[10 Hz, 120 kN/m, 0.08], ...]."""
     relaxation: tuple[RelaxationPoint, ...] | None = None
-    """Time after a sudden deflection that is held, and force over deflection: [[1 ms, 190 kN/m], ...]."""
+    """Time since the deflection began, and force over the deflection that is held: [[1 ms, 190 kN/m], ...]."""
+    ramp: Duration | None = None
+    """Time over which the deflection of a relaxation test rises evenly; by default it is sudden."""
     file: Text | None = None
     """CSV file of either, relative to the scenario's folder; headings state units: frequency (Hz), storage (kN/m), loss
     factor, or time (s), stiffness (kN/m). A modulus in place of a stiffness takes height and area of the pad."""
@@ -32,6 +34,8 @@ class PadData(Schema):
         if len(given) != 1:
             message = f"has {' and '.join(given)}" if given else "needs one of dynamic, relaxation and file"
             raise fail(message, "give for example dynamic: [[10 Hz, 120 kN/m, 0.08], [100 Hz, 150 kN/m, 0.11]]")
+        if self.ramp is not None and self.dynamic is not None:
+            raise fail("goes with a relaxation test", "leave ramp out", ("ramp",))
         if given != ["file"]:
             check_data(getattr(self, given[0]), given[0], self.branches)
 

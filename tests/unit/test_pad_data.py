@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import yaml
+from scipy.integrate import solve_ivp
 
 import beamsim
 from beamsim.contacts.branch_fit import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
@@ -41,6 +42,27 @@ def test_branches_are_found_again():
     agree(fit_relaxation(time, relaxation(STIFFNESS, BRANCHES, time)))
     agree(fit_relaxation(time, relaxation(STIFFNESS, BRANCHES[1:2], time)), BRANCHES[1:2])
     assert fit_dynamic(OMEGA, *measured()).misfit < 1e-6
+
+
+@pytest.mark.parametrize("ramp", [1e-6, 0.05])
+def test_relaxation_after_a_ramp(ramp):
+    """Against the branches' equation p' = (x - p) / tau, integrated; a ramp that is left out shows in the branches."""
+    time = np.geomspace(2e-3, 5.0, 30)
+    force = relaxation(STIFFNESS, BRANCHES, time, ramp)
+
+    def rates(t, p):
+        return (min(t / ramp, 1.0) - p) / np.array([b.relaxation_time for b in BRANCHES])
+
+    ends = [t for t in (ramp,) if t > time[0]]
+    solved = solve_ivp(rates, (0.0, time[-1]), np.zeros(3), "Radau", rtol=1e-9, atol=1e-12, t_eval=time,
+                       max_step=ramp if ends else np.inf)  # fmt: skip
+    springs = np.array([b.stiffness for b in BRANCHES])
+    moved = np.minimum(time / ramp, 1.0)
+    np.testing.assert_allclose(force, STIFFNESS * moved + springs @ (moved - solved.y), rtol=1e-5)
+    agree(fit_relaxation(time, force, ramp=ramp), rel=1e-3)
+    if ramp > time[0]:
+        sudden = fit_relaxation(time[time > ramp], force[time > ramp])
+        assert sudden.branches[0].relaxation_time > 10 * BRANCHES[0].relaxation_time
 
 
 def test_noise_is_not_fitted_by_more_branches():
@@ -90,12 +112,12 @@ def test_a_dynamic_test_in_a_scenario():
 @pytest.mark.parametrize("unit", ["stiffness", "modulus"])
 def test_a_relaxation_curve_from_a_file(tmp_path, unit):
     time = np.geomspace(1e-3, 5.0, 30)
-    k = relaxation(STIFFNESS, BRANCHES[1:], time)
+    k = relaxation(STIFFNESS, BRANCHES[1:], time, 0.03)
     height, area = 0.02, 250e-6
     heading, values = ("stiffness (kN/m)", k / 1e3) if unit == "stiffness" else ("E (MPa)", k * height / area / 1e6)
     lines = [f"time (ms),{heading}", *(f"{1e3 * t:.10g},{x:.12g}" for t, x in zip(time, values, strict=True))]
     (tmp_path / "pad.csv").write_text("\n".join(lines))
-    text = yaml.safe_dump(case(height=height, area=area, data={"file": "pad.csv"}))
+    text = yaml.safe_dump(case(height=height, area=area, data={"file": "pad.csv", "ramp": "30 ms"}))
     (tmp_path / "case.yaml").write_text(text)
     result = beamsim.identify_stiffness(load_scenario(tmp_path / "case.yaml"))
     assert result.pad.kind == "relaxation"
@@ -114,6 +136,8 @@ def test_a_relaxation_curve_from_a_file(tmp_path, unit):
         ({"data": {"dynamic": [[1, 2, 0.0], [2, 3, 0.0]]}}, "no loss at all"),
         ({"data": {"dynamic": [[1, 2, 0.1], [2, 3, 0.1]], "branches": 3}}, "measure at 4 or more"),
         ({"data": {"relaxation": [[1, -2], [2, 3]]}}, "relaxation"),
+        ({"data": {"dynamic": [[1, 2, 0.1], [2, 3, 0.1]], "ramp": "1 s"}}, "ramp goes with a relaxation test"),
+        ({"data": {"relaxation": [[1, 2], [2, 1]], "ramp": "0 s"}}, "ramp = 0"),
     ],
 )
 def test_bad_measurements_are_refused(pad, says):
@@ -130,11 +154,12 @@ def test_bad_measurements_are_refused(pad, says):
         ("frequency (Hz),E (MPa),loss factor\n1,2,0.1\n2,3,0.1", "add height and area"),
         ("time (s),stiffness (N/m)\n1,2\n2,\n", "row 2 of the numbers is not complete"),
         ("time (s),stiffness (N/m)\n2,2\n1,1\n", "row 2 of the numbers"),
+        ("frequency (Hz),storage (N/m),loss factor\n1,2,0.1\n2,3,0.1", "ramp goes with a relaxation test"),
     ],
 )
 def test_bad_files_are_refused(tmp_path, text, says):
     if text is not None:
         (tmp_path / "pad.csv").write_text(text)
-    (tmp_path / "case.yaml").write_text(yaml.safe_dump(case(data={"file": "pad.csv"})))
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(case(data={"file": "pad.csv", "ramp": 0.1})))
     with pytest.raises(ScenarioError, match=says):
         beamsim.identify_stiffness(load_scenario(tmp_path / "case.yaml"))

@@ -35,17 +35,20 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData) -> PadFit:
     """
     kind, rows = _measured(scenario, pad, data)
     warnings = []
-    dynamic = kind == "dynamic"
+    dynamic, ramp = kind == "dynamic", data.ramp or 0.0
+    if dynamic and ramp:
+        message = f"goes with a relaxation test, and {data.file} is a dynamic one"
+        raise ScenarioError(Problem(path_text((*AT, "ramp")), message, "leave ramp out"))
     fit = (
         fit_dynamic(2 * np.pi * rows[:, 0], rows[:, 1], rows[:, 2], data.branches)
         if dynamic
-        else fit_relaxation(rows[:, 0], rows[:, 1], data.branches)
+        else fit_relaxation(rows[:, 0], rows[:, 1], data.branches, ramp)
     )
 
     def fitted(at: Floats) -> Complexes:
         if dynamic:
             return dynamic_stiffness(fit.stiffness, fit.branches, 2 * np.pi * at)
-        return relaxation(fit.stiffness, fit.branches, at).astype(complex)
+        return relaxation(fit.stiffness, fit.branches, at, ramp).astype(complex)
 
     at = np.geomspace(rows[rows[:, 0] > 0.0, 0].min(), rows[-1, 0], CURVE)
     curve, of_measured = fitted(at), fitted(rows[:, 0])
@@ -76,6 +79,7 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData) -> PadFit:
         curve_stiffness=np.ascontiguousarray(curve.real),
         curve_loss_factor=curve.imag / curve.real,
         unit="Hz" if dynamic else "s",
+        ramp=None if dynamic else ramp,
         warnings=tuple(warnings),
     )
 

@@ -96,9 +96,12 @@ class PadFit:
     curve_loss_factor: Floats = dataset("1", "loss factor there; zero in relaxation", along=_CURVE)
     unit: str = attribute("", "unit of curve_at")
     frequency_hz: Floats | None = dataset("Hz", "frequency of each measurement", along=_SAMPLES, default=None)
-    time: Floats | None = dataset("s", "time of each measurement after the deflection", along=_SAMPLES, default=None)
+    time: Floats | None = dataset(
+        "s", "time of each measurement since the deflection began", along=_SAMPLES, default=None
+    )
     measured_loss_factor: Floats | None = dataset("1", "measured loss factor", along=_SAMPLES, default=None)
     fitted_loss_factor: Floats | None = dataset("1", "loss factor of spring and branches", along=_SAMPLES, default=None)
+    ramp: float | None = attribute("s", "time over which the deflection of a relaxation test rises", default=None)
     warnings: tuple[str, ...] = ()
 
     @property
