@@ -36,7 +36,7 @@ def identify_stiffness(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Find a snubber's stiffness, damping and the beam's own parameters from measurements."""
+    """Find a snubber's stiffness, damping and the structure's own parameters from measurements."""
     from beamsim.cli.conclusion import Reporting, finish, prepared
     from beamsim.cli.progress import progress_of
     from beamsim.store.measurement import read_tests

@@ -12,7 +12,16 @@ from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
 from beamsim.plots.branches import MARKS, explain_dashes, figure_of, mark_special, plot_branch
 from beamsim.plots.outputs import draw_limit, output_label, output_scale
-from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, level_text, scale_for
+from beamsim.plots.style import (
+    MOST_CURVES,
+    Scale,
+    acceleration_scale,
+    curve_style,
+    finish,
+    length_scale,
+    level_text,
+    scale_for,
+)
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -221,9 +230,11 @@ def _same(a: float, b: float) -> bool:
 
 
 def _unit_scale(unit: str, *values: Floats) -> Scale:
-    """A prefix for lengths, forces and stiffnesses; accelerations and frequencies stay as they are."""
-    if unit == "m":  # positions and gaps in mm, as the field does
-        return Scale(1e3, "mm")
+    """That chosen for lengths and accelerations, a prefix for forces and stiffnesses; frequencies stay as they are."""
+    if unit == "m":
+        return length_scale()
+    if unit == "m/s^2":
+        return acceleration_scale()
     return scale_for(unit, *values) if unit in ("N", "N/m") else Scale(1.0, unit.replace("^2", "²"))
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for, time_scale
+from beamsim.plots.style import MOST_CURVES, amount, curve_style, finish, legend, scale_for, time_scale
 from beamsim.typing import Ints
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def plot_cycles(counted: Mapping[str, Rainflow], ax: Axes, label: str, of: str) 
 def plot_fatigue(fatigue: Mapping[str, Fatigue], ax: Axes) -> Axes:
     """Stress ranges of each body where its stress is largest, with the damage of the run."""
     plot_cycles({name: body.rainflow for name, body in fatigue.items()}, ax, "Stress range", "bodies")
-    texts = [f"{name}: damage {body.damage:.2g} at x = {1e3 * body.position:.4g} mm" for name, body in fatigue.items()]
+    texts = [f"{name}: damage {body.damage:.2g} at x = {amount(body.position, 'm')}" for name, body in fatigue.items()]
     ax.text(0.99, 0.97, "\n".join(texts[:MOST_CURVES]), transform=ax.transAxes, ha="right", va="top", fontsize="small")
     return ax
 

@@ -65,14 +65,21 @@ def time_scale() -> Scale:
     return Scale(*_chosen.get().get("s", (1.0, "s")))
 
 
+def length_scale() -> Scale:
+    """Positions and gaps are in mm if no other unit is chosen."""
+    return Scale(*_chosen.get().get("m", (1e3, "mm")))
+
+
 def scale_for(unit: str, *values: Floats) -> Scale:
     """The chosen unit, else the SI prefix that brings the largest value to 1 to 1000.
 
-    Lengths are brought to 0.1 to 100, and have no prefix above metres.
+    Lengths are brought to 0.1 to 100, and have no prefix above metres. Times below a minute are not shown in minutes.
     """
-    if unit in _chosen.get():
-        return Scale(*_chosen.get()[unit])
     largest = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in values), default=0.0)
+    if unit in _chosen.get():
+        chosen = Scale(*_chosen.get()[unit])
+        if unit != "s" or chosen.factor >= 1.0 or largest * chosen.factor >= 1.0:
+            return chosen
     if not np.isfinite(largest) or largest == 0.0:
         return Scale(1.0, unit)
     if unit.startswith("kg"):  # not mkg but g

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from beamsim.scenario import units
@@ -23,13 +24,20 @@ DIMENSIONS: dict[str, Dimension] = {
 _EXAMPLES = {"acceleration": "g", "length": "mm", "stress": "MPa", "time": "min", "stiffness": "N/mm"}
 
 
+_MINUTE = 60.0  # s; shorter times are shown in seconds, with a prefix
+
+
 class DisplayUnits(Schema):
-    """Units of tables, plots and reports; result files and ``--json`` stay in SI units."""
+    """Units of tables, plots and reports; result files and ``--json`` stay in SI units.
+
+    Accelerations, lengths and long times that are not chosen are shown in the unit in which most of them are written.
+    """
 
     acceleration: Text | None = None
-    """Unit of accelerations, such as m/s^2; g by default."""
+    """Unit of accelerations, such as m/s^2; by default as they are written, g for bare numbers."""
     length: Text | None = None
-    """Unit of lengths and displacements, such as mm; metres with a prefix that suits the size by default."""
+    """Unit of lengths and displacements, such as mm; by default as they are written, metres with a prefix that suits
+    the size for bare numbers."""
     velocity: Text | None = None
     """Unit of velocities, such as mm/s."""
     force: Text | None = None
@@ -37,7 +45,8 @@ class DisplayUnits(Schema):
     stress: Text | None = None
     """Unit of stresses and moduli, such as MPa."""
     time: Text | None = None
-    """Unit of times, such as ms or min."""
+    """Unit of times, such as ms or min; by default minutes or hours where times are written so. Times that are shorter
+    than the unit chosen are in seconds if that is longer."""
     mass: Text | None = None
     """Unit of masses, such as g."""
     stiffness: Text | None = None
@@ -59,6 +68,35 @@ class DisplayUnits(Schema):
                 raise fail(
                     f"= {unit} is no unit of it: {error.message}", f"write {_EXAMPLES.get(name, _si(name))}", (name,)
                 ) from None
+
+    def filled(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
+        """The same with the units in which quantities are written, for what is not chosen.
+
+        Parameters
+        ----------
+        written : how often a quantity of that dimension is written in that unit.
+        """
+        lengths = {unit: n for (of, unit), n in written.items() if of.unit == units.LENGTH.unit}
+        times = {
+            unit: n
+            for (of, unit), n in written.items()
+            if of.unit == units.TIME.unit and self._size("time", unit) >= _MINUTE
+        }
+        accelerations = {unit: n for (of, unit), n in written.items() if of.unit == units.ACCELERATION.unit}
+        densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
+        if not accelerations and densities and not any(map(units.is_in_gravities, densities)):
+            accelerations = {_si("acceleration"): 1}
+        most = {
+            name: max(of, key=lambda unit: (of[unit], -self._size(name, unit)))  # of equally many the smallest
+            for name, of in (("acceleration", accelerations), ("length", lengths), ("time", times))
+            if of and getattr(self, name) is None
+        }
+        return self.model_copy(update=most)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no unit is chosen."""
+        return all(getattr(self, name) is None for name in self.named)
 
     @property
     def scales(self) -> dict[str, tuple[float, str]]:

@@ -11,10 +11,12 @@ from pydantic_core import PydanticCustomError
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import LenientPass, Path, UnknownValueError, path_text, walk
+from beamsim.scenario.display import DisplayUnits
 from beamsim.scenario.merge import Overrides, apply_overrides, read_file, resolve_extends
 from beamsim.scenario.messages import describe
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.tree import Node, from_python, located, parse, path_parts
+from beamsim.scenario.units import units_written
 
 USED: dict[str, frozenset[str]] = {
     "run": frozenset({"run", "limits"}),
@@ -90,7 +92,10 @@ def _read(source: str | FilePath | Mapping[str, Any] | Scenario) -> tuple[Node, 
 def _validated(root: Node) -> Scenario:
     data = root.plain()
     try:
-        return Scenario.model_validate(data)
+        with units_written() as written:
+            scenario = Scenario.model_validate(data)
+        shown = (scenario.units or DisplayUnits.model_construct()).filled(written)
+        return scenario if shown.is_empty else scenario.model_copy(update={"units": shown})
     except ScenarioError as error:
         problems = [(path_parts(problem.path), problem) for problem in error.problems]
     except ValidationError as error:

@@ -85,7 +85,8 @@ class Scenario(Schema):
     limits: Limits | None = None
     """Limits, for margins in the summary and `--check`."""
     units: DisplayUnits | None = None
-    """Units of tables, plots and reports, {acceleration: g, length: mm}; result files and --json stay in SI units."""
+    """Units of tables, plots and reports, {acceleration: g, length: mm}; by default those in which most quantities are
+    written. Result files and --json stay in SI units."""
 
     def settle(self) -> None:
         """Resolve defaults that need the whole, then check the parts against each other."""
@@ -103,11 +104,16 @@ class Scenario(Schema):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scenario):
             return NotImplemented
-        return self.__dict__ == other.__dict__
+        return all(self.__dict__[name] == other.__dict__[name] for name in self._compared)
 
     def __hash__(self) -> int:
-        values = (self.__dict__[name] for name in type(self).model_fields)
+        values = (self.__dict__[name] for name in self._compared)
         return hash(tuple(tuple(value.items()) if isinstance(value, dict) else value for value in values))
+
+    @property
+    def _compared(self) -> list[str]:
+        """Fields that make scenarios equal: 270 mm is 0.27 m, in whatever unit it is shown."""
+        return [name for name in type(self).model_fields if name != "units"]
 
     # The origin is not part of the scenario: equality and YAML ignore it.
     _source: str = "scenario"

@@ -13,6 +13,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache
@@ -110,6 +114,26 @@ class UnitError(ValueError):
         self.remedy = remedy
 
 
+_written: ContextVar[Counter[tuple[Dimension, str]] | None] = ContextVar("_written", default=None)
+
+
+@contextmanager
+def units_written() -> Iterator[Counter[tuple[Dimension, str]]]:
+    """Count what is read in which unit, while quantities of a scenario are read; bare numbers have none."""
+    counted: Counter[tuple[Dimension, str]] = Counter()
+    token = _written.set(counted)
+    try:
+        yield counted
+    finally:
+        _written.reset(token)
+
+
+def _note(dimension: Dimension, unit: str) -> None:
+    counted = _written.get()
+    if counted is not None:
+        counted[dimension, unit] += 1
+
+
 def read_number(value: object) -> float:
     """Return a plain number: an int, a float, or a string that reads as one (``2e5``)."""
     remedy = f"write for example {NUMBER.example}"
@@ -134,7 +158,10 @@ def read_quantity(value: object, dimension: Dimension) -> float:
     """
     number, unit = _split(value, f"write for example {dimension.example}")
     remedy = f"write for example {dimension.example}"
-    return _physical(_scaled(number, _factor(unit, dimension) if unit else 1.0, remedy), dimension, remedy)
+    factor = _factor(unit, dimension) if unit else 1.0
+    if unit:
+        _note(dimension, unit)
+    return _physical(_scaled(number, factor, remedy), dimension, remedy)
 
 
 def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float, Dimension | None]:
@@ -149,6 +176,7 @@ def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float,
             factor = _factor(unit, dimension)
         except UnitError:
             continue
+        _note(dimension, unit)
         return _physical(_scaled(number, factor, remedy), dimension, remedy), dimension
     names = [dimension.with_article for dimension in dimensions]
     expected = ", ".join(names[:-1]) + (" or " if names[:-1] else "") + names[-1]
@@ -157,6 +185,11 @@ def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float,
     except UnitError as error:
         raise UnitError(error.message, remedy) from None
     raise UnitError(f"must be {expected}, not {given}", remedy)
+
+
+def is_in_gravities(unit: str) -> bool:
+    """Whether a unit of an acceleration or of its density is made of standard gravity."""
+    return _GRAVITY.search(unit) is not None
 
 
 def read_sweep_rate(value: object) -> tuple[float, str]:

@@ -60,8 +60,37 @@ def test_a_unit_of_something_else_is_an_error_with_a_remedy(name, unit):
 
 def test_the_section_is_kept_and_left_out():
     scenario = load_scenario({**MASS, "units": CHOSEN})
-    assert load_scenario(scenario.to_yaml()) == scenario
+    assert load_scenario(scenario.to_yaml()).units == scenario.units
     assert "units" not in load_scenario(MASS).to_yaml()
+
+
+WRITTEN = """
+beam: {length: 270 mm, width: 50 mm, thickness: 0.005, youngs_modulus: 69 GPa, density: 2700 kg/m^3,
+       supports: {left: clamped, right: free}, point_masses: [{position: 27 cm, mass: 4 g}]}
+excitation: {kind: harmonic, applied_to: base, level: 20 m/s^2, frequency: 65 Hz}
+run: {duration: 0.5 min}
+"""
+
+
+def test_units_are_those_that_quantities_are_written_in():
+    scenario = load_scenario(WRITTEN)
+    assert scenario.units.model_dump(exclude_none=True) == {"acceleration": "m/s^2", "length": "mm", "time": "min"}
+    chosen_length = load_scenario(WRITTEN, {"units": {"length": "in"}}).units
+    assert (chosen_length.length, chosen_length.acceleration) == ("in", "m/s^2")
+    assert load_scenario(scenario.to_yaml()).units == scenario.units  # as result files hold it
+    with shown_in(scenario.units.scales):
+        assert amount(0.0123, "m") == "12.3 mm"
+        assert amount(90.0, "s") == "1.5 min"
+        assert amount(0.003, "s") == "3 ms"  # not in minutes
+    assert load_scenario(WRITTEN, ["excitation.level=2 g", "run.duration=500 ms"]).units.scales.keys() == {"m/s^2", "m"}
+
+
+def test_ties_go_to_the_smaller_unit_and_densities_count():
+    psd = [{"frequency": f, "density": "1 m^2/s^3"} for f in ("20 Hz", "50 Hz")]
+    excitation = {"kind": "random", "applied_to": "base", "seed": 1, "psd": psd}
+    assert load_scenario({**CASE, "excitation": excitation}).units.acceleration == "m/s^2"
+    snubber = {"name": "s", "mass": 1, "side": "below", "stiffness": 1e4, "gap": "100 um"}
+    assert load_scenario({**CASE, "snubbers": [snubber], "run": {"duration": 1.0}}).units.length == "um"
 
 
 def test_run_info_and_plots_use_them_and_json_does_not(tmp_path):

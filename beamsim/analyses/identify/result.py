@@ -225,7 +225,7 @@ class NonlinearEstimate:
 
 
 _SUMMARY = (
-    Entry("updated", "", "by parameter of the beam: value, standard deviation and interval, or the support chosen",
+    Entry("updated", "", "by parameter of the structure: value, standard deviation and interval, or the support chosen",
              "updated"),
     Entry("update_misfit", "1", "chi squared before and after the update", "misfit of the update"),
     Entry("update_eigenvalue_solutions", of="update.evaluations"),

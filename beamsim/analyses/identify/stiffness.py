@@ -168,8 +168,8 @@ def _remedy(point: SpringPoint, mode: int, omega: float, without_hz: tuple[float
     if hints:
         return "; or ".join(hints)
     return (
-        "check the measurement, the parameters of the beam (measured_without compares them, update: fits them) and "
-        "the units of its dimensions"
+        "check the measurement, the parameters of the structure (measured_without compares them, update: fits them) "
+        "and the units of its dimensions"
     )
 
 
