@@ -292,7 +292,7 @@ def build_state(
 
 def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats]:
     """Stiffness and damping (n, n) with the contacts in given phases; internal states and reactions apart."""
-    phi, k, c, along = _acting(system, phases)
+    phi, k, c, along, _ = _acting(system, phases)
     return np.diag(system.stiffness) + (along.T * k) @ phi, system.damping + (along.T * c) @ phi
 
 
@@ -304,7 +304,7 @@ def _rates_of(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting) -> C
     a product with the matrix itself would be a load of slow motions.
     """
     contacts, n = system.contacts, system.size
-    phi, k, c, along = acting
+    phi, k, c, along, _ = acting
     if contacts.internal_states:
         push = contacts.pushes(phases)
         penetration = -contacts.sign[:, None] * contacts.shape
@@ -335,6 +335,7 @@ class _Acting(NamedTuple):
     stiffness: Floats  # (a,) N/m
     dashpot: Floats  # (a,) N s/m
     along: Floats  # (a, n) direction of the forces; that of `shape` but where a contact presses others that rub
+    contact: Ints  # (a,)
 
     @property
     def crossed(self) -> bool:
@@ -349,7 +350,7 @@ def _acting(system: PiecewiseLinearSystem, phases: Ints) -> _Acting:
     shape = along = contacts.shape[acting]
     if contacts.presses(phases):
         along = contacts.sign[acting, None] * contacts.pushes(phases)[acting]
-    return _Acting(shape, row[acting, 0], row[acting, 1], along)
+    return _Acting(shape, row[acting, 0], row[acting, 1], along, acting)
 
 
 def _diagonalise(
@@ -394,7 +395,7 @@ def _solved_modes(
     n, contacts = system.size, system.contacts
     N = 2 * n + contacts.internal_states
     together = contacts.coupled(phases)
-    shape, spring, dashpot, along = acting
+    shape, spring, dashpot, along, contact = acting
     held = held_contacts(system, phases)
     across = None if held is None else held.across
     omega2, psi, felt = _undamped_modes(system, shape, spring, across)
@@ -429,10 +430,15 @@ def _solved_modes(
             unit = float(np.median(scale)) / max(float(np.abs(contacts.shape).max()), 1e-300)  # metres to velocities
             _, h = contacts.force_rows(phases)
             internal, drive = contacts.internal_rates(phases)
-            penetration = -contacts.sign[:, None] * contacts.shape
-            A[r : 2 * r, 2 * r :] = (contacts.pushes(phases) @ psi).T @ h / unit
-            A[2 * r :, :r] = unit * (drive[:, :, 0] @ penetration @ psi) / scale
-            A[2 * r :, r : 2 * r] = unit * (drive[:, :, 1] @ penetration @ psi)
+            moved = contacts.shape @ psi
+            moved[contact] = felt  # of stiff ones in slow motions, and exactly none in motions that they do not feel
+            pushed = contacts.sign[:, None] * moved
+            penetration = -pushed
+            if acting.crossed:
+                pushed = contacts.pushes(phases) @ psi
+            A[r : 2 * r, 2 * r :] = pushed.T @ h / unit
+            A[2 * r :, :r] = unit * (drive[:, :, 0] @ penetration) / scale
+            A[2 * r :, r : 2 * r] = unit * (drive[:, :, 1] @ penetration)
             A[2 * r :, 2 * r :] = internal
             out[2 * n :, 2 * r :] = np.eye(inside) / unit
             back[2 * r :, 2 * n :] = np.eye(inside) * unit
