@@ -6,7 +6,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -46,6 +46,14 @@ def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
     """Number of contact states whose tables fit into ``memory`` bytes."""
     N, watched = 2 * system.size + system.contacts.internal_states, 2 * system.contacts.count
     return max(FEWEST_STATES, int(memory / (32.0 * N * N + 24.0 * N * watched)))
+
+
+class StartOfMotion(NamedTuple):
+    """Contacts at the start of a motion."""
+
+    phases: Ints  # (m,)
+    entered: Bools  # (m,) whether a contact enters its phase at this very time
+    state: Floats  # (N,) with the internal states of contacts that were in other phases before
 
 
 @dataclass
@@ -399,15 +407,16 @@ class ExactFlow:
 
     def starting_state(self, state: Floats, time: float = 0.0) -> Ints:
         """Phases of the contacts at a given motion (N,)."""
-        return self.begin(state, time)[0]
+        return self.begin(state, time).phases
 
-    def begin(self, state: Floats, time: float = 0.0) -> tuple[Ints, Bools]:
-        """(m,) phases of the contacts at a given motion (N,), and which of them are entered at this very time.
+    def begin(self, state: Floats, time: float = 0.0) -> StartOfMotion:
+        """How a motion starts from a state (N,).
 
-        A guard that is negative hands over to the phase it names: the contact was in it before. Where a guard is zero
-        the first derivative that is not zero decides, which counts as zero when it is below the round-off of the terms
-        that make it up; the phase that it hands over to is entered here. The lowest derivative is the first to act,
-        and a contact that would leave again at once is not entered: its derivative was round-off.
+        A guard that is negative hands over to the phase it names: the contact was in it before, with the internal
+        states of that event (the face of a pad that is released lies where the structure left it). Where a guard is
+        zero the first derivative that is not zero decides, which counts as zero when it is below the round-off of the
+        terms that make it up; the phase that it hands over to is entered here. The lowest derivative is the first to
+        act, and a contact that would leave again at once is not entered: its derivative was round-off.
         """
         contacts, n = self.system.contacts, self.system.size
         rate = self.penetrations[1].row[:, n : 2 * n]
@@ -431,9 +440,10 @@ class ExactFlow:
             signs, orders = self._first_signs(watched, phases, inputs, state)
             acting = [g for g in range(watched.guards) if signs[g] < 0 and hands_over(watched, g, int(orders[g]))]
             if not acting:
-                return phases, entered & (phases != start)
+                return StartOfMotion(phases, entered & (phases != start), state)
             g = min(acting, key=lambda g: orders[g])
             j, following = int(watched.contact[g]), int(watched.following[g])
+            state = self._after_event(watched, g, phases, inputs, state)
             unvisited[j].discard(following)
             if following == start[j]:
                 unvisited[j].clear()
@@ -442,6 +452,17 @@ class ExactFlow:
                 phases = contacts.pressed_at_start(phases, start)
             entered[j] |= orders[g] > 0
             entered_by[j] = orders[g]
+
+    def _after_event(self, watched: Watched, guard: int, phases: Ints, inputs: InputsAtStart, state: Floats) -> Floats:
+        """(N,) state with the internal states that the event of a guard gives its contact."""
+        if watched.reset[guard] < 0:
+            return state
+        arrays, j, count = self.system.contacts.arrays, watched.contact[guard], self.sources.count
+        after = self.watched(watched, phases).some(watched.reset[guard] + np.arange(arrays.states[j]))
+        values, slopes = inputs.value[:1, :count], inputs.value[:1, count:]
+        state, first = state.copy(), 2 * self.system.size + arrays.first[j]
+        state[first : first + arrays.states[j]] = after.values(state[None, :], values, slopes)[0]
+        return state
 
     def _first_signs(self, watched: Watched, phases: Ints, inputs: InputsAtStart, state: Floats) -> tuple[Floats, Ints]:
         """(g,) signs and orders of the first derivatives of guards at a start that are beyond their round-off.

@@ -116,7 +116,7 @@ def integrate(
     right_hand_side = _RightHandSide(flow, cubic)
     duration = float(times[-1])
     y = np.concatenate([flow.whole_state(np.asarray(initial_state, dtype=float)), np.zeros(2)])
-    phases, entered = flow.begin(y[:N])
+    phases, entered, y[:N] = flow.begin(y[:N])
     breaks = np.append(flow.sources.start[(flow.sources.start > 0) & (flow.sources.start < duration)], duration)
     Y = np.empty((times.size, N + 2))
     C = np.zeros((times.size, contacts.count), dtype=np.int64)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput, state_loads
-from beamsim.flow.exact import ExactFlow
+from beamsim.flow.exact import ExactFlow, StartOfMotion
 from beamsim.flow.invariant_blocks import Block, SimpleModes
 from beamsim.flow.march import Log, Motion, carry
 from beamsim.flow.power_balance import power_balance
@@ -79,10 +79,10 @@ class SweptFlow:
 
     def starting_state(self, state: Floats) -> Ints:
         """Phases of the contacts when the sweep begins."""
-        return self.begin(state)[0]
+        return self.begin(state).phases
 
-    def begin(self, state: Floats) -> tuple[Ints, Bools]:
-        """The same, and which of them are entered there; see `ExactFlow.begin`."""
+    def begin(self, state: Floats) -> StartOfMotion:
+        """How the sweep begins; see `ExactFlow.begin`."""
         w = self.windows
         D = self.channel.shape[2] - 1
         sigma = -0.5 * w.length[0]
@@ -337,7 +337,7 @@ def sweep(
     begin = clock.process_time()
     windows = flow.windows
     y = flow.bare.whole_state(initial_state)
-    phases, entered = flow.begin(y)
+    phases, entered, y = flow.begin(y)
     motion = Motion(y, flow.state_index(phases))
     march = CycleMarch(flow, output_of, np.asarray(orders, dtype=float), windows.cycles)
     march.cycles.closings[0] += entered & flow.system.contacts.touching(phases)

@@ -54,7 +54,7 @@ def simulate(
 def start(flow: ExactFlow, initial_state: Floats) -> tuple[Motion, Log]:
     """A motion at t = 0, and the events of the contacts that begin at this very time."""
     y = flow.whole_state(np.asarray(initial_state, dtype=float))
-    phases, entered = flow.begin(y)
+    phases, entered, y = flow.begin(y)
     first = np.flatnonzero(entered)
     begun = Log.sized(0, y.size)._replace(
         event_time=np.zeros(first.size), event_contact=first, event_phase=phases[first]

@@ -51,6 +51,7 @@ FOUND = {
     10000295: "what a step follows from was too small for a number, and the march stood still",
     10000320: "fast and slow motions of a stiff pad in one block, whose series held for 1e-7 s: 1e7 steps a second",
     10001119: "a floating structure beside a pad, coupled by round-off that balancing enlarged",
+    10001410: "a pressed pad that is left too fast at t = 0, and its face",
     10003388: "the same, enlarged by the eigenvalue solver",
     10003504: "an overdamped stop beside friction with a spring: its round-off in slow motions",
     8100246: "a contact that began and ended at t = 0, without the force of a pressed stop",

@@ -120,6 +120,18 @@ def test_work_is_counted(curve, dashpot, branches):
     assert balance.history.dissipated[-1] > without_pad + 0.1
 
 
+@pytest.mark.parametrize(("curve", "dashpot", "branches"), [PADS[0], PADS[3]])
+def test_a_pad_that_is_left_too_fast_at_the_start_is_released_there(curve, dashpot, branches):
+    """Its face lies where the structure is: it has not been touched at t = 0 once more, and its energy is counted."""
+    pressed = np.append([0.35, 0.0, -40.0, 0.0, 0.3], np.full(len(branches), 0.3))  # by 0.3, the face given as well
+    settled = pressed.copy()
+    settled[4] = 0.0
+    trajectory = moved(recovering_law(curve, dashpot, branches), duration=1.0, start=settled)
+    np.testing.assert_array_equal(trajectory.y[0], pressed)
+    assert trajectory.event_time.min() > 1e-3
+    assert energy_history(trajectory, np.linspace(0.0, 1.0, 30)).error < 1e-12
+
+
 def _velocities(flow):
     from beamsim.analyses.run.outputs import in_every_state, velocities
 
