@@ -92,6 +92,11 @@ def _friction(_: RunResult, contacts: Mapping[str, Mapping[str, Any]]) -> Iterat
         worn = f", worn volume {s['worn_volume_m3'] * 1e9:.4g} mm^3" if is_known(s["worn_volume_m3"]) else ""
         lost = f"loses {amount(s['dissipated_energy_j'], 'J')}, {amount(s['dissipated_power_w'], 'W')}"
         yield "", f"{'':<{width}}  {lost}, wear power {amount(s['wear_power_w'], 'W')}{worn}"
+        if "intervals" in s:
+            low, high = s["intervals"]["wear_power_w"]
+            speed = " to ".join(amount(v, "m/s") for v in s["intervals"]["mean_sliding_speed_m_s"])
+            wear = f"wear power {amount(low, 'W')} to {amount(high, 'W')}"
+            yield "", f"{'':<{width}}  95 %: {wear}, mean sliding speed {speed}"
 
 
 def _outputs(result: RunResult, peaks: Mapping[str, float]) -> dict[str, str]:

@@ -68,6 +68,15 @@ def _solver(result: SweepResult, time: float) -> str:
     return f"{s['cycles']} cycles, {s['events']} contact events, processor time {amount(time, 's')}"
 
 
+def _sliding(_: SweepResult, curves: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, str]:
+    return {
+        f"{curve} {name}": f"at most {s['most_slides_per_cycle']:.3g} slides, {amount(s['largest_distance_m'], 'm')}, "
+        f"loss {amount(s['largest_energy_lost_j'], 'J')}, wear power {amount(s['largest_wear_power_w'], 'W')}"
+        for curve, contacts in curves.items()
+        for name, s in contacts.items()
+    }
+
+
 def _impacts(_: SweepResult, curves: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, str]:
     return {
         f"{curve} {name}": f"at most {s['most_per_cycle']:.3g}, {amount(s['longest_mean_contact_time_s'], 's')}, "
@@ -110,6 +119,7 @@ TEXTS: Texts = {
     "notches": _notches,
     "peak_output": _outputs,
     "impacts": _impacts,
+    "sliding": _sliding,
     "peak_displacement_m": _largest("displacement", "m"),
     "peak_acceleration_m_s2": _largest("acceleration", "m/s^2"),
     "peak_force_n": _largest("force", "N"),

@@ -17,7 +17,7 @@ the internal state follows :math:`\delta`, so that the spring is unstressed wher
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,25 @@ from beamsim.contacts.laws import ContactLaw, Guard, Phase
 STICK, FORWARDS, BACKWARDS = 0, 1, 2  # phases
 FREE = 3  # of a contact that another one presses; without a spring those of motions to either side, 3 and 4
 DIRECTION = np.array([0.0, 1.0, -1.0, 0.0, 0.0])  # of sliding, by phase
+
+
+class FrictionForces(NamedTuple):
+    """The numbers of a friction contact under a constant normal force."""
+
+    normal: float  # N
+    static: float  # N
+    sliding: float  # N
+    stiffness: float  # N/m, of the tangential spring; infinite without one
+
+    @property
+    def snap(self) -> float:
+        """How far the slider moves at once where sliding begins, m."""
+        return (self.static - self.sliding) / self.stiffness
+
+    @property
+    def snap_loss(self) -> float:
+        """Energy of the spring that is lost there, J."""
+        return 0.5 * (self.static + self.sliding) * self.snap
 
 
 @lru_cache(maxsize=1024)

@@ -22,7 +22,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
+from beamsim.contacts.friction import FrictionForces, friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.laws import ContactLaw, piecewise_linear
 from beamsim.contacts.pads import MaxwellBranch, relaxing_law
 from beamsim.errors import Problem, ScenarioError
@@ -51,6 +51,7 @@ class SpringInfo:
     cubic: float  # N/m^3
     linear: float  # N/m, the slope about zero
     law: ContactLaw | None  # the force apart from the linear part and the cubic one, by the stretch
+    friction: FrictionForces | None = None  # of friction under a constant normal force
 
     @property
     def felt(self) -> float:
@@ -102,8 +103,21 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
             numbers = (0.0, float(spring.slope_at_rest), relaxing_law(law, branches) if branches else law)
         on_ground = len(places) == 1 and spring.kind != JOINT and getattr(spring, "mounted_on", "ground") == "ground"
-        infos.append(SpringInfo(spring.name, spring.kind, places, masses, row, on_ground, float(lever), *numbers))
+        cubic, linear, own = numbers
+        infos.append(
+            SpringInfo(
+                spring.name, spring.kind, places, masses, row, on_ground, float(lever), cubic, linear, own,
+                _friction_forces(spring) if spring.kind == FRICTION else None,
+            )
+        )  # fmt: skip
     return tuple(infos)
+
+
+def _friction_forces(contact: Any) -> FrictionForces | None:
+    if contact.pressed_by is not None:
+        return None
+    stiffness = np.inf if contact.stiffness is None else float(contact.stiffness)
+    return FrictionForces(contact.constant_force, contact.static_force, contact.sliding_force, stiffness)
 
 
 def _law_of_friction(contact: Any) -> ContactLaw:

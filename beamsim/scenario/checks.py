@@ -396,8 +396,9 @@ def _sweep(scenario: _Checked) -> Problems:
         yield from level_problems(excitation, ("sweep", "levels", index), level)
     if isinstance(sweep, Continuation):
         yield from continuation_problems(scenario, sweep)
-    if not isinstance(sweep, Continuation) and sweep.impacts and not scenario.all_snubbers:
-        yield _problem(("sweep", "impacts"), "needs a snubber, and there is none", "leave it out, or add a snubber")
+    if not isinstance(sweep, Continuation) and sweep.impacts and not scenario.all_snubbers and not scenario.friction:
+        message = "needs a snubber or friction, and there is none"
+        yield _problem(("sweep", "impacts"), message, "leave it out, or add a snubber")
     if isinstance(sweep, SweptSine):
         if sweep.notch_to is not None:
             yield from notch_problems(scenario, sweep.notch_to)

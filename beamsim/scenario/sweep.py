@@ -40,7 +40,8 @@ class _UpAndDown(FrequencyRange):
     accelerations: bool = True
     """Whether absolute accelerations of the probes are stored in addition to relative displacements."""
     impacts: bool = False
-    """Whether impacts per cycle, their impulse, time in contact, energy lost and highest speed are computed."""
+    """Whether impacts per cycle, their impulse, time in contact, energy lost and highest speed are computed, and of
+    friction slides, distance, energy lost and wear power."""
 
     def settle(self) -> None:
         """Reject a range that contradicts the direction, and orders that cannot be tracked."""

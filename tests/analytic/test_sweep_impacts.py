@@ -73,3 +73,46 @@ def test_sweeps_without_them_have_none():
     sweep = {"kind": "stepped", "from": 18.0, "to": 22.0, "points": 2}
     (curve,) = swept(case("kelvin_voigt", sweep=sweep))
     assert curve.impacts == {}
+
+
+def rubbing(stiffness, **sections):
+    chain = {"masses": [1.0], "springs": [1e4], "damping": {"kind": "modal", "ratio": 0.02}}
+    pad = {"name": "pad", "at": {"mass": 1}, "normal_force": 10.0, "stiffness": stiffness,
+           "coefficient": {"static": 0.3, "sliding": 0.2}}  # fmt: skip
+    base = {"kind": "harmonic", "applied_to": "base", "level": 5.0, "frequency": 20.0}
+    return load_scenario({"chain": chain, "friction": [pad], "excitation": base, **sections})
+
+
+@pytest.mark.parametrize("stiffness", [None, 4e4])
+def test_sliding_per_cycle_of_a_stepped_sine_against_the_end_of_a_run(stiffness):
+    sweep = {"kind": "stepped", "from": 18.0, "to": 22.0, "points": 3, "impacts": True, "steady_to": 1e-10}
+    (curve,) = swept(rubbing(stiffness, sweep=sweep))
+    k = int(np.argmin(np.abs(curve.frequency_hz - 20.0)))
+    pads = []
+    for duration in (3.0, 4.0):
+        run = {"duration": duration, "sample_rate": 500.0, "convergence": "off"}
+        pads.append(beamsim.run(rubbing(stiffness, run=run)).friction["pad"])
+    sliding, cycles = curve.sliding["pad"], 20
+
+    def per_cycle(name):
+        return (getattr(pads[1], name) - getattr(pads[0], name)) / cycles
+
+    assert curve.impacts == {}
+    assert sliding.per_cycle[k] == pytest.approx(2.0) == per_cycle("slides")
+    assert sliding.distance[k] == pytest.approx(per_cycle("sliding_distance"), rel=1e-6)
+    assert sliding.energy_lost[k] == pytest.approx(per_cycle("dissipated_energy"), rel=1e-6)
+    assert sliding.wear_power[k] == pytest.approx(10.0 * per_cycle("sliding_distance") * 20.0, rel=1e-6)
+
+
+def test_sliding_per_cycle_of_a_swept_sine_adds_up_to_that_of_a_run():
+    sine = {"kind": "swept_sine", "from": 15.0, "to": 25.0, "rate": "20 oct/min"}
+    (curve,) = swept(rubbing(4e4, sweep={**sine, "impacts": True}))
+    end = float(curve.time[-1])
+    of_run = {**sine, "applied_to": "base", "level": 5.0}
+    run = {"duration": end, "sample_rate": 500.0, "convergence": "off"}
+    pad = beamsim.run(rubbing(4e4, excitation=of_run, run=run)).friction["pad"]
+    before, cycles = curve.time < end - 1e-9, curve.sliding["pad"]
+    assert pad.slides > 50
+    assert cycles.per_cycle[before].sum() == pytest.approx(pad.slides, abs=1.0)
+    assert cycles.distance[before].sum() == pytest.approx(pad.sliding_distance, rel=1e-2)
+    assert cycles.energy_lost[before].sum() == pytest.approx(pad.dissipated_energy, rel=1e-2)

@@ -232,6 +232,30 @@ def test_laws_of_the_snubber(pad, guide):
 
 
 @pytest.mark.parametrize(
+    "force", [pytest.param(5.0, marks=pytest.mark.slow), {"snubber": "guide"}], ids=["constant", "snubber"]
+)
+def test_intervals_of_random_input(force):
+    """The jackknife over blocks, once more from the histories; the linear laws between blocks make it easy."""
+    psd = [{"frequency": f, "density": 5.0} for f in (1.0, 20.0)]
+    case = scenario(
+        {"normal_force": force}, excitation={"kind": "random", "applied_to": "base", "psd": psd, "seed": 1},
+        run={"duration": 20.0, "sample_rate": 2000.0, "start": "rest", "convergence": "off"},
+    )  # fmt: skip
+    result = beamsim.run(case)
+    pad, time = result.friction["pad"], result.time[:]
+    intervals = {row.figure: row for row in pad.intervals}
+    normal = np.full(time.size, 5.0) if force == 5.0 else result.snubbers["guide"].force[:]
+    wear = np.where(pad.stuck[:], 0.0, normal * np.abs(np.gradient(pad.displacement[:], time)))
+    blocks = np.array([np.trapezoid(part) / 2000.0 for part in np.array_split(wear[time >= 2.0][:-1], 20)]) / 0.9
+    row = intervals["wear_power_w"]
+    assert row.value == pytest.approx(blocks.mean(), rel=0.02)
+    half = 2.093 * blocks.std(ddof=1) / np.sqrt(20)  # Student's t of 19
+    assert row.high - row.value == pytest.approx(half, rel=0.05)
+    assert intervals["sliding_share"].low < pad.sliding_share < intervals["sliding_share"].high
+    assert result.summary["friction"]["pad"]["intervals"]["wear_power_w"] == [row.low, row.high]
+
+
+@pytest.mark.parametrize(
     ("pad", "guide", "others", "says"),
     [
         ({"normal_force": {"snubber": "guid"}}, {}, {}, "snubber = guid is an unknown snubber"),

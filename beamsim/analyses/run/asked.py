@@ -10,6 +10,7 @@ import numpy as np
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.run.energy import energy_of_segments
 from beamsim.analyses.run.figures import SEEDS, by_name, openings, static_figures
+from beamsim.analyses.run.intervals import SKIPPED
 from beamsim.analyses.run.outputs import (
     OutputOf,
     bending_stress,
@@ -18,7 +19,7 @@ from beamsim.analyses.run.outputs import (
     output_groups,
     stack,
 )
-from beamsim.analyses.run.random_response import LEAST_SAMPLES, SKIPPED
+from beamsim.analyses.run.random_response import LEAST_SAMPLES
 from beamsim.errors import NotTrustedError
 from beamsim.flow.stopping import Stopped, check_stop, heeding, never
 from beamsim.flow.transient import simulate

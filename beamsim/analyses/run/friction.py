@@ -1,16 +1,22 @@
-"""What friction contacts did in a run: sliding, what it lost and what it wore."""
+"""What friction contacts did in a run: sliding, what it lost and what it wore.
+
+Sliding speed is that of the face, which behind a tangential spring is the slider. Where sliding begins under less than
+the static force the slider moves by what the spring springs back; this counts as sliding.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.energy import contact_motion
+from beamsim.analyses.run.intervals import BLOCKS, LEAST, SKIPPED, FigureInterval, Sums, jackknife
 from beamsim.contacts.friction import DIRECTION, STICK
 from beamsim.contacts.springs import FRICTION
 from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.scenario.friction import FrictionBase
 from beamsim.system.structural import StructuralSystem
@@ -24,96 +30,116 @@ def friction_contacts(system: StructuralSystem) -> Ints:
 
 
 def sliding_figures(
-    system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase]
+    system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase], *, random: bool = False
 ) -> list[dict[str, Any]]:
-    """Of each friction contact its sliding distance, m, slides, energy and power lost, J and W, wear power, W, and worn
-    volume, m^3.
-
-    Where sliding begins under less than the static force the slider moves by what the tangential spring springs back;
-    this counts as sliding.
-    """
-    figures = _under_constant_forces(system, trajectory, contacts)
-    if system.dynamics.contacts.pressed.size:
-        pressed = iter(_under_forces_of_snubbers(system, trajectory, contacts))
-        figures = [own if c.pressed_by is None else next(pressed) for own, c in zip(figures, contacts, strict=True)]
-    return figures
-
-
-def _under_constant_forces(
-    system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase]
-) -> list[dict[str, Any]]:
-    which = friction_contacts(system)
-    of_flow = trajectory.flow.system.contacts
-    phases = trajectory.phases_of(trajectory.state)
-    moved = np.diff(contact_motion(trajectory)[1][:, which], axis=0)
-    slides = ~of_flow.touching(phases)[:, which]
-    lost = (of_flow.friction(phases)[:, which] * moved).sum(axis=0) + trajectory.event_losses()[:, which].sum(axis=0)
-    begun = np.sum(slides[1:] & ~slides[:-1], axis=0)
-    snaps: Floats = np.array([(c.static_force - c.sliding_force) / (c.stiffness or np.inf) for c in contacts])
-    distance = np.where(slides, np.abs(moved), 0.0).sum(axis=0) + begun * snaps
+    """Of each friction contact the fields of its history about sliding; of a random input with intervals."""
+    times = np.array([trajectory.end])
+    if random:
+        times = np.linspace(SKIPPED * trajectory.end, trajectory.end, BLOCKS + 1)
+    sums = _sliding(system, trajectory, contacts, times)
     duration = trajectory.end if trajectory.end > 0.0 else np.inf
     return [
         {
-            "sliding_distance": float(distance[k]),
-            "slides": int(begun[k] + slides[0, k]),
-            "dissipated_energy": float(lost[k]),
-            "dissipated_power": float(lost[k]) / duration,
-            "wear_power": contact.constant_force * float(distance[k]) / duration,
-            "worn_volume": None
-            if contact.wear_rate is None
-            else contact.wear_rate * contact.constant_force * float(distance[k]),
+            "sliding_share": float(sums.time[-1, k]) / duration,
+            "sliding_distance": float(sums.distance[-1, k]),
+            "slides": int(sums.slides[-1, k]),
+            "dissipated_energy": float(sums.lost[-1, k]),
+            "dissipated_power": float(sums.lost[-1, k]) / duration,
+            "wear_power": float(sums.wear[-1, k]) / duration,
+            "worn_volume": None if contact.wear_rate is None else contact.wear_rate * float(sums.wear[-1, k]),
+            "intervals": sums.intervals(k, times) if random else (),
         }
         for k, contact in enumerate(contacts)
     ]
 
 
-def _under_forces_of_snubbers(
-    system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase]
-) -> list[dict[str, Any]]:
-    """The same of contacts that the force of a snubber presses, by integrals of sliding speed times 1 and that force.
+@dataclass(frozen=True)
+class _Sliding:
+    """Sums until some times, (nt, f) each."""
 
-    The share of sliding leaves out the time in which the snubber is open.
-    """
-    flow, of_flow = trajectory.flow, trajectory.flow.system.contacts
-    which, count = of_flow.pressed, of_flow.pressed.size
-    phases = trajectory.phases_of(trajectory.state)
-    direction = DIRECTION[phases[:, which]]
-    own = [c for c in contacts if c.pressed_by is not None]
+    time: Floats  # s, of sliding
+    distance: Floats  # m
+    wear: Floats  # J, of normal force times distance
+    lost: Floats  # J
+    slides: Floats
 
-    def force(state: Ints) -> LinearOutput:
-        one = flow.empty_output(count)
+    def intervals(self, k: int, times: Floats) -> tuple[FigureInterval, ...]:
+        """Intervals of one contact's figures from the sums between times; none where it slides too rarely."""
+        blocks = {name: np.diff(getattr(self, name)[:, k]) for name in ("time", "distance", "wear", "lost", "slides")}
+        blocks["duration"] = np.diff(times)
+        return jackknife(blocks, _FIGURES) if blocks["slides"].sum() >= LEAST else ()
+
+
+def _rate(name: str) -> Callable[[Sums], Floats]:
+    return lambda sums: sums[name] / sums["duration"]
+
+
+_FIGURES = {
+    "slides_per_second": _rate("slides"),
+    "sliding_share": _rate("time"),
+    "mean_sliding_speed_m_s": _rate("distance"),
+    "dissipated_power_w": _rate("lost"),
+    "wear_power_w": _rate("wear"),
+}
+"""Figures that have an interval; what happens where sliding begins belongs to the block in which it does."""
+
+
+def sliding_speeds(flow: ExactFlow, which: Ints, phases: Ints) -> LinearOutput:
+    """Speeds at which friction contacts (f,) slide with the contacts in given phases, 0 of those that do not, m/s."""
+    contacts, speed = flow.system.contacts, flow.penetrations[1].some(which)
+    if contacts.presses(phases):  # the spring of a slider gives way
+        turning = contacts.pressing_factors(phases) * contacts.pressing_compliances(phases)
+        own = (which[:, None] == contacts.pressed).astype(float)
+        speed += flow.pressing_force_rates(phases).combined(-own * turning)
+    return speed.scaled(DIRECTION[phases[which]][:, None])
+
+
+def _normal_forces(flow: ExactFlow, contacts: Sequence[FrictionBase], which: Ints, phases: Ints) -> LinearOutput:
+    forces = flow.empty_output(which.size)
+    forces.direct[:, 0] = [c.constant_force if c.pressed_by is None else 0.0 for c in contacts]
+    pressed = flow.system.contacts.pressed
+    if pressed.size:
+        forces += flow.pressing_forces(phases).combined((which[:, None] == pressed).astype(float))
+    return forces
+
+
+def _sliding(
+    system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase], times: Floats
+) -> _Sliding:
+    flow, which = trajectory.flow, friction_contacts(system)
+    phases = trajectory.phases_of(trajectory.state)[:, which]
+
+    def forces(state: Ints) -> LinearOutput:
+        one = flow.empty_output(which.size)
         one.direct[:, 0] = 1.0
-        return one.above(flow.pressing_forces(state))
+        return one.above(_normal_forces(flow, contacts, which, state))
 
-    def speed(state: Ints) -> LinearOutput:
-        along = flow.penetrations[1].some(which)
-        turning = of_flow.pressing_factors(state) * of_flow.pressing_compliances(state)
-        if turning.any():
-            along += flow.pressing_force_rates(state).scaled(-turning[:, None])
-        along = along.scaled(DIRECTION[state[which]][:, None])
-        return along.above(along)
+    def speeds(state: Ints) -> LinearOutput:
+        speed = sliding_speeds(flow, which, state)
+        return speed.above(speed)
 
-    end = np.array([trajectory.end])
-    distance, work = trajectory.product_integrals(end, force, speed, np.eye(2 * count))[0].reshape(2, count)
-    begun = (direction[1:] != 0.0) & (direction[:-1] == 0.0) & (phases[:-1, which] == STICK)
-    snap = np.array([(c.static_coefficient - c.sliding_coefficient) / (c.stiffness or np.inf) for c in own])
-    normal = trajectory.sample(trajectory.time, flow.pressing_forces)[1:]
-    distance += (begun * snap * normal).sum(axis=0)
-    work += (begun * snap * normal**2).sum(axis=0)
-    sliding = np.array([c.sliding_coefficient for c in own])
-    lost = sliding * work + trajectory.event_losses()[:, which].sum(axis=0)
-    lost -= sliding * (begun * snap * normal**2).sum(axis=0)
-    duration = trajectory.end if trajectory.end > 0.0 else np.inf
-    starts = np.sum((direction[1:] != 0.0) & (direction[:-1] == 0.0), axis=0) + (direction[0] != 0.0)
-    return [
-        {
-            "sliding_share": float(trajectory.length @ (direction[:, k] != 0.0)) / duration,
-            "sliding_distance": float(distance[k]),
-            "slides": int(starts[k]),
-            "dissipated_energy": float(lost[k]),
-            "dissipated_power": float(lost[k]) / duration,
-            "wear_power": float(work[k]) / duration,
-            "worn_volume": None if contact.wear_rate is None else contact.wear_rate * float(work[k]),
-        }
-        for k, contact in enumerate(own)
-    ]
+    integrals = trajectory.product_integrals(times, forces, speeds, np.eye(2 * which.size))
+    distance, wear = integrals.reshape(times.size, 2, which.size).swapaxes(0, 1)
+    slides = DIRECTION[phases] != 0.0
+    begins = slides.copy()
+    begins[1:] &= ~slides[:-1]
+    normal = trajectory.sample(trajectory.time, lambda state: _normal_forces(flow, contacts, which, state))
+    drop = np.array([c.static_coefficient - c.sliding_coefficient for c in contacts])
+    spring = np.array([c.stiffness or np.inf for c in contacts])
+    snaps = np.zeros_like(normal)
+    snaps[1:] = (begins[1:] & (phases[:-1] == STICK)) * normal[1:] * drop / spring
+    begun = np.searchsorted(trajectory.time, times, side="right")
+
+    def until(events: Floats) -> Floats:
+        return np.asarray(np.vstack([np.zeros(which.size), np.cumsum(events, axis=0)])[begun])
+
+    coefficient = np.array([c.sliding_coefficient for c in contacts])
+    ends = np.append(trajectory.time, trajectory.end)
+    slid = np.vstack([np.zeros(which.size), np.cumsum(slides * trajectory.length[:, None], axis=0)])
+    return _Sliding(
+        time=np.column_stack([np.interp(times, ends, column) for column in slid.T]),
+        distance=distance + until(snaps),
+        wear=wear + until(snaps * normal),
+        lost=coefficient * wear + until(trajectory.event_losses()[:, which]),
+        slides=until(begins.astype(float)),
+    )

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.run.intervals import FigureInterval
 from beamsim.fields import Counter, attribute, dataset, declared, group, key, named, stored, table
 from beamsim.typing import Bools, Floats, Ints
 
@@ -24,16 +25,6 @@ class Rainflow:
     range: Floats = dataset("{unit}", "range of the cycle, largest less smallest value", along=_CYCLE)
     mean: Floats = dataset("{unit}", "mean of the two", along=_CYCLE)
     count: Floats = dataset("1", "1 of a whole cycle, 0.5 of a half one", along=_CYCLE)
-
-
-@declared
-class ImpactInterval:
-    """One figure of a random input with its interval."""
-
-    figure: str = dataset("1", "name of the figure")
-    value: float = dataset("", "its value without the first part of the run, in its SI unit")
-    low: float = dataset("", "lower end of the interval, 95 %")
-    high: float = dataset("", "upper end of the interval, 95 %")
 
 
 @declared
@@ -64,7 +55,7 @@ class SnubberImpacts:
     rms_force_in_contact_n: float = attribute("N", "root mean square of the contact force over the time in contact")
     rainflow: Rainflow = group("rainflow")  # of the force
     # of a random input
-    intervals: tuple[ImpactInterval, ...] = table(
+    intervals: tuple[FigureInterval, ...] = table(
         "intervals", Counter("number", "number of the figure"), empty=False, default=()
     )
 

@@ -5,9 +5,7 @@ time are one. Impulses, energies and mean squares are integrals over the segment
 penetration's rate where segments begin, peak forces the highest turning points of the force. What a released snubber
 loses until it is met again belongs to the impact before.
 
-*Random inputs.* The run without its first part is divided into equal blocks; the interval of each figure is the
-jackknife's over these (B. Efron, The Jackknife, SIAM 1982, ch. 3), with Student's t. It assumes a stationary motion
-whose blocks are long against its memory, and blocks with many impacts.
+Of random inputs the figures have intervals (`beamsim.analyses.run.intervals`), from blocks with many impacts.
 """
 
 from __future__ import annotations
@@ -20,9 +18,9 @@ import numpy as np
 
 from beamsim.analyses.rainflow import damage, rainflow, reversals
 from beamsim.analyses.run.energy import contact_losses
-from beamsim.analyses.run.impact_result import Fatigue, ImpactInterval, Impacts, Rainflow, SnubberImpacts
+from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow, SnubberImpacts
+from beamsim.analyses.run.intervals import BLOCKS, LEAST, SKIPPED, FigureInterval, Sums, jackknife
 from beamsim.analyses.run.outputs import OutputOf, accelerations, bending_stress, stack, velocities
-from beamsim.analyses.run.random_response import CONFIDENCE, SKIPPED
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
@@ -37,8 +35,6 @@ SAME_PEAK = (
 )
 FINEST = 8  # times the grid
 LEAST_RANGE = 1e-11  # of the largest value, of a cycle
-BLOCKS = 20  # of a random run, for intervals
-LEAST_IMPACTS = 40  # in these, for an interval
 
 
 class ImpactRecord:
@@ -381,8 +377,6 @@ def _cycles(values: Floats) -> Floats:
     return np.asarray(cycles[cycles[:, 0] > LEAST_RANGE * np.abs(values).max(initial=0.0)])
 
 
-Sums = dict[str, Floats]  # (BLOCKS,) by name
-
 _FIGURES: dict[str, Callable[[Sums], Floats]] = {
     "rate_hz": lambda s: s["number"] / s["time"],
     "mean_contact_time_s": lambda s: s["contact_time"] / s["number"],
@@ -397,10 +391,8 @@ _FIGURES: dict[str, Callable[[Sums], Floats]] = {
 """Figures that have an interval, from sums over blocks of time; an impact belongs to the block in which it begins."""
 
 
-def _intervals(every: _Impacts, counted: _Impacts, duration: float) -> tuple[ImpactInterval, ...]:
+def _intervals(every: _Impacts, counted: _Impacts, duration: float) -> tuple[FigureInterval, ...]:
     """Intervals of a random run; none where the impacts are too few."""
-    from scipy.special import stdtrit
-
     begin = SKIPPED * duration
     width = (duration - begin) / BLOCKS
 
@@ -410,22 +402,14 @@ def _intervals(every: _Impacts, counted: _Impacts, duration: float) -> tuple[Imp
         values = np.nan_to_num(getattr(impacts, name)) if name else np.ones(impacts.begin.size)
         return np.asarray(np.bincount(block[inside], values[inside], minlength=BLOCKS), dtype=float)
 
-    if np.sum(counted.begin >= begin) < LEAST_IMPACTS:
+    if np.sum(counted.begin >= begin) < LEAST:
         return ()
     blocks = {"number": sums(counted, ""), "time": np.full(BLOCKS, width)}
     for name in ("contact_time", "peak_force", "impulse", "approach_speed", "energy_lost"):
         blocks[name] = sums(counted, name)
     for name in ("contact_time", "impulse", "square"):
         blocks[f"every {name}"] = sums(every, name)
-    whole = {name: values.sum(keepdims=True) for name, values in blocks.items()}
-    without = {name: whole[name] - values for name, values in blocks.items()}
-    quantile = float(stdtrit(BLOCKS - 1, 0.5 * (1.0 + CONFIDENCE)))
-    rows = []
-    for figure, of in _FIGURES.items():
-        value, left_out = float(of(whole)[0]), of(without)
-        error = float(np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((left_out - left_out.mean()) ** 2)))
-        rows.append(ImpactInterval(figure, value, value - quantile * error, value + quantile * error))
-    return tuple(rows)
+    return jackknife(blocks, _FIGURES)
 
 
 def fatigue_of(

@@ -242,7 +242,8 @@ def _friction(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -
     columns = [i for i, spring in enumerate(system.springs) if spring.kind == FRICTION]
     figures: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
     if contacts and motion.trajectory is not None:
-        figures = sliding_figures(system, motion.trajectory, contacts)
+        random = scenario.excitation.kind == "random" and motion.outcome.complete
+        figures = sliding_figures(system, motion.trajectory, contacts, random=random)
     return {
         c.name: FrictionHistory(
             name=c.name,

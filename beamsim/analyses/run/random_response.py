@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.run.intervals import CONFIDENCE, SKIPPED
 from beamsim.analyses.run.linear_prediction import LinearStructures
 from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics
 from beamsim.fields import later, rows_of
@@ -30,8 +31,6 @@ from beamsim.typing import Complexes, Floats
 
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
-SKIPPED = 0.1  # share of a run that is left out at its beginning
-CONFIDENCE = 0.95
 LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
 HISTORIES_SHARE = 0.2  # of the memory of a run, for the histories that are analysed
 

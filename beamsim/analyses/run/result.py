@@ -10,6 +10,7 @@ import numpy as np
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.result import GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.impact_result import Fatigue, Impacts
+from beamsim.analyses.run.intervals import FigureInterval
 from beamsim.fields import (
     Counter,
     Entry,
@@ -145,10 +146,15 @@ class FrictionHistory:
     dissipated_power: float | None = attribute("W", "energy lost over the duration of the run", default=None)
     wear_power: float | None = attribute("W", "mean of normal force times sliding speed", default=None)
     worn_volume: float | None = attribute("m^3", "volume worn, where wear_rate is given", default=None)
+    intervals: tuple[FigureInterval, ...] = table(  # of a random input
+        "intervals", Counter("number", "number of the figure"), empty=False, default=()
+    )
 
     def summary(self) -> dict[str, Any]:
         """The numbers by name, with their units."""
-        numbers = {f"{name}_{unit}": getattr(self, name) for name, unit in _FRICTION_UNITS.items()}
+        numbers: dict[str, Any] = {f"{name}_{unit}": getattr(self, name) for name, unit in _FRICTION_UNITS.items()}
+        if self.intervals:
+            numbers["intervals"] = {row.figure: [row.low, row.high] for row in self.intervals}
         return {"sliding_share": self.sliding_share, "slides": self.slides, **numbers}
 
 

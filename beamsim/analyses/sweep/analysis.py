@@ -256,6 +256,12 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
             if curve.impacts
         }
         or None,
+        "sliding": {
+            curve.name: {name: sliding.summary() for name, sliding in curve.sliding.items()}
+            for curve in curves.values()
+            if curve.sliding
+        }
+        or None,
         "notches": {curve.name: curve.notching.summary() for curve in curves.values() if curve.notching is not None}
         or None,
         "energy_error": max((float(np.max(c.energy_error)) for c in curves.values() if c.energy_error is not None),

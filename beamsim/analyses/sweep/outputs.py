@@ -9,9 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.analyses.run.friction import friction_contacts, sliding_speeds
 from beamsim.analyses.run.outputs import accelerations, asked_for, bending_stress, displacements, stack
 from beamsim.analyses.sweep.peaks import bent
-from beamsim.analyses.sweep.result import CycleImpacts, Envelope, LevelWork, OutputEnvelope, SweepCurve, SweepHistory
+from beamsim.analyses.sweep.result import (
+    CycleImpacts,
+    CycleSliding,
+    Envelope,
+    LevelWork,
+    OutputEnvelope,
+    SweepCurve,
+    SweepHistory,
+)
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
@@ -80,7 +89,8 @@ class SweepOutputs:
     with_accelerations : whether the accelerations are among them.
     limited : names of the limits. The penetrations of the snubbers follow where it holds "gap", and then the stress
         along the beam where it holds "bending_stress".
-    with_impacts : whether the rates and losses of the impacts are among them, before what limits ask for.
+    with_impacts : whether the rates and losses of the impacts, and the sliding speeds of friction contacts, are among
+        them, before what limits ask for.
     """
 
     system: StructuralSystem
@@ -94,6 +104,7 @@ class SweepOutputs:
         shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
         count = len(system.snubbers)
         displacement = displacements(template, shapes)
+        rubbing = friction_contacts(system)
         of_limits: list[LinearOutput] = []
         if "gap" in self.limited:
             of_limits.append(template.penetrations[0].some(slice(count)))
@@ -106,6 +117,8 @@ class SweepOutputs:
                 parts.append(accelerations(template, shapes, phases, system.carried))
             if self.with_impacts:
                 parts.append(_impact_rows(template, phases, count))
+                if rubbing.size:
+                    parts.append(sliding_speeds(template, rubbing, phases))
             of_outputs = [asked_for(template, system.linear_outputs, phases)] if system.linear_outputs else []
             return stack(*parts, *of_limits, *of_outputs)
 
@@ -121,6 +134,7 @@ class SweepOutputs:
             "force": snubbers,
             "acceleration": probes * self.with_accelerations,
             "impacts": (snubbers + losses) * self.with_impacts,
+            "sliding": friction_contacts(system).size * self.with_impacts,
             "gap": snubbers * ("gap" in self.limited),
             "bending_stress": stations * ("bending_stress" in self.limited),
             "outputs": len(system.linear_outputs),
@@ -166,6 +180,7 @@ class SweepOutputs:
             contacts={name: values.closings[:, k] for k, name in enumerate(force)},
             bent=bent(values.contact_share[:, len(force) :]),
             impacts=self._impacts(values),
+            sliding=self._sliding(values),
             outputs={
                 output.name: OutputEnvelope(
                     output.name,
@@ -202,6 +217,24 @@ class SweepOutputs:
                 impulse=values.mean[:, column] * period,
                 energy_lost=np.maximum(values.mean_square[:, lossy].sum(axis=1), 0.0) * period,
                 penetration_rate=values.high[:, first + k],
+            )
+        return out
+
+    def _sliding(self, values: CycleValues) -> dict[str, CycleSliding]:
+        """Sliding by friction contact, from mean speeds of sliding and from how often it ends."""
+        columns, which, out = self._groups()["sliding"], friction_contacts(self.system), {}
+        contacts = [(spring.name, spring.friction) for spring in self.system.springs if spring.friction is not None]
+        for column, contact, (name, forces) in zip(
+            range(columns.start, columns.stop), which.tolist(), contacts, strict=False
+        ):  # there may be no columns
+            slides = values.closings[:, contact] / values.cycles
+            moved = values.mean[:, column] * values.period
+            distance = moved + slides * forces.snap
+            out[name] = CycleSliding(
+                per_cycle=slides,
+                distance=distance,
+                energy_lost=forces.sliding * moved + slides * forces.snap_loss,
+                wear_power=forces.normal * distance / values.period,
             )
         return out
 

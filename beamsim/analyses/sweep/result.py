@@ -122,6 +122,27 @@ class CycleImpacts:
 
 
 @declared
+class CycleSliding:
+    """Sliding of one friction contact, cycle by cycle; at each frequency of a stepped sweep means over the cycles
+    measured. What the tangential spring springs back where sliding begins counts in the cycle in which that slide ends.
+    """
+
+    per_cycle: Floats = dataset("1", "slides per cycle that end in sticking", along=_FREQUENCY, name="slides_per_cycle")
+    distance: Floats = dataset("m", "sliding distance in a cycle", along=_FREQUENCY)
+    energy_lost: Floats = dataset("J", "energy lost by friction in a cycle", along=_FREQUENCY)
+    wear_power: Floats = dataset("W", "mean of normal force times sliding speed", along=_FREQUENCY)
+
+    def summary(self) -> dict[str, float]:
+        """Largest values along the curve, by name."""
+        return {
+            "most_slides_per_cycle": float(np.max(self.per_cycle, initial=0.0)),
+            "largest_distance_m": float(np.max(self.distance, initial=0.0)),
+            "largest_energy_lost_j": float(np.max(self.energy_lost, initial=0.0)),
+            "largest_wear_power_w": float(np.max(self.wear_power, initial=0.0)),
+        }
+
+
+@declared
 class SteadyStates:
     """What the stepped sweep found at every frequency."""
 
@@ -231,6 +252,9 @@ class SweepCurve:
     )
     impacts: dict[str, CycleImpacts] = named(  # where sweep.impacts asks for them
         "snubbers", having="impacts_per_cycle", default_factory=dict
+    )
+    sliding: dict[str, CycleSliding] = named(  # likewise
+        "friction", having="slides_per_cycle", default_factory=dict
     )
     outputs: dict[str, OutputEnvelope] = named("outputs", having="maximum", default_factory=dict)
     notching: Notching | None = group("notching", default=None)  # where sweep.notch_to asks for it
@@ -352,6 +376,7 @@ _SUMMARY = (
              "governs", "notches"),
     Entry("impacts", "", "by curve and snubber the largest values per cycle, if sweep.impacts asks for them",
              "impacts per cycle"),
+    Entry("sliding", "", "by curve and friction contact the largest values per cycle, likewise", "sliding per cycle"),
     Entry("energy_error", "1", "largest imbalance of the energies along a curve, over the largest energy"),
     MARGINS,
     *MODES,
