@@ -95,7 +95,7 @@ def finish(kind: str, result: Result, target: Path, reporting: Reporting, signal
         if signal or not has_long_histories(result):
             write_result(result, target)
         else:
-            with interruptible() as interrupted:
+            with interruptible(kept=True) as interrupted:
                 write_until(result, target, interrupted, progress)
             result, signal = open_result(target, kind), interrupted.signal
     conclude(kind, result, target, reporting, signal)

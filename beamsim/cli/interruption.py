@@ -14,33 +14,46 @@ from beamsim.cli.failures import say
 from beamsim.errors import ExitCode
 from beamsim.flow.stopping import CompilationStopped, between_compilations, is_compiling, loses_exceptions
 
+STOPPING = "beamsim: stopping after the current point and saving the partial result; press again to stop immediately"
+
 
 class Interruption:
-    """Called by an analysis to check whether it should stop."""
+    """Called by an analysis to check whether it should stop.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    kept : whether there is something to keep already; otherwise there is once the analysis has asked.
+    """
+
+    def __init__(self, *, kept: bool = False) -> None:
         self.signal = 0  # number of the signal received, or 0
-        self.raised: CompilationStopped | None = None  # while a kernel was being compiled
+        self.kept = kept
+        self.raised: KeyboardInterrupt | None = None  # by a signal, where it ends more than the next check would
 
     def __call__(self) -> bool:
         """Whether a signal was received."""
+        if not self.kept:
+            self.raise_lost()
+            self.kept = True
         return self.signal != 0
 
-    def end_compilation(self) -> None:
-        """Raise what a signal has raised while a kernel was being compiled, if it was lost."""
-        if self.raised is not None and not self.raised.caught:
+    def raise_lost(self) -> None:
+        """Raise what a signal has raised, if it was lost."""
+        if self.raised is not None and not getattr(self.raised, "caught", False):
             raise self.raised
 
 
 @contextmanager
-def interruptible() -> Iterator[Interruption]:
+def interruptible(*, kept: bool = False) -> Iterator[Interruption]:
     """Yield an object that the first SIGINT or SIGTERM sets; the second has its previous effect.
 
-    Where a kernel is being compiled, which takes seconds, the first one ends that as well.
+    Until the analysis asks for the first time it reads, builds its model and makes its input, of which nothing can be
+    kept: the first signal ends it there at once, unless something is ``kept`` from before. Where a kernel is being
+    compiled, which takes seconds, the first one ends that as well.
 
     Signals that the process was started to ignore (``nohup``, background jobs of a shell) stay ignored.
     """
-    interruption = Interruption()
+    interruption = Interruption(kept=kept)
     if threading.current_thread() is not threading.main_thread():
         yield interruption  # only the main thread receives signals
         return
@@ -53,16 +66,18 @@ def interruptible() -> Iterator[Interruption]:
     def request(number: int, frame: FrameType | None) -> None:
         interruption.signal = number
         restore()
-        say("beamsim: stopping after the current point and saving the partial result; press again to stop immediately")
-        if is_compiling(frame):
-            interruption.raised = CompilationStopped()
-            if not loses_exceptions(frame):
-                raise interruption.raised
+        if interruption.kept:
+            say(STOPPING)
+            if not is_compiling(frame):
+                return
+        interruption.raised = CompilationStopped() if interruption.kept else KeyboardInterrupt()
+        if not loses_exceptions(frame):
+            raise interruption.raised
 
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) not in (signal.SIG_IGN, None):  # None: not set from Python
             before[number] = signal.signal(number, request)
-    between_compilations.append(interruption.end_compilation)
+    between_compilations.append(interruption.raise_lost)
     try:
         yield interruption
     except KeyboardInterrupt:  # nothing was found that could be kept
@@ -70,7 +85,7 @@ def interruptible() -> Iterator[Interruption]:
             sys.exit(ExitCode.TERMINATED)
         raise
     finally:
-        between_compilations.remove(interruption.end_compilation)
+        between_compilations.remove(interruption.raise_lost)
         restore()
 
 

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import numpy as np
@@ -257,6 +258,47 @@ def test_signals_are_the_commands_only_while_it_can_keep_something(number, heede
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
 
 
+@pytest.mark.parametrize("lost", [False, True])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_before_there_is_anything_to_keep_ends_at_once(number, lost, heeded, capsys):
+    """While a model is built or a random input is made: seconds, after which a motion of some steps was evaluated."""
+    reached = []
+
+    def build_and_march():
+        with interruptible() as interrupted:
+            with suppress(KeyboardInterrupt) if lost else nullcontext():  # as a callback of the compiler does
+                signal.raise_signal(number)
+                reached.append("model")
+            interrupted()
+            reached.append("march")
+
+    with pytest.raises(KeyboardInterrupt if number == signal.SIGINT else SystemExit):
+        build_and_march()
+    assert not reached
+    assert not capsys.readouterr().err  # nothing is saved, and that is not said
+    with interruptible(kept=True) as interrupted:
+        signal.raise_signal(number)
+        assert interrupted()
+
+
+def test_a_signal_while_a_random_input_is_made_leaves_no_file(heeded, monkeypatch, tmp_path):
+    from typer.testing import CliRunner
+
+    from beamsim.cli.app import app
+    from beamsim.inputs import random_input
+
+    def density(*given, real=random_input.density):
+        signal.raise_signal(signal.SIGINT)
+        return real(*given)
+
+    monkeypatch.setattr(random_input, "density", density)
+    target = tmp_path / "case.h5"
+    done = CliRunner().invoke(app, ["run", str(CONFIGS / "random_vibration.yaml"), "--no-plots", "-o", str(target)])
+    assert done.exit_code == 130, done.output
+    assert done.output == "beamsim: interrupted; no incomplete file was left\n"
+    assert not target.exists()
+
+
 def test_a_signal_that_is_ignored_stays_ignored(heeded):
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with interruptible() as interrupted:
@@ -345,8 +387,6 @@ def test_a_signal_during_a_comparison_keeps_the_result(arguments, entered, durin
 
 def test_a_signal_whose_exception_is_lost_ends_a_study_after_the_case(heeded, monkeypatch, tmp_path):
     """As in a callback of the compiler, within which nothing can be raised."""
-    from contextlib import suppress
-
     from typer.testing import CliRunner
 
     from beamsim.analyses.designs.cases import CaseSolver
@@ -425,7 +465,7 @@ def test_a_signal_ends_a_compilation(number, heeded):
 
     before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
-        with interruptible() as interrupted, pytest.raises(Stopped), heeding(interrupted):
+        with interruptible(kept=True) as interrupted, pytest.raises(Stopped), heeding(interrupted):
             compiling(number)
         assert interrupted.signal == number
         with pytest.raises(KeyboardInterrupt if number == signal.SIGINT else SystemExit), interruptible():
@@ -437,7 +477,7 @@ def test_a_signal_ends_a_compilation(number, heeded):
 def test_a_signal_that_a_compilation_loses_ends_the_next_one(heeded):
     from beamsim.flow.stopping import Stopped, between_compilations, check_compilation, heeding
 
-    with interruptible() as interrupted:
+    with interruptible(kept=True) as interrupted:
         assert compiling(signal.SIGINT, lost=True) == 1
         with pytest.raises(Stopped), heeding(interrupted):
             check_compilation()
