@@ -62,7 +62,7 @@ def pad(
     """Find a snubber's stiffness and damping from a material, a measured curve or an impact. Prints its YAML."""
     from beamsim.analyses.pad.analysis import PadInput
     from beamsim.analyses.pad.analysis import pad as designed
-    from beamsim.cli.pad_numbers import read_numbers
+    from beamsim.cli.pad_numbers import check_found, check_written, read_numbers
     from beamsim.cli.printing import print_json
 
     texts = {
@@ -71,10 +71,12 @@ def pad(
         "restitution": restitution, "dashpot": dashpot, "loss_factor": loss_factor, "frequency": frequency,
         "mass": mass, "speed": speed,
     }  # fmt: skip
+    check_written({"name": name} | ({"position": position} if on_mass is None else {"on_mass": on_mass}))
     numbers = read_numbers({key: text for key, text in texts.items() if text is not None})
     result = designed(
         PadInput(curve=curve, segments=segments, law="no_tension" if no_tension else "kelvin_voigt", **numbers)
     )
+    check_found(result)
     place = f"position: {position}" if on_mass is None else f"mass: {on_mass}"
     lines = list(_snubber(result, name, place))
     if json:

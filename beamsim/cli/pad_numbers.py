@@ -1,13 +1,17 @@
-"""Numbers with units on the command line of ``beamsim pad``."""
+"""What ``beamsim pad`` reads on its command line, and what a scenario takes of the snubber that it prints."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import units
-from beamsim.scenario.quantities import Between, Quantity
+from beamsim.scenario.quantities import Between, FieldType, PositionType, Quantity, TextType, Whole
+
+if TYPE_CHECKING:
+    from beamsim.analyses.pad.analysis import PadNumbers
 
 _RATIO = replace(units.NUMBER, name="ratio")
 _READ: dict[str, Quantity] = {
@@ -27,6 +31,11 @@ _READ: dict[str, Quantity] = {
     "speed": Quantity(units.VELOCITY, above=0.0),
 }
 _OPTIONS = {"factor": "--kappa"}
+_WRITTEN: dict[str, FieldType] = {
+    "name": TextType(name=True),
+    "position": PositionType(replace(units.LENGTH, name="position", example="100 %"), minimum=0.0),
+    "on_mass": Whole(1),
+}
 
 
 def read_numbers(texts: Mapping[str, str]) -> dict[str, float]:
@@ -42,16 +51,54 @@ def read_numbers(texts: Mapping[str, str]) -> dict[str, float]:
         try:
             numbers[name] = _READ[name].read(_number(text))
         except units.UnitError as error:
-            option = _OPTIONS.get(name, f"--{name.replace('_', '-')}")
-            problems.append(Problem(option, f"= {text} {error.message}", error.remedy))
+            problems.append(_problem(name, text, error))
     if problems:
         raise ScenarioError(problems)
     return numbers
 
 
-def _number(text: str) -> str | float:
+def check_written(texts: Mapping[str, str | int]) -> None:
+    """Check name and place of the snubber, which are written as they are.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that a scenario does not take.
+    """
+    problems = []
+    for name, text in texts.items():
+        try:
+            _WRITTEN[name].read(_number(text) if name == "position" else text)
+        except units.UnitError as error:
+            problems.append(_problem(name, text, error))
+    if problems:
+        raise ScenarioError(problems)
+
+
+def check_found(pad: PadNumbers) -> None:
+    """Check the stiffness and the dashpot that were found, which follow from numbers in range and may lie outside.
+
+    Raises
+    ------
+    ScenarioError
+        If a scenario does not take one of them.
+    """
+    for name, value in (("stiffness", pad.stiffness), ("dashpot", pad.dashpot)):
+        try:
+            _READ[name].read(value)
+        except units.UnitError as error:
+            found = Problem(f"the {name} found", f"= {value:g} {error.message}", "check the numbers and their units")
+            raise ScenarioError(found) from None
+
+
+def _problem(name: str, text: str | int, error: units.UnitError) -> Problem:
+    option = _OPTIONS.get(name, f"--{name.replace('_', '-')}")
+    return Problem(option, f"= {text} {error.message}", error.remedy)
+
+
+def _number(text: str | int) -> str | float:
     """A bare number as such."""
     try:
         return float(text)
     except ValueError:
-        return text
+        return str(text)

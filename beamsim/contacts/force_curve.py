@@ -64,18 +64,24 @@ def fit_curve(deflection: Floats, force: Floats, segments: int) -> FittedCurve:
     x, y = x[order], y[order]
     if not x.size or not np.any(y > 0.0):
         raise ValueError("no point has a positive deflection and a positive force")
-    segments = min(segments, np.unique(x).size)
-    even = np.concatenate([[0.0], np.unique(x)[np.arange(1, segments) * np.unique(x).size // segments]])
-    starts = [_moved_together(x, y, knots) for knots in (_starting_knots(x, y, segments), even)]
-    knots = min(starts, key=lambda knots: _slopes(x, y, knots)[1])
-    if knots.size <= MOST_SEARCHED:
-        knots = _moved_one_by_one(x, y, knots)
+    knots = _best_knots(x, y, segments)
     slopes, square = _slopes(x, y, knots)
     edges = np.append(knots, x[-1])
     curve = ForceCurve(edges, np.concatenate([[0.0], np.cumsum(slopes * np.diff(edges))]))
     if curve.force[-1] <= 0.0:
         raise ValueError("the force does not rise with the deflection")
     return FittedCurve(_merged(curve), float(np.sqrt(square / x.size)))
+
+
+def _best_knots(x: Floats, y: Floats, segments: int) -> Floats:
+    """Knots of at most so many segments, the first at zero."""
+    places = np.unique(x)
+    if places.size <= segments:  # no rising curve is closer than one that bends at the points
+        return np.concatenate([[0.0], places[:-1]])
+    even = np.concatenate([[0.0], places[np.arange(1, segments) * places.size // segments]])
+    starts = [_moved_together(x, y, knots) for knots in (_starting_knots(x, y, segments), even)]
+    knots = min(starts, key=lambda knots: _slopes(x, y, knots)[1])
+    return _moved_one_by_one(x, y, knots) if knots.size <= MOST_SEARCHED else knots
 
 
 def _merged(curve: ForceCurve) -> ForceCurve:

@@ -138,11 +138,15 @@ def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
         what = f"no column has a unit of {_UNITS_OF[missing[0]]}" if missing else "its times have no unit"
         raise ValueError(f"{what}; name all units in the headings: deflection (mm), force (N), time (s)")
     deflection, force = kinds["deflection"], kinds["force"]
-    values = table.values * factors
+    with np.errstate(over="ignore"):
+        values = table.values * factors
     used = [deflection, force, *([kinds["time"]] if "time" in kinds else [])]
     bad = np.flatnonzero(~np.isfinite(values[:, used]).all(axis=1))
     if bad.size:
         raise ValueError(f"row {bad[0] + 1} of the numbers is not complete")
+    huge = np.flatnonzero((np.abs(values[:, used]) > units.LARGEST).any(axis=1))
+    if huge.size:
+        raise ValueError(f"row {huge[0] + 1} of the numbers is beyond {units.LARGEST:g} in SI units")
     return values[:, deflection], values[:, force], values[:, kinds["time"]] if "time" in kinds else None
 
 

@@ -147,6 +147,20 @@ def test_beyond_critical_damping_a_mass_stays():
         (["--stiffness", "5", "--loss-factor", "1"], ["--frequency is missing"]),
         (["--contact-time", "5 ms", "--mass", "1", "--dashpot", "1"], ["--contact-time and --dashpot"]),
         (["--curve", "no.csv"], ["--curve = no.csv"]),
+        # what was written into the scenario unread
+        (["--stiffness", "5", "--name", "x: y"], ["--name = x: y is not a usable name"]),
+        (["--stiffness", "5", "--name", ""], ["--name =  is not a usable name"]),
+        (["--stiffness", "5", "--position", "nan"], ["--position = nan must be finite"]),
+        (["--stiffness", "5", "--position", "-3"], ["--position = -3 must not be negative"]),
+        (["--stiffness", "5", "--position", "12 kg"], ["--position = 12 kg must be a position"]),
+        (["--stiffness", "5", "--on-mass", "0"], ["--on-mass = 0 is out of range"]),
+        # numbers in range whose result is not
+        (["--modulus", "5e6", "--area", "9e29", "--height", "1e-29"], ["the stiffness found = 4.5e+65 is outside"]),
+        (["--contact-time", "1e-29", "--mass", "1"], ["the stiffness found = 9.8696e+58 is outside"]),
+        (
+            ["--modulus", "5 MPa", "--area", "1", "--height", "1", "--bulk-modulus", "1 MPa"],
+            ["--bulk-modulus = 1e+06 Pa is less than a third of --modulus = 5e+06 Pa"],
+        ),
     ],
 )
 def test_what_cannot_be_used(arguments, messages):
@@ -156,8 +170,25 @@ def test_what_cannot_be_used(arguments, messages):
     assert all(";" in line for line in errors.splitlines())
 
 
-def test_a_file_without_a_curve(tmp_path):
-    (tmp_path / "pad.csv").write_text("way (mm),force (N)\n0,0\n1,-3\n")
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ("0,0\n1,-3\n", "no point has a positive deflection and a positive force"),
+        ("0,0\n1,nan\n", "row 2 of the numbers is not complete"),
+        ("0,0\n1e300,1e300\n", "row 2 of the numbers is beyond 1e+30 in SI units"),
+        ("", "no line starts with a number"),
+    ],
+)
+def test_a_file_without_a_curve(tmp_path, rows, says):
+    (tmp_path / "pad.csv").write_text(f"way (mm),force (N)\n{rows}")
     code, _, errors = pad("--curve", tmp_path / "pad.csv")
     assert code == 2
-    assert "no point has a positive deflection and a positive force" in errors
+    assert says in errors
+
+
+def test_a_curve_of_few_points_goes_through_them(tmp_path):
+    """Its bends lay anywhere between the points, where nothing was measured."""
+    (tmp_path / "pad.csv").write_text("way (mm),force (N)\n0,0\n1,5\n2,9\n4,30\n")
+    code, out, errors = pad("--curve", tmp_path / "pad.csv")
+    assert code == 0, errors
+    assert "force_deflection: [[0, 0], [0.001, 5], [0.002, 9], [0.004, 30]]  # m, N" in out

@@ -147,6 +147,10 @@ def _check_sources(known: PadInput) -> None:
             if getattr(known, other) is None:
                 remedy = f"give for example {_option(other)} {examples[other]}"
                 problems.append(Problem(_option(other), f"is missing, which {_option(name)} needs", remedy))
+    if known.modulus is not None and known.bulk_modulus is not None and known.modulus > 3.0 * known.bulk_modulus:
+        what = f"= {known.bulk_modulus:g} Pa is less than a third of --modulus = {known.modulus:g} Pa"
+        remedy = "check both and their units: Poisson's ratio would be negative"
+        problems.append(Problem(_option("bulk_modulus"), what, remedy))
     if known.contact_time is not None and (known.dashpot is not None or known.loss_factor is not None):
         other = _option("dashpot" if known.dashpot is not None else "loss_factor")
         problems.append(Problem(_option("contact_time"), f"and {other} do not go together", "give --restitution"))
