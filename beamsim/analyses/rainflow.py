@@ -59,4 +59,15 @@ def damage(cycles: Floats, stress_range: float, at_cycles: float, exponent: floa
     no damage.
     """
     counted = cycles[cycles[:, 0] > limit]
-    return float(counted[:, 2] @ (counted[:, 0] / stress_range) ** exponent / at_cycles)
+    with np.errstate(over="ignore"):  # a stress range in the wrong unit
+        return float(counted[:, 2] @ (counted[:, 0] / stress_range) ** exponent / at_cycles)
+
+
+def equivalent_range(cycles: Floats, exponent: float, limit: float = 0.0) -> float:
+    """The one range of which as many cycles as were counted (n, 3) do the same damage; 0 without any."""
+    span, count = cycles[:, 0], cycles[:, 2]
+    largest, total = float(span.max(initial=0.0)), float(count.sum())
+    if largest <= limit or total == 0.0:
+        return 0.0
+    harmful = np.where(span > limit, span / largest, 0.0)
+    return float(largest * (count @ harmful**exponent / total) ** (1.0 / exponent))

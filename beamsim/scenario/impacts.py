@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from beamsim.errors import Problem
 from beamsim.scenario import units
 from beamsim.scenario.base import Schema
 from beamsim.scenario.limits import Stress
-from beamsim.scenario.quantities import PositiveNumber, Quantity, Time
+from beamsim.scenario.quantities import Between, PositiveNumber, Quantity, Time
 
 if TYPE_CHECKING:
     from beamsim.scenario.whole import ScenarioParts
 
 NonNegativeForce = Annotated[float, Quantity(units.FORCE, minimum=0.0)]
+StressExponent = Annotated[
+    float, Between(replace(units.NUMBER, name="exponent", example="5"), low=1.0, high=100.0, closed=True)
+]
 
 
 class ImpactSettings(Schema):
@@ -34,8 +38,8 @@ class StressLife(Schema):
     """Stress range (twice the amplitude) that is endured for `cycles` cycles."""
     cycles: PositiveNumber = 2e6
     """Cycles endured at that range."""
-    exponent: PositiveNumber
-    """Exponent of the line: about 3 for welds, 5 to 10 for smooth metal."""
+    exponent: StressExponent
+    """Exponent of the line, 1 to 100: about 3 for welds, 5 to 10 for smooth metal."""
     endurance_limit: Stress | None = None
     """Stress range up to which a cycle does no damage; none by default."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import log2
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Tag
@@ -26,6 +27,9 @@ from beamsim.scenario.quantities import (
 from beamsim.scenario.ranges import FrequencyRange
 
 LEAST_QUALITY = 0.5  # of an oscillator: critical damping
+MOST_OSCILLATORS = 10_000
+MOST_PERIODS = 2_000_000  # of the highest oscillator in a run: several panels each are kept
+MOST_FILTERED = 100_000_000  # periods of a low-pass's frequency in a run: hours
 
 
 class PolynomialStart(Schema):
@@ -162,6 +166,11 @@ class ShockSpectrumSettings(FrequencyRange):
                 "give more than 0.5; 10 (a damping ratio of 5 %) is usual",
                 ("quality",),
             )
+        if (oscillators := self.per_octave * log2(self.to / self.from_)) > MOST_OSCILLATORS:
+            raise fail(
+                f"= {self.per_octave} makes {oscillators:.3g} oscillators (at most {MOST_OSCILLATORS})",
+                "give fewer per octave, 12 or 24 are usual, or a narrower range", ("per_octave",),
+            )  # fmt: skip
 
 
 class Run(Schema):
@@ -205,6 +214,19 @@ class Run(Schema):
     most_contact_states: Annotated[Count, Field(ge=2)] | None = None
     """Contact states whose tables are kept at once; the least recently used makes room. By default those that fit
     into run.memory."""
+
+    def settle(self) -> None:
+        """Refuse filters so fast against the run that they would take hours, or more than the memory."""
+        super().settle()
+        asked = [] if self.srs is None else [(("srs", "to"), self.srs.to, MOST_PERIODS)]
+        asked += [] if self.low_pass is None else [(("low_pass",), self.low_pass, MOST_FILTERED)]
+        for at, highest_hz, most in asked:
+            if highest_hz * self.duration > most:
+                raise fail(
+                    f"= {highest_hz:g} Hz has {highest_hz * self.duration:.3g} periods in run.duration = "
+                    f"{self.duration:g} s (at most {most:.0e})",
+                    "give a lower frequency, 2 kHz for example, or a shorter run", at,
+                )  # fmt: skip
 
     @property
     def output_rate(self) -> float:

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 import beamsim
-from beamsim.analyses.rainflow import damage, rainflow
+from beamsim.analyses.rainflow import damage, equivalent_range, rainflow
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario, load_scenario
 
@@ -172,6 +172,10 @@ def test_rainflow_of_the_worked_example():
     )
     assert damage(cycles, 8.0, 100.0, 3.0, limit=8.0) == pytest.approx(0.5 * (9 / 8) ** 3 / 100.0, rel=1e-14)
     assert rainflow(np.array([1.0])).size == rainflow(np.zeros(5)).size == 0
+    assert damage(cycles, 1e-30, 100.0, 100.0) == float("inf")  # a stress range in the wrong unit
+    largest = cycles[:, 0].max()
+    assert equivalent_range(cycles, 100.0) == pytest.approx(largest * (0.5 / cycles[:, 2].sum()) ** 0.01, rel=1e-4)
+    assert equivalent_range(cycles, 100.0, limit=largest) == 0.0
 
 
 def test_stress_and_force_are_counted_as_dense_samples_are():
@@ -198,6 +202,17 @@ def test_stress_and_force_are_counted_as_dense_samples_are():
     )
     assert body.life_s == pytest.approx(0.1 / body.damage, rel=1e-12)
     assert body.cycles * (body.equivalent_range_pa / 80e6) ** 5 / 2e6 == pytest.approx(body.damage, rel=1e-12)
+
+
+def test_failure_within_a_run_is_doubted():
+    """Stress ranges of 80 Pa instead of 80 MPa gave a life of 0 s without a word."""
+    case = EXAMPLES / "one_sided_65hz.yaml"
+    short = ["run.duration=30 ms", "run.spectrum=null", "run.convergence=off", "run.sample_rate=2 kHz"]
+    for stress, doubted in (("80 MPa", False), ("80", True)):
+        fatigue = f"run.fatigue={{stress_range: {stress}, exponent: 5}}"
+        result = beamsim.run(load_scenario(case, [*short, fatigue]))
+        doubts = [text for text in result.warnings if "is failure within the run" in text]
+        assert [text.startswith("the damage of beam = ") for text in doubts] == [True] * doubted
 
 
 @pytest.mark.slow
@@ -229,6 +244,7 @@ def test_intervals_of_a_random_input():
         ({"impacts": {}, "method": "reference"}, "run.impacts needs the motion in closed form"),
         ({"fatigue": {"stress_range": "80 MPa", "exponent": 5}}, "run.fatigue needs a body whose stress is known"),
         ({"fatigue": {"stress_range": "80 MPa"}}, "run.fatigue.exponent is missing"),
+        ({"fatigue": {"stress_range": 1, "exponent": 300}}, "run.fatigue.exponent = 300 must be from 1 to 100"),
     ],
 )
 def test_settings_that_cannot_be_used(change, message):

@@ -163,12 +163,23 @@ def test_samples_of_a_time_stepped_run_agree_and_coarse_ones_warn():
             {"from": 10, "to": 100, "quality": 0.5},
             "run.srs.quality = 0.5 leaves the oscillator without oscillation (damping ratio of 1 or more)",
         ),
+        # an internal error, or hours
+        ({"from": 1e-20, "to": 1e20}, "run.srs.to = 1e+20 Hz has"),
+        ({"from": 10, "to": 1e9}, "periods in run.duration"),
+        ({"from": 10, "to": 2000, "per_octave": 100_000}, "run.srs.per_octave = 100000 makes 7.64e+05 oscillators"),
     ],
 )
 def test_errors(srs, said):
     with pytest.raises(ScenarioError) as raised:
         panel(run={"srs": srs})
     assert said in str(raised.value)
+
+
+def test_a_low_pass_beyond_all_sense_is_refused():
+    """It was an internal error: an array was too big."""
+    with pytest.raises(ScenarioError) as raised:
+        panel(run={"low_pass": 1e20})
+    assert "run.low_pass = 1e+20 Hz has" in str(raised.value)
 
 
 def test_interruption_leaves_the_spectra_out(monkeypatch):

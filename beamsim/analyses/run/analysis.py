@@ -15,7 +15,7 @@ from beamsim.analyses.run.convergence import resting, with_convergence
 from beamsim.analyses.run.derived import DerivedFigures
 from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.figures import largest
-from beamsim.analyses.run.impacts import ImpactRecord, fatigue_of
+from beamsim.analyses.run.impacts import ImpactRecord, fatigue_doubts, fatigue_of
 from beamsim.analyses.run.long_run import check_stretches, checked_on_first_part, long_motion_of
 from beamsim.analyses.run.model_check import convergence_of
 from beamsim.analyses.run.motion import (
@@ -188,7 +188,8 @@ def _with_impacts(
                     raise Stopped
                 stresses = largest(motion.station_extremes())
                 of_bodies = fatigue_of(motion.parts, motion.trajectory.end, system.stress, stresses, settings.fatigue)
-                result = changed(result, fatigue=of_bodies)
+                doubts = fatigue_doubts(of_bodies, settings.fatigue)
+                result = changed(result, fatigue=of_bodies, warnings=(*result.warnings, *doubts))
     except Stopped:
         return _given_up(result, "statistics of impacts or the damage of stress")
     return result

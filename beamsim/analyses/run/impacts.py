@@ -10,13 +10,13 @@ Of random inputs the figures have intervals (`beamsim.analyses.run.intervals`), 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.rainflow import damage, rainflow, reversals
+from beamsim.analyses.rainflow import damage, equivalent_range, rainflow, reversals
 from beamsim.analyses.run.energy import contact_losses
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow, SnubberImpacts
 from beamsim.analyses.run.intervals import BLOCKS, LEAST, SKIPPED, FigureInterval, Sums, jackknife
@@ -429,6 +429,17 @@ def fatigue_of(
     }
 
 
+def fatigue_doubts(bodies: Mapping[str, Fatigue], settings: StressLife) -> Iterator[str]:
+    """A body that fails within the run: seldom what is simulated."""
+    for name, body in bodies.items():
+        if body.damage >= 1.0:
+            yield (
+                f"the damage of {name} = {body.damage:.3g} is failure within the run: ranges are up to "
+                f"{body.largest_range_pa:.3g} Pa, and run.fatigue.stress_range is {settings.stress_range:.3g} Pa for "
+                f"{settings.cycles:.3g} cycles; a unit such as MPa may be missing"
+            )
+
+
 def _stations(stress: StressRows, body: str) -> list[int]:
     return [k for k, name in enumerate(stress.bodies) if name == body]
 
@@ -441,16 +452,14 @@ def _fatigue(
     span, mean, count = cycles.T
     limit = settings.endurance_limit or 0.0
     done = damage(cycles, settings.stress_range, settings.cycles, settings.exponent, limit)
-    total = float(count.sum())
-    equivalent = settings.stress_range * (done * settings.cycles / total) ** (1.0 / settings.exponent) if total else 0.0
     across = stress.stations.across
     return Fatigue(
         name=name,
         position=float(stress.stations.position[station]),
         across=None if across is None or np.isnan(across[station]) else float(across[station]),
-        cycles=total,
+        cycles=float(count.sum()),
         largest_range_pa=float(span.max(initial=0.0)),
-        equivalent_range_pa=float(equivalent),
+        equivalent_range_pa=equivalent_range(cycles, settings.exponent, limit),
         damage=done,
         life_s=end / done if done > 0.0 else float("inf"),
         rainflow=Rainflow("Pa", span, mean, count),
