@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Tag
 
-from beamsim.scenario.base import Schema, Variants, fail
+from beamsim.scenario.base import Path, Schema, Variants, fail
 from beamsim.scenario.impacts import ImpactSettings, StressLife
 from beamsim.scenario.output import AnyOutput
 from beamsim.scenario.place import PlacedForce
@@ -218,8 +218,11 @@ class Run(Schema):
     def settle(self) -> None:
         """Refuse filters so fast against the run that they would take hours, or more than the memory."""
         super().settle()
-        asked = [] if self.srs is None else [(("srs", "to"), self.srs.to, MOST_PERIODS)]
-        asked += [] if self.low_pass is None else [(("low_pass",), self.low_pass, MOST_FILTERED)]
+        asked: list[tuple[Path, float, int]] = []
+        if self.srs is not None:
+            asked.append((("srs", "to"), self.srs.to, MOST_PERIODS))
+        if self.low_pass is not None:
+            asked.append((("low_pass",), self.low_pass, MOST_FILTERED))
         for at, highest_hz, most in asked:
             if highest_hz * self.duration > most:
                 raise fail(

@@ -57,8 +57,11 @@ def test_mass_centre_and_inertia_of_a_strip(case):
     assert values["fixed_frequencies_hz"]["value"][0] == pytest.approx(
         1.8751040687**2 / (2 * 3.14159265359 * 0.25) * (70e9 * 0.005**2 / 12 / 2700) ** 0.5, rel=1e-4
     )
+    assert values["centre_of_mass"]["verdict"] == values["inertia"]["verdict"] == "note"
+    assert invoke("check", case).output.count("about: supports hold ry, and elements beside them bend") == 2
     case.write_text(CASE.replace("left: clamped", "left: free"))
     values = rows(case)[1]["bodies"]["panel"]
+    assert values["centre_of_mass"]["verdict"] == values["inertia"]["verdict"] == "ok"
     assert values["centre_of_mass"]["value"]["x"] == pytest.approx(0.25, rel=1e-9)
     assert values["inertia"]["value"]["ry"] == pytest.approx(mass * 0.5**2 / 12, rel=1e-9)
     assert values["free_frequencies_hz"]["value"][:2] == [0.0, 0.0]

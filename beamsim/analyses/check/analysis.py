@@ -95,7 +95,10 @@ def _mass_properties(given: NamedMatrices, motions: dict[str, Floats]) -> Iterat
             if along in motions and about in motions:
                 centre[direction] = sign * momentum[along][about] / mass[along]
                 break
-    yield CheckRow("centre_of_mass", centre, ", ".join(f"{d} {1e3 * x:.5g}" for d, x in centre.items()) + " mm", OK)
+    held = [name for name in motions if name.startswith("r") and _relative_force(given, motions[name]) > GROUNDED]
+    about_held = f"; about: supports hold {', '.join(held)}, and elements beside them bend" if held else ""
+    text = ", ".join(f"{d} {1e3 * x:.5g}" for d, x in centre.items())
+    yield CheckRow("centre_of_mass", centre, f"{text} mm{about_held}", NOTE if held else OK)
     inertia = {}
     for k, about in enumerate(DIRECTIONS[3:]):
         if about in motions:
@@ -105,8 +108,8 @@ def _mass_properties(given: NamedMatrices, motions: dict[str, Floats]) -> Iterat
             inertia[about] = momentum[about][about] - shift
     largest = max(inertia.values())
     text = ", ".join(f"{d} {x:.5g}" for d, x in inertia.items())
-    verdict = FAILS if min(inertia.values()) < -1e-9 * abs(largest) else OK
-    yield CheckRow("inertia", inertia, f"{text} kg m^2 about the centre", verdict)
+    verdict = FAILS if min(inertia.values()) < -1e-9 * abs(largest) else NOTE if held else OK
+    yield CheckRow("inertia", inertia, f"{text} kg m^2 about the centre{about_held}", verdict)
 
 
 def _grounding(given: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
