@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from beamsim.fields import Entry, attribute, changed, declared_base, ending, stored, summary_of
-from beamsim.kinds import KINDS, kind_of_class, named
+from beamsim.kinds import kind_of_class, named
 from beamsim.outcomes import Outcome, OutcomeCode
 
 if TYPE_CHECKING:
@@ -112,9 +112,7 @@ class Result:
 
     def plot(self) -> dict[str, Figure]:
         """Return the figures that the command saves, by name; a notebook shows each."""
-        named("beamsim.plots.notebook:show_figures")()
-        figures: dict[str, Figure] = named(KINDS[kind_of_class(type(self))].figures)(self)
-        return figures
+        return named("beamsim.plots.notebook:figures_of")(self)  # type: ignore[no-any-return]
 
     def to_pandas(self) -> dict[str, pandas.DataFrame]:
         """Return the tables of the CSV export, by name.

@@ -119,13 +119,8 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, sign
     """
     from beamsim.plots.style import shown_in
 
-    with shown_in(chosen_units(result.scenario)):
+    with shown_in(result.scenario.display_scales):
         _conclude(kind, result, target, reporting, signal)
-
-
-def chosen_units(scenario: Scenario) -> dict[str, tuple[float, str]]:
-    """By SI unit the unit that the scenario asks for; see `beamsim.plots.style.shown_in`."""
-    return {} if scenario.units is None else scenario.units.scales
 
 
 def _conclude(kind: str, result: Result, target: Path, reporting: Reporting, signal: int) -> None:

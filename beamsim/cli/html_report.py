@@ -50,7 +50,6 @@ def report(
 
 
 def _write(path: Path, target: Path, *, shown: bool) -> Path:
-    from beamsim.cli.conclusion import chosen_units
     from beamsim.cli.report import table_rows
     from beamsim.files import replacing
     from beamsim.plots.style import shown_in
@@ -62,7 +61,7 @@ def _write(path: Path, target: Path, *, shown: bool) -> Path:
     plotly()  # that it is missing is said before anything is computed
     kind = kind_of(path)
     result: Any = open_result(path)
-    with damage_of(path), shown_in(chosen_units(result.scenario)):
+    with damage_of(path), shown_in(result.scenario.display_scales):
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = named(KINDS[kind].figures)(result)
         rows = list(table_rows(kind, result))
@@ -83,7 +82,6 @@ def animate(
     debug: Debug = False,
 ) -> None:
     """Write the motion of a result as a GIF and as an HTML file; slow around contact."""
-    from beamsim.cli.conclusion import chosen_units
     from beamsim.cli.output import output_file, output_folder
     from beamsim.cli.printing import print_files
     from beamsim.cli.progress import progress_of
@@ -102,7 +100,7 @@ def animate(
         targets = [folder / f"{result.stem}_animation{suffix}" for suffix in (".gif", ".html")]
     shown = not (json or quiet)
     stored: Any = open_result(result)
-    with damage_of(result), shown_in(chosen_units(stored.scenario)):
+    with damage_of(result), shown_in(stored.scenario.display_scales):
         scene = scene_of(stored, shown=shown)
     if scene is None:
         raise ResultFileError(f"{result}: holds no motion; animate the result of `beamsim run` or `beamsim nnm`")

@@ -15,7 +15,7 @@ from beamsim.analyses.limits import limit_label, limit_unit
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.kinds import KINDS, named
-from beamsim.plots.style import amount, is_known, level_text, margin_text
+from beamsim.plots.style import amount, is_known, level_text, margin_text, shown_in
 from beamsim.scenario.quantities import amplitude_unit
 
 VALUES_SHOWN = 6  # of a list
@@ -42,12 +42,13 @@ def table_rows(kind: str, result: Result) -> Iterator[Row]:
 
 
 def html_table(kind: str, result: Result) -> str:
-    """Return the rows of a result's table as HTML, for notebooks."""
-    rows = "".join(
-        f'<tr><th style="text-align:left;vertical-align:top">{escape(label)}</th>'
-        f'<td style="text-align:left;white-space:pre-wrap">{escape(text)}</td></tr>'
-        for label, text in table_rows(kind, result)
-    )
+    """Return the rows of a result's table as HTML, for notebooks, in the units of the scenario."""
+    with shown_in(result.scenario.display_scales):
+        rows = "".join(
+            f'<tr><th style="text-align:left;vertical-align:top">{escape(label)}</th>'
+            f'<td style="text-align:left;white-space:pre-wrap">{escape(text)}</td></tr>'
+            for label, text in table_rows(kind, result)
+        )
     return f"<table><caption>{escape(result.title)}</caption>{rows}</table>"
 
 

@@ -16,14 +16,13 @@ def print_stored(path: Path, *, as_json: bool) -> None:
     ResultFileError
         If the file cannot be read.
     """
-    from beamsim.cli.conclusion import chosen_units
     from beamsim.plots.style import shown_in
     from beamsim.store.results import open_result
     from beamsim.store.stored import damage_of, kind_of
 
     kind = kind_of(path)
     result = open_result(path)
-    with damage_of(path), shown_in(chosen_units(result.scenario)):
+    with damage_of(path), shown_in(result.scenario.display_scales):
         _print(path, kind, result, as_json=as_json)
 
 
@@ -52,7 +51,6 @@ def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:
     ResultFileError
         If the file cannot be read or a picture cannot be written.
     """
-    from beamsim.cli.conclusion import chosen_units
     from beamsim.plots.save import save_figures
     from beamsim.plots.style import shown_in
     from beamsim.store.results import open_result
@@ -60,7 +58,7 @@ def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:
 
     figures = named(KINDS[kind_of(path)].figures)
     result = open_result(path)
-    with damage_of(path), shown_in(chosen_units(result.scenario)):
+    with damage_of(path), shown_in(result.scenario.display_scales):
         return save_figures(figures(result), folder, path.stem, form)
 
 

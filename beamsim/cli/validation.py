@@ -40,12 +40,14 @@ def draw_model(case: Path, overrides: Sequence[str], folder: Path) -> list[Path]
         If the picture cannot be written.
     """
     from beamsim.plots.model import save_model
+    from beamsim.plots.style import shown_in
     from beamsim.scenario import load_scenario
     from beamsim.system.build import build_system
 
     scenario = load_scenario(case, overrides)
     system = build_system(scenario, assessed=False)
-    return save_model(scenario, system.stations, {stop.name: stop for stop in system.snubbers}, folder, case.stem)
+    with shown_in(scenario.display_scales):
+        return save_model(scenario, system.stations, {stop.name: stop for stop in system.snubbers}, folder, case.stem)
 
 
 def schema_text() -> str:

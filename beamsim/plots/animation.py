@@ -12,7 +12,7 @@ import numpy as np
 from beamsim.files import replacing
 from beamsim.plots.model import oblique
 from beamsim.plots.sketch import BODY, REST, STOP, Sketch
-from beamsim.plots.style import amount, round_length
+from beamsim.plots.style import amount, finish_positions, round_length
 from beamsim.structures.places import Place, ends_of
 
 if TYPE_CHECKING:
@@ -192,10 +192,11 @@ def _drawing(scene: Scene, ax: Any) -> Callable[[int], list[Any]]:
     ax.set_ylim(low, high)
     ax.set_yticks([])
     ax.spines[["top", "right", "left"]].set_visible(False)
-    ax.set_xlabel("x (m)" if not all(line.dots for line in scene.lines) else "")
     ax.set_title(scene.title, fontsize="medium", loc="left")
     if all(line.dots for line in scene.lines):
         ax.set_xticks([])
+    else:
+        finish_positions(ax)
     for line in scene.lines:
         ax.plot(line.x, line.y, color=REST, linewidth=0.8, zorder=1)
     for kind, x, y in scene.supports:

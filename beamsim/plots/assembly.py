@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.plots.sketch import Sketch
-from beamsim.plots.style import round_length, scale_for
+from beamsim.plots.style import finish_positions, round_length, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ def plot_assembly_modes(result: RunResult, panels: list[Axes]) -> None:
         shape = modes.shapes[k]
         sketch.draw(ax, shape, _HEIGHT / (float(np.abs(shape).max()) or 1.0), to_scale=False)
         ax.set_title(f"mode {k + 1}, {modes.open_frequencies_hz[k]:.4g} Hz", fontsize="medium")
-        ax.set_xlabel("x (m)")
+        finish_positions(ax)
 
 
 def plot_assembly_contact(result: RunResult, ax: Axes) -> Axes:
@@ -66,7 +66,7 @@ def plot_assembly_contact(result: RunResult, ax: Axes) -> Axes:
         f"{bar * length.factor:g} {length.unit}", (end, 0.0), xytext=(5, 0), textcoords="offset points", va="center",
         fontsize="small", annotation_clip=False,
     )  # fmt: skip
-    ax.set_xlabel("x (m)")
+    finish_positions(ax)
     return ax
 
 

@@ -12,7 +12,7 @@ from beamsim.analyses.designs.choice import Objective
 from beamsim.analyses.designs.realisations import judged
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response, SobolIndices, responses_of
 from beamsim.plots.outputs import output_label, output_scale
-from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, legend, scale_for
+from beamsim.plots.style import MOST_CURVES, Scale, acceleration_scale, curve_style, finish, legend, scale_for
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.typing import Floats
 
@@ -337,6 +337,8 @@ def _curves(responses: Sequence[Response]) -> Iterator[tuple[str, Floats]]:
             yield response.place, response.values
         else:
             for k in range(min(MOST_MODES, response.values.shape[-1])):
+                if not np.isfinite(response.values[..., k]).any():
+                    continue  # a chain of two masses has no third mode
                 yield f"{response.place} mode {k + 1}".strip(), response.values[..., k]
 
 
@@ -420,8 +422,8 @@ def _limit(result: DesignsResult, quantity: str) -> float | None:
 
 def _scale(result: DesignsResult, quantity: str, values: Sequence[Any]) -> Scale:
     unit = _of(result, quantity)[0].unit
-    if unit == "m/s^2" and quantity.endswith(_PEAK):
-        return output_scale(unit)
+    if unit == "m/s^2":
+        return output_scale(unit) if quantity.endswith(_PEAK) else acceleration_scale()
     if unit in ("1", "Hz"):
         return Scale(1.0, "" if unit == "1" else unit)
     return scale_for(unit, *[np.asarray(v)[np.isfinite(v)] for v in values])

@@ -39,7 +39,7 @@ def plot_frequency_curves(result: IdentificationResult, ax: Axes) -> Axes:
             used = table.mode[k] in estimate.fit_to
             ax.axhline(
                 measured, color=_MEASURED, linestyle=(0, (2, 2)), linewidth=1.2 if used else 0.7,
-                label="measured" if k == 0 else "_nolegend_",
+                label="measured, thick where it is fitted" if k == 0 else "_nolegend_",
             )  # fmt: skip
     ax.axvline(estimate.stiffness / 1e3, color=_FITTED, linewidth=0.9, label=f"k = {estimate.stiffness / 1e3:.5g} kN/m")
     low, high = estimate.interval

@@ -12,7 +12,7 @@ import numpy as np
 from beamsim.plots.labels import put_names
 from beamsim.plots.save import save_figures
 from beamsim.plots.sketch import BODY, STOP, Sketch
-from beamsim.plots.style import amount, level_text, round_length
+from beamsim.plots.style import amount, finish_positions, level_text, round_length
 from beamsim.scenario.moved_support import MovedSupport
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
@@ -52,8 +52,9 @@ def plot_model(scenario: Scenario, stations: Stations, stops: Mapping[str, Snubb
     ax.set_ylim(-0.72, sketch.count - 0.28)
     ax.set_xmargin(0.07)
     ax.set_yticks([])
-    ax.set_xlabel("x (m)" if any(part.axis.continuous for part in stations) else "")
-    if not any(part.axis.continuous for part in stations):
+    if any(part.axis.continuous for part in stations):
+        finish_positions(ax)
+    else:
         ax.set_xticks([])
     ax.spines[["top", "right", "left"]].set_visible(False)
     if len(names) <= MOST_NAMES:

@@ -4,7 +4,23 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from beamsim.kinds import KINDS, kind_of_class, named
+from beamsim.plots.style import shown_in
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from beamsim.analyses.result import Result
+
+
+def figures_of(result: Result) -> dict[str, Figure]:
+    """The figures that the command saves, by name, in the units of the scenario; a notebook shows each."""
+    show_figures()
+    with shown_in(result.scenario.display_scales):
+        figures: dict[str, Figure] = named(KINDS[kind_of_class(type(result))].figures)(result)
+    return figures
 
 
 def show_figures() -> None:

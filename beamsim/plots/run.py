@@ -286,7 +286,7 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
     shock = result.scenario.excitation.shock
 
     def whole_and_last_part(draw: Callable[..., Axes]) -> Figure:
-        if shock:  # which is over in the last part
+        if shock or _last_part(result) <= _ends(result)[0]:  # a shock is over in the last part
             figure, (ax,) = panels(1, height=4.4)
             draw(result, ax)
             return figure

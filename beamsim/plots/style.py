@@ -159,6 +159,14 @@ def curve_style(index: int) -> dict[str, Any]:
     return {"color": _COLOURS[k], "linestyle": _DASHES[k], "linewidth": 1.1}
 
 
+def finish_positions(ax: Axes) -> None:
+    """Label an axis of positions that are drawn in metres: in the unit chosen for lengths, if there is one."""
+    scale = Scale(*_chosen.get().get("m", (1.0, "m")))
+    ax.set_xlabel(f"x ({scale.unit})")
+    if scale.unit != "m":
+        ax.xaxis.set_major_formatter(lambda x, _: f"{x * scale.factor:.4g}")
+
+
 def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
     """Labels, grid and frame."""
     ax.set_xlabel(xlabel)

@@ -319,8 +319,10 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
         if curve.notching is not None:
             figures[f"notching_{curve.name}"] = notching_figure(curve, result.title, partial(frequency_axis, result))
     if last.steady is not None:
-        figure, (above, below) = page(6.4, 2)
-        plot_steady_states(result, above, last.name)
-        plot_poincare(result, below, last.name, probe)
+        has_sections = last.steady.poincare_frequency_hz.size > 0  # of motions that are not periodic
+        figure, axes = page(6.4 if has_sections else 4.4, 1 + has_sections)
+        plot_steady_states(result, axes[0], last.name)
+        if has_sections:
+            plot_poincare(result, axes[1], last.name, probe)
         figures["steady_states"] = figure
     return figures

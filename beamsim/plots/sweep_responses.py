@@ -73,7 +73,7 @@ def has_spectrogram(result: SweepResult, probe: str, level_index: int) -> bool:
 
 
 def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int) -> Axes:
-    """Spectrum of the displacement over time, in dB re its largest line; the frequency of the sweep is dotted.
+    """Spectrum of the displacement over time, in dB re its largest line; the frequency of the sweep is dashed.
 
     Hann windows of 24 cycles of the lowest frequency, at most an eighth of the stored time history.
     """
@@ -96,11 +96,15 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
     mesh = ax.pcolormesh(history.time[0] + t, f[shown][:whole:thin], level, cmap="cividis", vmin=-DEEPEST_DB, vmax=0.0,
                          shading="nearest", rasterized=True)  # fmt: skip
     for k, curve in enumerate(curves):
-        ax.plot(curve.time, curve.frequency_hz, ":", color="white", linewidth=1.0,
+        # white on black, to be seen on dark and light levels
+        ax.plot(curve.time, curve.frequency_hz, color="black", linewidth=2.4)
+        ax.plot(curve.time, curve.frequency_hz, color="white", linestyle=(0, (4, 3)), linewidth=1.2,
                 label="frequency of the sweep" if k == 0 else None)  # fmt: skip
     if ax.figure is not None:
         ax.figure.colorbar(mesh, ax=ax, label="Level (dB re largest)")
     finish(ax, "Time (s)", f"Frequency in the displacement of {probe} (Hz)")
     ax.set_xlim(history.time[0] + t[0], history.time[0] + t[-1])
-    ax.legend(loc="upper left", fontsize="small", labelcolor="white", frameon=False)
+    ax.legend(
+        loc="upper left", fontsize="small", labelcolor="white", facecolor="black", framealpha=0.7, edgecolor="none"
+    )
     return ax

@@ -121,6 +121,11 @@ class Scenario(Schema):
     _left_out: tuple[str, ...] = ()
 
     @property
+    def display_scales(self) -> dict[str, tuple[float, str]]:
+        """By SI unit the factor and the unit of tables and plots, where one is chosen or written."""
+        return {} if self.units is None else self.units.scales
+
+    @property
     def source(self) -> str:
         """Name for output files: the scenario file's stem, or ``scenario``."""
         return self._source

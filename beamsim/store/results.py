@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from beamsim.flow.stopping import never
-from beamsim.kinds import KINDS, named
+from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.store import declared
 from beamsim.store.stored import (
     LazyScenario,
@@ -65,7 +65,7 @@ def write_until(
     The result with the outcome that is in the file.
     """
     with creating(path) as file:
-        write_root(file, result, KINDS[_kind_of_class(type(result))].command)
+        write_root(file, result, KINDS[kind_of_class(type(result))].command)
         for done, count in declared.write_in_parts(file, result):
             if progress is not None:
                 progress(done / count)
@@ -79,12 +79,6 @@ def write_until(
 def has_long_histories(result: Result) -> bool:
     """Whether histories are written in parts, so that they may take a while."""
     return declared.is_long(vars(result).get("time"))
-
-
-def _kind_of_class(cls: type) -> str:
-    """Kind of the files that hold a result."""
-    homes = {f"{base.__module__}:{base.__name__}" for base in cls.__mro__}
-    return next(name for name, kind in KINDS.items() if kind.result in homes)
 
 
 def open_result(path: Path | str, kind: str = "") -> Any:

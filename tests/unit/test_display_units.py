@@ -110,10 +110,10 @@ def test_run_info_and_plots_use_them_and_json_does_not(tmp_path):
     from beamsim.store.results import open_run
 
     result = open_run(tmp_path / "case.h5")
-    with shown_in(result.scenario.units.scales):
-        above = run_figures(result)["displacement"].axes[0]
+    above = result.plot()["displacement"].axes[0]
     assert above.get_ylabel() == "Relative displacement (um)"
     assert np.abs(above.lines[0].get_ydata()).max() == pytest.approx(1e6 * peak, rel=1e-3)
+    assert f"{1e6 * peak:.4g} um" in result._repr_html_()
     below = run_figures(result)["displacement"].axes[1]
     assert below.get_xlabel() == "Time (s)"
 
