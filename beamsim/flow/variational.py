@@ -60,10 +60,12 @@ class ExponentialTerms(NamedTuple):
     inputs: Inputs
     state: Ints  # (G,) number among these of each segment's state
     phases: Ints  # (U, m)
+    displacement: Complexes  # (U, T, n)
     velocity: Complexes  # (U, T, n)
     load: Complexes  # (U, T, n) from outside
+    penetration: Complexes  # (U, T, m)
     rate: Complexes  # (U, T, m) of penetration
-    force: Complexes  # (U, T, m) of the contacts
+    force: Complexes  # (U, T, m) of the contacts, without internal states
     base_rate: Complexes  # (U, T, m) velocity of the base at contacts that feel it
 
 
@@ -555,8 +557,8 @@ class VariationalFlow(SeriesFlow):
             load[source == 1 + h] = force[h]
             base[source == 1 + h] = contacts.felt * moved[h]
             base_rate[source == 1 + h] = 1j * multiple * self.omega * contacts.felt * moved[h]
-        velocity = vector[:, :, n : 2 * n]
-        penetration = -contacts.sign * (vector[:, :, :n] @ contacts.shape.T + base)
+        displacement, velocity = vector[:, :, :n], vector[:, :, n : 2 * n]
+        penetration = -contacts.sign * (displacement @ contacts.shape.T + base)
         penetration[constant] -= contacts.gap
         rate = -contacts.sign * (velocity @ contacts.shape.T + base_rate)
         row = contacts.arrays.force[np.arange(contacts.count), t.phase[used]]
@@ -567,7 +569,8 @@ class VariationalFlow(SeriesFlow):
             exponent=t.exponent[used], power=t.power[used], n_free=t.n_free[used], projector=t.projector[used],
         )  # fmt: skip
         return ExponentialTerms(
-            tables, self._inputs, state, t.phase[used], velocity, load, rate, contact_force, base_rate
+            tables, self._inputs, state, t.phase[used], displacement, velocity, load, penetration, rate,
+            contact_force, base_rate,
         )  # fmt: skip
 
     def _segments(self, passage: Passage) -> tuple[Tables, Inputs, tuple[Floats, Ints, Ints, Floats]]:

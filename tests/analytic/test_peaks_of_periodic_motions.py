@@ -32,7 +32,8 @@ def case(name, **more):
 
 @pytest.mark.parametrize("name", [*list(CASES)[:2], pytest.param("table", marks=pytest.mark.slow)])
 def test_a_run_from_an_orbit_has_its_peaks(name, tmp_path):
-    """Samples and a parabola through a jump gave 145 for 132 m/s^2, and 58 for 296 N at a stiff stop."""
+    """Samples and a parabola through a jump gave 145 for 132 m/s^2, and 58 for 296 N at a stiff stop; 2048 samples and
+    finer ones about the likely peaks 131.737881327 for 131.737880285."""
     frequency = CASES[name][0]
     followed = {"kind": "continuation", "from": frequency, "to": 1.0003 * frequency, "seek_at": 0,
                 "side_branches": "none"}  # fmt: skip
@@ -42,8 +43,8 @@ def test_a_run_from_an_orbit_has_its_peaks(name, tmp_path):
     run = beamsim.run(load_scenario(case(name, run={"duration": 1 / frequency, "start": start, "convergence": "off"})))
     branch, s = curve.branches[0], run.summary
     for snubber, force in s["peak_force_n"].items():
-        assert branch.peak_force[snubber][0] == pytest.approx(force, rel=1e-6)
-        assert branch.contact_share[snubber][0] == pytest.approx(s["contact_share"][snubber], rel=1e-6)
+        assert branch.peak_force[snubber][0] == pytest.approx(force, rel=1e-9)
+        assert branch.contact_share[snubber][0] == pytest.approx(s["contact_share"][snubber], rel=1e-9)
     for probe, acceleration in s["peak_acceleration_g"].items():
-        assert branch.peak_displacement[probe][0] == pytest.approx(s["peak_displacement_m"][probe], rel=1e-6)
-        assert branch.peak_acceleration[probe][0] == pytest.approx(9.80665 * acceleration, rel=1e-6)
+        assert branch.peak_displacement[probe][0] == pytest.approx(s["peak_displacement_m"][probe], rel=1e-9)
+        assert branch.peak_acceleration[probe][0] == pytest.approx(9.80665 * acceleration, rel=1e-9)

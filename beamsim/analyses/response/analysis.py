@@ -26,8 +26,9 @@ from beamsim.analyses.response.branches import (
     side_reach,
     trace_range,
 )
+from beamsim.analyses.response.closed_form import measured_orbit
 from beamsim.analyses.response.coexisting import SeekingShootingTracer, SeekingTracer, coexisting_branches
-from beamsim.analyses.response.motion import MeasuredMotion, measure, sampled_motion, sampled_orbit
+from beamsim.analyses.response.motion import MeasuredMotion, measure, sampled_motion
 from beamsim.analyses.response.paths import ResponseModel, level_unit, response_model
 from beamsim.analyses.response.refinement import ReportedMaximum, cut, with_maxima, with_points_at
 from beamsim.analyses.response.result import FrequencyResponse
@@ -299,12 +300,12 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
     by_balance = not hasattr(problem, "flow")
 
     def measured_motion(point: BranchPoint) -> MeasuredMotion:
-        if by_balance:
-            omega, driven = problem.at(point.parameter)
-            motion = sampled_motion(point.data, model.loads, omega, driven)
-        else:
-            motion = sampled_orbit(problem, point)
-        return measure(system, model.loads, model.base, model.signals, motion, limited, settings.stored_harmonics)
+        driving = system, model.loads, model.base, model.signals
+        if not by_balance:
+            return measured_orbit(*driving, problem, point, limited, settings.stored_harmonics)
+        omega, driven = problem.at(point.parameter)
+        motion = sampled_motion(point.data, model.loads, omega, driven)
+        return measure(*driving, motion, limited, settings.stored_harmonics)
 
     traced, measured = with_maxima(traced, measured_motion, _reported_maxima(model), stop)
     spectra = [problem.multipliers(point) for point in traced.points]

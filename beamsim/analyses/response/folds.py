@@ -8,7 +8,7 @@ import numpy as np
 
 from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.interruption import until
-from beamsim.analyses.response.motion import measure, sampled_orbit
+from beamsim.analyses.response.closed_form import measured_orbit
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve, start_of_grazing_curve
@@ -121,9 +121,9 @@ def _curve(
     parameter = np.array([second.outward(p.parameter) for p in points])
     for k, point in enumerate(points):
         local = _at(model, orbits, path, point, level)
-        motion = sampled_orbit(local, BranchPoint(point.u[:-1], point.tangent[:-1], point.scale[:-1], point.residual,
-                                                  point.orientation, point.iterations, point.data))  # fmt: skip
-        cycles = measure(model.system, model.loads, model.base, model.signals, motion)
+        orbit = BranchPoint(point.u[:-1], point.tangent[:-1], point.scale[:-1], point.residual, point.orientation,
+                            point.iterations, point.data)  # fmt: skip
+        cycles = measured_orbit(model.system, model.loads, model.base, model.signals, local, orbit)
         peak[k] = np.maximum(np.abs(cycles.high), np.abs(cycles.low))
     orbits.flow.set(level=level)
     n = model.system.dynamics.size

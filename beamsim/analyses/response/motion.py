@@ -7,7 +7,7 @@ extreme the motion is sampled again, between the events beside it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -41,10 +41,13 @@ class DrivenSignals:
     power: Floats  # (k,)
     reference: float  # rad/s
 
+    def amplitude(self, omega: float, level: float) -> Complexes:
+        """(k,) at a frequency, rad/s, and level."""
+        return np.asarray(level * self.phasor * (omega / self.reference) ** self.power)
+
     def at(self, motion: SampledMotion) -> Floats:
         """(nt, k) at the times of a motion."""
-        amplitude = motion.level * self.phasor * (motion.omega / self.reference) ** self.power
-        return np.asarray(np.multiply.outer(motion.turning(1), amplitude).real)
+        return np.asarray(np.multiply.outer(motion.turning(1), self.amplitude(motion.omega, motion.level)).real)
 
 
 @lru_cache(maxsize=64)
@@ -248,18 +251,32 @@ def measure(
         return np.concatenate([part.T for part in parts_of(motion).values()])
 
     parts = parts_of(motion)
-    ends = np.cumsum([part.shape[1] for part in parts.values()])[:-1]
+    sizes = {name: part.shape[1] for name, part in parts.items()}
     rows = np.concatenate([part.T for part in parts.values()])
-    high, low = (dict(zip(parts, np.split(top, ends), strict=True)) for top in _extremes(motion, rows, rows_of))
-    gap = {s.name: -float(low["penetration"][j]) for j, s in enumerate(system.snubbers)} if "gap" in limited else {}
-    stress = float(max(high["bending"].max(), -low["bending"].min())) if "bending" in parts else None
+    high, low = _extremes(motion, rows, rows_of)
     spectrum = 2.0 * np.fft.rfft(rows[: len(shapes), :SAMPLES])[:, : harmonics + 1] / SAMPLES
     spectrum[:, 0] *= 0.5
+    return of_extremes(system, sizes, high, low, spectrum, motion.contact_share)
+
+
+def of_extremes(
+    system: StructuralSystem,
+    sizes: Mapping[str, int],
+    highest: Floats,
+    lowest: Floats,
+    harmonics: Complexes,
+    contact_share: Floats,
+) -> MeasuredMotion:
+    """A measured motion from the extremes of its quantities, ``sizes`` in order: "x", "acceleration", "force", and
+    where they are asked for "penetration", "bending" and "outputs"."""
+    ends = np.cumsum(list(sizes.values()))[:-1]
+    high, low = (dict(zip(sizes, np.split(top, ends), strict=True)) for top in (highest, lowest))
+    gap = {s.name: -float(low["penetration"][j]) for j, s in enumerate(system.snubbers)} if "penetration" in low else {}
+    stress = float(max(high["bending"].max(), -low["bending"].min())) if "bending" in high else None
     none = np.zeros(0)
     return MeasuredMotion(
-        high["x"], low["x"], spectrum, np.maximum(high["acceleration"], -low["acceleration"]),
-        np.maximum(high["force"], 0.0), motion.contact_share, gap, stress, high.get("outputs", none),
-        low.get("outputs", none),
+        high["x"], low["x"], harmonics, np.maximum(high["acceleration"], -low["acceleration"]),
+        np.maximum(high["force"], 0.0), contact_share, gap, stress, high.get("outputs", none), low.get("outputs", none),
     )  # fmt: skip
 
 
