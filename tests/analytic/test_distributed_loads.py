@@ -260,6 +260,7 @@ def test_a_line_load_on_one_of_two_joined_beams_is_that_on_the_whole():
     np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * np.abs(b).max())
 
 
+@pytest.mark.slow
 def test_a_stepped_sine_takes_a_pressure():
     excitation = load(area=[[0, 0], ["50 %", "100 %"]])
     scenario = case(

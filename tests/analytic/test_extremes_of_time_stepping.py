@@ -146,9 +146,8 @@ def test_nonlinear_modes_with_a_cubic_spring_and_a_stop_warn():
     assert not warned(snubbers=[])
 
 
-@pytest.mark.parametrize(
-    ("cubic", "run"), [(CUBIC, {}), pytest.param(0.0, {"method": "reference", "rtol": 1e-10}, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("cubic", "run"), [(CUBIC, {}), (0.0, {"method": "reference", "rtol": 1e-10})])
 def test_low_passed_peaks_do_not_depend_on_the_sample_rate(cubic, run):
     """The filter runs through the integrator's dense output, not through samples."""
 

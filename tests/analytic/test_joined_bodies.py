@@ -502,6 +502,7 @@ def test_piecewise_linear_spring_at_a_point_is_a_pair_of_stops_on_the_ground():
     np.testing.assert_allclose(with_spring.probes["panel"].displacement, expected, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_cubic_spring_between_beams_against_integration():
     stiffness = 1e12
     case = joined(

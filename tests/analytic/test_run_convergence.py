@@ -245,6 +245,7 @@ def test_low_passed_peaks_reach_summary_histories_and_limits():
     assert dataclasses.replace(read, low_pass_hz=None).low_pass_hz is None
 
 
+@pytest.mark.slow
 def test_a_shoulder_beside_a_strong_line_is_not_sought_at_that_line():
     """Order 3 has a weak line at 3.045 beside it, which the finer model does not show: order 3 changed by 80 %."""
     pad = {"name": "pad", "position": 0.6, "side": "below", "stiffness": 1e5, "law": "no_tension", "gap": 1e-3,

@@ -143,6 +143,7 @@ def test_command_prints_and_draws(tmp_path):
     assert json.loads(printed.stdout)["srs"]["middle absolute_acceleration"]["maximax_g"] > 20.0
 
 
+@pytest.mark.slow
 def test_samples_of_a_time_stepped_run_agree_and_coarse_ones_warn():
     exact = beamsim.run(panel(run={"convergence": "off", "sample_rate": "40 kHz"}))
     more = {"convergence": "off", "method": "reference", "integrator": "DOP853", "rtol": 1e-9}

@@ -153,6 +153,7 @@ def test_reversed_motion_is_another_one(stops):
         assert np.abs(back - there).max() > 0.1
 
 
+@pytest.mark.slow
 def test_a_branch_in_the_stiffness_factor(request):
     """The beam: with mode 2 near 6:1, where the half-period path only finds the tongue."""
     changes = {

@@ -216,7 +216,7 @@ def under_way(tmp_path):
     ("command", "path", "read", "number", "code"),
     [
         ("nnm", MODE, open_nnm, signal.SIGINT, 130),
-        ("sweep", RESPONSE, open_response, signal.SIGTERM, 143),
+        pytest.param("sweep", RESPONSE, open_response, signal.SIGTERM, 143, marks=pytest.mark.slow),
     ],
 )
 def test_a_signal_keeps_what_was_found(command, path, read, number, code, under_way, tmp_path):

@@ -117,6 +117,7 @@ def test_rigid_body_mode_is_refused():
         nnm(scenario)
 
 
+@pytest.mark.slow
 def test_prestress_in_energy():
     changes = {"snubbers[0].gap": "-0.2 mm", "nnm.continue_in": {"kind": "energy", "from": "1 uJ", "to": "1 mJ"}}
     result = nnm(load_scenario(CONFIGS / "nnm_energy.yaml", changes))

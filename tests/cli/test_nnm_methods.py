@@ -189,6 +189,7 @@ def test_expansion_writes_a_file(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_spectrum_over_fifty_periods(compared, beam):
     """Steps of a fiftieth of the frequency; lines at the harmonics alone, as large as the harmonics of one period."""
     motion = compared.motion
@@ -282,7 +283,11 @@ def test_nonsense_in_the_section_is_refused(case, changes, text):
         ([ENERGY, "--compare", "relaxed_minimisation"], "nnm_energy.yaml:17: nnm.continue_in.kind = energy, but "
          "relaxed_minimisation goes in"),
         ([FIRST, "--set", "nnm.method=multiple_scales", "--compare", "relaxed_minimisation"], "use method: shooting"),
-        ([ENERGY, "--set", "nnm.continue_in={kind: frequency, from: 300 Hz, to: 310 Hz}"], "choose one between 52.39"),
+        pytest.param(
+            [ENERGY, "--set", "nnm.continue_in={kind: frequency, from: 300 Hz, to: 310 Hz}"],
+            "choose one between 52.39",
+            marks=pytest.mark.slow,
+        ),
         ([FIRST, "--compare", "guesswork"], "relaxed_minimisation"),
     ],
 )  # fmt: skip
@@ -293,6 +298,7 @@ def test_what_only_the_model_can_refuse(arguments, text, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_branch_that_ends_early_keeps_its_points(tmp_path):
     path = "nnm.continue_in={kind: frequency, from: 52.45 Hz, to: 53 Hz}"
     done = invoke("nnm", ENERGY, "--set", path, "--set", "reduction.modes=4", "-o", tmp_path, "--no-plots")

@@ -66,6 +66,7 @@ def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch
     assert lost.phase_resonance.motions[0].found  # and kept
 
 
+@pytest.mark.slow
 def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):
     """Where no motion is found on the way from one point of the backbone to the next, halves of it are tried."""
     real, tried = phase_resonance.locate, []
@@ -179,7 +180,10 @@ def test_point_force_on_a_chain():
             {"nnm.continue_in": {"kind": "stiffness_factor"}, "nnm.energy": "5 mJ"}, "nnm.phase_resonance",
             "continue_in: {kind: energy",
         ),
-        ({"beam.damping": None, "snubbers[0].damping": None}, "nnm.phase_resonance", "no damping"),
+        pytest.param(
+            {"beam.damping": None, "snubbers[0].damping": None}, "nnm.phase_resonance", "no damping",
+            marks=pytest.mark.slow,
+        ),
     ],
 )  # fmt: skip
 def test_nonsense_is_refused_with_a_remedy(changes, where, text):

@@ -333,12 +333,14 @@ def plates(draw, damping=PLATE_DAMPING):
     return case
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(plates())
 def test_it_bounds_the_error_of_plates_alone_and_joined(case):
     assert_bounded(truncation(case))
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(plates(st.just(UNDAMPED)))
 def test_undamped_at_one_place_of_plates_it_is_within_a_factor_of_three(case):

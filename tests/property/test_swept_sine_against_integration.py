@@ -204,14 +204,8 @@ def test_base_motion_with_corners_and_notches(make_system, legs):
     assert np.abs(states(flow, record, times) - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "undamped",
-        *(pytest.param(kind, marks=pytest.mark.slow)
-          for kind in ("coupled damping", "hardly damped", "near-critical", "coincident")),
-    ],
-)  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["undamped", "coupled damping", "hardly damped", "near-critical", "coincident"])
 def test_awkward_damping(make_system, kind):
     """Through the resonance of undamped modes, clusters of eigenvalues, couplings."""
     omega = np.array([1.0, 2.2, 5.0])

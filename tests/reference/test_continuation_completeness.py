@@ -49,6 +49,7 @@ def test_coexisting_motions_with_contact_are_found(levels):
     assert any(np.any(b.stable) for b in others)
 
 
+@pytest.mark.slow
 def test_the_coexisting_motion_attracts_an_independent_integration(levels):
     branch = next(b for b in levels.branches[1:] if b.period_multiple == 1 and np.any(b.stable))
     k = int(np.flatnonzero(branch.stable)[0])

@@ -76,13 +76,14 @@ def independent_displacement(hz, stiffness=151.1e3):
     return (motion.state[:, :n] @ stop.row).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hz", "axis_m", "fits"),
     [
-        pytest.param(45, 1.5e-4, False, marks=pytest.mark.slow),
+        (45, 1.5e-4, False),
         (65, 4.0e-4, True),
-        pytest.param(78, 1.4e-3, False, marks=pytest.mark.slow),
-        pytest.param(160, 3.0e-4, False, marks=pytest.mark.slow),
+        (78, 1.4e-3, False),
+        (160, 3.0e-4, False),
     ],
 )
 def test_tip_displacement_against_the_printed_axes(hz, axis_m, fits):

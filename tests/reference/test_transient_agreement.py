@@ -115,6 +115,7 @@ def test_the_comparison_can_fail():
         assert max(differences(found, expected)) > 1e-9
 
 
+@pytest.mark.slow
 def test_reference_method_of_a_run_agrees_with_the_exact_one():
     """`run.method: reference`, the thesis's BDF at a moderate tolerance: same motion to that tolerance, not better."""
     overrides = {"reduction.modes": 2, "run.duration": 0.05, "run.spectrum": None}

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 import yaml
+from sampling import slow_after
 from typer.testing import CliRunner
 
 from beamsim import files
@@ -29,7 +30,7 @@ def numbers(value, path=()):
         yield path
 
 
-@pytest.mark.parametrize("name", ["one_sided_65hz", pytest.param("two_panels", marks=pytest.mark.slow), "chain_cubic"])
+@pytest.mark.parametrize("name", slow_after(1, ["chain_cubic", "one_sided_65hz", "two_panels"]))
 def test_extreme_numbers_are_refused_or_computed_with(name):
     """`beam.length: 1e308` and the like were internal errors; nothing but a located refusal may come of them."""
     case = yaml.safe_load(load_scenario(ROOT / f"configs/{name}.yaml").to_yaml())

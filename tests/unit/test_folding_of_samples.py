@@ -30,6 +30,7 @@ def test_a_sine_above_half_the_rate_is_seen_in_finer_samples():
     assert SampledRecord(record.time, slow[::times], rate, slow).folded(Window.named("hann")) < 1e-12
 
 
+@pytest.mark.slow
 def test_a_time_stepped_run_states_what_it_folds_and_warns():
     coarse, fine = stepped(2000.0), stepped(40_000.0)
     for key, s in coarse.spectra.items():

@@ -31,15 +31,22 @@ def scenario(**run):
     return beamsim.load_scenario(data)
 
 
-@pytest.fixture(autouse=True)
-def small_parts(monkeypatch):
-    monkeypatch.setattr(random_input, "PIECES_AT_HAND", 1000)
-    monkeypatch.setattr(streamed, "PIECES_OF_A_BLOCK", 700)
-    for module in (long_motion, long_run):
-        monkeypatch.setattr(module, "CHECKPOINT_PIECES", 256)
-    for module in (analysis, long_run):
-        monkeypatch.setattr(module, "BYTES_A_PIECE", 12800)
-    monkeypatch.setattr(stretches, "SEEDS_OF_A_STRETCH", 8)
+@pytest.fixture(autouse=True, scope="module")
+def small_parts():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(random_input, "PIECES_AT_HAND", 1000)
+        patch.setattr(streamed, "PIECES_OF_A_BLOCK", 700)
+        for module in (long_motion, long_run):
+            patch.setattr(module, "CHECKPOINT_PIECES", 256)
+        for module in (analysis, long_run):
+            patch.setattr(module, "BYTES_A_PIECE", 12800)
+        patch.setattr(stretches, "SEEDS_OF_A_STRETCH", 8)
+        yield
+
+
+@pytest.fixture(scope="module")
+def in_stretches():
+    return beamsim.run(scenario())
 
 
 @pytest.fixture
@@ -97,6 +104,7 @@ def test_a_motion_in_stretches_is_that_which_is_kept(pieces_made):
     np.testing.assert_allclose(parts.only_body.extreme_shapes, shapes, rtol=0, atol=1e-7 * np.abs(shapes).max())
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_duration(pieces_made):
     most = []
     for duration in (0.14, 0.28):
@@ -120,8 +128,8 @@ def test_stretches_are_forgotten():
     assert kept[-1] - kept[8] < 2 * size_of_a_stretch  # checkpoints and events; segments would be 13 times as much
 
 
-def test_statistics_are_gathered_a_few_histories_at_a_time(monkeypatch):
-    whole = beamsim.run(scenario()).random
+def test_statistics_are_gathered_a_few_histories_at_a_time(in_stretches, monkeypatch):
+    whole = in_stretches.random
     monkeypatch.setattr("beamsim.analyses.run.random_response.HISTORIES_SHARE", 0.005)  # two histories
     few = beamsim.run(scenario()).random
     assert [signal.rms for signal in few.signals] == [signal.rms for signal in whole.signals]
@@ -129,7 +137,7 @@ def test_statistics_are_gathered_a_few_histories_at_a_time(monkeypatch):
         np.testing.assert_array_equal(few.coherence[name], coherence)
 
 
-def test_an_interrupted_motion_keeps_what_it_reached(pieces_made):
+def test_an_interrupted_motion_keeps_what_it_reached(in_stretches, pieces_made):
     reached = []
     result = beamsim.run(scenario(), progress=reached.append, stop=lambda: len(reached) > 8)
     assert result.outcome.code is OutcomeCode.INTERRUPTED
@@ -138,7 +146,7 @@ def test_an_interrupted_motion_keeps_what_it_reached(pieces_made):
     pieces_made.clear()
     assert result.only_body.peak_bending_stress.max() > 0.0
     assert not pieces_made  # nothing is marched again
-    whole = beamsim.run(scenario())
+    whole = in_stretches
     kept = np.isin(whole.time, result.time)
     tip = result.probes["tip"].displacement
     np.testing.assert_allclose(tip, whole.probes["tip"].displacement[kept], rtol=1e-12, atol=1e-18)
@@ -257,6 +265,7 @@ def test_a_finer_model_is_compared_on_the_first_part():
     assert any("finer model is compared on the first" in warning for warning in result.warnings)
 
 
+@pytest.mark.slow
 def test_a_disturbance_is_followed_to_the_end(monkeypatch):
     """Only the first part was disturbed: what parts later was reported without a mark."""
     monkeypatch.setattr(parting, "SMALL", 0.05)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from sampling import slow_after
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.paths import mode_path
@@ -243,7 +244,9 @@ def test_a_mode_that_gradually_shares_its_energy_is_followed():
     np.testing.assert_allclose(near.backbone.frequency_hz, interpolated, rtol=2e-3)
 
 
-@pytest.mark.parametrize("section", [{"energy": 1e-3}, {"continue_in": {"kind": "energy", "from": 1e-3, "to": 1.0}}])
+@pytest.mark.parametrize(
+    "section", slow_after(1, [{"continue_in": {"kind": "energy", "from": 1e-3, "to": 1.0}}, {"energy": 1e-3}])
+)
 def test_no_advice_sends_from_energy_to_frequency_and_back(section):
     result = nnm(load_scenario({"chain": PRESSED, "nnm": {"mode": 1} | section}))
     assert "follow the frequency" not in result.status

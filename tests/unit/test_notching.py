@@ -124,6 +124,7 @@ def test_a_level_given_as_displacement_is_saved_as_one(tmp_path):
     np.testing.assert_allclose(other.displacement["second"].maximum, one.displacement["second"].maximum, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_downwards_and_from_a_profile_with_a_step():
     profile = [{"frequency": "10 Hz", "level": "1 g"}, {"frequency": "25 Hz", "level": "2 g"}]
     result = sweep(case(**{"from": "20 Hz", "to": "27 Hz"}, direction="down", profile=profile, levels=[1.0]))

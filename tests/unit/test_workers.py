@@ -37,6 +37,7 @@ def test_one_worker_and_threads_belong_to_the_process_itself(tmp_path, workers, 
     assert (done.returncode, done.stdout.split()) == (0, ["2"]), done.stderr
 
 
+@pytest.mark.slow
 def test_workers_of_a_script_without_a_guard_are_refused_with_the_remedy(tmp_path):
     """They import the script, which would start workers again; that is not a lack of memory."""
     done = script(tmp_path, 2, STEPPED)
