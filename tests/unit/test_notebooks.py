@@ -58,6 +58,15 @@ def test_data_frames_and_trees_hold_the_same_bits(result):
     assert displacement.attrs["long_name"]
 
 
+def test_a_result_read_from_its_file_shows_the_same(result, tmp_path):
+    read = beamsim.open_run(beamsim.write_run(result, tmp_path / "case.h5"))
+    assert read._repr_html_() == result._repr_html_()
+    assert read.plot().keys() == result.plot().keys()
+    pytest.importorskip("pandas")
+    histories = read.to_pandas()["time_histories"]
+    np.testing.assert_array_equal(histories["probe_first_displacement_m"], result.probes["first"].displacement)
+
+
 def test_every_kind_is_known_by_its_class():
     for name, kind in KINDS.items():
         assert kind_of_class(named(kind.result)) == name
