@@ -220,11 +220,6 @@ class BranchResult:
         return np.arange(next(iter(self.harmonics.values())).shape[1]) / (self.period_multiple or 1)
 
     @property
-    def peak_output(self) -> dict[str, Floats]:
-        """(np,) largest absolute value of each output."""
-        return {name: output.peak for name, output in self.outputs.items()}
-
-    @property
     def limited(self) -> dict[str, Floats]:
         """Quantities computed only for limits: ``bending_stress`` Pa, ``gap <snubber>`` m."""
         gaps = {f"gap {name}": values for name, values in self.peak_gap.items()}

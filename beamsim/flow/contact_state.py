@@ -69,6 +69,9 @@ class LinearOutput:
         return LinearOutput(-self.row, -self.direct, -self.direct_slope)
 
 
+OutputOf = Callable[[Ints], LinearOutput]  # of the phases of the contacts
+
+
 @dataclass(frozen=True)
 class ContactState:
     """Tables of one contact state; B basis functions, T terms, Z free amplitudes."""

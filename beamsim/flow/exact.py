@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,7 +11,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Watched
 from beamsim.flow.basis import basis_derivatives
-from beamsim.flow.contact_state import ContactState, LinearOutput, acting_loads, build_state, state_matrices
+from beamsim.flow.contact_state import ContactState, LinearOutput, OutputOf, acting_loads, build_state, state_matrices
 from beamsim.flow.equal_steps import PieceStep, as_arrays, common_length, step_of
 from beamsim.flow.first_derivatives import (
     HIGHEST_DERIVATIVE,
@@ -261,7 +260,7 @@ class ExactFlow:
             )  # fmt: skip
         return self._inputs
 
-    def output_table(self, output_of: Callable[[Ints], LinearOutput]) -> Complexes:
+    def output_table(self, output_of: OutputOf) -> Complexes:
         """(S, T, k) coefficients of outputs that may depend on the contact state."""
         count = output_of(self.states[0].phases).row.shape[0] if self.states else 0
         table = np.zeros((len(self.states), max((s.term_basis.size for s in self.states), default=0), count), complex)

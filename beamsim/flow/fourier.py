@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.folding import folded_by_products
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.term_integrals import summed_integrals
 from beamsim.flow.trajectory import Trajectory
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats
 
 EXPONENTIALS_A_CALL = 2_000_000  # of a kernel; about a tenth of a second
 FEWEST_FREQUENCIES = 64  # of a call, where one segment has many basis functions
@@ -56,9 +56,7 @@ class MotionPart:
     transforms: dict[bytes, Complexes | None] = field(default_factory=dict)  # of frequencies asked for, see `integrals`
 
     @classmethod
-    def of(
-        cls, trajectory: Trajectory, output_of: Callable[[Ints], LinearOutput], begin: float, end: float, cut: float
-    ) -> MotionPart:
+    def of(cls, trajectory: Trajectory, output_of: OutputOf, begin: float, end: float, cut: float) -> MotionPart:
         """The outputs between two times."""
         part = part_of(trajectory, begin, end).held()
         flow = part.flow

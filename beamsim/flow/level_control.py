@@ -16,9 +16,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.march import Motion, carry
 from beamsim.flow.stopping import never
-from beamsim.flow.swept_sine import CycleMarch, OutputOf, SweptFlow
+from beamsim.flow.swept_sine import CycleMarch, SweptFlow
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.swept import SweepWindows, windows_of_cycles

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.march import Carried, Log, carry
 from beamsim.flow.stopping import never
 from beamsim.flow.transient import motion_of, start
@@ -155,7 +155,7 @@ class LongMotion:
         carried = carry(flow, motion, (end,), keep=True, max_events=10**9, max_evaluations=10**12)
         return motion_of(flow, motion, Log.sized(0, motion.y.size, 0), carried, 0.0)
 
-    def sample(self, times: Floats, output_of: Callable[[Ints], LinearOutput]) -> Floats:
+    def sample(self, times: Floats, output_of: OutputOf) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""
         count = output_of(self.flow.system.contacts.start).row.shape[0]
         out, first = np.empty((times.size, count)), 0

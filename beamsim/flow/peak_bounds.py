@@ -8,13 +8,13 @@ certified search (:func:`beamsim.flow.kernels.extremes`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
-from beamsim.flow.contact_state import ContactState, LinearOutput
+from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.equal_pieces import Segments
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Complexes, Floats, Ints
@@ -53,9 +53,7 @@ class Candidates:
         return np.ascontiguousarray(np.where(outputs < count, 1.0, -1.0) * self.table[:, column])
 
 
-def candidates(
-    motion: Exponentials, output_of: Callable[[Ints], LinearOutput], highest: Floats, when: Floats
-) -> list[Candidates]:
+def candidates(motion: Exponentials, output_of: OutputOf, highest: Floats, when: Floats) -> list[Candidates]:
     """Pairs that may hold a larger value than ``highest``, which first rises to the largest one at a point.
 
     Parameters

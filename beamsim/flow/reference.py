@@ -15,7 +15,7 @@ import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.laws import Guard
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.held import held_contacts
 from beamsim.flow.stopping import never
@@ -56,7 +56,7 @@ class ReferenceTrajectory:
         """(E,) whether contact is made at the event."""
         return np.asarray(self.touch_changes > 0)
 
-    def sample(self, output_of: Callable[[Ints], LinearOutput]) -> Floats:
+    def sample(self, output_of: OutputOf) -> Floats:
         """Outputs (nt, k) at the output times."""
         return sampled(self.flow, self.time, self.y, self.phases, output_of)
 
@@ -66,7 +66,7 @@ def sampled(
     times: Floats,
     y: Floats,
     phases: Ints,
-    output_of: Callable[[Ints], LinearOutput],
+    output_of: OutputOf,
     since: float | None = None,
 ) -> Floats:
     """Outputs (nt, k) of states (nt, N) with contacts in phases (nt, m); the sources are those that act

@@ -9,12 +9,12 @@ are divided until none is left.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.flow.contact_state import ContactState, LinearOutput
+from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -51,7 +51,7 @@ class SquareSumExtremes:
 
 
 def square_sum_extremes(
-    trajectory: Trajectory, output_of: Callable[[Ints], LinearOutput], sizes: Sequence[int], times: Floats
+    trajectory: Trajectory, output_of: OutputOf, sizes: Sequence[int], times: Floats
 ) -> SquareSumExtremes:
     """Extremes of ``sum(x**2) / 2`` over groups of consecutive outputs.
 
@@ -83,7 +83,7 @@ class _Undecided:
     """The intervals of one contact state that may hold an extreme."""
 
     def __init__(
-        self, motion: Trajectory, state: ContactState, segments: Ints, output_of: Callable[[Ints], LinearOutput],
+        self, motion: Trajectory, state: ContactState, segments: Ints, output_of: OutputOf,
         first: Ints, found: SquareSumExtremes,
     ) -> None:  # fmt: skip
         self.motion, self.state, self.first, self.found = motion, state, first, found

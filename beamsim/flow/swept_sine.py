@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.flow.contact_state import LinearOutput, state_loads
+from beamsim.flow.contact_state import LinearOutput, OutputOf, state_loads
 from beamsim.flow.exact import ExactFlow, StartOfMotion
 from beamsim.flow.invariant_blocks import Block, SimpleModes
 from beamsim.flow.march import Log, Motion, carry
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
     from beamsim.flow.sweep_kernels import Cycles, Forced, OutputTables, PowerBalance, Swept, Windows
 
-OutputOf = Callable[[Ints], LinearOutput]
 
 WINDOWS_A_CALL = 128  # between two reports of progress, and between which signals are handled
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.flow.contact_state import ContactState, LinearOutput
+from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, rule_out_maxima, sample_alike
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.peak_bounds import candidates
@@ -91,7 +91,7 @@ class Trajectory:
             outcome=Outcome.of(OutcomeCode.NOT_FINITE, time=end),
         )  # fmt: skip
 
-    def sample(self, times: Floats, output_of: Callable[[Ints], LinearOutput]) -> Floats:
+    def sample(self, times: Floats, output_of: OutputOf) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""
         if not self.flow.dropped:
             if times.size < FEW_TIMES * len(self.flow.states):
@@ -104,7 +104,7 @@ class Trajectory:
             first = last
         return np.concatenate(parts)
 
-    def _sample_few(self, times: Floats, output_of: Callable[[Ints], LinearOutput]) -> Floats:
+    def _sample_few(self, times: Floats, output_of: OutputOf) -> Floats:
         """The same from the states at these times, which are fewer than a table of each contact state pays for."""
         sources, segment = self.flow.sources, np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
         out = np.empty((times.size, output_of(self.flow.states[0].phases).row.shape[0]))
@@ -279,7 +279,7 @@ class Trajectory:
 
     def maxima(
         self,
-        output_of: Callable[[Ints], LinearOutput],
+        output_of: OutputOf,
         seed: Floats,
         when: Floats,
     ) -> tuple[Floats, Floats, int]:
@@ -334,8 +334,8 @@ class Trajectory:
     def product_integrals(
         self,
         times: Floats,
-        left_of: Callable[[Ints], LinearOutput],
-        right_of: Callable[[Ints], LinearOutput],
+        left_of: OutputOf,
+        right_of: OutputOf,
         weight: Floats,
         begin: float = 0.0,
     ) -> Floats:

@@ -8,12 +8,12 @@ this interpolation.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -34,7 +34,7 @@ class TurningPoints:
 
 
 def turning_points(
-    trajectory: Trajectory, output_and_rate: Callable[[Ints], LinearOutput], segments: Ints, grid: int = GRID
+    trajectory: Trajectory, output_and_rate: OutputOf, segments: Ints, grid: int = GRID
 ) -> TurningPoints:
     """Turning points of one output.
 

@@ -440,7 +440,6 @@ class Branch:
     settings: Settings = field(default_factory=Settings)
     same_kind: Callable[[BranchPoint, BranchPoint], bool] = lambda a, b: True
     outcome: Outcome = NOT_BEGUN
-    rejected: int = 0
 
     def __iter__(self) -> Iterator[BranchPoint]:
         s = self.settings
@@ -454,7 +453,6 @@ class Branch:
             while new is None:
                 new, failed = self._step(point, before, ds), ds
                 if new is None:
-                    self.rejected += 1
                     ds *= 0.4
                     if ds < s.smallest_step:
                         self.outcome = self._stuck(point, failed, count)

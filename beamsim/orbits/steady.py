@@ -11,14 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.march import Motion, carry
 from beamsim.flow.stopping import never
 from beamsim.flow.swept_sine import CycleMarch, SweptFlow
 from beamsim.inputs.swept import SweepWindows
 from beamsim.typing import Complexes, Floats, Ints
-
-OutputOf = Callable[[Ints], LinearOutput]
 
 CYCLES_A_CALL = 16
 MOST_EVENTS = 2**62  # in a cycle: what bounds the work are the evaluations

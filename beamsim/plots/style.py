@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
 AT_ONCE = 2**18  # samples of a long history that are read together
 ROUND_OFF = 1e-15  # in SI units; nothing that is shown can be known so small
 MOST_CURVES = 6  # in one plot; more cannot be distinguished

@@ -11,11 +11,11 @@ from pydantic_core import PydanticCustomError
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario.base import Path, Schema
+from beamsim.scenario.designs import Value
 from beamsim.scenario.loading import load_scenario
 from beamsim.scenario.scenario import Scenario
 
 Places = Sequence[Sequence[Path]]
-Value = float | str
 
 
 def draw_data(base: Mapping[str, Any], places: Places, values: Sequence[Value]) -> dict[str, Any]:

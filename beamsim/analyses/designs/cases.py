@@ -24,6 +24,7 @@ from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import BeamsimError, Problem, ScenarioError
 from beamsim.flow.stopping import never
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario.designs import Value
 from beamsim.scenario.draws import Draws
 from beamsim.system.shared import SharedBuilds
 
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 SHORT = 0.01  # share of the range that is followed in a warm-up
 
 Place = tuple[str | int, ...]
-Value = float | str
 
 
 @dataclass(frozen=True)

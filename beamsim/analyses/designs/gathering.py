@@ -27,10 +27,9 @@ from beamsim.analyses.designs.sensitivity import sensitivities
 from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.limits import margin_of
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.scenario.designs import Value
 from beamsim.system.outputs import output_units
 from beamsim.typing import Bools, Floats
-
-Value = float | str
 
 SAMPLES = ("latin_hypercube", "sobol", "draws")  # kinds of studies that have statistics
 

@@ -23,7 +23,15 @@ from beamsim.analyses.designs.result import (
 from beamsim.analyses.designs.sampling import latin_hypercube, listed_values, sobol
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import suggestion
-from beamsim.scenario.designs import LatinHypercube, Sobol, VariedParameter, Vary, drawn_parameters, varied_parameters
+from beamsim.scenario.designs import (
+    LatinHypercube,
+    Sobol,
+    Value,
+    VariedParameter,
+    Vary,
+    drawn_parameters,
+    varied_parameters,
+)
 from beamsim.scenario.draws import Draws
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.typing import Ints
@@ -31,7 +39,6 @@ from beamsim.typing import Ints
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-Value = float | str
 
 MOST_CHECKED = 400  # cases checked before the first is solved
 

@@ -11,14 +11,13 @@ import numpy as np
 
 from beamsim.analyses.designs.result import RealisedResponse, Tolerance
 from beamsim.analyses.designs.sampling import latin_hypercube
-from beamsim.scenario.designs import Path
+from beamsim.scenario.designs import Path, Value
 from beamsim.scenario.tolerances import ToleratedParameter, tolerances_of, tolerated_parameters
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-Value = float | str
 
 _LOW, _HIGH = 0.05, 0.95  # quantiles in the summary
 

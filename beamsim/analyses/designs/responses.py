@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.limits import STANDARD_GRAVITY
+
 if TYPE_CHECKING:
     from beamsim.analyses.response.result import FrequencyResponse
     from beamsim.analyses.run.result import RunResult
     from beamsim.analyses.sweep.result import SweepResult
 
 MODES_KEPT = 6
-STANDARD_GRAVITY = 9.80665  # m/s^2
 
 Responses = dict[str, float | list[float]]
 

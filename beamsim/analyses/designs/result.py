@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from beamsim.analyses.result import Result
 from beamsim.fields import Axes, Counter, Entry, arrays, attribute, axis, dataset, declared, key, numbered, stored
 from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.scenario.designs import Value
 from beamsim.typing import Bools, Floats, Ints
-
-Value = float | str
 
 _GROUP = "designs"
 _OF_NAMED = (

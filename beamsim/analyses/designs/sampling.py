@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.scenario.designs import VariedParameter
+from beamsim.scenario.designs import Value, VariedParameter
 from beamsim.typing import Floats
-
-Value = float | str
 
 NORMAL_REACH = 3.0  # standard deviations in a tolerance
 

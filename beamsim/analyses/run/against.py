@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.run.result import Against, AgainstFigure, RunResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import Stopped, heeding, never
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 METHODS = ("newmark", "hht", "dop853")
 STEPS_A_PERIOD = 40  # of the fastest mode, contacts closed, where no step is given
-STANDARD_GRAVITY = 9.80665  # m/s^2
 PARTED = 0.1  # of the mean time between the events of a contact: two events further apart are not the same
 
 

@@ -12,7 +12,6 @@ from beamsim.analyses.run.energy import energy_of_segments
 from beamsim.analyses.run.figures import SEEDS, by_name, openings, static_figures
 from beamsim.analyses.run.intervals import SKIPPED
 from beamsim.analyses.run.outputs import (
-    OutputOf,
     bending_stress,
     exact_flow,
     in_every_state,
@@ -21,6 +20,7 @@ from beamsim.analyses.run.outputs import (
 )
 from beamsim.analyses.run.random_response import LEAST_SAMPLES
 from beamsim.errors import NotTrustedError
+from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.stopping import Stopped, check_stop, heeding, never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -28,7 +28,7 @@ from beamsim.scenario.run import OrbitStart
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
-    from beamsim.flow.contact_state import LinearOutput
+    from beamsim.flow.contact_state import LinearOutput, OutputOf
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run, Scenario
     from beamsim.system.shared import SharedBuilds

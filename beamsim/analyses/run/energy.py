@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.analyses.run.outputs import OutputOf, OutputSet, stack, velocities
+from beamsim.analyses.run.outputs import OutputSet, stack, velocities
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.equal_pieces import many_pieces
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import penetration_of_states

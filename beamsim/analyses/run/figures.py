@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
-from beamsim.analyses.run.outputs import OutputOf, OutputSet
+from beamsim.analyses.run.outputs import OutputSet
 from beamsim.contacts.springs import FRICTION
+from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.square_sums import square_sum_extremes
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.outputs import OutputRows

@@ -16,9 +16,10 @@ import numpy as np
 from beamsim.analyses.run.energy import energies, power_factors, unknown_energies
 from beamsim.analyses.run.figures import Extreme, Extremes, refine_extremes, sampled_extremes
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.run.outputs import OutputOf, OutputSet
+from beamsim.analyses.run.outputs import OutputSet
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.fields import by_rows, later
+from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.long_motion import LongMotion
 from beamsim.flow.stopping import Stopped, heeding
 from beamsim.flow.trajectory import Trajectory

@@ -20,8 +20,8 @@ from beamsim.analyses.rainflow import damage, equivalent_range, rainflow, revers
 from beamsim.analyses.run.energy import contact_losses
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow, SnubberImpacts
 from beamsim.analyses.run.intervals import BLOCKS, LEAST, SKIPPED, FigureInterval, Sums, jackknife
-from beamsim.analyses.run.outputs import OutputOf, accelerations, bending_stress, stack, velocities
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.analyses.run.outputs import accelerations, bending_stress, stack, velocities
+from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.turning_points import GRID, TurningPoints, turning_points

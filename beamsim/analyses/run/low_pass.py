@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.run.linear_filter import LONGEST_TURN, Extreme, LinearFilter, Signal, panels
-from beamsim.analyses.run.outputs import OutputOf
+from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Complexes, Floats
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from beamsim.contacts.springs import SpringInfo
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.inputs.streamed import StreamedSignal, common_record
 from beamsim.structures.stations import StressRows
@@ -25,7 +25,6 @@ TABLES_SHARE, MOTION_SHARE = 0.128, 0.5  # of it: tables of contact states, the 
 SEARCHED = (  # for their extremes
     "displacement", "acceleration", "force", "penetration", "stretch", "spring_force", "output",
 )  # fmt: skip
-OutputOf = Callable[[Ints], LinearOutput]
 
 
 def displacements(flow: ExactFlow, shape: Floats) -> LinearOutput:

@@ -13,7 +13,8 @@ from beamsim.analyses.run.histories import SampledHistories
 from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.low_pass import LowPassFilter, filtered_part
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.run.outputs import OutputOf, OutputSet, energies_of_rows
+from beamsim.analyses.run.outputs import OutputSet, energies_of_rows
+from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.long_motion import LongMotion
 from beamsim.flow.stopping import Stopped, check_stop, heeding
 from beamsim.flow.trajectory import Trajectory

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from beamsim.analyses.sweep.result import (
     SweepHistory,
 )
 from beamsim.contacts.contacts import Contacts
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
@@ -98,7 +98,7 @@ class SweepOutputs:
     limited: Collection[str] = ()
     with_impacts: bool = False
 
-    def rows(self, template: ExactFlow) -> Callable[[Ints], LinearOutput]:
+    def rows(self, template: ExactFlow) -> OutputOf:
         """The outputs by the phases of the contacts, written for a flow."""
         system = self.system
         shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
