@@ -1,10 +1,10 @@
 """Functions of time and frequency in a result file of any kind, and mode shapes, as records of a universal file.
 
-Nodes are the probes of the scenario, then its snubbers, then the base of a run (at the origin), then the points along a
-beam at which its modes are stored; x is the
-position along the beam (the number of the mass in a chain) and motion is along +z. The force of a snubber above the
-structure is along -z. Amplitude spectra are of function type 0 (general), because pyuff does not write type 12
-(spectrum).
+Nodes are the probes of the scenario, then its snubbers, then the base of a run (at the origin), then the stations of
+the structure at which its modes are stored; x is the position along the beam or on the plate (the number of the mass in
+a chain), y that on the plate, and motion is along +z. Bodies have no positions relative to each other: of several, each
+lies above the one before, at a tenth of the longest. The force of a snubber above the structure is along -z. Amplitude
+spectra are of function type 0 (general), because pyuff does not write type 12 (spectrum).
 """
 
 from __future__ import annotations
@@ -29,14 +29,16 @@ from beamsim.store.uff import (
     header_151,
     record_55,
     record_58,
-    trace_line,
+    trace_lines,
 )
-from beamsim.typing import Floats
+from beamsim.structures.stations import NODES, Stations
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-Coordinates = tuple[float, float]
+Coordinates = tuple[float, float, float]  # m
+APART = 0.1  # between bodies, of the longest
 
 _OF_SNUBBERS = ("force", "penetration")
 _STATISTICS = ("peak_", "max_", "min_", "rms_", "mean_", "harmonic_")
@@ -61,7 +63,9 @@ def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
     """
     import pyuff
 
-    nodes, upside_down = _stored_nodes(file) if "base" in file else _nodes(result.scenario)
+    stations = _stations(file)
+    heights = _heights(stations)
+    nodes, upside_down = _stored_nodes(file, heights) if "base" in file else _nodes(result.scenario, heights)
     version = getattr(result, "beamsim_version", "")
     source = Source(result.title, result.created, f"beamsim {version} {file.attrs['command']}")
     records = []
@@ -81,53 +85,89 @@ def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
                 )  # fmt: skip
     if not records:
         return []
-    x, y = np.array([*nodes.values()], dtype=float).T
-    along, shapes = _mode_shapes(file, source, x.size)
-    x, y = np.append(x, along), np.append(y, np.zeros(along.size))
-    of_nodes = pyuff.prepare_15(node_nums=np.arange(1, x.size + 1), x=x, y=y, z=np.zeros(x.size))
+    places = np.array([*nodes.values()], dtype=float)
+    along, shapes = _mode_shapes(file, stations, heights, source, len(nodes))
+    x, y, z = np.concatenate([places, along]).T
+    of_nodes = pyuff.prepare_15(node_nums=np.arange(1, x.size + 1), x=x, y=y, z=z)
     return [header_151(source), of_nodes, *shapes, *records]
 
 
-def _mode_shapes(file: h5py.File, source: Source, nodes: int) -> tuple[Floats, list[dict[str, Any]]]:
-    """Positions along a beam at which its modes are stored, a line through these nodes, and a record for each mode.
-
-    The nodes follow the other ``nodes``. None of plates, chains and several bodies.
-    """
+def _stations(file: h5py.File) -> Stations | None:
+    """Where the mode shapes of a file are stored; None where there are none."""
     modes = file.get("modes")
-    if modes is None or not {"position", "shapes"} <= modes.keys() or {"body", "across"} & modes.keys():
-        return np.zeros(0), []
-    if modes["position"].attrs.get("units") != "m":
-        return np.zeros(0), []
-    position, shapes = values_of(modes["position"]), values_of(modes["shapes"])
-    number = nodes + 1 + np.arange(position.size)
+    if modes is None or not {"position", "shapes"} <= modes.keys():
+        return None
+    position, body = modes["position"], modes.get("body")
+    names, axes = (None, None) if body is None else (tuple(map(str, body.attrs[key])) for key in ("names", "axes"))
+    return Stations(
+        values_of(position), str(position.attrs["units"]), str(position.attrs["long_name"]),
+        None if body is None else values_of(body), names, axes,
+        values_of(modes["across"]) if "across" in modes else None,
+    )  # fmt: skip
+
+
+def _heights(stations: Stations | None) -> dict[str, float]:
+    """By body the z of its nodes, m."""
+    if stations is None or not stations.position.size:
+        return {}
+    lengths = [np.ptp(stations.position[part.stations]) for part in stations if part.axis.continuous]
+    return {part.body: APART * max(lengths, default=1.0) * k for k, part in enumerate(stations)}
+
+
+def _mode_shapes(
+    file: h5py.File, stations: Stations | None, heights: dict[str, float], source: Source, nodes: int
+) -> tuple[Floats, list[dict[str, Any]]]:
+    """(nx, 3) coordinates of the stations of the modes, the lines through them, and a record for each mode.
+
+    Their nodes follow the other ``nodes``. None of imported bodies, whose places are in their own files.
+    """
+    none = np.zeros((0, 3))
+    if stations is None or not stations.position.size or any(part.axis is NODES for part in stations):
+        return none, []
+    y = np.zeros(stations.position.size) if stations.across is None else np.nan_to_num(stations.across)
+    z = np.concatenate([np.full(part.stations.stop - part.stations.start, heights[part.body]) for part in stations])
+    number = nodes + 1 + np.arange(stations.position.size)
+    lines = [
+        trace_lines(k, part.body, _lines(number[part.stations], stations.position[part.stations], y[part.stations]))
+        for k, part in enumerate(stations, 1)
+    ]
+    modes = file["modes"]
     frequencies, damping = values_of(modes["open_frequencies_hz"]), values_of(modes["damping_ratios"])
     records = [
         record_55(source, mode, float(f), float(np.nan_to_num(ratio)), number, shape)
-        for mode, (f, ratio, shape) in enumerate(zip(frequencies, damping, shapes, strict=True), 1)
+        for mode, (f, ratio, shape) in enumerate(zip(frequencies, damping, values_of(modes["shapes"]), strict=True), 1)
     ]
-    return position, [trace_line(number), *records]
+    return np.stack([stations.position, y, z], axis=1), [*lines, *records]
 
 
-def _nodes(scenario: Scenario) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:
-    """Position of every probe and snubber, and the snubbers that push downwards."""
-    probes = {("probe", p.name): _coordinates(p) for p in scenario.effective_probes}
-    snubbers = {("snubber", s.name): _coordinates(s) for s in scenario.all_snubbers}
+def _lines(number: Ints, x: Floats, y: Floats) -> list[Ints]:
+    """Nodes along each line of a mesh: of a plate those of equal y, then those of equal x."""
+    if np.ptp(y) == 0.0:
+        return [number[np.argsort(x, kind="stable")]]
+    along = [number[y == at][np.argsort(x[y == at])] for at in np.unique(y)]
+    across = [number[x == at][np.argsort(y[x == at])] for at in np.unique(x)]
+    return [line for line in (*along, *across) if line.size > 1]
+
+
+def _nodes(scenario: Scenario, heights: dict[str, float]) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:
+    """Coordinates of every probe and snubber, and the snubbers that push downwards."""
+    probes = {("probe", p.name): _coordinates(p, heights) for p in scenario.effective_probes}
+    snubbers = {("snubber", s.name): _coordinates(s, heights) for s in scenario.all_snubbers}
     return {**probes, **snubbers}, {s.name for s in scenario.all_snubbers if getattr(s, "side", "") == "above"}
 
 
-def _stored_nodes(file: h5py.File) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:
+def _stored_nodes(file: h5py.File, heights: dict[str, float]) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:
     """The same for a run, whose file contains the positions, with the base."""
     nodes: dict[tuple[str, str], Coordinates] = {}
     upside_down = set()
     for folder, kind in (("probes", "probe"), ("snubbers", "snubber")):
         for group in ordered(file, folder):
-            across = float(group.attrs.get("across", np.nan))
-            nodes[kind, str(group.attrs["name"])] = (
-                float(group.attrs["position"]), across if np.isfinite(across) else 0.0,
-            )  # fmt: skip
+            across = float(np.nan_to_num(group.attrs.get("across", 0.0)))
+            height = heights.get(str(group.attrs.get("body", "")), 0.0)
+            nodes[kind, str(group.attrs["name"])] = (float(group.attrs["position"]), across, height)
             if group.attrs.get("side") == "above":
                 upside_down.add(str(group.attrs["name"]))
-    return {**nodes, ("base", "base"): (0.0, 0.0)}, upside_down
+    return {**nodes, ("base", "base"): (0.0, 0.0, 0.0)}, upside_down
 
 
 def _kind_of_place(dataset: h5py.Dataset, quantity: str) -> str:
@@ -145,10 +185,11 @@ def _kind_of_place(dataset: h5py.Dataset, quantity: str) -> str:
     return "snubber" if quantity in _OF_SNUBBERS else "probe"
 
 
-def _coordinates(item: Any) -> Coordinates:
+def _coordinates(item: Any, heights: dict[str, float]) -> Coordinates:
     """Position along its body, or number of the mass, and y on a plate; the first place of a snubber between two."""
-    point = getattr(item, "probed_places", item.places)[0].point
-    return (float(point[0]), float(point[1])) if isinstance(point, tuple) else (float(point), 0.0)
+    place = getattr(item, "probed_places", item.places)[0]
+    x, y = place.point if isinstance(place.point, tuple) else (place.point, 0.0)
+    return float(x), float(y), heights.get(place.body or "", 0.0)
 
 
 def _name(dataset: h5py.Dataset) -> str:

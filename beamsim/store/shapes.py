@@ -18,6 +18,7 @@ from beamsim.scenario.place import AtPlace
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
+    from beamsim.scenario.body import Body
 
 _PLACE = ("body", "position", "x", "y", "mass", "node", "direction")
 _COMPONENTS = {"x": "r1", "y": "r2", "z": "r3", "rx": "r4", "ry": "r5", "rz": "r6"}
@@ -139,26 +140,41 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
     if any([int(node) for node in mode["node_nums"]] != nodes for mode in modes):
         raise _wrong(path, "has modes at different nodes", "export all modes at the same nodes")
     frequencies = np.array([_uff_frequency(mode) for mode in modes])
-    if len(scenario.all_bodies) > 1:
-        raise _wrong(path, "names no bodies, and there are several", "give the shapes as CSV, with a column body")
-    body = next(iter(scenario.all_bodies.values()))
-    has_nodes = not any(body.node_problems((), ()))
-    plane = body.has_default_probe and isinstance(body.default_probe()[1].point, tuple)
+    bodies = scenario.all_bodies
+    lines = {str(each["id"]).strip(): each["nodes"] for each in sets if each.get("type") == 82}
+    owners = {int(node): name for name, numbers in lines.items() if name in bodies for node in numbers if node}
     places, labels, rows = [], [], []
     for k, node in enumerate(nodes):
+        name = owners.get(node) if len(bodies) > 1 else next(iter(bodies))
+        if name is None:
+            raise _wrong(
+                path, f"says of no body that node {node} is on it, and there are several",
+                f"give each a trace line (dataset 82) named {', '.join(bodies)}, or use CSV with a column body",
+            )  # fmt: skip
+        body = bodies[name]
+        of = {"body": name} if len(bodies) > 1 else {}
+        has_nodes = not any(body.node_problems((), ()))
         for direction, component in _COMPONENTS.items():
             row = [complex(np.atleast_1d(mode.get(component, np.zeros(len(nodes))))[k]) for mode in modes]
             if not any(row) or not (has_nodes or direction == "z"):
                 continue
             if has_nodes:
-                places.append(AtPlace.model_validate({"node": node, "direction": direction}))
+                places.append(AtPlace.model_validate({**of, "node": node, "direction": direction}))
             elif node in coordinates:
-                places.append(AtPlace(position=coordinates[node] if plane else coordinates[node][0]))
+                places.append(AtPlace.model_validate({**of, **_point_of(body, coordinates[node])}))
             else:
                 raise _wrong(path, f"has no coordinates of node {node}", "export dataset 15 too, or use CSV")
             labels.append(f"node {node} {direction}")
             rows.append(row)
     return ShapesAtPlaces(tuple(places), frequencies, np.array(rows).reshape(len(rows), -1), str(path), tuple(labels))
+
+
+def _point_of(body: Body, coordinates: tuple[float, float]) -> dict[str, Any]:
+    """The keys of a place: both coordinates on a plate, x along a beam, which numbers the masses of a chain."""
+    usual = body.default_probe()[1] if body.has_default_probe else None
+    if usual is not None and usual.mass is not None:
+        return {"mass": round(coordinates[0])}
+    return {"position": coordinates if usual is not None and isinstance(usual.point, tuple) else coordinates[0]}
 
 
 def _uff_frequency(mode: Mapping[str, Any]) -> float:

@@ -118,9 +118,11 @@ def header_151(source: Source) -> dict[str, Any]:
     )  # fmt: skip
 
 
-def trace_line(nodes: Ints) -> dict[str, Any]:
-    """A line through nodes (data set 82)."""
-    return {"type": 82, "trace_num": 1, "color": 0, "id": "beam", "n_nodes": nodes.size, "nodes": nodes}
+def trace_lines(number: int, name: str, lines: Sequence[Ints]) -> dict[str, Any]:
+    """The lines through the nodes of a body (data set 82): between two of them, as node 0, the pen is lifted."""
+    lifted = [part for line in lines for part in (np.zeros(1, dtype=np.int64), line)][1:]
+    nodes = np.concatenate(lifted)
+    return {"type": 82, "trace_num": number, "color": 0, "id": _ascii(name, 80), "n_nodes": nodes.size, "nodes": nodes}
 
 
 def record_55(

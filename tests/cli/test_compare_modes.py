@@ -2,17 +2,22 @@
 
 import json
 
+import h5py
 import numpy as np
 import pytest
 import pyuff
 from typer.testing import CliRunner
 
 import beamsim
+from beamsim.analyses.compare_modes.analysis import compare_modes
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
+from beamsim.store import declared, records
 from beamsim.store.shapes import read_shapes
+from beamsim.store.uff import Source, record_55, write_uff
 from beamsim.structures.places import Place
+from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 
 CHAIN = """
@@ -43,6 +48,35 @@ def call(*arguments):
 def own_shapes(text, places):
     parts = reduced_parts(load_scenario(text))
     return parts.omega / (2 * np.pi), parts.shapes(places)
+
+
+@pytest.mark.parametrize("text", [CHAIN, TWO])
+def test_modes_written_to_a_universal_file_are_found_again(tmp_path, text):
+    """Nodes from the mesh (data set 15), lines of each body (82) and modes (55): each mode pairs with itself."""
+    scenario = load_scenario(text)
+    modes = build_system(scenario, assessed=False).modes
+    with h5py.File(tmp_path / "modes.h5", "w") as file:
+        declared.write(file.require_group("modes"), modes)
+        stations = records._stations(file)
+        heights = records._heights(stations)
+        places, sets = records._mode_shapes(file, stations, heights, Source("title", "", "beamsim"), 3)
+    x, y, z = places.T
+    assert len(set(z)) == len(scenario.all_bodies)  # bodies apart
+    write_uff([pyuff.prepare_15(node_nums=4 + np.arange(x.size), x=x, y=y, z=z), *sets], tmp_path / "modes.uff")
+    lines = [each for each in pyuff.UFF(str(tmp_path / "modes.uff")).read_sets() if each["type"] == 82]
+    assert {int(node) for line in lines for node in line["nodes"]} - {0} == set((4 + np.arange(x.size)).tolist())
+    found = compare_modes(scenario, read_shapes(tmp_path / "modes.uff", scenario))
+    np.testing.assert_allclose(np.max(found.mac, axis=1), 1.0, atol=1e-4)
+    assert len(found.mac) == modes.open_frequencies_hz.size
+
+
+def test_nodes_of_no_body_are_refused(tmp_path):
+    nodes = np.array([1, 2])
+    sets = [pyuff.prepare_15(node_nums=nodes, x=[0.1, 0.3], y=[0.0, 0.0], z=[0.0, 0.0]),
+            record_55(Source("t", "", "b"), 1, 50.0, 0.01, nodes, np.array([0.3, 1.0]))]  # fmt: skip
+    write_uff(sets, tmp_path / "modes.uff")
+    with pytest.raises(ScenarioError, match=r"trace line .dataset 82. named arm, panel"):
+        read_shapes(tmp_path / "modes.uff", load_scenario(TWO))
 
 
 def test_own_shapes_scaled_and_in_another_order_are_found_again(tmp_path):
