@@ -14,6 +14,7 @@ import numpy as np
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Bools, Floats, Ints
 
+ROUND_OFF = 1e-14  # of a force
 SMALLEST = 1e-10  # of the largest singular value of the rows: smaller ones hold nothing more
 
 
@@ -26,8 +27,11 @@ class Held:
     share: Floats  # (h, n) reactions for a unit of each generalised force
 
     def free(self, forces: Floats) -> Floats:
-        """Generalised forces (..., n) without what the reactions balance."""
-        return np.asarray(forces - (forces @ self.across) @ self.across.T)
+        """Generalised forces (..., n) without what the reactions balance; what is left of those that they balance
+        whole is round-off, and would move what rests."""
+        left = np.asarray(forces - (forces @ self.across) @ self.across.T)
+        size = np.linalg.norm(forces, axis=-1, keepdims=True)
+        return np.where(np.linalg.norm(left, axis=-1, keepdims=True) <= ROUND_OFF * size, 0.0, left)
 
     def resting(self, rows: Floats) -> Bools:
         """(m,) which motions, of rows (m, n), the contacts hold as well: others at the same place, for example."""

@@ -243,6 +243,17 @@ def test_what_never_slides_is_a_support():
         np.testing.assert_allclose(a, b, atol=allowed * np.abs(b).max())
 
 
+def test_what_friction_holds_against_its_load_rests():
+    """The round-off of a load that reactions balance is none; found by the attack (10,001,008)."""
+    shape = np.array([[0.31, -0.72, 0.44]])
+    system = system_of([(10.0, 10.0)], shape, [200.0, 1500.0, 4000.0], [0.3, 0.2, 0.1])
+    load = Forcing(1.7 * shape, (Signal.harmonic(1.0, 8.0),))
+    trajectory = simulate(ExactFlow(system, load, 5.0), np.zeros(6))
+    assert trajectory.event_time.size == 0
+    np.testing.assert_array_equal(trajectory.states_at(np.linspace(0.0, 5.0, 50)), 0.0)
+    assert energy_of_segments(trajectory).error == 0.0
+
+
 @pytest.mark.parametrize(("start", "force"), [("unstressed", 0.0), (25.0, 25.0)])
 def test_the_start_says_which_equilibrium(start, force):
     pad = {"name": "pad", "at": {"mass": 1}, "normal_force": 300.0, "coefficient": 0.2, "start": start}
