@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.plots.sketch import Sketch
-from beamsim.plots.style import finish_positions, round_length, scale_for
+from beamsim.plots.style import finish_positions, put_title, round_length, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,7 +40,7 @@ def plot_assembly_modes(result: RunResult, panels: list[Axes]) -> None:
     for k, ax in enumerate(panels):
         shape = modes.shapes[k]
         sketch.draw(ax, shape, _HEIGHT / (float(np.abs(shape).max()) or 1.0), to_scale=False)
-        ax.set_title(f"mode {k + 1}, {modes.open_frequencies_hz[k]:.4g} Hz", fontsize="medium")
+        ax.set_title(f"mode {k + 1}, {modes.open_frequencies_hz[k]:.4g} Hz", fontsize="medium", loc="left")
         finish_positions(ax)
 
 
@@ -57,7 +57,7 @@ def plot_assembly_contact(result: RunResult, ax: Axes) -> Axes:
     force, length = (scale_for(unit, np.array([value])) for unit, value in (("N", contact.force), ("m", largest)))
     ax.set_title(
         f"largest contact force, {contact.force * force.factor:.4g} {force.unit} at {contact.snubber}, "
-        f"t = {contact.time:.4g} s", fontsize="medium",
+        f"t = {contact.time:.4g} s", fontsize="medium", loc="left",
     )  # fmt: skip
     bar = round_length(largest * length.factor) / length.factor
     end = ax.get_xlim()[1]
@@ -95,5 +95,5 @@ def assembly_figures(result: RunResult) -> dict[str, Figure]:
         figures["assembly_contact"] = figure
     for figure in figures.values():
         if result.title:
-            figure.suptitle(result.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+            put_title(figure, result.title)
     return figures

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.orbits.branch import special_name
+from beamsim.plots.style import put_title
 from beamsim.typing import Bools, Floats
 
 if TYPE_CHECKING:
@@ -61,5 +62,5 @@ def figure_of(title: str, draw: Callable[[Axes], object]) -> Figure:
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     ax = figure.add_subplot()
     draw(ax)
-    figure.suptitle(title, fontsize="medium")
+    put_title(figure, title)
     return figure

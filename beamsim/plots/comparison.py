@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, SweptComparison
-from beamsim.plots.style import acceleration_scale, finish, scale_for, thinned, time_scale
+from beamsim.plots.style import acceleration_scale, finish, put_title, scale_for, thinned, time_scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,19 +95,19 @@ def comparison_figures(comparison: Comparison) -> dict[str, Figure]:
     figures = {}
     for c in comparison.channels:
         figure = Figure(figsize=(8.0, 6.0), layout="constrained")
-        figure.suptitle(f"{comparison.title}: {c.place}", x=0.012, ha="left", fontsize="medium", color="0.3")
+        put_title(figure, f"{comparison.title}: {c.place}")
         above, below = figure.subplots(2)
         plot_histories(c, above)
         plot_spectra(c, below)
         figures[f"{c.place}_{c.quantity}".replace(" ", "_")] = figure
     for swept in comparison.sweeps:
         figure = Figure(figsize=(8.0, 4.8), layout="constrained")
-        figure.suptitle(f"{comparison.title}: {swept.place}", x=0.012, ha="left", fontsize="medium", color="0.3")
+        put_title(figure, f"{comparison.title}: {swept.place}")
         plot_swept(swept, figure.subplots())
         figures[f"{swept.place}_{swept.quantity}".replace(" ", "_")] = figure
     if comparison.assurance is not None:
         figure = Figure(figsize=(6.4, 5.2), layout="constrained")
-        figure.suptitle(comparison.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+        put_title(figure, comparison.title)
         plot_fdac(comparison.assurance, figure.subplots())
         figures["fdac"] = figure
     return figures

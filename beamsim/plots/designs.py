@@ -12,7 +12,16 @@ from beamsim.analyses.designs.choice import Objective
 from beamsim.analyses.designs.realisations import judged
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response, SobolIndices, responses_of
 from beamsim.plots.outputs import output_label, output_scale
-from beamsim.plots.style import MOST_CURVES, Scale, acceleration_scale, curve_style, finish, legend, scale_for
+from beamsim.plots.style import (
+    MOST_CURVES,
+    Scale,
+    acceleration_scale,
+    curve_style,
+    finish,
+    legend,
+    put_title,
+    scale_for,
+)
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.typing import Floats
 
@@ -225,7 +234,7 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
         title = result.title + (f"   (star: best case, {result.summary['objective']})" if starred else "")
         title += _judgement(result)
         if title:
-            figure.suptitle(title, x=0.012, ha="left", fontsize="medium", color="0.3")
+            put_title(figure, title)
         axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
         for ax in axes[count:]:
             ax.set_visible(False)

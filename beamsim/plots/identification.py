@@ -16,7 +16,7 @@ from beamsim.analyses.identify.result import (
     ProfileLikelihood,
     TestFit,
 )
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, scale_for
+from beamsim.plots.style import MOST_CURVES, curve_style, finish, put_title, scale_for
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -208,5 +208,5 @@ def _panels(title: str, rows: int, columns: int = 1, height: float = 4.6) -> tup
 
     figure = Figure(figsize=(8.0, height), layout="constrained")
     if title:
-        figure.suptitle(title, x=0.012, ha="left", fontsize="medium", color="0.3")
+        put_title(figure, title)
     return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())

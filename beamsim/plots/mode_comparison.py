@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.compare_modes.result import ModeComparison
+from beamsim.plots.style import put_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,5 +55,5 @@ def mode_comparison_figures(result: ModeComparison) -> dict[str, Figure]:
     figure = Figure(figsize=(min(2.6 + 0.62 * columns, 14.0), min(1.8 + 0.5 * rows, 10.0)), layout="constrained")
     plot_mac(result, figure.subplots())
     if result.title:
-        figure.suptitle(result.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+        put_title(figure, result.title)
     return {"mac": figure}

@@ -12,7 +12,7 @@ import numpy as np
 from beamsim.plots.labels import put_names
 from beamsim.plots.save import save_figures
 from beamsim.plots.sketch import BODY, STOP, Sketch
-from beamsim.plots.style import amount, finish_positions, level_text, round_length
+from beamsim.plots.style import amount, finish_positions, level_text, put_title, round_length
 from beamsim.scenario.moved_support import MovedSupport
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
@@ -74,7 +74,7 @@ def model_figure(scenario: Scenario, stations: Stations, stops: Mapping[str, Snu
     figure = Figure(figsize=(8.0, 1.3 + 1.6 * rows), layout="constrained")
     figure.set_dpi(150.0)  # labels are placed for it
     if scenario.title:
-        figure.suptitle(scenario.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+        put_title(figure, scenario.title)
     ax = figure.subplots()
     ax.set_title(excitation_text(scenario), fontsize="medium", loc="left")
     plot_model(scenario, stations, stops, ax)

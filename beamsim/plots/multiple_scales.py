@@ -55,7 +55,7 @@ def comparison_figure(comparison: ExpansionComparison) -> Figure:
         ax.legend(frameon=False, fontsize="small")
     top.set_xscale("log")
     top.legend(frameon=False, fontsize="small")
-    top.set_title(f"Mode {path.mode} by multiple scales", fontsize="medium")
+    top.set_title(f"Mode {path.mode} by multiple scales", fontsize="medium", loc="left")
     bottom.set_xlabel("Stiffness factor ε")
     return figure
 
@@ -72,7 +72,7 @@ def plot_initial_vectors(comparison: ExpansionComparison, stations: Stations, ax
     for order, name in enumerate(("linear mode", "first order", "second order")):
         plot_along(ax, stations, shapes[order] * scale.factor, name, **curve_style((2, 0, 1)[order]))
     finish_along(ax, stations, f"Deflection at rest ({scale.unit})")
-    ax.set_title(f"Mode {path.mode}, stiffness factor {path.factor[k]:.3g}", fontsize="medium")
+    ax.set_title(f"Mode {path.mode}, stiffness factor {path.factor[k]:.3g}", fontsize="medium", loc="left")
     ax.legend(loc="best", frameon=False, fontsize="small")
     return ax
 

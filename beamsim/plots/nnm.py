@@ -14,7 +14,7 @@ from beamsim.plots.multiple_scales import comparison_figures
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.plots.relaxed import relaxed_figure
 from beamsim.plots.stations import finish_along, plot_along
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, scale_for
+from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, put_title, scale_for
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ def _motion_figure(result: NormalModeResult) -> Figure:
     plot_node_motion(result, above)
     plot_contact_forces(result, below)
     above.set_xlabel("")
-    figure.suptitle(f"{result.title}\n{_motion_name(result)}", fontsize="medium")
+    put_title(figure, f"{result.title}\n{_motion_name(result)}")
     return figure
 
 

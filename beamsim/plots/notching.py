@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve
 from beamsim.plots.outputs import output_scale
-from beamsim.plots.style import finish
+from beamsim.plots.style import finish, put_title
 from beamsim.scenario.notching import limited_quantity
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def notching_figure(curve: SweepCurve, title: str, frequency_axis: Callable[[Axe
     limits = sorted(curve.notching.limits, key=lambda limit: -limit.share)[:MOST_LIMITS]
     figure = Figure(figsize=(8.0, 2.6 + 2.0 * len(limits)), layout="constrained")
     if title:
-        figure.suptitle(title, x=0.012, ha="left", fontsize="medium", color="0.3")
+        put_title(figure, title)
     axes = list(figure.subplots(1 + len(limits), 1, sharex=True, squeeze=False).ravel())
     plot_notched_level(curve, axes[0])
     for limit, ax in zip(limits, axes[1:], strict=True):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.plots.style import scale_for
+from beamsim.plots.style import put_title, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,14 +58,14 @@ def plot_plate_modes(modes: ModeTable, body: str, panels: list[Axes]) -> None:
     for k, ax in enumerate(panels):
         shape = modes.shapes[k, part.stations]
         plot_contours(ax, x, y, shape / (float(np.abs(shape).max()) or 1.0))
-        ax.set_title(f"mode {k + 1}, {modes.open_frequencies_hz[k]:.4g} Hz", fontsize="medium")
+        ax.set_title(f"mode {k + 1}, {modes.open_frequencies_hz[k]:.4g} Hz", fontsize="medium", loc="left")
 
 
 def plot_plate_deflections(result: RunResult, plate: BodyResult, panels: list[Axes]) -> None:
     """The shapes of `_shapes`, one a panel, with the snubbers on the plate."""
     metres = scale_for("m", plate.position, plate.across if plate.across is not None else plate.position)
     for ax, (shape, title) in zip(panels, _shapes(result, plate), strict=False):
-        ax.set_title(title, fontsize="medium")
+        ax.set_title(title, fontsize="medium", loc="left")
         scale = scale_for("m", shape)
         assert plate.across is not None
         plot_contours(ax, plate.position, plate.across, shape * scale.factor, scale.unit)
@@ -140,5 +140,5 @@ def plate_figures(result: RunResult) -> dict[str, Figure]:
         figures[f"plate_modes{suffix}"] = figure
     for figure in figures.values():
         if result.title:
-            figure.suptitle(result.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+            put_title(figure, result.title)
     return figures

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamsim.analyses.nnm.result import NormalModeResult, RelaxedComparison
 from beamsim.plots.branches import stretches
-from beamsim.plots.style import curve_style, finish
+from beamsim.plots.style import curve_style, finish, put_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,5 +101,5 @@ def relaxed_figure(result: NormalModeResult) -> Figure:
     plot_relaxed_cost(result.relaxed, d)
     for above in (a, b):
         above.set_xlabel("")
-    figure.suptitle(f"{result.title}\nrelaxed minimisation (Hazim 2010) and shooting", fontsize="medium")
+    put_title(figure, f"{result.title}\nrelaxed minimisation (Hazim 2010) and shooting")
     return figure

@@ -25,6 +25,7 @@ from beamsim.plots.style import (
     curve_style,
     finish,
     legend,
+    put_title,
     scale_for,
     thinned,
     time_scale,
@@ -280,7 +281,7 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
     def panels(rows: int, columns: int = 1, height: float = 5.6) -> tuple[Figure, list[Axes]]:
         figure = Figure(figsize=(8.0, height), layout="constrained")
         if result.title:
-            figure.suptitle(result.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+            put_title(figure, result.title)
         return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
 
     shock = result.scenario.excitation.shock
@@ -367,7 +368,7 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
         for ax, body in zip(axes, beams, strict=True):
             plot_deflected_shapes(result, ax, body)
             if len(beams) > 1:
-                ax.set_title(body, fontsize="medium")
+                ax.set_title(body, fontsize="medium", loc="left")
         figures["deflected_shapes"] = figure
     return figures | impact_figures(result, panels) | plate_figures(result) | assembly_figures(result)
 

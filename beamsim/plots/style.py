@@ -16,6 +16,7 @@ from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 AT_ONCE = 2**18  # samples of a long history that are read together
 ROUND_OFF = 1e-15  # in SI units; nothing that is shown can be known so small
@@ -157,6 +158,11 @@ def curve_style(index: int) -> dict[str, Any]:
     """Colour, dashes and width of curve number ``index`` of a plot."""
     k = index % len(_COLOURS)
     return {"color": _COLOURS[k], "linestyle": _DASHES[k], "linewidth": 1.1}
+
+
+def put_title(figure: Figure, text: str) -> None:
+    """The title of a figure: what it is of, at its left edge."""
+    figure.suptitle(text, x=0.012, ha="left", fontsize="medium", color="0.3")
 
 
 def finish_positions(ax: Axes) -> None:

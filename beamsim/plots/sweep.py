@@ -19,6 +19,7 @@ from beamsim.plots.style import (
     finish,
     legend,
     level_text,
+    put_title,
     scale_for,
 )
 from beamsim.plots.sweep_axes import by_frequency, envelope, frequency_axis
@@ -263,7 +264,7 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
     def page(height: float = 4.8, rows: int = 1) -> tuple[Figure, list[Axes]]:
         figure = Figure(figsize=(8.0, height), layout="constrained")
         if result.title:
-            figure.suptitle(result.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+            put_title(figure, result.title)
         return figure, list(figure.subplots(rows, 1, squeeze=False).ravel())
 
     figures: dict[str, Figure] = {}
