@@ -25,7 +25,8 @@ def _channels(comparison: Comparison, _: Sequence[Any]) -> Iterator[Row]:
         ):
             text = f"predicted {abs(p) * scale.factor:9.4g}, measured {abs(m) * scale.factor:9.4g} {scale.unit}"
             phase = f", {a:+.1f} deg" if math.isfinite(a) else ""
-            yield f"  harmonic {n}", f"{text}, difference {d:+.2f} dB{phase}"
+            difference = f"difference {d:+.2f} dB{phase}" if math.isfinite(d) else "one of them is round-off"
+            yield f"  harmonic {n}", f"{text}, {difference}"
 
 
 def _delay(c: ChannelComparison) -> str:

@@ -112,5 +112,24 @@ def compare(
             )  # fmt: skip
         else:
             assert isinstance(stored, RunResult)
+            _refuse_of_sweeps(curve=curve, detector=detector, reference=reference, begin=begin)
             comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)
     finish("compare", comparison, target, Reporting(not no_plots, json))
+
+
+def _refuse_of_sweeps(**options: object) -> None:
+    """Refuse options that the comparison of a run does not use.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    from beamsim.errors import Problem, ScenarioError
+
+    problems = [
+        Problem(f"--{name}", "belongs to sweeps, and this is a run", "leave it out, or give the result of a sweep")
+        for name, value in options.items()
+        if value is not None
+    ]
+    if problems:
+        raise ScenarioError(problems)

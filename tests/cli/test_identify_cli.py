@@ -304,6 +304,17 @@ def test_compare_with_its_own_export_finds_nothing(call, tmp_path, run_file, for
         assert max(abs(line["difference_db"]) for line in channel["harmonics"]) < 1e-4
 
 
+def test_harmonics_of_round_off_have_no_difference(call, tmp_path, run_file, history):
+    """A record of one sine was said to differ by 300 dB, with a phase, at each harmonic that it does not have."""
+    time = np.asarray(history[0])
+    _write(tmp_path / "lab.csv", time, np.sin(2 * np.pi * 65.0 * time))
+    done = call("compare", run_file, "lab.csv", "--no-plots")
+    assert done.exit_code == 0, done.output
+    lines = [line for line in done.output.splitlines() if "harmonic " in line]
+    assert "difference" in lines[0]
+    assert all("one of them is round-off" in line and "dB" not in line for line in lines[1:])
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -313,9 +324,13 @@ def test_compare_with_its_own_export_finds_nothing(call, tmp_path, run_file, for
         (["lab.csv", "--quantity", "colour"], "is not one of"),
         (["lab.csv", "--unit", "mm"], "acceleration"),
         (["lab.xyz"], "unknown format"),
+        (["lab.csv", "--curve", "up_0"], "--curve belongs to sweeps, and this is a run"),  # was ignored
+        (["lab.csv", "--detector", "rms"], "--detector belongs to sweeps"),
+        (["zero.csv"], "tip (g) is zero throughout"),
     ],
 )
 def test_compare_explains_mistakes(call, tmp_path, run_file, history, arguments, says):
+    _write(tmp_path / "zero.csv", history[0], 0.0 * np.asarray(history[1]))
     _write(tmp_path / "lab.csv", *history)
     (tmp_path / "lab.xyz").write_text("1")
     done = call("compare", run_file, *arguments)

@@ -46,6 +46,7 @@ _FREQUENCIES = ("excitation frequency", "excitation frequency of the fold", "fre
 _RESPONSES = ("displacement per unit of excitation, without snubbers", "absolute acceleration per unit of excitation")
 _SWEPT = ("absolute acceleration", "displacement", "force")
 REWORDED = {
+    "20 log10(predicted / measured)": ["20 log10(predicted / measured); NaN where one is round-off"],
     "energy stored, kinetic and elastic, snubbers included": [
         "energy stored, kinetic and elastic, snubbers included; where supports move relative to the base, that of the "
         "degrees of freedom which they leave",

@@ -80,6 +80,9 @@ def _channel(
     predicted_signal = MeasuredSignal(place, time[steady], x[steady])
     if last is None and np.isfinite(excitation):
         last = float(predicted_signal.x[-1] - predicted_signal.x[0]) * (1 + 1e-9)
+    if not np.any(signal.y):
+        what = f"{signal.source or signal.name}: {signal.name} is zero throughout"
+        raise ScenarioError(Problem("", what, "check the channel and its cable, or leave it out with --channel"))
     try:
         predicted, measured = _harmonics(predicted_signal, signal, excitation, count, last, warnings)
     except ValueError as error:

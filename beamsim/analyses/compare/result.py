@@ -7,10 +7,12 @@ import numpy as np
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import Spectrum
 from beamsim.fields import Counter, Entry, attribute, axis, dataset, declared, group, numbered, stored, table
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 _ORDER = ("order",)
 _TIME = ("time",)
+
+ROUND_OFF = 1e-9  # of the largest harmonic: what no record resolves
 
 
 @declared
@@ -51,19 +53,27 @@ class ChannelComparison:
     start_s: float | None = attribute("s", "start of the part of the run that is compared", default=None)
 
     @property
-    @stored(dataset("dB", "20 log10(predicted / measured)", along=_ORDER))
+    def is_round_off(self) -> Bools:
+        """(h,) whether a harmonic of either is nothing but round-off beside the largest of its own."""
+        sizes = (np.abs(self.predicted), np.abs(self.measured))
+        return np.asarray(np.any([size <= ROUND_OFF * size.max(initial=0.0) for size in sizes], axis=0))
+
+    @property
+    @stored(dataset("dB", "20 log10(predicted / measured); NaN where one is round-off", along=_ORDER))
     def difference_db(self) -> Floats:
-        """(h,) 20 log10(predicted / measured amplitude)."""
+        """(h,) 20 log10(predicted / measured amplitude); nan where one of them is round-off."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(20 * np.log10(np.abs(self.predicted) / np.abs(self.measured)))
+            difference = 20 * np.log10(np.abs(self.predicted) / np.abs(self.measured))
+        return np.where(self.is_round_off, np.nan, difference)
 
     @property
     @stored(dataset("degree", "predicted over measured, aligned", along=_ORDER))
     def phase_difference_deg(self) -> Floats:
-        """(h,) phase of the predicted harmonic over the measured one, after alignment; nan where phases are unknown."""
+        """(h,) phase of the predicted harmonic over the measured one, after alignment; nan where it is unknown."""
         if not self.has_phase:
             return np.full(self.order.size, np.nan)
-        return np.asarray(np.degrees(np.angle(self.predicted * np.conj(self.measured))))
+        phase = np.degrees(np.angle(self.predicted * np.conj(self.measured)))
+        return np.where(self.is_round_off, np.nan, phase)
 
 
 @declared
