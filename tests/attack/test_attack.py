@@ -53,6 +53,7 @@ FOUND = {
     10002568: "an equilibrium beside an open stop with a softening table was taken to float",
     10002643: "a pressed pad that lets go at the start: its face was not compressed in the energy balance",
     10003016: "a million contacts on the spot: states of Maxwell branches that jumped by round-off at each",
+    10007960: "a pad that is left too fast at the start of a swept sine, released without its face",
     10000320: "fast and slow motions of a stiff pad in one block, whose series held for 1e-7 s: 1e7 steps a second",
     10001117: "a contact of 2 ns against a stiff stop, which our own motion has as well",
     10001119: "a floating structure beside a pad, coupled by round-off that balancing enlarged",
