@@ -28,6 +28,9 @@ PEAK_TOLERANCE = 1e-10  # relative distance below which two peaks of an output c
 BELOW_SAMPLED = 1e-8  # relative distance below a sampled largest value from which the search starts
 WORK_A_CALL = 20_000_000  # of a kernel, in products; about a tenth of a second
 EVALUATIONS_A_CALL = 50_000  # of a kernel that searches
+FEW_EVEN = 4096  # samples at equal steps, up to which exponentials of each cost no more than making use of the steps
+MOST_EVEN = 2**16  # ... up to which products of matrices do, and the kernel for them need not be compiled
+EVEN_A_SEGMENT = 16  # ... on the average of the segments, at least
 FEW_TIMES = 8  # for each contact state, below which no tables of outputs are made to sample them
 VALUES_A_CALL = 20_000_000  # of terms times outputs, in sampling
 # Gauss-Legendre rules for products of two outputs: points, and how far the fastest motion may turn on a panel, rad; the
@@ -138,8 +141,10 @@ class Trajectory:
         step = float(times[-1] - times[0]) / (times.size - 1) if times.size >= EVEN else 0.0
         even = times[0] + step * np.arange(times.size) if step > 0.0 else times[:0]
         evenly = even.size > 0 and np.abs(times - even).max() <= 4.0 * np.finfo(float).eps * abs(times[-1])
-        if not evenly and self.exponentials:
+        if self.exponentials and (not evenly or times.size <= FEW_EVEN):
             return self._sample_by_products(times, table, out)
+        if self.exponentials and EVEN_A_SEGMENT * self.segments <= times.size <= MOST_EVEN:
+            return self._sample_equal_steps(times, step, table, out)
         rows = max(1, VALUES_A_CALL // max(table.shape[1] * table.shape[2], 1))
         for first in range(0, times.size, rows):
             check_stop()
@@ -165,6 +170,26 @@ class Trajectory:
                 tau = times[part] - self.time[segment[part]]
                 terms = self.amplitudes(state, visits)[at] * np.exp(tau[:, None] * exponent)
                 out[part] = (terms @ table[number, : exponent.size]).real
+
+    def _sample_equal_steps(self, times: Floats, step: float, table: Complexes, out: Floats) -> None:
+        """The same with equal steps, whose exponentials all segments of a contact state share."""
+        first = np.append(np.searchsorted(times, self.time[1:]), times.size)  # of the next segment
+        begin = np.concatenate([[0], first[:-1]])
+        for number in np.unique(self.state):
+            check_stop()
+            state, segments = self.flow.states[number], np.flatnonzero((self.state == number) & (first > begin))
+            if not segments.size:
+                continue
+            exponent = state.exponent[state.term_basis]
+            most = int((first - begin)[segments].max())
+            turned = np.exp(step * np.arange(most)[:, None] * exponent).view(float)
+            tau = times[begin[segments]] - self.time[segments]
+            terms = self.amplitudes(state, segments) * np.exp(tau[:, None] * exponent)
+            of_terms = table[number, : exponent.size]
+            for segment, amplitude in zip(segments.tolist(), terms, strict=True):
+                part = amplitude[:, None] * of_terms
+                parts = np.stack([part.real, -part.imag], axis=1).reshape(-1, part.shape[1])
+                np.matmul(turned[: first[segment] - begin[segment]], parts, out=out[begin[segment] : first[segment]])
 
     def states_at(self, times: Floats) -> Floats:
         """(nt, N) the state: (q, q') and the contacts' internal states."""

@@ -6,7 +6,8 @@ import numpy as np
 
 from beamsim import load_scenario
 from beamsim.analyses.run.outputs import exact_flow, output_groups
-from beamsim.flow.trajectory import FEW_TIMES, Trajectory
+from beamsim.flow import march_kernels, trajectory
+from beamsim.flow.trajectory import FEW_EVEN, FEW_TIMES, Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 
@@ -47,3 +48,20 @@ def test_few_samples_are_those_of_tables(monkeypatch):  # type: ignore[no-untype
         assert len(made) == 1, changes
         scale = np.abs(many).max(axis=0)
         assert np.all(np.abs(few - many).max(axis=0) <= 1e-11 * scale), changes
+
+
+def test_even_samples_of_a_short_run_need_no_kernel(monkeypatch):  # type: ignore[no-untyped-def]
+    """Up to `MOST_EVEN` of them products of matrices give what the kernel does, which a first run would compile."""
+    whole, outputs = motion("configs/one_sided_65hz.yaml")
+    kernel, calls = march_kernels.sample_evenly, []
+    monkeypatch.setattr(march_kernels, "sample_evenly", lambda *arguments: calls.append(1) or kernel(*arguments))
+    for begin, end in ((0.0, whole.end), (0.011, 0.043)):  # from the first segment, and within others
+        times = np.linspace(begin, end, FEW_EVEN + 1)
+        products = whole.sample(times, outputs)
+        assert not calls
+        with monkeypatch.context() as patch:
+            patch.setattr(trajectory, "MOST_EVEN", 0)
+            by_kernel = whole.sample(times, outputs)
+        assert len(calls) == 1
+        calls.clear()
+        assert np.all(np.abs(products - by_kernel).max(axis=0) <= 1e-11 * np.abs(by_kernel).max(axis=0))
