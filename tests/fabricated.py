@@ -38,7 +38,7 @@ class FabricatedScenario:
 
     title: str = "Fabricated, 65 Hz"
     bodies_of_places: dict[str, dict[str, str]] = field(default_factory=dict)
-    units: None = None
+    display_scales: dict[str, tuple[float, str]] = field(default_factory=dict)
     excitation: NoExcitation = field(default_factory=NoExcitation)
 
     def to_yaml(self) -> str:
