@@ -163,6 +163,16 @@ class Tolerances(Schema):
     parameters: Annotated[tuple[SampledTolerance, ...], Field(min_length=1)]
     """The numbers with a tolerance. That of a varied number is about its value in each case."""
 
+    def settle(self) -> None:
+        """Refuse a quantile beyond what the realisations, the nominal one among them, can tell from the worst."""
+        super().settle()
+        if self.quantile < 1.0 and math.ceil(self.quantile * self.samples) >= self.samples:
+            enough = math.ceil(round(1.0 / (1.0 - self.quantile), 6))
+            raise fail(
+                f"= {100 * self.quantile:.10g} % of {self.samples + 1} realisations is the worst of them",
+                f"give samples: {enough} or more, or leave quantile out", ("quantile",),
+            )  # fmt: skip
+
 
 class _ToleratedStudy(_Study):
     """What the kinds of studies share that choose among cases."""

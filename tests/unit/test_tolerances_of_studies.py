@@ -132,6 +132,10 @@ def test_a_case_with_a_realisation_that_failed_does_not_pass(tmp_path):
     [
         ("{parameters: [{path: beam.elements, tolerance: 1}]}", "is a whole number, which has no tolerance"),
         ("{quantile: 0.2, parameters: [{path: beam.thickness, tolerance: 1 %}]}", "must be from 0.5 to 1"),
+        (
+            "{samples: 10, quantile: 95 %, parameters: [{path: beam.thickness, tolerance: 1 %}]}",
+            "quantile = 95 % of 11 realisations is the worst of them; give samples: 20 or more",
+        ),
         ("{parameters: [{path: beam.thicknes, tolerance: 1 %}]}", "did you mean thickness"),
         ("{parameters: [{path: snubbers.tip.gap, tolerance: 1 %}]}", "leaves nothing to vary"),
         ("{parameters: []}", "parameters"),
