@@ -129,6 +129,17 @@ def test_a_plot_of_a_damaged_history(tmp_path):
         assert "run the case again" in done.output
 
 
+def test_times_that_are_not_finite_are_not_animated(tmp_path):
+    """The motion was computed again up to an end that never came."""
+    path = tmp_path / "r.h5"
+    path.write_bytes(gzip.decompress((RESULTS / "run_chain.h5.gz").read_bytes()))
+    with h5py.File(path, "a") as file:
+        file["time"][...] = np.nan
+    done = CliRunner().invoke(app, ["animate", str(path), "-o", str(tmp_path)])
+    assert done.exit_code == 2, done.output
+    assert "damaged (its times are not those of a run); run the case again" in done.output
+
+
 def test_an_empty_output_is_refused():
     done = CliRunner().invoke(app, ["run", str(ROOT / "configs/one_sided_65hz.yaml"), "-o", ""])
     assert done.exit_code == 2

@@ -191,6 +191,8 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
     """Instants (nf,) of the frames and whether they are slow; see `frames_of_run`."""
     time = rows_of(result, "time")
     begin, end = float(time[:1][0]), float(time[-1:][0])
+    if not 0.0 <= begin <= end < np.inf:
+        raise ValueError("its times are not those of a run")
     forced = next((s.excitation_hz for s in result.spectra.values()), math.nan)
     frequencies = [forced, *result.modes.open_frequencies_hz]
     period = 1.0 / next((f for f in frequencies if np.isfinite(f) and f > 0.0), 1.0 / max(end - begin, 1e-9))
