@@ -51,6 +51,13 @@ def test_a_changed_checksum_is_reported(place):
     assert "1e-10 allowed" in line
 
 
+def test_one_evaluation_more_depends_on_the_processor_and_more_work_is_reported():
+    path = "file/work@evaluations"
+    recorded = TABLE[SOME]["values"][path]
+    assert changed(path, recorded + 1) == []
+    assert changed(path, recorded + 5) != []
+
+
 def test_a_slightly_stiffer_beam_is_reported():
     found = record.compare(SOME, TABLE[SOME], record.record(ENTRIES[SOME], ["beam.youngs_modulus=69.000001 GPa"]))
     assert any("file/probes/tip/displacement" in line for line in found)
