@@ -168,8 +168,10 @@ class Trajectory:
                 part = entries[first : first + rows]
                 visits, at = np.unique(segment[part], return_inverse=True)
                 tau = times[part] - self.time[segment[part]]
-                terms = self.amplitudes(state, visits)[at] * np.exp(tau[:, None] * exponent)
-                out[part] = (terms @ table[number, : exponent.size]).real
+                begun = self.amplitudes(state, visits)
+                acts = begun.any(axis=0)  # what rests may grow without bound
+                terms = begun[:, acts][at] * np.exp(tau[:, None] * exponent[acts])
+                out[part] = (terms @ table[number, : exponent.size][acts]).real
 
     def _sample_equal_steps(self, times: Floats, step: float, table: Complexes, out: Floats) -> None:
         """The same with equal steps, whose exponentials all segments of a contact state share."""
@@ -180,12 +182,14 @@ class Trajectory:
             state, segments = self.flow.states[number], np.flatnonzero((self.state == number) & (first > begin))
             if not segments.size:
                 continue
-            exponent = state.exponent[state.term_basis]
+            begun = self.amplitudes(state, segments)
+            acts = begun.any(axis=0)  # what rests may grow without bound
+            exponent = state.exponent[state.term_basis][acts]
             most = int((first - begin)[segments].max())
             turned = np.exp(step * np.arange(most)[:, None] * exponent).view(float)
             tau = times[begin[segments]] - self.time[segments]
-            terms = self.amplitudes(state, segments) * np.exp(tau[:, None] * exponent)
-            of_terms = table[number, : exponent.size]
+            terms = begun[:, acts] * np.exp(tau[:, None] * exponent)
+            of_terms = table[number, : acts.size][acts]
             for segment, amplitude in zip(segments.tolist(), terms, strict=True):
                 part = amplitude[:, None] * of_terms
                 parts = np.stack([part.real, -part.imag], axis=1).reshape(-1, part.shape[1])

@@ -6,10 +6,13 @@ import numpy as np
 
 from beamsim import load_scenario
 from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.contacts.contacts import Contacts
 from beamsim.flow import march_kernels, trajectory
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import FEW_EVEN, FEW_TIMES, Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
 
 def motion(path: str, **changes: object) -> tuple[Trajectory, object]:
@@ -65,3 +68,12 @@ def test_even_samples_of_a_short_run_need_no_kernel(monkeypatch):  # type: ignor
         assert len(calls) == 1
         calls.clear()
         assert np.all(np.abs(products - by_kernel).max(axis=0) <= 1e-11 * np.abs(by_kernel).max(axis=0))
+
+
+def test_rest_on_an_unstable_equilibrium_is_sampled_as_rest():
+    """Its motions grow by more than a floating-point number holds, of an amplitude of zero: even and uneven times."""
+    contacts = Contacts(np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool), ())
+    system = PiecewiseLinearSystem(np.array([-2500.0]), np.array([[0.1]]), contacts, np.zeros(1))
+    rest = simulate(ExactFlow(system, Forcing(np.zeros((0, 1)), ()), 20.0), np.zeros(2))
+    for times in (np.linspace(0.0, 20.0, FEW_EVEN + 1), np.linspace(0.0, 20.0, 100), np.linspace(0.0, 4.4, 50) ** 2):
+        np.testing.assert_array_equal(rest.states_at(times), 0.0)
