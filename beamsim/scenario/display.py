@@ -37,7 +37,7 @@ class DisplayUnits(Schema):
     """Unit of accelerations, such as m/s^2; by default as they are written, g for bare numbers."""
     length: Text | None = None
     """Unit of lengths and displacements, such as mm; by default as they are written, metres with a prefix that suits
-    the size for bare numbers."""
+    the size where all are in metres."""
     velocity: Text | None = None
     """Unit of velocities, such as mm/s."""
     force: Text | None = None
@@ -76,7 +76,8 @@ class DisplayUnits(Schema):
         ----------
         written : how often a quantity of that dimension is written in that unit.
         """
-        lengths = {unit: n for (of, unit), n in written.items() if of.unit == units.LENGTH.unit}
+        # metres are written for the size of a panel, whose displacements need a prefix
+        lengths = {unit: n for (of, unit), n in written.items() if of.unit == units.LENGTH.unit != unit}
         times = {
             unit: n
             for (of, unit), n in written.items()

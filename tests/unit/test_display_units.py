@@ -85,6 +85,15 @@ def test_units_are_those_that_quantities_are_written_in():
     assert load_scenario(WRITTEN, ["excitation.level=2 g", "run.duration=500 ms"]).units.scales.keys() == {"m/s^2", "m"}
 
 
+def test_metres_keep_a_prefix_that_suits_the_size():
+    metres = WRITTEN.replace("270 mm", "1.2 m").replace("50 mm", "0.4 m").replace("27 cm", "1 m")
+    scenario = load_scenario(metres)
+    assert scenario.units.length is None
+    with shown_in(scenario.display_scales):
+        assert amount(0.0015, "m") == "1.5 mm"
+    assert load_scenario(metres.replace("0.005", "5 mm")).units.length == "mm"
+
+
 def test_ties_go_to_the_smaller_unit_and_densities_count():
     psd = [{"frequency": f, "density": "1 m^2/s^3"} for f in ("20 Hz", "50 Hz")]
     excitation = {"kind": "random", "applied_to": "base", "seed": 1, "psd": psd}
