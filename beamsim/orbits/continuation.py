@@ -32,6 +32,7 @@ FEWEST_IN_A_RING = 5  # points of a closed curve
 RANK_LOST = 1e-5  # smallest singular value of the Jacobian against its largest at a crossing of branches
 RANK_HALVINGS, RANK_FALLS = 8, 0.1  # of a step, within which that value must fall, and to which part at least
 RING = 0.1  # of a step, how far beside it the first point may lie that it passes
+AT_REST = 1e-13  # of a tangent: unknowns below it do not change along the branch
 FARTHEST_EXTRAPOLATION = 2.0  # of a cubic through two neighbours, in lengths between them
 
 
@@ -268,6 +269,7 @@ def _extrapolated(a: BranchPoint, b: BranchPoint, scale: Floats, tb: Floats, ds:
         return along
     r = ds / length
     bend = r**2 * (length * (ta + 2.0 * tb) - 3.0 * chord) + r**3 * (length * (ta + tb) - 2.0 * chord)
+    bend[(np.abs(ta) < AT_REST) & (np.abs(tb) < AT_REST)] = 0.0  # round-off there would grow from step to step
     return along + bend
 
 

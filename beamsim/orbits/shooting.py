@@ -115,7 +115,9 @@ class ForcedOrbits:
         change = passage.end - z
         resting = self._resting(passage)
         J[resting], change[resting] = 0.0, 0.0
-        J[resting, resting] = 1.0
+        J[
+            resting, resting
+        ] = -1.0  # as of a slider that is set anew: the determinant keeps its sign where sliding begins
         return change, J, passage
 
     def _resting(self, passage: Passage) -> Ints:

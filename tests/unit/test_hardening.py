@@ -219,3 +219,20 @@ def test_modes_without_losses_refuse_it():
     scenario = chain(YIELDS, excitation={"kind": "none"}, nnm={"mode": 1})
     with pytest.raises(ScenarioError, match=r"leave out hardening of pad"):
         beamsim.nnm(scenario)
+
+
+@pytest.mark.slow
+def test_a_continuation_goes_on_where_the_stop_begins_to_yield():
+    """A slider that rests and one that is set anew have the same sign in the determinant that tells forth from back."""
+    case = load_scenario(
+        {
+            "chain": {"masses": [1], "springs": [1000], "damping": {"kind": "modal", "ratio": 0.05}},
+            "snubbers": [{"name": "stop", "at": {"mass": 1}, "side": "above", "gap": 1e-3, "stiffness": 5e3,
+                          "hardening": {"yield_force": 5.0, "stiffness": 1e3}}],
+            "excitation": {"kind": "harmonic", "applied_to": "base", "level": 3.0, "frequency": 3.0},
+            "sweep": {"kind": "continuation", "from": 4.7, "to": 5.0},
+        }
+    )  # fmt: skip
+    (branch, *_) = beamsim.frequency_response(case).branches
+    assert branch.frequency_hz[-1] == pytest.approx(5.0)
+    assert np.all(np.diff(branch.frequency_hz) > 0.0)
