@@ -48,7 +48,7 @@ CONTENT_DB = 40.0  # below the highest point of a broadband spectrum, down to wh
 DOUBTFUL_LINES = f"lines that change by more than {100 * ALLOWED_CHANGE:g} % with a finer model"
 DECAYING_LINES = "lines, weighted to the beginning"
 _LINE_MARKS = {"fundamental": "o", "superharmonic": "o", "subharmonic": "^", "other": "x", "chosen": "D"}
-_FREE, _CLOSED = "0.45", "#d1495b"
+_FREE, _CLOSED = "0.62", "#a3263d"  # apart in grey print, too
 
 
 def plot_displacement(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
@@ -165,7 +165,7 @@ def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> A
     touching = closed | np.roll(closed, 1) | np.roll(closed, -1)
     ax.plot(w, free, color=_FREE, linewidth=0.9, zorder=2, label="free")
     if np.any(closed & ~early):
-        ax.plot(w, np.where(touching & ~early, v, np.nan), color=_CLOSED, linewidth=1.5, zorder=3, label="in contact")
+        ax.plot(w, np.where(touching & ~early, v, np.nan), color=_CLOSED, linewidth=1.8, zorder=3, label="in contact")
         if at is None or at == next(iter(result.snubbers)):
             legend(ax, 2, 2, "")
     part = "" if time.size == times.size else f", last {time[-1] - time[0]:.3g} s"
