@@ -236,7 +236,8 @@ def build_state(
     horizon = min(longest_window, 1.0 / radius if radius > 0 else np.inf)
     window = min(horizon, float(sources.longest_piece.max()))
 
-    load, load_slope = state_loads(system, forcing, sources, base_channel, phases)
+    loads = _loads_of_sources(system, forcing, sources, base_channel, phases)
+    load, load_slope = _free(system, phases, *loads.total())
     responding = simple.whole() if n < SMALLEST else simple  # few modes: faster with their conjugates
     terms = _Terms(2 * n + system.contacts.internal_states)
     basis_of_source = np.empty(F, dtype=np.int64)
@@ -245,19 +246,19 @@ def build_state(
         basis_of_source[f] = terms.add(sources.exponent[f], sources.power[f], f, None)
         if sources.power[f] > 0:
             basis_below[f] = terms.add(sources.exponent[f], sources.power[f] - 1, f, None)
-    rates = _rates_of(system, phases, acting) if acting.stiffness.size else None
+    rates = _rates_of(system, phases, loads) if acting.stiffness.size else None
     for f in range(F):
         nu, p = complex(sources.exponent[f]), int(sources.power[f])
         polynomial = np.zeros((p + 1, terms.size), dtype=complex)
-        polynomial[p, n:] = load[f] + nu * load_slope[f]
-        if p > 0:
-            polynomial[p - 1, n:] += p * load_slope[f]
+        polynomial[:, n:] = _driving(load[f], load_slope[f], nu, p)
         longest = min(horizon, float(sources.longest_piece[f]))
         if not np.any(polynomial):
             continue
         _forced(terms, responding, blocks, polynomial, nu, f, longest)
         if rates is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
-            rest = _residual(terms, rates, polynomial, nu, f)
+            own = _driving(loads.load[f], loads.slope[f], nu, p)
+            force = _driving(loads.force[f], loads.force_slope[f], nu, p)
+            rest = _residual(terms, rates, own, force, nu, f)
             if np.any(rest):
                 _forced(terms, responding, blocks, rest, nu, f, longest)
 
@@ -299,31 +300,40 @@ def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats,
     return np.diag(system.stiffness) + (along.T * k) @ phi, system.damping + (along.T * c) @ phi
 
 
-def _rates_of(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting) -> Callable[[Complexes], Complexes]:
-    """``A`` of ``y' = A y + b`` with the contacts in given phases, applied to states (k, N).
+def _driving(value: Floats, slope: Floats, nu: complex, power: int) -> Complexes:
+    """(power + 1, k) polynomial times ``e^{nu tau}`` of a source that drives (k,) per unit of it and of its slope."""
+    out = np.zeros((power + 1, value.size), dtype=complex)
+    out[power] = value + nu * slope
+    if power > 0:
+        out[power - 1] = power * slope
+    return out
+
+
+def _rates_of(
+    system: PiecewiseLinearSystem, phases: Ints, loads: SourceLoads
+) -> Callable[[Complexes, Complexes, Complexes], Complexes]:
+    """``A y + b`` of states (k, N) with the contacts in given phases, from loads (k, n + r) and contact forces (k, m).
 
     It is for motions along which the contacts that hold rest.
-    Each force acts along the shape of its own contact: where both sides of a stiff one move together, the round-off of
-    a product with the matrix itself would be a load of slow motions.
+    Each force acts along the shape of its own contact, with its parts added before: where both sides of a stiff one
+    move together, or follow the base, the round-off of a product with the matrix would be a load of slow motions.
     """
-    contacts, n = system.contacts, system.size
-    phi, k, c, along, _ = acting
+    contacts, n, row, h = system.contacts, system.size, loads.row, loads.internal
+    penetration = -contacts.sign[:, None] * contacts.shape
     if contacts.internal_states:
-        push = contacts.pushes(phases)
-        penetration = -contacts.sign[:, None] * contacts.shape
-        h = contacts.force_rows(phases)[1]
         internal, drive = contacts.internal_rates(phases)
     held = held_contacts(system, phases)
 
-    def rates(y: Complexes) -> Complexes:
+    def rates(y: Complexes, own: Complexes, force: Complexes) -> Complexes:
         q, v, p = y[:, :n], y[:, n : 2 * n], y[:, 2 * n :]
         out = np.empty_like(y)
-        out[:, :n] = v
-        out[:, n : 2 * n] = -system.stiffness * q - v @ system.damping.T - ((q @ phi.T) * k + (v @ phi.T) * c) @ along
+        out[:, :n], out[:, n:] = v, own
+        delta, rate = q @ penetration.T, v @ penetration.T
+        force = force + delta * row[:, 0] + rate * row[:, 1]
         if contacts.internal_states:
-            out[:, n : 2 * n] += (p @ h.T) @ push
-            moved = (q @ penetration.T) @ drive[:, :, 0].T + (v @ penetration.T) @ drive[:, :, 1].T
-            out[:, 2 * n :] = p @ internal.T + moved
+            force = force + p @ h.T
+            out[:, 2 * n :] += p @ internal.T + delta @ drive[:, :, 0].T + rate @ drive[:, :, 1].T
+        out[:, n : 2 * n] += -system.stiffness * q - v @ system.damping.T + force @ loads.push
         if held is not None:
             out[:, n : 2 * n] -= (out[:, n : 2 * n] @ held.across) @ held.across.T
         return out
@@ -535,6 +545,28 @@ def _undamped_modes(
     return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), modes, felt
 
 
+class SourceLoads(NamedTuple):
+    """Loads for a unit of each source and of its time derivative, the forces of contacts apart.
+
+    Their directions stand beside them: in sums the round-off of a stiff one would be a load of slow motions.
+    """
+
+    load: Floats  # (F, n + r) generalised forces and rates of the internal states
+    slope: Floats  # (F, n + r)
+    force: Floats  # (F, m) of the contacts
+    force_slope: Floats  # (F, m)
+    push: Floats  # (m, n) generalised force for a unit of each contact's force
+    row: Floats  # (m, 3) factors of penetration, penetration rate and 1 in the contacts' forces
+    internal: Floats  # (m, r) those of the internal states
+
+    def total(self) -> tuple[Floats, Floats]:
+        """(F, n + r) the sums, per unit of each source and of its derivative."""
+        n, load, slope = self.push.shape[1], self.load.copy(), self.slope.copy()
+        load[:, :n] += self.force @ self.push
+        slope[:, :n] += self.force_slope @ self.push
+        return load, slope
+
+
 def state_loads(
     system: PiecewiseLinearSystem,
     forcing: Forcing,
@@ -546,8 +578,12 @@ def state_loads(
 
     Without what the reactions of contacts that hold balance.
     """
+    return _free(system, phases, *acting_loads(system, forcing, sources, base_channel, phases))
+
+
+def _free(system: PiecewiseLinearSystem, phases: Ints, load: Floats, slope: Floats) -> tuple[Floats, Floats]:
+    """Loads without what the reactions of contacts that hold balance."""
     n, held = system.size, held_contacts(system, phases)
-    load, slope = acting_loads(system, forcing, sources, base_channel, phases)
     if held is not None:
         load[:, :n], slope[:, :n] = held.free(load[:, :n]), held.free(slope[:, :n])
     return load, slope
@@ -561,12 +597,17 @@ def acting_loads(
     phases: Ints,
 ) -> tuple[Floats, Floats]:
     """As `state_loads`, with what reactions balance."""
+    return _loads_of_sources(system, forcing, sources, base_channel, phases).total()
+
+
+def _loads_of_sources(
+    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, base_channel: int, phases: Ints
+) -> SourceLoads:
     contacts, n = system.contacts, system.size
-    load = np.zeros((sources.count, n + contacts.internal_states))
-    slope = np.zeros_like(load)
-    row, _ = contacts.force_rows(phases)
-    pushing = contacts.pushes(phases)
-    load[0, :n] = system.constant_load - contacts.gap @ (row[:, :1] * pushing) + row[:, 2] @ pushing
+    row, internal = contacts.force_rows(phases)
+    load, force = np.zeros((sources.count, n + contacts.internal_states)), np.zeros((sources.count, contacts.count))
+    slope, force_slope = np.zeros_like(load), np.zeros_like(force)
+    load[0, :n], force[0] = system.constant_load, row[:, 2] - row[:, 0] * contacts.gap
     driven = contacts.internal_states > 0
     drive = contacts.internal_rates(phases)[1] if driven else np.zeros((0, contacts.count, 3))
     if driven:
@@ -577,20 +618,23 @@ def acting_loads(
             load[f, :n] = forcing.load[channel]
         elif channel == base_channel:
             felt = -contacts.sign * contacts.felt  # penetration per unit of the base's displacement
-            load[f, :n] = (row[:, 0] * felt) @ pushing
-            slope[f, :n] = (row[:, 1] * felt) @ pushing
+            force[f], force_slope[f] = row[:, 0] * felt, row[:, 1] * felt
             load[f, n:], slope[f, n:] = drive[:, :, 0] @ felt, drive[:, :, 1] @ felt
-    return load, slope
+    return SourceLoads(load, slope, force, force_slope, contacts.pushes(phases), row, internal)
 
 
 def _residual(
-    terms: _Terms, rates: Callable[[Complexes], Complexes], polynomial: Complexes, nu: complex, source: int
-) -> Complexes:
-    """(degree + 1, N) part of ``sum_p polynomial[p] tau^p e^{nu tau}`` that the response so far does not balance."""
-    degree = polynomial.shape[0] - 1
+    terms: _Terms, rates: Callable[[Complexes, Complexes, Complexes], Complexes], own: Complexes, force: Complexes,
+    nu: complex, source: int,
+) -> Complexes:  # fmt: skip
+    """(degree + 1, N) part of what drives a source's response that the response so far does not balance.
+
+    That is a polynomial times ``e^{nu tau}``, ``own`` (degree + 1, n + r) and ``force`` (degree + 1, m).
+    """
+    degree = own.shape[0] - 1
     response = np.array([terms.response(nu, p, source) for p in range(degree + 2)])
     rising = np.arange(1, degree + 2)[:, None] * response[1:]
-    return np.asarray(polynomial + rates(response[:-1]) - nu * response[:-1] - rising)
+    return np.asarray(rates(response[:-1], own, force) - nu * response[:-1] - rising)
 
 
 def _forced(

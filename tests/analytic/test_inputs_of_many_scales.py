@@ -1,9 +1,16 @@
 """Motions under inputs whose pieces differ widely in length, against Duhamel's integral to round-off."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
 import beamsim
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.flow.exact import ExactFlow
+from beamsim.inputs.signal import Signal
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
 DAMPING = 0.02
 
@@ -100,3 +107,46 @@ def test_a_stiff_stop_between_masses_that_gravity_moves_together():
     result = beamsim.run(scenario)
     assert result.events.time.size > 0
     assert result.summary["energy_error"] < 1e-9
+
+
+def exactly_solved(matrix, right):
+    """Solution of equations with fractions."""
+    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
+    for i in range(len(rows)):
+        pivot = max(range(i, len(rows)), key=lambda k: abs(rows[k][i]))
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        for k in range(len(rows)):
+            if k != i:
+                factor = rows[k][i] / rows[i][i]
+                rows[k] = [a - factor * b for a, b in zip(rows[k], rows[i], strict=True)]
+    return [row[-1] / row[i] for i, row in enumerate(rows)]
+
+
+@pytest.mark.parametrize("dashpot", [0.0, 3.7e9])
+def test_what_follows_the_base_by_a_stop_far_stiffer_than_itself(dashpot):
+    """The force of the stop's place is 1e9 times what stretches the slow modes; its round-off is no load of theirs.
+
+    The steady motion of three modes in phase and in quadrature with the base, in fractions.
+    """
+    stiffness, shape, spring, omega = [51.5, 400.8, 1428.5], [0.73, 1.23, 0.25], 4.4e10, 7.9
+    contacts = Contacts(np.array([shape]), np.ones(1), np.array([-1.0]), np.ones(1, dtype=bool),
+                        (kelvin_voigt(spring, dashpot),))  # fmt: skip
+    system = PiecewiseLinearSystem(np.array(stiffness), np.zeros((3, 3)), contacts, np.zeros(3))
+    flow = ExactFlow(system, Forcing(np.zeros((0, 3)), (), Signal.harmonic(1.0, omega)), 0.5)
+    state = flow.states[flow.state_index(np.ones(1, dtype=np.int64))]
+    found = state.forced_at_start[1, :3]
+
+    k, row = [Fraction(x) for x in stiffness], [Fraction(x) for x in shape]
+    s, c, w = Fraction(spring), Fraction(dashpot), Fraction(omega)
+    matrix = [[Fraction(0)] * 6 for _ in range(6)]
+    for i in range(3):
+        matrix[i][i] = matrix[3 + i][3 + i] = k[i] - w * w
+        for j in range(3):
+            push = row[i] * row[j]
+            matrix[i][j] += s * push
+            matrix[3 + i][3 + j] += s * push
+            matrix[i][3 + j] -= c * w * push
+            matrix[3 + i][j] += c * w * push
+    exact = exactly_solved(matrix, [-s * r for r in row] + [-c * w * r for r in row])
+    exact = np.array([complex(float(a), float(b)) for a, b in zip(exact[:3], exact[3:], strict=True)])
+    np.testing.assert_allclose(found, exact, rtol=1e-13)

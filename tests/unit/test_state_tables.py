@@ -52,7 +52,7 @@ def test_a_state_is_built_in_one_pass(flow, monkeypatch):
     counting(Contacts, "force_rows")
     counting(contact_state, "_residual")
     flow.state_index(np.ones(4, dtype=np.int64))
-    assert count["force_rows"] == 3  # modes, loads, forces of internal states
+    assert count["force_rows"] == 2  # modes, loads
     assert count["_residual"] <= flow.sources.count
 
 
