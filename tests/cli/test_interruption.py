@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from contextlib import nullcontext, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -90,6 +91,26 @@ def test_a_response_that_is_stopped_keeps_as_many_points_as_are_quickly_evaluate
     assert set(np.diff(kept)[:-1]) == {3}
     np.testing.assert_array_equal(branch.coordinates, whole.coordinates[kept])
     assert part.warnings[-1] == "interrupted: of 3 points of a branch one is kept"
+
+
+def test_a_response_that_is_stopped_while_it_is_evaluated_evaluates_few_points_of_the_rest(monkeypatch):
+    """35 branches were evaluated to the end: 4 s of processor time after the signal."""
+    from beamsim.analyses.response import analysis
+
+    @dataclass(frozen=True)
+    class Branch:
+        points: tuple[int, ...]
+
+    monkeypatch.setattr(analysis, "POINTS_OF_A_STOPPED_RESPONSE", 10)
+    evaluated = []
+    monkeypatch.setattr(analysis, "_response", lambda model, branch, *_: evaluated.append(len(branch.points)))
+    traced = [Branch(tuple(range(100)))] * 4
+    assert analysis._responses(None, traced, 1.0, lambda: len(evaluated) >= 2)[1:] == (
+        ("interrupted: of 20 points of a branch one is kept",), True,
+    )  # fmt: skip
+    assert evaluated == [100, 100, 6, 6]
+    assert analysis._responses(None, traced, 1.0, lambda: False)[1:] == ((), False)
+    assert evaluated[4:] == [100] * 4
 
 
 @pytest.mark.parametrize("stage", ["spectra_of", "_with_impacts", "summary_of_run", "convergence_of"])

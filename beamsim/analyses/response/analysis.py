@@ -97,10 +97,8 @@ def frequency_response(
             from beamsim.analyses.response.folds import follow_folds
 
             folds += follow_folds(model, traced, level, budget)
-        halted = stop()
-        if halted:
-            traced, left_out = _few(traced)
-        branches += [_response(model, t, level, stop) for t in traced]
+        results, left_out, halted = _responses(model, traced, level, stop)
+        branches += results
     if not branches:
         raise KeyboardInterrupt
     outcome = _combined(outcomes)
@@ -147,6 +145,22 @@ def frequency_response(
         second_snubber="" if second is None else second.snubber,
         overlay=overlay,
     ).with_summary(**_summary(model, outcome, branches, folds, clock.process_time() - processor))
+
+
+def _responses(
+    model: ResponseModel, traced: list[OrbitBranch], level: float, stop: Stop
+) -> tuple[list[BranchResult], tuple[str, ...], bool]:
+    """The branches of a level evaluated, of few points once it is time to stop; a warning, and whether it was."""
+    results: list[BranchResult] = []
+    left_out: tuple[str, ...] = ()
+    halted = False
+    while traced:
+        if not halted and stop():
+            halted = True
+            traced, left_out = _few(traced)
+        results.append(_response(model, traced[0], level, stop))
+        traced = traced[1:]
+    return results, left_out, halted
 
 
 def _few(traced: list[OrbitBranch]) -> tuple[list[OrbitBranch], tuple[str, ...]]:
