@@ -115,9 +115,8 @@ class ForcedOrbits:
         change = passage.end - z
         resting = self._resting(passage)
         J[resting], change[resting] = 0.0, 0.0
-        J[
-            resting, resting
-        ] = -1.0  # as of a slider that is set anew: the determinant keeps its sign where sliding begins
+        # as of a slider that is set anew: the determinant keeps its sign where sliding begins
+        J[resting, resting] = -1.0
         return change, J, passage
 
     def _resting(self, passage: Passage) -> Ints:
