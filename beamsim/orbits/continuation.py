@@ -240,8 +240,11 @@ def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settin
     return correct(problem, guess, along, float(along @ (guess / scale)), scale, settings, along)
 
 
-def _hermite(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
-    """A guess between two points, s in [0, 1] of the way: cubic with both tangents."""
+def interpolated(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
+    """The unknowns between two points, s in [0, 1] of the way along a cubic with both tangents.
+
+    Where the tangents point back, along the chord.
+    """
     wa, wb = a.u / a.scale, b.u / a.scale
     tb = b.tangent * b.scale / a.scale
     tb = tb / np.linalg.norm(tb)
@@ -291,7 +294,7 @@ def between(
     sl, left, sr, right = (0.0, a, 1.0, b) if known is None else known
     share = (s - sl) / (sr - sl)
     straight = left.u + share * (right.u - left.u)
-    guesses = [straight] if sr - sl < CLOSE else [_hermite(left, right, share), straight]
+    guesses = [straight] if sr - sl < CLOSE else [interpolated(left, right, share), straight]
     for guess in guesses:
         point = correct(problem, guess, row, target, a.scale, settings, a.tangent)
         if point is not None:
@@ -304,7 +307,7 @@ def at_parameter(
 ) -> BranchPoint | None:
     """The point between two neighbours (or beyond them) at a value of the parameter; None where none is found."""
     share = (value - a.parameter) / (b.parameter - a.parameter)
-    guess = _hermite(a, b, float(np.clip(share, 0.0, 1.0)))
+    guess = interpolated(a, b, float(np.clip(share, 0.0, 1.0)))
     guess[-1] = value
     return solve_at(problem, guess, settings, value, b.parameter - a.parameter)
 

@@ -14,6 +14,7 @@ from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
+from scipy.optimize import brentq
 
 from beamsim.analyses.interruption import Stop, Stopped, heeding, never, until
 from beamsim.orbits.branch import (
@@ -24,7 +25,7 @@ from beamsim.orbits.branch import (
     SpecialPoint,
     with_failed_searches,
 )
-from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
+from beamsim.orbits.continuation import Branch, Settings, follow_orbits, interpolated, solve_at
 from beamsim.orbits.shooting import (
     ForcedOrbits,
     find_orbit,
@@ -367,9 +368,19 @@ def coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
             between = a.u + np.clip(off[i] / (off[i] - off[i + 1]), 0.0, 1.0) * (b.u - a.u)
             away = float(np.linalg.norm(((between - point.u) / point.scale)[:-1]))
             apart = float(np.linalg.norm(((a.u - b.u) / point.scale)[:-1]))
-            if away < COINCIDES + 0.1 * apart**2:
+            if away < COINCIDES + 0.1 * apart**2 or (away < apart and _on_curve(point, a, b)):
                 return True
     return False
+
+
+def _on_curve(point: BranchPoint, a: BranchPoint, b: BranchPoint) -> bool:
+    """Whether the cubic between two neighbours passes through a point: a sharp peak is far from its chords."""
+    p = point.parameter
+    if not min(a.parameter, b.parameter) < p < max(a.parameter, b.parameter):
+        return False
+    share = brentq(lambda s: float(interpolated(a, b, s)[-1]) - p, 0.0, 1.0)
+    away = (interpolated(a, b, share) - point.u) / point.scale
+    return float(np.linalg.norm(away[:-1])) < COINCIDES
 
 
 def joined(problem: Any, halves: list[Half]) -> OrbitBranch:
