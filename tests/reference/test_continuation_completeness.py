@@ -8,6 +8,7 @@ from sampling import slow_after
 from scipy.integrate import solve_ivp
 
 from beamsim.analyses.response.analysis import frequency_response
+from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import OutcomeCode, OutcomeKind
 from beamsim.scenario import load_scenario
@@ -142,6 +143,7 @@ def test_bands_without_a_stable_motion_are_listed():
     assert "no stable motion found: 60 to 62.9" in result.status
     (bands,) = {tuple(band["band"]) for band in result.summary["without_stable_motion"][:1]}
     assert bands == pytest.approx(first)
+    assert next(table_rows("continuation", result)) == ("status", result.status)
 
 
 @pytest.mark.parametrize("limit", slow_after(1, ["most_side_points: 5", "most_points: 150", "most_branches: 2"]))
