@@ -38,6 +38,8 @@ MOST_MODES = 3
 MOST_SLICES = 4  # maps of one response of three or more parameters
 MOST_SLICED = 3  # responses
 CONTOURS = 5
+BESIDE_LIMIT = 0.05  # of the range of values; a contour that is closer to that of the limit is left out
+FEWEST_ALONG = 3  # cases along both axes of a map with contours: between fewer they would show the interpolation alone
 MOST_PARAMETERS = 6  # columns of a matrix
 NAMED = {
     "closed_frequencies_hz": "Natural frequencies, closed",
@@ -139,19 +141,29 @@ def plot_response_map(
 
 
 def _draw_contours(ax: Axes, x: Floats, y: Floats, values: Any, limit: float | None) -> None:
-    """Labelled contours, that of the limit in its own colour."""
+    """Labelled contours, that of the limit in its own colour and thick, with a white edge in grey print."""
     from matplotlib.patheffects import withStroke
+    from matplotlib.ticker import MaxNLocator
 
     low, high = float(values.min()), float(values.max())
-    if high - low > 1e-9 * max(abs(low), abs(high)):
-        lines = ax.contour(x, y, values, levels=CONTOURS, colors="white", linewidths=0.6)
+    within = limit if limit is not None and low < limit < high else None
+    levels = [
+        level
+        for level in MaxNLocator(CONTOURS + 1, min_n_ticks=1).tick_values(low, high)
+        if low < level < high and (within is None or abs(level - within) >= BESIDE_LIMIT * (high - low))
+    ]
+    if levels and min(values.shape) >= FEWEST_ALONG and high - low > 1e-9 * max(abs(low), abs(high)):
+        lines = ax.contour(x, y, values, levels=levels, colors="white", linewidths=0.6)
         outline: Any = [withStroke(linewidth=1.6, foreground="0.2")]  # readable on light cells, too
         for text in ax.clabel(lines, fontsize="x-small", fmt="%g"):
             text.set_path_effects(outline)
         lines.set_path_effects([withStroke(linewidth=1.4, foreground="0.2")])
-    if limit is not None and low < limit < high:
-        line = ax.contour(x, y, values, levels=[limit], colors=_LIMIT, linewidths=1.8)
-        ax.clabel(line, fontsize="x-small", fmt=lambda _: "limit")
+    if within is not None:
+        line = ax.contour(x, y, values, levels=[within], colors=_LIMIT, linewidths=1.8)
+        edge: Any = [withStroke(linewidth=3.4, foreground="white")]
+        for text in ax.clabel(line, fontsize="x-small", fmt=lambda _: "limit"):
+            text.set_path_effects(edge)
+        line.set_path_effects(edge)
 
 
 def _ticks_along(axis: Any, ticks: list[str] | None, coordinate: Coordinate) -> None:

@@ -20,7 +20,7 @@ POWER_SHOWN = 1e-3  # of the input's largest density, below which a transmissibi
 def plot_density(response: RandomResponse, ax: Axes) -> Axes:
     """Spectral densities of the input and of the absolute accelerations of the probes (displacements under a force).
 
-    Thin lines are those of the linear structures with every snubber always open and always closed.
+    Thick grey lines are those of the linear structures with every snubber always open and always closed.
     """
     on_base = response.input.unit == "m/s^2"
     quantity = "absolute_acceleration" if on_base else "displacement"
@@ -33,11 +33,13 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
         ax.plot(response.frequency_hz[1:], signal.density[1:] * factor, label=signal.name, **curve_style(k))
     linear = [k for k, s in enumerate(drawn[:MOST_CURVES]) if s.density_open is not None][:MOST_LINEAR]
     for k in linear:
-        for name, dashes in (("open", (4, 2)), ("closed", (1, 1.5))):
+        for name, dashes in (("open", "-"), ("closed", "-.")):
             value = np.asarray(getattr(drawn[k], f"density_{name}"))[1:] * factor
             label = f"{drawn[k].name}, linear, always {name}"
             shown = np.where(value > 0.0, value, np.nan)
-            ax.plot(response.frequency_hz[1:], shown, color="0.45", linewidth=1.1, dashes=dashes, label=label)
+            ax.plot(
+                response.frequency_hz[1:], shown, color="0.65", linewidth=2.2, linestyle=dashes, zorder=1, label=label
+            )
     ax.set_xscale("log")
     ax.set_yscale("log")
     top = max((float(np.max(s.density[1:])) for s in drawn), default=0.0) * factor

@@ -69,7 +69,7 @@ def plot_relaxed_functional(relaxed: RelaxedComparison, ax: Axes) -> Axes:
             color=curve_style(1)["color"], label="not reached",
         )  # fmt: skip
     ax.set_yscale("log")
-    finish(ax, "Stiffness factor ε", "Functional (1)")
+    finish(ax, "Stiffness factor ε", "Functional")
     ax.legend(loc="best", frameon=False, fontsize="x-small")
     return ax
 

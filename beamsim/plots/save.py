@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DOTS_PER_INCH = 150.0
+PLAIN_DECADES = 4  # logarithmic axes have 0.01, 0.6 and 200 instead of powers of ten, below 10 to this power
 
 
 def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, form: str = "png") -> list[Path]:
@@ -26,12 +27,13 @@ def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, f
     ResultFileError
         If a file cannot be written.
     """
+    from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     written = []
     for name, figure in figures.items():
         path = Path(folder) / f"{stem}_{name}.{form}"
-        with replacing(path) as temporary:
+        with replacing(path) as temporary, rc_context({"axes.formatter.min_exponent": PLAIN_DECADES}):
             figure.set_dpi(DOTS_PER_INCH)
             canvas: Any = FigureCanvasAgg(figure)
             lay_out(figure, canvas.get_renderer())

@@ -35,7 +35,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from beamsim.analyses.sweep.result import SweepCurve
+    from beamsim.typing import Floats
+
 SAME_LEVEL = 0.01  # relative difference up to which the curves of two levels are one
+MOST_LEVELS = 4  # whose harmonics are drawn
+ENERGY_SHOWN = 1e-8  # of the largest, below which harmonics are not drawn
 MOST_MARKS = 8  # labelled peaks in one plot
 _MARKS = {"linear resonance": "o", "nonlinear resonance": "o", "superharmonic": "^", "subharmonic": "v", "beat": "x"}
 
@@ -121,10 +126,11 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -
         level = 20 * np.log10(np.maximum(amplitude[r, ::step], 1e-30) / top)
         drawn = ax.scatter(
             curve.frequency_hz[::step], order * curve.frequency_hz[::step], c=level, s=5, marker="s", linewidths=0,
-            cmap="cividis", vmin=-60, vmax=0,
+            cmap="cividis_r", vmin=-60, vmax=0,
         )  # fmt: skip
         fraction = Fraction(float(order)).limit_denominator(12)
-        ax.annotate(f"{fraction}", (curve.frequency_hz.max(), order * curve.frequency_hz.max()), fontsize="small")
+        end = (curve.frequency_hz.max(), order * curve.frequency_hz.max())
+        ax.annotate(f"{fraction}", end, xytext=(4, 0), textcoords="offset points", va="center", fontsize="small")
     for f in result.modes.open_frequencies_hz:
         if f <= curve.orders.max(initial=1.0) * curve.frequency_hz.max():
             ax.axhline(f, color="0.75", linewidth=0.6, zorder=0)
@@ -137,10 +143,13 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -
 def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str) -> Axes:
     """Peak displacement divided by excitation amplitude for each level; all but the first where they differ by 1 %."""
     curves = [c for c in result.curves.values() if c.direction == direction]
-    for k, curve in enumerate(curves[:6]):
+    ratios = []
+    for curve in curves[:6]:
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = curve.displacement[probe].peak / curve.excitation_amplitude
-        f, value = envelope(curve, ratio)
+            ratios.append(curve.displacement[probe].peak / curve.excitation_amplitude)
+    scale, unit = _per_level(curves, *ratios)
+    for k, (curve, ratio) in enumerate(zip(curves, ratios, strict=False)):
+        f, value = envelope(curve, ratio * scale)
         if k == 0:
             first = f, value
         else:
@@ -151,28 +160,42 @@ def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str)
         ax.plot(f, value, label=level if np.any(np.isfinite(value)) else f"{level} (the same)", **curve_style(k))
     frequency_axis(result, ax)
     ax.set_yscale("log")
-    unit = f"m per {curves[0].excitation_unit.replace('^2', '²')}" if curves else "m"
     finish(ax, f"Excitation frequency (Hz), {direction}", f"Peak displacement of {probe} / level ({unit})")
     legend(ax, min(len(curves), 6), len(curves), "levels")
     return ax
 
 
-def plot_harmonic_energy(result: SweepResult, ax: Axes, probe: str, direction: str) -> Axes:
-    """Mean-square response in each harmonic divided by mean-square excitation, for all levels."""
-    curves = [c for c in result.curves.values() if c.direction == direction]
-    orders = curves[0].orders if curves else np.zeros(0)
-    for r, order in enumerate(orders[:6]):
-        for k, curve in enumerate(curves[:4]):
-            ratio = np.abs(curve.displacement[probe].harmonics[r]) ** 2 / curve.excitation_amplitude**2
-            f, value = envelope(curve, ratio, mean=True)
-            style = {**curve_style(r), "alpha": 1.0 - 0.2 * k}
-            label = f"order {Fraction(float(order)).limit_denominator(12)}" if k == 0 else "_nolegend_"
-            ax.plot(f, value, label=label, **style)
-    frequency_axis(result, ax)
-    ax.set_yscale("log")
-    finish(ax, f"Excitation frequency (Hz), {direction}", f"Mean square of {probe} / mean-square excitation")
-    legend(ax, min(orders.size, 6), orders.size, "orders")
-    return ax
+def plot_harmonic_energy(result: SweepResult, axes: list[Axes], probe: str, direction: str) -> None:
+    """Mean-square response in each harmonic divided by mean-square excitation, a panel for each level."""
+    curves = [c for c in result.curves.values() if c.direction == direction][: len(axes)]
+    ratios = [np.abs(c.displacement[probe].harmonics[:MOST_CURVES]) / c.excitation_amplitude for c in curves]
+    scale, unit = _per_level(curves, *ratios)
+    top = max((float(np.nanmax((ratio * scale) ** 2, initial=0.0)) for ratio in ratios), default=0.0)
+    for ax, curve, ratio in zip(axes, curves, ratios, strict=True):
+        for r, order in enumerate(curve.orders[:MOST_CURVES]):
+            f, value = envelope(curve, (ratio[r] * scale) ** 2, mean=True)
+            label = f"order {Fraction(float(order)).limit_denominator(12)}"
+            ax.plot(f, value, label=label, **curve_style(r))
+        frequency_axis(result, ax)
+        ax.set_yscale("log")
+        if 0.0 < top < np.inf:
+            ax.set_ylim(ENERGY_SHOWN * top, 3.0 * top)
+        finish(
+            ax,
+            f"Excitation frequency (Hz), {direction}" if ax is axes[-1] else "",
+            f"Mean square of {probe}\n/ that of the level, ({unit})²",
+        )
+        ax.set_title(level_text(curve.level, result.scenario.level_unit), loc="left", fontsize="small")
+    if curves:
+        legend(axes[0], min(curves[0].orders.size, MOST_CURVES), curves[0].orders.size, "orders")
+
+
+def _per_level(curves: list[SweepCurve], *ratios: Floats) -> tuple[float, str]:
+    """Factor and unit in which displacements divided by the excitation, in SI units, are shown."""
+    excitation = curves[0].excitation_unit if curves else "m/s^2"
+    level = acceleration_scale() if excitation == "m/s^2" else Scale(1.0, excitation)
+    length = scale_for("m", *(ratio / level.factor for ratio in ratios))
+    return length.factor / level.factor, f"{length.unit} per {level.unit.replace('^2', '²')}"
 
 
 def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
@@ -199,9 +222,13 @@ def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
     linear = result.linear
     unit = next((c.excitation_unit for c in result.curves.values()), "m/s^2")
     scale = acceleration_scale() if unit == "m/s^2" else Scale(1.0, unit)
-    for k, (name, levels) in enumerate(linear.contact.items()):
+    for k, (name, levels) in enumerate(list(linear.contact.items())[:MOST_CURVES]):
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
-        ax.plot(linear.frequency_hz, levels.changing * scale.factor, label=f"{name}: {what}", **curve_style(k))
+        level = levels.changing * scale.factor
+        if np.nanmax(level, initial=0.0) == 0.0:  # it just touches at rest: a logarithmic axis has no zero
+            ax.plot([], [], linestyle="none", label=f"{name}: {what} at any level")
+        else:
+            ax.plot(linear.frequency_hz, level, label=f"{name}: {what}", **curve_style(k))
     for index, curve in enumerate({c.level_index: c for c in result.curves.values()}.values()):
         swept, amplitude = by_frequency(curve, np.abs(curve.excitation_amplitude))
         label = "sweep" if index == 0 else None
@@ -209,7 +236,9 @@ def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
     frequency_axis(result, ax)
     ax.set_yscale("log")
     finish(ax, "Excitation frequency (Hz)", f"Level ({scale.unit})")
-    ax.legend(loc="best", frameon=False, fontsize="small")
+    known = len(linear.contact)
+    title = f"{MOST_CURVES} of {known} snubbers" if known > MOST_CURVES else None
+    ax.legend(loc="best", frameon=False, fontsize="small", title=title, title_fontsize="small")
     return ax
 
 
@@ -231,6 +260,8 @@ def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
 
 def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
     """Period of the steady motion in cycles of the excitation; crosses where the motion is not periodic."""
+    from matplotlib.ticker import MaxNLocator
+
     curve = result.curves[curve_name]
     assert curve.steady is not None
     kind = np.array(curve.steady.kind)
@@ -241,6 +272,7 @@ def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
         here = kind == name
         if here.any():
             ax.plot(curve.frequency_hz[here], np.zeros(here.sum()), "x+1"[k], markersize=6, color="#d1495b", label=name)
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     finish(ax, f"Excitation frequency (Hz), {curve.direction}", "Period (cycles of the excitation)")
     ax.legend(loc="best", frameon=False, fontsize="small")
     return ax
@@ -313,8 +345,9 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
         figure, (ax,) = page()
         plot_level_family(result, ax, probe, direction)
         figures["levels"] = figure
-        figure, (ax,) = page()
-        plot_harmonic_energy(result, ax, probe, direction)
+        shown = min(len([c for c in result.curves.values() if c.direction == direction]), MOST_LEVELS)
+        figure, axes = page(max(4.8, 2.6 * shown), shown)
+        plot_harmonic_energy(result, axes, probe, direction)
         figures["harmonic_energy"] = figure
     for curve in result.curves.values():
         if curve.notching is not None:

@@ -67,3 +67,27 @@ def test_levels_are_drawn_where_they_differ(swept):
     _, second = sweep_figures(stopped)["levels"].axes[0].lines
     drawn = np.isfinite(second.get_ydata())
     assert 0 < drawn.sum() < drawn.size
+
+
+def test_levels_are_compared_in_the_units_that_are_shown(swept):
+    """Displacement in mm per g; the harmonics have a panel for each level."""
+    figures = sweep_figures(swept)
+    axes = figures["levels"].axes[0]
+    assert axes.get_ylabel().endswith("(mm per g)")
+    curve = swept.curves["up_0"]
+    expected = 1e3 * np.max(curve.displacement["first"].peak / (curve.excitation_amplitude / 9.80665))
+    assert np.max(axes.lines[0].get_ydata()) == pytest.approx(expected, rel=1e-6)
+    panels = figures["harmonic_energy"].axes
+    assert [panel.get_title("left") for panel in panels] == ["level 0.2039 g", "level 0.4079 g"]
+    for panel in panels:
+        assert panel.get_ylabel().endswith("(mm per g)²")
+        assert panel.get_ylim()[0] < np.max(panel.lines[0].get_ydata()) < panel.get_ylim()[1]
+
+
+def test_a_stop_that_just_touches_has_no_line_on_a_logarithmic_axis():
+    touching = result({"snubbers": [{**STOP, "gap": 0.0}]}, rate="20 oct/min")
+    above = sweep_figures(touching)["contact_levels"].axes[0]
+    touched, level = above.lines
+    assert touched.get_label() == "stop: contact begins at any level"
+    assert touched.get_linestyle() == "None"
+    assert np.all(level.get_ydata() > 0.0)
