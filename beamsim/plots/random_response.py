@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.run.result import RandomResponse
-from beamsim.plots.style import MOST_CURVES, acceleration_scale, curve_style, finish, legend, scale_for
+from beamsim.plots.style import MOST_CURVES, ROUND_OFF, acceleration_scale, curve_style, finish, legend, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,10 +40,10 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
             ax.plot(
                 response.frequency_hz[1:], shown, color="0.65", linewidth=2.2, linestyle=dashes, zorder=1, label=label
             )
-    ax.set_xscale("log")
-    ax.set_yscale("log")
     top = max((float(np.max(s.density[1:])) for s in drawn), default=0.0) * factor
     if top > 0:
+        ax.set_xscale("log")
+        ax.set_yscale("log")
         ax.set_ylim(top * DENSITY_SHOWN, top * 3)
         content = np.max([s.density[1:] for s in drawn], axis=0) * factor >= top * DENSITY_SHOWN
         shown = response.frequency_hz[1:][content]
@@ -57,11 +57,12 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
 def plot_transmissibility(response: RandomResponse, ax: Axes) -> Axes:
     """Magnitude of response over input, shown where the input has power."""
     power = response.input.density
-    shown = (power > POWER_SHOWN * power.max()) & (response.frequency_hz > 0.0)
+    shown = (power > max(POWER_SHOWN * power.max(), ROUND_OFF**2)) & (response.frequency_hz > 0.0)
     for k, (name, value) in enumerate(list(response.transmissibility.items())[:MOST_CURVES]):
         ax.plot(response.frequency_hz[shown], np.abs(value[shown]), label=name, **curve_style(k))
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    if np.any(shown):  # a shock may be over before the part of the run that the densities are of
+        ax.set_xscale("log")
+        ax.set_yscale("log")
     finish(ax, "Frequency (Hz)", "Transmissibility" if response.input.unit == "m/s^2" else "Displacement / force (m/N)")
     count = len(response.transmissibility)
     legend(ax, min(count, MOST_CURVES), count, "probes")

@@ -156,6 +156,20 @@ def test_a_measured_input_is_no_process(tmp_path):
     assert not any("95 %" in text for _, text in table_rows("run", result))
 
 
+def test_a_measured_shock_that_ends_before_the_densities_begin_is_drawn(tmp_path):
+    """The first tenth of the run is left out of the statistics, and the whole pulse with it."""
+    time = np.arange(5000) / 1000.0
+    values = np.column_stack([time, np.where(time < 0.1, np.sin(10 * np.pi * time), 0.0)])
+    np.savetxt(tmp_path / "a.csv", values, delimiter=",", header="time (s),a", comments="")
+    excitation = {"kind": "sampled", "applied_to": "base", "file": str(tmp_path / "a.csv"), "unit": "g"}
+    result = beamsim.run(load_scenario(OSCILLATOR | {"excitation": excitation, "run": {"duration": "4 s"}}))
+    assert result.random.input.density.max() < 1e-30
+    figure = run_figures(result)["random"]
+    lay_out(figure, FigureCanvasAgg(figure).get_renderer())
+    density, transmissibility = figure.axes
+    assert (density.get_yscale(), transmissibility.get_yscale()) == ("log", "linear")
+
+
 @pytest.mark.parametrize(("count", "length"), [(1000, 117), (1001, 118)])
 def test_cross_density_is_that_of_scipy(count, length):
     from scipy.signal import csd
