@@ -134,3 +134,53 @@ def test_preloads_that_do_not_balance_name_those_that_do(tmp_path, lower, upper,
         text = text.replace("side: below", "side: above")
     with pytest.raises(ScenarioError, match=remedy):
         beamsim.run(loaded(tmp_path, f"gravity: {gravity}\n{text}"))
+
+
+PANEL = {
+    "beam": {
+        "length": "1.2 m",
+        "bending_stiffness": 2967.0,
+        "mass_per_length": 2.4,
+        "elements": 20,
+        "supports": {"left": "pinned", "right": "pinned"},
+        "damping": {"kind": "modal", "ratio": 0.02},
+    },
+    "snubbers": [
+        {
+            "name": name,
+            "position": f"{x} m",
+            "side": "below",
+            "stiffness": "100 kN/m",
+            "gap": "-0.3 mm",
+            "damping": {"kind": "ratio", "ratio": 0.05},
+        }
+        for name, x in (("left", 0.48), ("right", 0.72))
+    ],
+    "excitation": {"kind": "half_sine", "applied_to": "base", "level": "20 g", "duration": "11 ms"},
+    "probes": [{"name": "stop", "position": "0.48 m"}, {"name": "aside", "position": "0.1 m"}],
+    "run": {"duration": "30 ms", "sample_rate": "2 kHz", "convergence": "off"},
+    "reduction": {"modes": 10},
+}
+
+
+def jumps(**changes):
+    result = beamsim.run(load_scenario(PANEL | changes))
+    return [w for w in result.warnings if "acceleration jumps" in w]
+
+
+def test_an_acceleration_that_rests_on_the_number_of_modes_is_doubted():
+    (found,) = jumps()
+    assert found.startswith("probes.stop")
+    assert "the dashpot of left" in found
+    assert "run.low_pass" in found
+    (finer,) = jumps(reduction={"modes": 38})
+    of_ten, of_more = (float(w.split("by up to ")[1].split(" g")[0]) for w in (found, finer))
+    assert of_more > 1.5 * of_ten  # what is warned of
+    stops = [snubber | {"damping": {"kind": "none"}} for snubber in PANEL["snubbers"]]
+    beam = PANEL["beam"] | {"point_masses": [{"position": "0.48 m", "mass": "1 kg"}]}
+    for change in (
+        {"snubbers": stops},  # no dashpot
+        {"beam": beam},  # a mass at the contact
+        {"run": PANEL["run"] | {"low_pass": "2 kHz"}},  # a band
+    ):
+        assert jumps(**change) == []

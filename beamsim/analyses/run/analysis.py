@@ -16,6 +16,7 @@ from beamsim.analyses.run.derived import DerivedFigures
 from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.figures import largest
 from beamsim.analyses.run.impacts import ImpactRecord, fatigue_doubts, fatigue_of
+from beamsim.analyses.run.jumps import jump_warnings
 from beamsim.analyses.run.long_run import check_stretches, checked_on_first_part, long_motion_of
 from beamsim.analyses.run.model_check import convergence_of
 from beamsim.analyses.run.motion import (
@@ -122,6 +123,8 @@ def run(
         result = _with_statistics(result, with_inputs, stop)
     result = _with_impacts(result, system, motion, stop)
     summary = summary_of_run(scenario, system, motion, spectra, stop)
+    jumps = jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
+    result = changed(result, warnings=(*result.warnings, *jumps))
     spectra = {key: changed(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
     result = changed(result, spectra=spectra)
     if crushed := {s.name: s.residual_crush for s in result.snubbers.values() if s.residual_crush is not None}:
