@@ -34,6 +34,7 @@ from beamsim.fields import (
     rows_of,
 )
 from beamsim.store.outcomes import failures_text, outcome_attributes, read_failures, read_outcome
+from beamsim.store.scales import scale_along
 from beamsim.store.schema import group_name, plain
 from beamsim.store.small_objects import TEXT, create_dataset, set_text
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -569,8 +570,9 @@ def _expected(dataset: Any, member: Member, declared: Dataset) -> h5py.Dataset:
     if along and get_origin(member.annotation) is np.ndarray and not _is_text(dataset) and dataset.ndim < len(along):
         raise ValueError(f"{dataset.name} has {dataset.ndim} dimensions, not {len(along)}")
     for k in range(dataset.ndim):
-        if len(dataset.dims[k]) and dataset.dims[k][0].shape != dataset.shape[k : k + 1]:
-            raise ValueError(f"{dataset.name} has {dataset.shape[k]} values along {dataset.dims[k][0].name}")
+        scale = scale_along(dataset, k)
+        if scale is not None and scale.shape != dataset.shape[k : k + 1]:
+            raise ValueError(f"{dataset.name} has {dataset.shape[k]} values along {scale.name}")
     return dataset
 
 

@@ -296,7 +296,10 @@ def _read_hdf5(path: Path, axis_unit: str | None) -> list[MeasuredSignal]:
         for name, item in datasets.items():
             if item.ndim != 1 or item.size < 2 or not np.issubdtype(item.dtype, np.number):
                 continue
-            axis, of_frequency = _axis_of(name, item, datasets)
+            try:
+                axis, of_frequency = _axis_of(name, item, datasets)
+            except ValueError as error:
+                raise _wrong(f"{path} is damaged: {error}", "export the measurement again") from None
             if axis is None or axis == name or datasets[axis].shape != item.shape:
                 continue
             unit = str(item.attrs.get("units", "")) or split_heading(name)[1]
@@ -312,8 +315,10 @@ def _read_hdf5(path: Path, axis_unit: str | None) -> list[MeasuredSignal]:
 
 def _axis_of(name: str, item: Any, datasets: dict[str, Any]) -> tuple[str | None, bool]:
     """The dataset that is the axis of another: its dimension scale, else time or frequency in an enclosing group."""
-    if len(item.dims[0]):
-        scale = item.dims[0][0].name.lstrip("/")
+    from beamsim.store.scales import scale_along
+
+    if (attached := scale_along(item, 0)) is not None:
+        scale = attached.name.lstrip("/")
         label = scale.rsplit("/", 1)[-1].lower()
         return (scale, is_frequency(label)) if _is_axis(label) else (None, False)
     folder = name.rsplit("/", 1)[0] if "/" in name else ""

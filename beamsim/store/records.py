@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.store.declared import ordered
+from beamsim.store.scales import scale_along
 from beamsim.store.tables import datasets, values_of
 from beamsim.store.uff import (
     FREQUENCY_RESPONSE,
@@ -231,7 +232,7 @@ def _functions(dataset: h5py.Dataset, place: str) -> Iterator[_Function]:
     if quantity not in ORDINATES or dataset.dtype.kind != "f":
         return
     text = _label(dataset, place, quantity)
-    axes = [dataset.dims[k][0] if len(dataset.dims[k]) else None for k in range(dataset.ndim)]
+    axes = [scale_along(dataset, k) for k in range(dataset.ndim)]
     names = ["" if axis is None else axis.name.rpartition("/")[2] for axis in axes]
     if names == ["time"]:
         yield _Function(quantity, text, values_of(axes[0]), y, TIME_RESPONSE)
@@ -254,12 +255,7 @@ def _frequency(axis: h5py.Dataset) -> Floats | None:
     if axis.name.endswith("/frequency_hz"):
         return values_of(axis)
     beside = axis.parent.get("frequency_hz")
-    if (
-        isinstance(beside, h5py.Dataset)
-        and beside.ndim == 1
-        and not beside.is_scale
-        and axis in beside.dims[0].values()
-    ):
+    if isinstance(beside, h5py.Dataset) and beside.ndim == 1 and not beside.is_scale and axis == scale_along(beside, 0):
         return values_of(beside)
     return None
 

@@ -14,6 +14,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.store.scales import scale_along
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -87,11 +89,10 @@ def values_of(dataset: h5py.Dataset) -> NDArray[Any]:
 
 
 def _axis(dataset: h5py.Dataset, k: int) -> Axis:
-    scales = dataset.dims[k]
-    if len(scales) == 0:
+    scale = scale_along(dataset, k)
+    if scale is None:
         number = np.arange(1, dataset.shape[k] + 1)
         return Axis("", "index" if k == 0 else f"index_{k + 1}", "1", "number along this dimension", number)
-    scale = scales[0]
     units, long_name = (str(scale.attrs.get(key, "")) for key in ("units", "long_name"))
     return Axis(scale.name, scale.name.rpartition("/")[2], units, long_name, values_of(scale))
 

@@ -20,7 +20,16 @@ JOBS = {
     "run": ["run", str(CONFIGS / "one_sided_65hz.yaml")],
     "sweep": ["sweep", str(CONFIGS / "chain_two_dof.yaml")],
     "nnm": ["nnm", str(CONFIGS / "nnm_chain_mass_5.yaml")],
-    "study": ["sweep", str(CONFIGS / "design_stiffness_gap.yaml"), "--set", "run.duration=0.1 s", "--workers", "1"],
+    "study": [
+        "sweep",
+        str(CONFIGS / "design_stiffness_gap.yaml"),
+        "--set",
+        "run.duration=0.1 s",
+        "--set",
+        "run.spectrum.last=0.1 s",
+        "--workers",
+        "1",
+    ],
 }
 
 
