@@ -16,7 +16,7 @@ def shortened(path, count=3):
     vary = shipped(path).vary
     changes = {"run.duration": "0.1 s", "run.spectrum.last": "0.05 s"}
     if getattr(vary, "tolerances", None):
-        changes["vary.tolerances.samples"] = 3
+        changes |= {"vary.tolerances.samples": 3, "vary.tolerances.quantile": 0.5}
     if vary.kind == "latin_hypercube":
         changes["vary.samples"] = 4
     for index, parameter in enumerate(vary.parameters):

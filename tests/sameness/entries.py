@@ -28,7 +28,12 @@ SHORTENED: dict[str, tuple[str, ...]] = {
         "vary.parameters[0].points=6",
         "vary.parameters[1].points=5",
     ),
-    "design_robust sweep": ("run.duration=0.45 s", "vary.parameters[0].points=3", "vary.tolerances.samples=5"),
+    "design_robust sweep": (
+        "run.duration=0.45 s",
+        "vary.parameters[0].points=3",
+        "vary.tolerances.samples=5",
+        "vary.tolerances.quantile=60 %",
+    ),
     "design_tolerances sweep": ("vary.samples=40",),
     "spring_position sweep": ("vary.parameters[0].points=6",),
     "sweep_up_down sweep": ("sweep.rate=4 oct/min",),

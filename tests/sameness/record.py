@@ -50,18 +50,7 @@ MARGIN = 100.0  # from the measured change to the tolerance
 RENAMED: dict[str, tuple[str, str]] = {}
 """Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
 
-CLOSED_FORM = "peaks and harmonics of orbits are closed forms, no longer of samples (by up to 5e-8), and place maxima"
-MENDED: dict[str, str] = {
-    f"{name} {path}": CLOSED_FORM
-    for name in (
-        "continuation_60_120hz sweep*",
-        *(f"continuation_{of} sweep" for of in ("folds", "gap", "level", "overlay", "position", "stiffness")),
-        "chain_two_dof sweep",
-        "two_panels_opening sweep",
-        "vibeams sweep",
-    )
-    for path in ("json/peaks/*", "file/branches/*")
-}
+MENDED: dict[str, str] = {}
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 
 ROUND_OFF = {"energy_error", "residual", "largest_residual", "drift", "motion_drift"}

@@ -110,7 +110,7 @@ def test_a_stopped_run_keeps_its_motion(monkeypatch):
     assert np.isnan(bare.summary["energy_error"])
     assert any("interrupted during the evaluation" in warning for warning in bare.warnings)
     low = bare.probes["tip"].displacement.min()
-    assert bare.summary["min_displacement_m"]["tip"] == low
+    assert bare.summary["min_displacement_m"]["tip"] == pytest.approx(low, rel=1e-12)  # sampled in another way
     asked = count()
     reference = beamsim.run(load_scenario(CONFIGS / "one_sided_65hz.yaml", ["run.method=reference"]),
                             stop=lambda: next(asked) >= 300)  # fmt: skip
@@ -160,4 +160,5 @@ def test_a_stopped_run_with_many_samples_keeps_some_of_its_whole_motion(monkeypa
     assert any(f"of {step} output times one is kept" in warning for warning in part.warnings)
     assert part.outcome.numbers["parameter"] - part.time[-1] < 1.01 * (part.time[1] - part.time[0])
     displacement = whole.probes["tip"].displacement[::step][: part.time.size]
-    np.testing.assert_allclose(part.probes["tip"].displacement, displacement, rtol=1e-12)  # other sample steps
+    of_largest = 1e-15 * np.abs(displacement).max()
+    np.testing.assert_allclose(part.probes["tip"].displacement, displacement, rtol=1e-12, atol=of_largest)
