@@ -119,6 +119,22 @@ def closed_form_exponents(masses, springs, stiffness, dashpot, guesses):
     return np.array(found)
 
 
+OVERDAMPED = {
+    "masses": [0.2, 0.3],
+    "springs": [80.0, 30.0],
+    "snubbers": [
+        {
+            "name": "stop",
+            "mass": 2,
+            "side": "below",
+            "stiffness": 4.6e8,
+            "gap": -1e-6,
+            "damping": {"kind": "viscous", "coefficient": 1e8},
+        }
+    ],
+}
+
+
 def free_exponents(case, phases):
     """Exponents of the free motions of a scenario with its contacts in given phases."""
     flow = exact_flow(build_system(load_scenario(case)), 1.0)
@@ -128,13 +144,8 @@ def free_exponents(case, phases):
 
 def test_a_heavily_overdamped_stop_does_not_spoil_the_slow_motions():
     """Eigenvalues of the whole matrix have errors that -c / m makes in the others, here 1e-7 of the slowest."""
-    stop = {"name": "stop", "mass": 2, "side": "below", "stiffness": 4.6e8, "gap": -1e-6}
     case = {
-        "chain": {
-            "masses": [0.2, 0.3],
-            "springs": [80.0, 30.0],
-            "snubbers": [{**stop, "damping": {"kind": "viscous", "coefficient": 1e8}}],
-        },
+        "chain": OVERDAMPED,
         "run": {"duration": 1.0, "start": "rest"},
     }
     found = free_exponents(case, [1])
@@ -146,13 +157,8 @@ def test_a_heavily_overdamped_stop_does_not_spoil_the_slow_motions():
 @pytest.mark.skipif(np.finfo(np.longdouble).eps == np.finfo(float).eps, reason="no longer numbers on this machine")
 def test_a_heavily_overdamped_stop_does_not_spoil_the_slow_motions_beside_friction():
     """The spring of friction that sticks is a state of its own, so that the inverse is not written down."""
-    stop = {"name": "stop", "mass": 2, "side": "below", "stiffness": 4.6e8, "gap": -1e-6}
     case = {
-        "chain": {
-            "masses": [0.2, 0.3],
-            "springs": [80.0, 30.0],
-            "snubbers": [{**stop, "damping": {"kind": "viscous", "coefficient": 1e8}}],
-        },
+        "chain": OVERDAMPED,
         "friction": [{"name": "grip", "at": {"mass": 1}, "normal_force": 1.0, "coefficient": 0.3, "stiffness": 5.0}],
         "run": {"duration": 1.0, "start": "rest"},
     }

@@ -81,7 +81,7 @@ def _channel(
     if last is None and np.isfinite(excitation):
         last = float(predicted_signal.x[-1] - predicted_signal.x[0]) * (1 + 1e-9)
     if not np.any(signal.y):
-        what = f"{signal.source or signal.name}: {signal.name} is zero throughout"
+        what = f"{signal.label} is zero throughout"
         raise ScenarioError(Problem("", what, "check the channel and its cable, or leave it out with --channel"))
     try:
         predicted, measured = _harmonics(predicted_signal, signal, excitation, count, last, warnings)
@@ -89,7 +89,7 @@ def _channel(
         raise ScenarioError(
             Problem(
                 "",
-                f"{signal.source or signal.name}: {signal.name} {error}",
+                f"{signal.label} {error}",
                 "use a longer record or a higher sample rate",
             )
         ) from None
@@ -190,7 +190,7 @@ def _evenly_sampled(signal: MeasuredSignal) -> None:
         raise ScenarioError(
             Problem(
                 "",
-                f"{signal.source or signal.name}: {signal.name} is not evenly sampled (the step after sample {at} is "
+                f"{signal.label} is not evenly sampled (the step after sample {at} is "
                 f"{steps[at - 1]:.6g} s, the mean {mean:.6g} s)",
                 "resample it, or export it without gaps",
             )

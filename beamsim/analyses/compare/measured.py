@@ -26,6 +26,11 @@ class MeasuredSignal:
     source: str = ""  # file
 
     @property
+    def label(self) -> str:
+        """The channel with its file, as messages name it."""
+        return f"{self.source or self.name}: {self.name}"
+
+    @property
     def has_phase(self) -> bool:
         """Whether phases between harmonics are known."""
         return not self.of_frequency or bool(np.iscomplexobj(self.y))

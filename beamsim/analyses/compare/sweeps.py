@@ -99,7 +99,7 @@ def _settled(
                         "frequency", "leave them out")
             )  # fmt: skip
         return tracking
-    wheres = [_where(signal) for _, _, signal in histories]
+    wheres = [signal.label for _, _, signal in histories]
     if result.kind != "swept_sine":
         raise ScenarioError(
             Problem("", f"{wheres[0]} is a time history, which is compared with a swept sine, and the sweep is "
@@ -116,11 +116,6 @@ def _settled(
     begin = beginning(curve, records) if tracking.begin is None else tracking.begin
     check_beginning(curve, records, begin)
     return replace(tracking, begin=begin)
-
-
-def _where(signal: MeasuredSignal) -> str:
-    """A channel as messages name it."""
-    return f"{signal.source or signal.name}: {signal.name}"
 
 
 def _envelope(curve: SweepCurve, place: str, quantity: str, where: str) -> Envelope:
@@ -142,7 +137,7 @@ def _channel(
     detector: Detector | None,
     tracking: Tracking,
 ) -> SweptComparison:
-    where = _where(signal)
+    where = signal.label
     followed = not signal.of_frequency
     envelope = _envelope(curve, place, quantity, where)
     if detector is None:

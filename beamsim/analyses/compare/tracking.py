@@ -103,7 +103,7 @@ def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> Tracked:
     """
     from scipy.interpolate import CubicSpline
 
-    where = f"{signal.source or signal.name}: {signal.name}"
+    where = signal.label
     edges = curve.time - curve.time[0] + begin
     inside = np.flatnonzero((edges[:-1] >= signal.x[0]) & (edges[1:] <= signal.x[-1]))
     if inside.size < 2:

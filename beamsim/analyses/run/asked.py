@@ -28,7 +28,7 @@ from beamsim.scenario.run import OrbitStart
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
-    from beamsim.flow.contact_state import LinearOutput, OutputOf
+    from beamsim.flow.contact_state import LinearOutput
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run, Scenario
     from beamsim.system.shared import SharedBuilds
