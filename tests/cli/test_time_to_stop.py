@@ -12,7 +12,7 @@ import pytest
 import beamsim
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-UNDER_WAY = 4.0  # s of processor time, after imports and reading kernels
+UNDER_WAY = 5.0  # s of processor time; twice what imports, kernels and the first result take on a slow machine
 HANG = 180.0  # s, far above the second or so of processor time that ending takes
 # command, what makes it long (minutes), what makes it short
 CASES = {
@@ -27,7 +27,7 @@ CASES = {
         "run random_vibration.yaml", ("run.duration=40 s", "run.sample_rate=200 kHz"), ("run.duration=2 s",),
     ),
     "stepped sine": (
-        "sweep one_sided_65hz.yaml", ("sweep={kind: stepped, from: 20 Hz, to: 400 Hz, points: 2000}",),
+        "sweep one_sided_65hz.yaml", ("sweep={kind: stepped, from: 78 Hz, to: 400 Hz, points: 2000}",),
         ("sweep={kind: stepped, from: 78 Hz, to: 80 Hz, points: 2}",),
     ),
     "continuation": (
@@ -92,6 +92,7 @@ def test_a_command_ends_at_a_signal_with_what_there_is(name, number, compiled, t
     text = (tmp_path / "errors").read_text()
     assert process.returncode == 128 + number, text
     assert "Traceback" not in text
+    assert (tmp_path / "case.h5").exists(), text
     assert beamsim.open_result(tmp_path / "case.h5").outcome.interrupted
 
 
