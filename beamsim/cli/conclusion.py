@@ -6,16 +6,19 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from beamsim.cli.failures import say
+from beamsim.cli.failures import interruption_behind, say
 from beamsim.errors import ExitCode, LimitExceededError, Problem, ScenarioError, StoppedEarlyError
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeKind
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
+    from beamsim.cli.interruption import Interruption
     from beamsim.scenario import Scenario
+
+_Result = TypeVar("_Result", bound="Result")
 
 EXIT_CODES = {
     OutcomeKind.COMPLETE: ExitCode.SUCCESS,
@@ -74,31 +77,27 @@ def located(scenario: Scenario) -> Iterator[None]:
         raise scenario.located(error) from None
 
 
-def finish(kind: str, result: Result, target: Path, reporting: Reporting, signal: int = 0) -> None:
-    """Write the result file and conclude.
+def keep(kind: str, result: _Result, target: Path, reporting: Reporting, interrupted: Interruption) -> _Result:
+    """Write the result file; returns the result to conclude with.
 
-    Long histories are written part by part, and plotted from the file. A first interruption that comes meanwhile ends
-    them there.
+    A first signal that comes meanwhile waits until the file is complete. Long histories are written part by part, and
+    read from the file afterwards; they end at the signal.
 
     Raises
     ------
     ResultFileError
         If a file cannot be written.
-    StoppedEarlyError, LimitExceededError
-        See `conclude`.
     """
-    from beamsim.cli.interruption import interruptible
+    interrupted.begin_writing(target.name)
     from beamsim.cli.progress import progress_of
     from beamsim.store.results import has_long_histories, open_result, write_result, write_until
 
     with progress_of(f"writing {target.name}", shown=reporting.progress) as progress:
-        if signal or not has_long_histories(result):
+        if interrupted.signal or not has_long_histories(result):
             write_result(result, target)
-        else:
-            with interruptible(kept=True) as interrupted:
-                write_until(result, target, interrupted, progress)
-            result, signal = open_result(target, kind), interrupted.signal
-    conclude(kind, result, target, reporting, signal)
+            return result
+        write_until(result, target, interrupted, progress)
+        return open_result(target, kind)  # type: ignore[no-any-return]
 
 
 def conclude(kind: str, result: Result, target: Path, reporting: Reporting, signal: int = 0) -> None:
@@ -108,12 +107,13 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, sign
     ----------
     kind : of the result, one of `beamsim.kinds.KINDS`.
     target : the result file; the plots are written to the same folder.
-    signal : number of the signal that stopped the computation (no plots are made then), or 0.
+    signal : number of the signal that stopped the computation or came while the file was written (no plots are made
+        then), or 0.
 
     Raises
     ------
     StoppedEarlyError
-        If the result is not complete.
+        If the result is not complete, or a signal left out its plots.
     LimitExceededError
         If a limit is exceeded and limits are checked.
     """
@@ -126,18 +126,17 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, sign
 def _conclude(kind: str, result: Result, target: Path, reporting: Reporting, signal: int) -> None:
     files = [target]
     if reporting.plots and not signal:
-        from beamsim.cli.progress import progress_of
-        from beamsim.plots.save import save_figures
-
-        with progress_of(f"plotting {target.name}", shown=reporting.progress):
-            files += save_figures(named(KINDS[kind].figures)(result), target.parent, target.stem)
+        signal = _plot(kind, result, target, reporting, files)
+    elif not result.outcome.interrupted:
+        signal = signal if reporting.plots else 0  # nothing was left out
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
     if reporting.json or not reporting.quiet:
         print_outcome(kind, result, files, as_json=reporting.json)
     code = exit_code(result.outcome, signal)
     if signal:
-        text = f"interrupted; the partial result is in {target}; `beamsim plot {target}` plots it"
+        what = "partial" if result.outcome.interrupted else "whole"
+        text = f"interrupted; the {what} result is in {target}; `beamsim plot {target}` plots it"
         raise StoppedEarlyError(text, code)
     if code != ExitCode.SUCCESS:
         raise StoppedEarlyError(f"{result.status}; the partial result is in {target}", code)
@@ -147,6 +146,23 @@ def _conclude(kind: str, result: Result, target: Path, reporting: Reporting, sig
         exceeded = exceeded_limits(result.scenario, result.summary.get("margins", {}))
         if exceeded:
             raise LimitExceededError("; ".join(exceeded))
+
+
+def _plot(kind: str, result: Result, target: Path, reporting: Reporting, files: list[Path]) -> int:
+    """Save the plots and add them to the files; returns the number of the signal that ended this, or 0."""
+    from beamsim.cli.interruption import interruptible
+    from beamsim.cli.progress import progress_of
+    from beamsim.plots.save import save_figures
+
+    try:
+        with interruptible() as interrupted, progress_of(f"plotting {target.name}", shown=reporting.progress):
+            for name, figure in named(KINDS[kind].figures)(result).items():
+                files += save_figures({name: figure}, target.parent, target.stem)
+    except BaseException as error:
+        ended = isinstance(error, KeyboardInterrupt | SystemExit) or interruption_behind(error) is not None
+        if not (interrupted.signal and ended):
+            raise
+    return interrupted.signal
 
 
 def exit_code(outcome: Outcome, signal: int = 0) -> int:

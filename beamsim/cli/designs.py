@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from beamsim.cli.conclusion import Reporting, conclude
+from beamsim.cli.conclusion import Reporting, conclude, keep
 from beamsim.cli.failures import say
 from beamsim.cli.progress import progress_of
 from beamsim.errors import ExitCode, StoppedEarlyError
@@ -73,7 +73,7 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
     from beamsim.analyses.designs.analysis import design_study
     from beamsim.analyses.designs.gathering import gather
     from beamsim.analyses.designs.table import CaseTable
-    from beamsim.cli.interruption import raised_again
+    from beamsim.cli.interruption import interruptible, raised_again
     from beamsim.store.journal import Journal, journal_path
     from beamsim.store.results import write_designs
 
@@ -113,6 +113,7 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
                 raise StoppedEarlyError(f"interrupted; {kept}", ExitCode.TERMINATED) from None
             say(f"beamsim: {kept}")
             raise
-        write_designs(result, target)
-        journal.remove()
-    conclude("designs", result, target, reporting)
+        with interruptible() as interrupted:
+            result = keep("designs", result, target, reporting, interrupted)
+            journal.remove()
+    conclude("designs", result, target, reporting, interrupted.signal)

@@ -37,17 +37,20 @@ def identify_stiffness(
     debug: Debug = False,
 ) -> None:
     """Find a snubber's stiffness, damping and the structure's own parameters from measurements."""
-    from beamsim.cli.conclusion import Reporting, finish, prepared
+    from beamsim.cli.conclusion import Reporting, conclude, keep, prepared
+    from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_of
     from beamsim.store.measurement import read_tests
 
     scenario, target = prepared("identify-stiffness", case, set_, output)
     reporting = Reporting(not no_plots, json, quiet)
-    with progress_of(f"identifying {case.name}", shown=reporting.progress) as progress:
-        from beamsim.analyses.identify.analysis import identify_stiffness as identify
+    with interruptible() as interrupted:
+        with progress_of(f"identifying {case.name}", shown=reporting.progress) as progress:
+            from beamsim.analyses.identify.analysis import identify_stiffness as identify
 
-        result = identify(scenario, read_tests(scenario, case.parent), progress)
-    finish("identify-stiffness", result, target, reporting)
+            result = identify(scenario, read_tests(scenario, case.parent), progress)
+        result = keep("identify-stiffness", result, target, reporting, interrupted)
+    conclude("identify-stiffness", result, target, reporting, interrupted.signal)
 
 
 @guarded
@@ -89,7 +92,8 @@ def compare(
     from beamsim.analyses.compare.analysis import compare as compare_with
     from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
     from beamsim.analyses.run.result import RunResult
-    from beamsim.cli.conclusion import Reporting, finish
+    from beamsim.cli.conclusion import Reporting, conclude, keep
+    from beamsim.cli.interruption import interruptible
     from beamsim.cli.output import output_file
     from beamsim.cli.progress import progress_of
     from beamsim.store.measurement import history_named
@@ -103,18 +107,21 @@ def compare(
     pairs = pair_channels(
         stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit, axis_unit=axis_unit
     )
-    with damage_of(result), progress_of(f"comparing with {measured.name}", shown=not json):
-        if swept is not None:
-            excitation = None if reference is None else history_named(measured, reference, axis_unit)
-            comparison = compare_sweep(
-                swept, pairs, curve=curve, detector=None if detector is None else detector.value,
-                tracking=Tracking(begin, excitation, cycles),
-            )  # fmt: skip
-        else:
-            assert isinstance(stored, RunResult)
-            _refuse_of_sweeps(curve=curve, detector=detector, reference=reference, begin=begin)
-            comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)
-    finish("compare", comparison, target, Reporting(not no_plots, json))
+    reporting = Reporting(not no_plots, json)
+    with interruptible() as interrupted:
+        with damage_of(result), progress_of(f"comparing with {measured.name}", shown=not json):
+            if swept is not None:
+                excitation = None if reference is None else history_named(measured, reference, axis_unit)
+                comparison = compare_sweep(
+                    swept, pairs, curve=curve, detector=None if detector is None else detector.value,
+                    tracking=Tracking(begin, excitation, cycles),
+                )  # fmt: skip
+            else:
+                assert isinstance(stored, RunResult)
+                _refuse_of_sweeps(curve=curve, detector=detector, reference=reference, begin=begin)
+                comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)
+        kept = keep("compare", comparison, target, reporting, interrupted)
+    conclude("compare", kept, target, reporting, interrupted.signal)
 
 
 def _refuse_of_sweeps(**options: object) -> None:

@@ -1,4 +1,4 @@
-"""Ctrl-C during an analysis that can stop early: once to keep the partial result, twice to stop immediately."""
+"""Ctrl-C during an analysis, and while its result is written: once to keep what was found, twice to stop at once."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from beamsim.errors import ExitCode
 from beamsim.flow.stopping import CompilationStopped, between_compilations, is_compiling, loses_exceptions
 
 STOPPING = "beamsim: stopping after the current point and saving the partial result; press again to stop immediately"
+WRITING = "beamsim: stopping when {file} is written; press again to stop immediately, without it"
 
 
 class Interruption:
@@ -28,6 +29,7 @@ class Interruption:
     def __init__(self, *, kept: bool = False) -> None:
         self.signal = 0  # number of the signal received, or 0
         self.kept = kept
+        self.writes = ""  # name of the result file, from when it is written
         self.raised: KeyboardInterrupt | None = None  # by a signal, where it ends more than the next check would
 
     def __call__(self) -> bool:
@@ -36,6 +38,10 @@ class Interruption:
             self.raise_lost()
             self.kept = True
         return self.signal != 0
+
+    def begin_writing(self, file: str) -> None:
+        """From here on the first signal waits until the file of this name is complete; nothing is lost by it."""
+        self.writes, self.kept = file, True
 
     def raise_lost(self) -> None:
         """Raise what a signal has raised, if it was lost."""
@@ -49,7 +55,8 @@ def interruptible(*, kept: bool = False) -> Iterator[Interruption]:
 
     Until the analysis asks for the first time it reads, builds its model and makes its input, of which nothing can be
     kept: the first signal ends it there at once, unless something is ``kept`` from before. Where a kernel is being
-    compiled, which takes seconds, the first one ends that as well.
+    compiled, which takes seconds, the first one ends that as well. A file that `Interruption.begin_writing` names is
+    written to its end.
 
     Signals that the process was started to ignore (``nohup``, background jobs of a shell) stay ignored.
     """
@@ -67,8 +74,8 @@ def interruptible(*, kept: bool = False) -> Iterator[Interruption]:
         interruption.signal = number
         restore()
         if interruption.kept:
-            say(STOPPING)
-            if not is_compiling(frame):
+            say(WRITING.format(file=interruption.writes) if interruption.writes else STOPPING)
+            if interruption.writes or not is_compiling(frame):
                 return
         interruption.raised = CompilationStopped() if interruption.kept else KeyboardInterrupt()
         if not loses_exceptions(frame):

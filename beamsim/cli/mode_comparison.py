@@ -42,7 +42,8 @@ def compare_modes(
 ) -> None:
     """Pair measured with computed modes by the MAC of their shapes. Prints frequencies, differences and MAC."""
     from beamsim.analyses.compare_modes.analysis import compare_modes as compare_with
-    from beamsim.cli.conclusion import Reporting, finish, located
+    from beamsim.cli.conclusion import Reporting, conclude, keep, located
+    from beamsim.cli.interruption import interruptible
     from beamsim.cli.output import output_file
     from beamsim.errors import LimitExceededError
     from beamsim.scenario import load_scenario
@@ -51,10 +52,13 @@ def compare_modes(
     scenario = load_scenario(case, set_ or ())
     target = output_file(output, f"{case.stem}_modes", ".h5", ".hdf5")
     state: Literal["open", "closed"] = "closed" if closed else "open"
-    with located(scenario):
-        result = compare_with(scenario, read_shapes(measured, scenario), contacts=state)
-    finish("compare-modes", result, target, Reporting(not no_plots, json, quiet))
-    beyond = list(_beyond(result.summary["pairs"], least_mac, most_difference))
+    reporting = Reporting(not no_plots, json, quiet)
+    with interruptible() as interrupted:
+        with located(scenario):
+            result = compare_with(scenario, read_shapes(measured, scenario), contacts=state)
+        kept = keep("compare-modes", result, target, reporting, interrupted)
+    conclude("compare-modes", kept, target, reporting, interrupted.signal)
+    beyond = list(_beyond(kept.summary["pairs"], least_mac, most_difference))
     if beyond:
         raise LimitExceededError("; ".join(beyond))
 

@@ -1,5 +1,6 @@
 """Ending early: what was found is kept, by the Python functions and by the commands that a signal reaches."""
 
+import json
 import os
 import signal
 import subprocess
@@ -525,3 +526,140 @@ def test_what_is_raised_again_is_what_was_lost(heeded):
             os.kill(os.getpid(), signal.SIGINT)
         with pytest.raises(KeyboardInterrupt):
             check()
+
+
+# --- while a result is written and drawn ------------------------------------------------------------------------------
+
+MASS = """
+chain: {masses: [1 kg], springs: [1 kN/m]}
+snubbers: [{name: stop, mass: 1, side: below, gap: 1 mm, stiffness: 1e5}]
+excitation: {kind: harmonic, applied_to: base, frequency: 5 Hz, level: 2}
+"""
+SHORT = "run: {duration: 0.2 s, convergence: off}\n"
+WRITTEN = {  # what is written at once, in parts, and beside a journal
+    "run": ("run", SHORT),
+    "long histories": ("run", SHORT.replace("0.2 s", "0.2 s, sample_rate: 1500 kHz")),
+    "study": ("sweep", SHORT + "vary: {kind: grid, parameters: [{path: snubbers.stop.gap, values: [1 mm, 2 mm]}]}\n"),
+}
+WAITS = "beamsim: stopping when case.h5 is written; press again to stop immediately, without it"
+
+
+@pytest.fixture
+def invoked(heeded, monkeypatch, tmp_path):
+    """Run the command of a small case in an empty folder."""
+    from typer.testing import CliRunner
+
+    from beamsim.cli.app import app
+
+    monkeypatch.chdir(tmp_path)
+    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # as `beamsim.cli.main` does
+
+    def invoke(name, *options):
+        command, sections = WRITTEN[name]
+        Path("case.yaml").write_text(MASS + sections)
+        done = CliRunner().invoke(app, [command, "case.yaml", "--quiet", *options])
+        Path("case.yaml").unlink()
+        return done
+
+    yield invoke
+    signal.signal(signal.SIGTERM, before)
+
+
+def signals_in(monkeypatch, module, name, *numbers):
+    """Let signals arrive in a function after it has done a part of its work."""
+    arriving, real = list(numbers), getattr(module, name)
+
+    def function(*given, **named):
+        result = real(*given, **named)
+        while arriving:
+            os.kill(os.getpid(), arriving.pop(0))
+        return result
+
+    monkeypatch.setattr(module, name, function)
+
+
+@pytest.mark.parametrize("plots", [True, False])
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_signal_while_the_file_is_written_waits_for_it(name, plots, invoked, monkeypatch):
+    from beamsim.store import declared
+
+    signals_in(monkeypatch, declared, "_write_member", signal.SIGTERM)
+    done = invoked(name, *([] if plots else ["--no-plots"]))
+    assert "; press again to stop immediately" in done.output
+    kept = beamsim.open_result("case.h5")
+    assert os.listdir() == ["case.h5"]
+    if name == "long histories":  # are cut
+        assert done.exit_code == 143, done.output
+        assert "the partial result is in case.h5" in done.output
+        assert "interrupted during the writing of the histories (65536 of 300001 samples are kept)" in kept.status
+        assert kept.time.size == 65536
+        return
+    assert kept.complete
+    if plots:  # which are left out
+        assert done.exit_code == 143, done.output
+        assert "the whole result is in case.h5; `beamsim plot case.h5` plots it" in done.output
+    else:  # nothing is
+        assert done.exit_code == 0, done.output
+        assert "interrupted" not in done.output
+
+
+@pytest.mark.parametrize("name", ["run", "long histories"])
+def test_a_second_signal_while_the_file_is_written_ends_at_once(name, invoked, monkeypatch):
+    from beamsim.store import declared
+
+    signals_in(monkeypatch, declared, "_write_member", signal.SIGINT, signal.SIGINT)
+    done = invoked(name)
+    assert done.exit_code == 130, done.output
+    assert done.output.splitlines()[-2:] == [WAITS, "beamsim: interrupted; no incomplete file was left"]
+    assert not os.listdir()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_while_a_picture_is_written_keeps_the_result(number, code, invoked, monkeypatch):
+    from beamsim.plots import save
+
+    whole = save.write_png
+
+    def half(path, *given):
+        if pictures:
+            path.write_bytes(b"half of one")
+            os.kill(os.getpid(), number)
+        pictures.append(path)
+        whole(path, *given)
+
+    pictures = []
+    monkeypatch.setattr(save, "write_png", half)
+    done = invoked("run", "--json")
+    assert done.exit_code == code, done.output
+    assert "the whole result is in case.h5; `beamsim plot case.h5` plots it" in done.stderr
+    listed = json.loads(done.stdout)["files"]
+    assert len(listed) == 2
+    assert sorted(listed) == sorted(os.listdir())
+    assert beamsim.open_result("case.h5").complete
+
+
+@pytest.mark.parametrize("form", ["csv", "mat", "uff"])
+def test_a_signal_while_a_result_is_exported_leaves_nothing_incomplete(form, invoked, monkeypatch):
+    from typer.testing import CliRunner
+
+    from beamsim import files
+    from beamsim.cli.app import app
+
+    assert invoked("run", "--no-plots").exit_code == 0
+
+    def replace(temporary, target):
+        assert temporary.stat().st_size
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(files, "_replace", replace)
+    done = CliRunner().invoke(app, ["export", "case.h5", "--format", form, "-o", "exported"])
+    assert done.exit_code == 130, done.output
+    assert [path.name for path in Path().rglob("*") if path.is_file()] == ["case.h5"]
+
+
+def test_a_signal_while_a_kernel_is_compiled_for_the_file_waits_for_both(heeded, capsys):
+    with interruptible() as interrupted:
+        interrupted.begin_writing("case.h5")
+        assert compiling(signal.SIGINT) == 1
+    assert interrupted.signal == signal.SIGINT
+    assert capsys.readouterr().err == WAITS + "\n"
