@@ -135,12 +135,13 @@ def rest_clearances(system: PiecewiseLinearSystem) -> tuple[Floats, Floats]:
 
 def product_harmonics(two_sided: Complexes, x: Complexes, highest: int) -> Complexes:
     """Harmonics 0 … highest of the product of a real function, given two-sidedly (0, 1, …), and one of harmonics x."""
-    from scipy.signal import fftconvolve
+    from scipy.fft import fft, ifft, next_fast_len  # importing scipy.signal takes most of a second
 
     a = np.concatenate([np.conj(two_sided[:0:-1]), two_sided])
     b = np.concatenate([0.5 * np.conj(x[:0:-1]), [x[0]], 0.5 * x[1:]])
     middle = two_sided.size - 1 + x.size - 1
-    p = 2.0 * fftconvolve(a, b)[middle : middle + highest + 1]
+    size = next_fast_len(a.size + b.size - 1)
+    p = 2.0 * ifft(fft(a, size) * fft(b, size))[middle : middle + highest + 1]
     p[0] = 0.5 * p[0].real
     return np.asarray(p)
 

@@ -15,6 +15,7 @@ import numpy as np
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison
 from beamsim.analyses.compare.tracking import Followed, beginning, check_beginning, filtered, track
+from beamsim.analyses.sweep.peaks import LEAST_PROMINENCE, prominent_maxima
 from beamsim.analyses.sweep.result import Envelope, SweepCurve, SweepResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE
@@ -23,7 +24,6 @@ from beamsim.typing import Bools, Complexes, Floats
 Detector = Literal["peak", "fundamental", "rms"]
 
 MOST_PEAKS = 6  # of a channel, the highest
-LEAST_PROMINENCE = 1.3  # smallest ratio of a peak to its surroundings
 PAIRED_WITHIN = 0.15  # relative difference of the frequencies of two peaks that may be the same
 FEWEST = 8  # measured frequencies within the sweep
 MOST_FREQUENCIES = 120  # of an FDAC matrix, on each side
@@ -276,10 +276,8 @@ def peaks_of(frequency: Floats, amplitude: Floats) -> list[tuple[float, float, f
 
     Frequency and level are those of the parabola through the three highest points.
     """
-    from scipy.signal import find_peaks
-
     positive = np.maximum(amplitude, 1e-300 + 1e-12 * float(np.max(amplitude, initial=0.0)))
-    at, _ = find_peaks(np.log(positive), prominence=np.log(LEAST_PROMINENCE))
+    at = prominent_maxima(np.log(positive), np.log(LEAST_PROMINENCE))
     highest = sorted(at, key=lambda k: -amplitude[k])[:MOST_PEAKS]
     peaks = []
     for k in sorted(int(k) for k in highest):
