@@ -30,6 +30,7 @@ ENERGIES = tuple(field.name for field in fields(EnergyHistory))
 VALUES_A_BLOCK = 2**20  # outputs and states of all times of a block
 COMPONENTS = 3  # of the stress at the surface of a plate: sigma_x, sigma_y, tau_xy
 _STRESSES_AT_ONCE = 256  # samples
+MOST_STRESSES = 20_000  # samples of the stress of a motion that was stopped
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress of every station starts
 
 
@@ -280,9 +281,12 @@ class ExactHistories:
         return ExactHistories(self._trajectory, self._groups, self.times.every(step), self._stop)
 
     def extremes(self, searched: Mapping[str, OutputOf]) -> Extremes:
-        """Extremes of the samples of some outputs."""
+        """Extremes of the samples of some outputs; of the stress, which is no history and has many places, of few."""
+        few = self.times.every(max(1, self.count // MOST_STRESSES)).all
         return {
-            name: sampled_extremes(self.time, self._trajectory.sample(self.time, output_of))
+            name: sampled_extremes(self.time, self.values[name])
+            if name in self.values
+            else sampled_extremes(few, self._trajectory.sample(few, output_of))
             for name, output_of in searched.items()
         }
 
