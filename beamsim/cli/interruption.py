@@ -19,16 +19,11 @@ WRITING = "beamsim: stopping when {file} is written; press again to stop immedia
 
 
 class Interruption:
-    """Called by an analysis to check whether it should stop.
+    """Called by an analysis to check whether it should stop."""
 
-    Parameters
-    ----------
-    kept : whether there is something to keep already; otherwise there is once the analysis has asked.
-    """
-
-    def __init__(self, *, kept: bool = False) -> None:
+    def __init__(self) -> None:
         self.signal = 0  # number of the signal received, or 0
-        self.kept = kept
+        self.kept = False  # whether there is something to keep: once the analysis has asked
         self.writes = ""  # name of the result file, from when it is written
         self.raised: KeyboardInterrupt | None = None  # by a signal, where it ends more than the next check would
 
@@ -50,17 +45,16 @@ class Interruption:
 
 
 @contextmanager
-def interruptible(*, kept: bool = False) -> Iterator[Interruption]:
+def interruptible() -> Iterator[Interruption]:
     """Yield an object that the first SIGINT or SIGTERM sets; the second has its previous effect.
 
     Until the analysis asks for the first time it reads, builds its model and makes its input, of which nothing can be
-    kept: the first signal ends it there at once, unless something is ``kept`` from before. Where a kernel is being
-    compiled, which takes seconds, the first one ends that as well. A file that `Interruption.begin_writing` names is
-    written to its end.
+    kept: the first signal ends it there at once. Where a kernel is being compiled, which takes seconds, the first
+    one ends that as well. A file that `Interruption.begin_writing` names is written to its end.
 
     Signals that the process was started to ignore (``nohup``, background jobs of a shell) stay ignored.
     """
-    interruption = Interruption(kept=kept)
+    interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():
         yield interruption  # only the main thread receives signals
         return
