@@ -23,6 +23,7 @@ from beamsim.outcomes import Outcome
 from beamsim.typing import Bools, Complexes, Floats
 
 _POINT = (Counter("point", "number of the point along the branch"),)
+LARGEST_EVEN = 1e-7  # share of even harmonics of motions that are symmetric but for round-off
 _COORDINATES = (*_POINT, "coordinate")
 
 
@@ -218,6 +219,17 @@ class BranchResult:
         if not self.harmonics:
             return None
         return np.arange(next(iter(self.harmonics.values())).shape[1]) / (self.period_multiple or 1)
+
+    @property
+    def symmetric(self) -> bool | None:
+        """Whether every motion repeats with the other sign after half its period: no even harmonics.
+
+        None where harmonics are missing, and of a period that is an even multiple of the excitation's.
+        """
+        if not self.harmonics or self.period_multiple % 2 == 0:
+            return None
+        amplitude = np.abs(np.stack(list(self.harmonics.values())))
+        return bool(amplitude[..., ::2].max() <= LARGEST_EVEN * amplitude.max())
 
     @property
     def limited(self) -> dict[str, Floats]:

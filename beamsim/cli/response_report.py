@@ -19,7 +19,11 @@ MOST_BRANCHES = 12
 def _branches(result: FrequencyResponse, count: int) -> Iterator[Row]:
     for b in result.branches[:MOST_BRANCHES]:
         points = f"{b.parameter.size} points, {int(b.stable.sum())} of them stable"
-        yield "", f"{_branch(b.level, result.level_unit, b.period_multiple)}: {points}; {b.status}"
+        off = result.off_centre(b)
+        broken = (
+            "" if off is None else f"; its symmetry is broken, the mean of {off[0]} reaches {amount(off[1], 'm', 3)}"
+        )
+        yield "", f"{_branch(b.level, result.level_unit, b.period_multiple)}: {points}; {b.status}{broken}"
     if count > MOST_BRANCHES:
         yield "", f"and {count - MOST_BRANCHES} more in the file"
 

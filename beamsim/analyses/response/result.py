@@ -129,6 +129,20 @@ class FrequencyResponse(Result):
         states = self.branches[0].coordinates
         return None if states is None else np.arange(1, states.shape[1] + 1)
 
+    def off_centre(self, branch: BranchResult) -> tuple[str, float] | None:
+        """Probe and size, m, of the largest mean of a branch that has lost the symmetry of others; None of the others.
+
+        Motions of a symmetric structure that repeat with the other sign after half a period have no even harmonics.
+        Where a branch in contact has none anywhere, and this one has, it is one of a pair of mirror images.
+        """
+        if branch.symmetric is not False or not any(
+            b.symmetric and any(np.any(share > 0) for share in b.contact_share.values()) for b in self.branches
+        ):
+            return None
+        means = {name: float(np.abs(h[:, 0]).max()) for name, h in branch.harmonics.items()}
+        name = max(means, key=lambda name: means[name])
+        return name, means[name]
+
     @property
     @stored(attribute("", "kind of sweep", name="kind"))
     def _kind(self) -> str:
