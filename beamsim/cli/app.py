@@ -76,7 +76,7 @@ def run(
     debug: Debug = False,
 ) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
-    from beamsim.cli.conclusion import Reporting, conclude, keep, prepared
+    from beamsim.cli.conclusion import Reporting, conclude, keep, located, prepared
     from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_of
 
@@ -91,7 +91,7 @@ def run(
         f"simulating {case.name}", shown=reporting.progress, afterwards=f"evaluating the motion of {case.name}"
     )
     with interruptible() as interrupted:
-        with bar as progress:
+        with bar as progress, located(scenario):
             from beamsim.analyses.run.analysis import run as simulate
 
             result = simulate(scenario, progress, interrupted)

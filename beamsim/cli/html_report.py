@@ -55,12 +55,12 @@ def _write(path: Path, target: Path, *, shown: bool) -> Path:
     from beamsim.plots.style import shown_in
     from beamsim.report.contents import page_of
     from beamsim.report.page import plotly
-    from beamsim.store.results import open_result
+    from beamsim.store.consistency import open_consistent
     from beamsim.store.stored import damage_of, kind_of
 
     plotly()  # that it is missing is said before anything is computed
     kind = kind_of(path)
-    result: Any = open_result(path)
+    result: Any = open_consistent(path)
     with damage_of(path), shown_in(result.scenario.display_scales):
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = named(KINDS[kind].figures)(result)
@@ -90,7 +90,7 @@ def animate(
     from beamsim.plots.animation import save_gif
     from beamsim.plots.style import shown_in
     from beamsim.report.animated import animation_page
-    from beamsim.store.results import open_result
+    from beamsim.store.consistency import open_consistent
     from beamsim.store.stored import damage_of
 
     if output is not None and output.suffix.lower() in (".gif", ".html", ".htm"):
@@ -99,7 +99,7 @@ def animate(
         folder = output_folder(output, result.stem)
         targets = [folder / f"{result.stem}_animation{suffix}" for suffix in (".gif", ".html")]
     shown = not (json or quiet)
-    stored: Any = open_result(result)
+    stored: Any = open_consistent(result)
     with damage_of(result), shown_in(stored.scenario.display_scales):
         scene = scene_of(stored, shown=shown)
     if scene is None:

@@ -53,11 +53,11 @@ def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:
     """
     from beamsim.plots.save import save_figures
     from beamsim.plots.style import shown_in
-    from beamsim.store.results import open_result
+    from beamsim.store.consistency import open_consistent
     from beamsim.store.stored import damage_of, kind_of
 
     figures = named(KINDS[kind_of(path)].figures)
-    result = open_result(path)
+    result = open_consistent(path)
     with damage_of(path), shown_in(result.scenario.display_scales):
         return save_figures(figures(result), folder, path.stem, form)
 
@@ -71,6 +71,7 @@ def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
         If the file cannot be read, the format does not support it, or a file cannot be written.
     """
     from beamsim.cli.output import output_file, output_folder
+    from beamsim.store.consistency import open_consistent
     from beamsim.store.export import export_result, export_target, is_folder
     from beamsim.store.stored import damage_of, kind_of
 
@@ -79,4 +80,5 @@ def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
     else:
         target = output_file(output, path.stem, f".{form}")
     with damage_of(path):
+        open_consistent(path)
         return export_result(path, target, form)

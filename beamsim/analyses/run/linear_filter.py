@@ -14,12 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Complexes, Floats, Ints
 
 NODES = 8
 LONGEST_TURN = 4.0  # of the fastest motion on a panel, rad: the rule's error is then below 1e-10
 BLOCK = 16384  # panels at a time
+MOST_PANELS = 1e8  # 3 GB, and minutes
 NEGLIGIBLE = 1e-17
 _NODE, _WEIGHT = (0.5 * x for x in np.polynomial.legendre.leggauss(NODES))
 _NODE = 0.5 + _NODE  # on (0, 1)
@@ -54,7 +56,24 @@ def panels(times: Floats, signal: Signal, longest: float) -> tuple[Iterator[Pane
     """Blocks of panels no longer than ``longest`` from the first to the last of increasing ``times``.
 
     Also returns the index of each of these times among all ends of panels.
+
+    Raises
+    ------
+    ScenarioError
+        If there would be too many: something in the motion is very fast against its duration.
     """
+    count = float(np.sum(np.maximum(np.ceil(np.diff(times) / longest), 1)))
+    if count > MOST_PANELS:
+        raise ScenarioError(
+            Problem(
+                "run",
+                f"asks for run.srs or run.low_pass, which would take {count:.2g} steps of {longest:.2g} s (at most "
+                f"{MOST_PANELS:.0g}): the shortest pulse, the fastest mode or a stiff contact of the motion turns by "
+                f"{LONGEST_TURN:g} rad in one",
+                "make the pulse longer (of much shorter ones than the fastest mode's period only the area counts) or "
+                "the run shorter, keep fewer modes, or leave run.srs and run.low_pass out",
+            )
+        )
     steps = np.maximum(np.ceil(np.diff(times) / longest), 1).astype(np.int64)
     of_times = np.concatenate([[0], np.cumsum(steps)])
     lengths = np.diff(times) / steps

@@ -1,0 +1,88 @@
+"""Result files whose curves contradict their figures are refused by what would draw or export them."""
+
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import beamsim
+from beamsim.cli.app import app
+
+CASE = """
+chain: {masses: [1 kg], springs: [1 kN/m], snubbers: [{name: stop, mass: 1, side: below, gap: 1 mm, stiffness: 1e5}]}
+excitation: {kind: harmonic, applied_to: base, frequency: 5 Hz, level: 2 g}
+probes: [{name: mass, mass: 1}]
+run: {duration: 0.4 s, convergence: off, spectrum: {last: 0.2 s}}
+"""
+KINDS = {  # command, sections, a curve
+    "run": ("run", "", "probes/mass/displacement"),
+    "base": ("run", "", "base/displacement"),
+    "continuation": (
+        "sweep", "sweep: {kind: continuation, from: 9 Hz, to: 10 Hz, seek_at: 0}",
+        "branches/0/probes/mass/peak_displacement",
+    ),
+    "sweep": (
+        "sweep", "sweep: {kind: swept_sine, from: 9 Hz, to: 10 Hz, rate: 2 Hz/s, direction: up}",
+        "up_0/probes/mass/max_displacement",
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("results")
+
+
+def result_of(name, folder):
+    command, sections, _ = KINDS[name]
+    target = folder / f"{name}.h5"
+    if not target.exists():
+        (folder / "case.yaml").write_text(CASE + sections)
+        done = CliRunner().invoke(app, [command, str(folder / "case.yaml"), "--no-plots", "--quiet", "-o", str(target)])
+        assert done.exit_code == 0, done.output
+    return target
+
+
+COMMANDS = [["plot"], ["report"], ["animate"], *(["export", "--format", form] for form in ("csv", "uff", "mat"))]
+
+
+@pytest.mark.parametrize("value", [np.nan, 1e300])
+@pytest.mark.parametrize("name", KINDS)
+def test_a_curve_that_contradicts_its_figures_is_damage(name, value, folder, tmp_path):
+    damaged = shutil.copy(result_of(name, folder), tmp_path / "case.h5")
+    with h5py.File(damaged, "r+") as file:
+        file[KINDS[name][2]][3] = value
+    for command in COMMANDS if name == "run" else COMMANDS[:1]:
+        done = CliRunner().invoke(app, [*command, str(damaged), "-o", str(tmp_path)])
+        assert done.exit_code == 2, (command, done.output)
+        assert "case.h5: damaged (the " in done.output
+        assert "displacement" in done.output
+        assert ("not finite" if np.isnan(value) else "reaches 1e+300 m") in done.output
+    assert [path.name for path in tmp_path.iterdir()] == ["case.h5"]
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_one_that_does_not_is_exported(name, folder, tmp_path):
+    done = CliRunner().invoke(app, ["export", "--format", "mat", str(result_of(name, folder)), "-o", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize("asked", ["srs: {from: 10 Hz, to: 1 kHz}", "low_pass: 1 kHz"])
+def test_a_pulse_too_short_for_a_filter_is_named(asked, tmp_path):
+    pulse = "{kind: half_sine, applied_to: base, level: 1 g, duration: 1e-12 s}"
+    text = CASE.replace("{kind: harmonic, applied_to: base, frequency: 5 Hz, level: 2 g}", pulse)
+    (tmp_path / "case.yaml").write_text(text.replace("spectrum: {last: 0.2 s}", f"sample_rate: 1 kHz, {asked}"))
+    done = CliRunner().invoke(app, ["run", str(tmp_path / "case.yaml"), "--no-plots", "-o", str(tmp_path / "case.h5")])
+    assert done.exit_code == 2
+    assert "case.yaml:5: run asks for run.srs or run.low_pass, which would take " in done.output
+    assert "the shortest pulse" in done.output
+
+
+def test_the_python_function_reads_what_there_is(folder, tmp_path):
+    damaged = shutil.copy(result_of("run", folder), tmp_path / "case.h5")
+    with h5py.File(damaged, "r+") as file:
+        file["probes/mass/displacement"][3] = np.nan
+    assert np.isnan(beamsim.open_result(Path(damaged)).probes["mass"].displacement).sum() == 1
