@@ -209,14 +209,15 @@ def test_unusable_files(call, tmp_path, content, says):
     assert f"{case}:" in done.output
 
 
-@pytest.fixture
-def run_file(call, tmp_path):
-    done = call(
-        "run", CONFIGS / "one_sided_65hz.yaml", "--no-plots", "-q", "--set", "snubbers[0].gap=0.01 mm", "--set",
-        "run.duration=1.6 s", "-o", tmp_path / "run.h5",
-    )  # fmt: skip
+@pytest.fixture(scope="module")
+def run_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("compared") / "run.h5"
+    changes = ["--set", "snubbers[0].gap=0.01 mm", "--set", "run.duration=1.6 s"]
+    done = CliRunner().invoke(
+        app, ["run", str(CONFIGS / "one_sided_65hz.yaml"), "--no-plots", "-q", *changes, "-o", str(path)]
+    )
     assert done.exit_code == 0, done.output
-    return tmp_path / "run.h5"
+    return path
 
 
 def test_compare_aligns_and_tabulates(call, tmp_path, run_file, history):

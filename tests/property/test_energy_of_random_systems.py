@@ -54,7 +54,7 @@ def random_case(make_contacts, seed):
     return ExactFlow(system, Forcing(rng.normal(size=(1, n)), (signal,), displacement), duration), start
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 1_000_000))
 def test_energy_balance(make_contacts, seed):
     flow, start = random_case(make_contacts, seed)
@@ -67,7 +67,7 @@ def test_energy_balance(make_contacts, seed):
     assert error < 1e-8
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 1_000_000))
 def test_every_contact_state_is_the_matrix_exponential(make_contacts, seed):
     """The tabulated free response of each visited state against ``expm``, over a short time."""

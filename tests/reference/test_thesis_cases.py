@@ -23,7 +23,7 @@ POINT_FORCE = ["point_force_32hz", "point_force_100hz", "point_force_122hz", "po
 
 @cache
 def result(name):
-    return beamsim.run(beamsim.load_scenario(CONFIGS / f"{name}.yaml"))
+    return beamsim.run(beamsim.load_scenario(CONFIGS / f"{name}.yaml", {"run.convergence": "off"}))
 
 
 def orders(name, quantity="absolute_acceleration", above_db=-60.0):

@@ -35,14 +35,20 @@ def modules():
     return trees
 
 
+@cache
+def nodes():
+    """Every node of every module's tree, by the module's name."""
+    return {name: list(ast.walk(tree)) for name, tree in modules().items()}
+
+
 PACKAGES = sorted(".".join(path.parent.relative_to(ROOT).parts) for path in (ROOT / "beamsim").rglob("__init__.py"))
 
 
 def read_imports(trees):
-    """Modules imported by each module, wherever the import stands: in functions and under TYPE_CHECKING too."""
+    """Modules imported by each module, given by its nodes, in functions and under TYPE_CHECKING too."""
     imports = {name: set() for name in trees}
     for name, tree in trees.items():
-        for node in ast.walk(tree):
+        for node in tree:
             if isinstance(node, ast.Import):
                 imports[name] |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
@@ -51,6 +57,11 @@ def read_imports(trees):
                 imports[name] |= {x if x in trees else node.module for x in inside}
         imports[name] = {x for x in imports[name] if x in trees and x != name}
     return imports
+
+
+@cache
+def imports_of_modules():
+    return read_imports(nodes())
 
 
 def package_of(module):
@@ -109,11 +120,11 @@ def assert_only_known_circles(found, known):
 
 
 def test_no_module_is_part_of_an_import_circle():
-    assert_only_known_circles(circles(read_imports(modules())), KNOWN_MODULE_CIRCLES)
+    assert_only_known_circles(circles(imports_of_modules()), KNOWN_MODULE_CIRCLES)
 
 
 def test_no_package_is_part_of_an_import_circle():
-    assert_only_known_circles(circles(package_imports(read_imports(modules()))), KNOWN_PACKAGE_CIRCLES)
+    assert_only_known_circles(circles(package_imports(imports_of_modules())), KNOWN_PACKAGE_CIRCLES)
 
 
 def layer_of_each_top_level_name():
@@ -128,7 +139,7 @@ def layer_of_each_top_level_name():
 def test_every_module_imports_from_lower_layers_only():
     rank = layer_of_each_top_level_name()
     wrong = []
-    for module, targets in read_imports(modules()).items():
+    for module, targets in imports_of_modules().items():
         if module in ("beamsim", "beamsim.__main__"):
             continue
         here = ".".join(module.split(".")[:2])
@@ -172,9 +183,9 @@ def asks_for_the_kind_of_structure(node):
 def test_nothing_above_structures_asks_for_the_kind_of_structure():
     found = {
         name
-        for name, tree in modules().items()
+        for name, tree in nodes().items()
         if not name.startswith(("beamsim.structures", "beamsim.scenario"))
-        and any(asks_for_the_kind_of_structure(node) for node in ast.walk(tree))
+        and any(asks_for_the_kind_of_structure(node) for node in tree)
     }
     assert_only_known(found, KNOWN_STRUCTURE_TESTS)
 
@@ -216,16 +227,14 @@ def compares_a_status_with_text(node):
 
 
 def test_no_status_is_compared_with_text():
-    found = {
-        name for name, tree in modules().items() if any(compares_a_status_with_text(node) for node in ast.walk(tree))
-    }
+    found = {name for name, tree in nodes().items() if any(compares_a_status_with_text(node) for node in tree)}
     assert_only_known(found, KNOWN_STATUS_COMPARISONS)
 
 
 def test_no_two_classes_share_a_name():
     homes = defaultdict(set)
-    for name, tree in modules().items():
-        for node in ast.walk(tree):
+    for name, tree in nodes().items():
+        for node in tree:
             if isinstance(node, ast.ClassDef):
                 homes[node.name].add(name)
     assert_only_known({name for name, modules in homes.items() if len(modules) > 1}, KNOWN_SHARED_CLASS_NAMES)
@@ -252,7 +261,7 @@ def test_kernels_without_an_entry_from_python_are_called_by_kernels_alone():
     assert len(without_entry) > 50
     for name, tree in modules().items():
         compiled = entered_by_kernels(tree) | decorated(tree, "kernel")
-        local = {n.name for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)} if name not in kernels else set()
+        local = {n.name for n in nodes()[name] if isinstance(n, ast.FunctionDef)} if name not in kernels else set()
         for node in tree.body:
             if isinstance(node, ast.FunctionDef) and node.name in compiled:
                 continue
@@ -289,7 +298,7 @@ def test_a_circle_under_type_checking_and_one_within_a_function_are_found():
         "beamsim.c": "from beamsim.a import x",
         "beamsim.d": "import beamsim.c",
     }
-    graph = read_imports({name: ast.parse(text) for name, text in source.items()})
+    graph = read_imports({name: list(ast.walk(ast.parse(text))) for name, text in source.items()})
     assert circles(graph) == [{"beamsim.a.x", "beamsim.b.y", "beamsim.c"}]
     del graph["beamsim.c"]
     assert circles(graph) == []

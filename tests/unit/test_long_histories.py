@@ -110,7 +110,7 @@ def test_a_long_run_is_written_read_drawn_and_exported_in_little_memory(small_pa
 
 def test_tables_in_parts_hold_every_sample(small_parts, tmp_path):
     path = tmp_path / "long.h5"
-    write_result(long_run(**{"run.duration": "0.5 s"}), path)
+    write_result(long_run(**{"run.duration": "0.15 s", "run.spectrum.last": "0.1 s"}), path)
     export_result(path, tmp_path / "csv", "csv")
     with open(tmp_path / "csv" / "time_histories.csv", encoding="utf-8") as stream:
         names = stream.readline().strip().split(",")

@@ -7,6 +7,7 @@ import pickle
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -316,16 +317,19 @@ def valid(schema, value, root):
     return True
 
 
+the_schema = cache(json_schema)
+
+
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.yaml")), ids=lambda path: path.stem)
 def test_schema_accepts_the_examples_and_their_resolved_form(path):
-    schema = json_schema()
+    schema = the_schema()
     assert valid(schema, parse(path.read_text()).plain(), schema)
     assert valid(schema, yaml.safe_load(load_scenario(path).to_yaml()), schema)
 
 
 def test_every_example_of_the_schema_is_read_by_its_key():
     """In its dimension, and not the example of a beam's length for a wall thickness."""
-    schema = json_schema()
+    schema = the_schema()
 
     def quantities(item, key=""):
         if isinstance(item, dict):
@@ -352,7 +356,7 @@ def test_every_example_of_the_schema_is_read_by_its_key():
 
 
 def test_schema_accepts_templates_and_partial_files_that_extend():
-    schema = json_schema()
+    schema = the_schema()
     for kind in TemplateKind:
         assert valid(schema, parse(template(kind)).plain(), schema)
     assert valid(schema, {"extends": "a.yaml", "excitation": {"frequency": "45 Hz"}, "beam": {"length": 1}}, schema)
@@ -377,7 +381,7 @@ def test_schema_accepts_templates_and_partial_files_that_extend():
     ],
 )
 def test_schema_refuses(change):
-    schema = json_schema()
+    schema = the_schema()
     data = parse(BASE).plain()
     assert valid(schema, data, schema)
     path, _, text = change.partition("=")
@@ -392,14 +396,14 @@ def test_schema_refuses(change):
 
 
 def test_schema_refuses_nonsense_in_partial_files():
-    schema = json_schema()
+    schema = the_schema()
     assert not valid(schema, {"extends": "a.yaml", "beam": {"lenght": 1}}, schema)
     assert not valid(schema, {"extends": "a.yaml", "snubbers": [{"position": 1}]}, schema)
     assert not valid(schema, {"extends": 3}, schema)
 
 
 def test_every_key_is_described_with_its_unit():
-    schema = json_schema()
+    schema = the_schema()
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     for name, part in schema["$defs"].items():
         for key, item in part["properties"].items():
