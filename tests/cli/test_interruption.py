@@ -298,7 +298,8 @@ def test_a_signal_before_there_is_anything_to_keep_ends_at_once(number, lost, he
         build_and_march()
     assert not reached
     assert not capsys.readouterr().err  # nothing is saved, and that is not said
-    with interruptible(kept=True) as interrupted:
+    with interruptible() as interrupted:
+        assert not interrupted()  # from here on something is kept
         signal.raise_signal(number)
         assert interrupted()
 
@@ -487,8 +488,10 @@ def test_a_signal_ends_a_compilation(number, heeded):
 
     before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
-        with interruptible(kept=True) as interrupted, pytest.raises(Stopped), heeding(interrupted):
-            compiling(number)
+        with interruptible() as interrupted:
+            interrupted()  # from here on something is kept
+            with pytest.raises(Stopped), heeding(interrupted):
+                compiling(number)
         assert interrupted.signal == number
         with pytest.raises(KeyboardInterrupt if number == signal.SIGINT else SystemExit), interruptible():
             compiling(number)
@@ -499,7 +502,8 @@ def test_a_signal_ends_a_compilation(number, heeded):
 def test_a_signal_that_a_compilation_loses_ends_the_next_one(heeded):
     from beamsim.flow.stopping import Stopped, between_compilations, check_compilation, heeding
 
-    with interruptible(kept=True) as interrupted:
+    with interruptible() as interrupted:
+        interrupted()  # from here on something is kept
         assert compiling(signal.SIGINT, lost=True) == 1
         with pytest.raises(Stopped), heeding(interrupted):
             check_compilation()
