@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -49,6 +49,7 @@ _RIGID, _GAP = 1e-9, 1e-5
 _FIRM = 1e-9
 NOT_HELD = "the base does not hold it"
 """How the remark about motions that have no stiffness although the base is held begins."""
+_SCALE_ONLY = 1e-6  # relative error of a first frequency that scales the matrices and does nothing else
 _INACCURATE = 1e-11  # backward error of factors
 _ASIDE = (1e-7, 1e-5, 1e-3)  # of a frequency below which modes are counted, where the count is hidden at it
 _SOFT = "check the model that wrote it: loads that soften it, negative springs, constraints by multipliers"
@@ -69,6 +70,7 @@ class MatricesStructure(BodyStructure):
     order: Ints | None = None  # (N,) of elimination, of a large model whose nodes have coordinates
     notes: tuple[str, ...] = field(default=())
     _influences: dict[BaseDirection, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _counted: dict[float, int] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def stiffness(self) -> Any:
@@ -119,8 +121,10 @@ class MatricesStructure(BodyStructure):
             If it stays hidden.
         """
         for aside in (0.0, *_ASIDE):
-            count = negative_eigenvalues(self.stiffness - (omega * (1 + aside)) ** 2 * self.mass, self.order)
+            limit = omega * (1 + aside)
+            count = negative_eigenvalues(self.stiffness - limit**2 * self.mass, self.order)
             if count is not None:
+                self._counted[limit] = count
                 return count + int(self.rigid.shape[1])
         limit = omega * self.frequency_scale / (2 * np.pi)
         raise MethodError(
@@ -128,6 +132,11 @@ class MatricesStructure(BodyStructure):
             f"by frequency is not possible: the modes of {self.name} below {limit:.4g} Hz cannot be counted",
             "give reduction.modes, and look at the matrices with `beamsim check`",
         )  # fmt: skip
+
+    @property
+    def counted(self) -> Mapping[float, int]:
+        """What `frequency_count` has found."""
+        return self._counted
 
     def row_number(self, place: Place) -> int | None:
         """Row of the files of a place; None where there is none."""
@@ -513,8 +522,9 @@ def rigid_modes(
     elif (held := _held_firmly(stiffness, order)) is not None:
         inverse = LinearOperator(mass.shape, matvec=held.solve)
         squared = eigsh(
-            stiffness, k=1, M=mass, sigma=0.0, OPinv=inverse, v0=np.linspace(1.0, 2.0, size), return_eigenvectors=False
-        )
+            stiffness, k=1, M=mass, sigma=0.0, OPinv=inverse, v0=np.linspace(1.0, 2.0, size), tol=_SCALE_ONLY,
+            return_eigenvectors=False,
+        )  # fmt: skip
         return np.zeros((size, 0)), float(np.sqrt(squared[0])), held
     else:
         shift = -1e-9 * float(np.median(stiffness.diagonal()) / np.mean(mass.diagonal()))
@@ -582,7 +592,7 @@ def stiffness_factor(
         )
     factor = lu.root
     if not count:
-        return csr_array(factor)
+        return factor
     # B acts on u_o - R_o R_p^-1 u_p.
     selection = csr_array((np.ones(others.size), (np.arange(others.size), others)), shape=(others.size, size))
     followed = csr_array(rigid[others] @ np.linalg.inv(rigid[pinned]))

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 # Above this size the lowest modes come from shift-invert Lanczos instead of a dense decomposition.
 DENSE_LIMIT = 400
+LARGE = 5000
+"""Size above which a sparse factorisation takes longer than a few dozen solves."""
 
 
 @dataclass(frozen=True)
@@ -104,9 +106,20 @@ def natural_modes(
         return _of_parts(model, count, below)
     rigid = model.rigid.shape[1]
     needed = model.size
+    if count is not None and below is not None and model.size > LARGE:
+        # Counting those below takes a factorisation; that none is missed is certified later, by `frequency_beyond`.
+        modes = _lowest(model, max(count, rigid))
+        if modes.omega.size and modes.omega[-1] > below:
+            return modes
     if count is not None or below is not None:
         up_to = 0 if below is None else model.frequency_count(below) + 1
         needed = max(count or 0, up_to if most is None else min(up_to, most), rigid)
+    return _lowest(model, needed)
+
+
+def _lowest(model: Structure, needed: int) -> Modes:
+    """At least so many of the lowest modes, rigid-body modes first."""
+    rigid = model.rigid.shape[1]
     needed = min(needed, model.size)
     if model.size <= DENSE_LIMIT or needed > model.size // 4:
         omega, vectors = _dense(model)

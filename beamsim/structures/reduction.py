@@ -30,7 +30,7 @@ FREQUENCY_MARGIN = 1.5
 _SPANNED = 1e-12
 
 
-def static_deflections(model: Structure, loads: Floats) -> Floats:
+def static_deflections(model: Structure, loads: Floats, refinements: int = 2) -> Floats:
     """(N, c) deflections under (N, c) loads; with rigid-body modes, under the loads minus their rigid-body inertia.
 
     The deflection is M-orthogonal to the rigid-body modes. Iterative refinement, with the residual computed as
@@ -45,7 +45,7 @@ def static_deflections(model: Structure, loads: Floats) -> Floats:
         return np.asarray(lu.solve(padded)[: model.size])
 
     u = solve(loads)
-    for _ in range(2):
+    for _ in range(refinements):
         u = u + solve(loads - model.factor.T @ (model.factor @ u))
     return np.asarray(u - model.rigid @ (model.rigid.T @ (model.mass @ u)))
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.structures.modes import DENSE_LIMIT, closed_frequencies
+from beamsim.structures.modes import DENSE_LIMIT, LARGE, closed_frequencies
 from beamsim.structures.reduction import static_deflections
 from beamsim.typing import Complexes, Floats
 
@@ -32,6 +32,8 @@ Complex = Complexes
 # Above this size the closed modes of the full model are not computed anew.
 _VERY_LARGE = 20_000
 _DEPENDENT = 1e-12
+_SOLVES = 30  # that replace a factorisation of a large model at most
+_CONVERGED = 1e-10
 
 
 @dataclass(frozen=True)
@@ -89,9 +91,29 @@ def _response_error(model: Structure, basis: ReducedBasis, damping: Floats, stat
 
 def _complement_response(model: Structure, phi: Floats, loads: Floats, s: float) -> Floats:
     """Undamped response at scaled frequency s in the complement of the kept modes."""
-    lu = model.factorise(model.stiffness - s**2 * model.mass)
-    x = np.asarray(lu.solve(loads - model.mass @ (phi @ (phi.T @ loads))))
+    forced = loads - model.mass @ (phi @ (phi.T @ loads))
+    if model.size > LARGE:
+        found = _refined_response(model, phi, forced, s)
+        if found is not None:
+            return found
+    x = np.asarray(model.factorise(model.stiffness - s**2 * model.mass).solve(forced))
     return np.asarray(x - phi @ (phi.T @ (model.mass @ x)))
+
+
+def _refined_response(model: Structure, phi: Floats, forced: Floats, s: float) -> Floats | None:
+    """The same from static deflections alone, without other factors; None where that does not converge soon.
+
+    What is left falls by the square of s over the lowest frequency left out with each solve.
+    """
+    x = np.zeros(forced.shape)
+    for _ in range(_SOLVES):
+        left = forced - model.stiffness @ x + s**2 * (model.mass @ x)
+        step = static_deflections(model, left, refinements=0)
+        step = step - phi @ (phi.T @ (model.mass @ step))
+        x = x + step
+        if np.all(np.abs(step).max(axis=0) <= _CONVERGED * np.abs(x).max(axis=0)):
+            return np.asarray(x)
+    return None
 
 
 def _close(receptance: Complex, spring: Complex) -> Complex:

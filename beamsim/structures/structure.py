@@ -6,7 +6,7 @@ Beams, chains and assemblies of them answer alike; nothing above this package as
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
@@ -206,6 +206,11 @@ class Structure(ABC):
     @abstractmethod
     def frequency_count(self, omega: float) -> int:
         """A bound on the number of modes below the scaled angular frequency omega."""
+
+    @property
+    def counted(self) -> Mapping[float, int]:
+        """Scaled angular frequencies below which modes were counted exactly, rigid motions included, and the counts."""
+        return {}
 
     @abstractmethod
     def place_row(self, place: Place) -> Floats:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.structures.modes import LARGE
 from beamsim.structures.symmetric_lu import symmetric_lu, unit_diagonal
 from beamsim.typing import Floats, Ints
 
@@ -25,8 +26,6 @@ _DENSE = 3000
 # Relative distance that a limit is moved by where the matrix is singular at it.
 _ASIDE = 1e-7
 _FEW = 3
-# Size above which a count takes longer than a somewhat wider bound is worth.
-_LARGE = 5000
 # Where between the last kept frequency and the guess for the next one frequencies are counted, until it is the next.
 _SHARES = (0.97, 0.9, 0.7, 0.4)
 
@@ -68,7 +67,11 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
     """
     stiffness = model.stiffness
     last = float(kept[-1]) if kept.size else 0.0
-    if model.size > _LARGE and kept.size > _FEW:  # counts are dear: half of where the next one is expected
+    if model.size > LARGE:  # a count takes longer than a narrower bound is worth: one that is known is taken
+        certified = [at for at, count in model.counted.items() if at > last and count == kept.size]
+        if certified:
+            return max(certified)
+    if model.size > LARGE and kept.size > _FEW:  # half of where the next one is expected
         guess = min(guess, last + (last - float(kept[-1 - _FEW])) / _FEW / 2)
     between = last + (guess - last) * np.array(_SHARES)
     limits = [*between[between > last], last * (1 + _ASIDE), last * (1 - _ASIDE)]

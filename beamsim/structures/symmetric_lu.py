@@ -82,11 +82,12 @@ class SymmetricLU:
     @property
     def root(self) -> Any:
         """(N, N) sparse B with A = B^T B, where all pivots are positive and none was exchanged."""
-        from scipy.sparse import diags_array
-
-        upper = self.lu.U.tocsr()
+        upper = self.lu.U
         columns = self.lu.perm_c if self.order is None else self.lu.perm_c[np.argsort(self.order)]
-        return (diags_array(1 / np.sqrt(upper.diagonal())) @ upper)[:, columns] @ diags_array(1 / self.scale)
+        root = upper[:, columns]  # a copy, scaled in place: products with diagonal matrices would copy it twice more
+        root.data /= np.sqrt(upper.diagonal())[root.indices]
+        root.data /= np.repeat(self.scale, np.diff(root.indptr))
+        return root
 
 
 def unit_diagonal(matrix: Any) -> tuple[Any, Floats]:

@@ -104,6 +104,50 @@ def test_a_firmly_held_stiffness_is_factorised_once(panel, monkeypatch):
     np.testing.assert_allclose(omega, natural_modes(built, 6).omega[:6] * built.frequency_scale, rtol=1e-8)
 
 
+def test_a_large_model_is_factorised_twice(panel, monkeypatch):
+    """Its stiffness, and what certifies that no mode was missed; the figures are those of four factorisations."""
+    factorise, counted = symmetric_lu, []
+    monkeypatch.setattr(reduction_error, "_VERY_LARGE", 1000)
+    known = build_system(panel[1]).modes
+    for module in (matrices, sturm):
+        monkeypatch.setattr(module, "symmetric_lu", lambda *a, **k: counted.append(1) or factorise(*a, **k))
+    for module in (modes, reduction_error, sturm):
+        monkeypatch.setattr(module, "LARGE", 1000)
+    found = build_system(panel[1]).modes
+    assert len(counted) == 2
+    np.testing.assert_allclose(found.open_frequencies_hz, known.open_frequencies_hz, rtol=1e-9)
+    assert found.reduction_error == pytest.approx(known.reduction_error, rel=1e-3)
+    assert found.reduction_error > 1e-9
+
+
+def test_a_count_that_the_reduction_made_certifies_its_modes(monkeypatch):
+    model = structure_of(exported())
+    omega = natural_modes(model, 12).omega
+    between = (omega[9] + omega[10]) / 2
+    monkeypatch.setattr(modes, "LARGE", 1000)
+    monkeypatch.setattr(sturm, "LARGE", 1000)
+    assert natural_modes(model, 3, below=omega[1]).omega.size == 3
+    assert not model.counted
+    assert natural_modes(model, 3, below=between).omega.size == 11
+    assert model.counted == {between: 10}
+    monkeypatch.setattr(sturm, "negative_eigenvalues", lambda *_: pytest.fail("the modes are counted anew"))
+    assert frequency_beyond(model, omega[:10], float(omega[11])) == between
+    with pytest.raises(pytest.fail.Exception):  # one of them is missed
+        frequency_beyond(model, np.delete(omega[:10], 3), float(omega[11]))
+
+
+def test_a_response_by_static_deflections_is_that_of_another_factorisation():
+    model = plate()
+    kept = natural_modes(model, 12)
+    loads = np.eye(model.size)[:, [-4]]
+    low, high = 0.5 * kept.omega[5], 0.999 * kept.omega[6]
+    expected = reduction_error._complement_response(model, kept.vectors[:, :6], loads, low)
+    forced = loads - model.mass @ (kept.vectors[:, :6] @ (kept.vectors[:, :6].T @ loads))
+    found = reduction_error._refined_response(model, kept.vectors[:, :6], forced, low)
+    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+    assert reduction_error._refined_response(model, kept.vectors[:, :6], forced, high) is None
+
+
 def _corner(given):
     node = max(n for n, direction in given.table.dofs if direction == "z" and n not in given.base)
     return Place("panel", float(node), "z")
@@ -141,7 +185,7 @@ def test_counts_of_a_large_model_go_where_the_next_mode_is_expected(monkeypatch)
     assert omega[4] < beyond <= omega[5]
     assert len(counted) <= 3
     counted.clear()
-    monkeypatch.setattr(sturm, "_LARGE", 1000)
+    monkeypatch.setattr(sturm, "LARGE", 1000)
     assert omega[19] < frequency_beyond(model, omega[:20], float(omega[38])) <= omega[20]
     assert len(counted) == 1
 
