@@ -107,9 +107,11 @@ def channel_named(
     """
     words = spoken(quantity)
     exact = [s for s in signals if s.name == name]
-    loose = [s for s in signals if holds_name(s.name, name) and _is_of(s.name, words)] or (
-        [] if required else [s for s in signals if holds_name(s.name, name)]
-    )
+    named = [s for s in signals if holds_name(s.name, name)]
+    loose = [s for s in named if _is_of(s.name, words)]
+    if not loose and quantity == "absolute_acceleration":  # accelerometers know no other
+        loose = [s for s in named if _is_of(s.name, "acceleration")]
+    loose = loose or ([] if required else named)
     histories = [s for s in loose if not s.of_frequency] or loose
     chosen = exact or histories or ([] if required or len(signals) > 1 else list(signals))
     if len(chosen) > 1 and all(_same(chosen[0], other) for other in chosen[1:]):
@@ -198,7 +200,7 @@ def holds_name(name: str, part: str) -> bool:
 
 def _is_of(name: str, words: str) -> bool:
     text = name.lower().replace("_", " ")
-    other = {"displacement": "absolute displacement"}.get(words)
+    other = {"displacement": "absolute displacement", "acceleration": "relative acceleration"}.get(words)
     return words in text and (other is None or other not in text)
 
 

@@ -196,6 +196,7 @@ HEADERS = {
     "titles and a row of units": (f"Sine sweep;;\nRun 7;2026;\nFrequency;{CHANNELS}\nHz;g;g\n", ";", ","),
     "units in the headings": (f"frequency (Hz);{CHANNELS.replace(';', ' (g);')} (g)\n".replace(";", ","), ",", "."),
     "tabs and units in brackets": (f"Frequency;{CHANNELS}\n[Hz];[g];[g]\n".replace(";", "\t"), "\t", ","),
+    "not called absolute": ("Frequency;first acceleration;second acceleration\nHz;g;g\n", ";", ","),
 }
 
 
