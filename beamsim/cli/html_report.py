@@ -106,7 +106,8 @@ def animate(
         raise ResultFileError(f"{result}: holds no motion; animate the result of `beamsim run` or `beamsim nnm`")
     for target in targets:
         if target.suffix.lower() == ".gif":
-            with progress_of(f"drawing {target.name}", shown=shown) as progress:
+            drawing = f"drawing {target.name}"
+            with shown_in(stored.scenario.display_scales), progress_of(drawing, shown=shown) as progress:
                 save_gif(scene, target, progress)
         else:
             with replacing(target) as temporary:

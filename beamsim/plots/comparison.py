@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, SweptComparison
-from beamsim.plots.style import acceleration_scale, finish, put_title, scale_for, thinned, time_scale
+from beamsim.plots.style import acceleration_scale, dashed_line, finish, put_title, scale_for, thinned, time_scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,28 +60,25 @@ def plot_swept(c: SweptComparison, ax: Axes) -> Axes:
         factor, unit = scale_for(c.unit, np.abs(c.predicted), np.abs(c.measured))
     ax.plot(c.frequency_hz, np.abs(c.predicted) * factor, label="predicted", **_PREDICTED)
     ax.plot(c.frequency_hz, np.abs(c.measured) * factor, label="measured", **_MEASURED)
-    for marker, size, frequency, level in (
-        ("o", 5, "predicted_hz", "predicted_level"),
-        ("s", 5, "measured_hz", "measured_level"),
-    ):
-        at = [(getattr(peak, frequency), getattr(peak, level) * factor) for peak in c.peaks]
-        ax.plot(*np.array(at).reshape(-1, 2).T, marker, markersize=size, markerfacecolor="none",
-                color=(_PREDICTED if marker == "o" else _MEASURED)["color"])  # fmt: skip
+    for marker, whose, style in (("o", "predicted", _PREDICTED), ("s", "measured", _MEASURED)):
+        at = [(getattr(peak, f"{whose}_hz"), getattr(peak, f"{whose}_level") * factor) for peak in c.peaks]
+        ax.plot(*np.array(at).reshape(-1, 2).T, marker, markersize=5, markerfacecolor="none", color=style["color"],
+                label=f"{whose} peaks" if at else None)  # fmt: skip
     ax.set_yscale("log")
     detected = {"peak": "peak", "fundamental": "fundamental of", "rms": "rms"}[c.detector]
     response = f"{detected} {c.quantity.replace('_', ' ')}".capitalize()
     finish(ax, f"Excitation frequency (Hz), {c.curve}", f"{response} ({unit})")
-    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize="small")
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, fontsize="small")
     ax.set_title(f"FRAC {c.frac:.3f}", loc="left", fontsize="small", color="0.3")
     return ax
 
 
 def plot_fdac(assurance: Assurance, ax: Axes) -> Axes:
-    """FDAC over both frequencies; the dotted line is that of equal frequencies."""
+    """FDAC over both frequencies, with the line of equal frequencies."""
     mesh = ax.pcolormesh(assurance.measured_hz, assurance.predicted_hz, assurance.fdac, cmap="cividis", vmin=0, vmax=1,
                          shading="nearest")  # fmt: skip
     ends = [float(assurance.measured_hz[0]), float(assurance.measured_hz[-1])]
-    ax.plot(ends, ends, ":", color="#d1495b", linewidth=1.4)
+    dashed_line(ax, ends, ends, "equal frequencies")
     if ax.figure is not None:
         ax.figure.colorbar(mesh, ax=ax, label="FDAC")
     finish(ax, "Measured frequency (Hz)", "Predicted frequency (Hz)")

@@ -18,6 +18,7 @@ from beamsim.plots.style import (
     acceleration_scale,
     curve_style,
     finish,
+    legend_columns,
     length_scale,
     level_text,
     scale_for,
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LEGEND_WIDTH = 84  # characters
 MANY = 80  # special points, from which their marks are small
 DECADES = 0.6  # largest over smallest amplitude, as a power of ten, from which the axis is logarithmic
 STRETCHES = 400  # of frequency, over which a sweep's cycles are drawn as one point
@@ -273,7 +273,7 @@ def _plain_numbers(axis: Any) -> None:
 def _legend(ax: Axes) -> None:
     handles, labels = ax.get_legend_handles_labels()
     if labels:
-        columns = max(1, min(len(labels), 4, LEGEND_WIDTH // (max(map(len, labels)) + 6)))
+        columns = legend_columns(ax, min(len(labels), 4))
         ax.legend(
             handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, frameon=False,
             fontsize="small", borderaxespad=0.1, handlelength=2.2, columnspacing=1.2,

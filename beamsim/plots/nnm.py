@@ -15,6 +15,7 @@ from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.plots.relaxed import relaxed_figure
 from beamsim.plots.stations import finish_along, plot_along
 from beamsim.plots.style import MOST_CURVES, curve_style, finish, legend, put_title, scale_for
+from beamsim.structures.stations import MASSES
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def plot_node_motion(result: NormalModeResult, ax: Axes) -> Axes:
     for k, (at, name) in enumerate(nodes):
         ax.plot(motion.time * time.factor, motion.stations[:, at] * scale.factor, label=name, **curve_style(k))
     finish(ax, f"Time ({time.unit})", f"Displacement ({scale.unit})")
-    _beside(ax, f"{len(nodes)} {'nodes' if result.stations.axis.continuous else 'masses'}")
+    _beside(ax, f"{len(nodes)} {'masses' if result.stations.axis is MASSES else 'nodes'}")
     return ax
 
 
@@ -106,7 +107,8 @@ def plot_phase_portrait(result: NormalModeResult, ax: Axes) -> Axes:
         ax.plot(
             motion.displacement[name] * scale.factor, motion.velocity[name] * speed.factor, label=name, **curve_style(k)
         )
-    finish(ax, f"Displacement ({scale.unit})", f"Velocity ({speed.unit})")
+    of = f" of {next(iter(motion.displacement))}" if len(motion.displacement) == 1 else ""
+    finish(ax, f"Displacement{of} ({scale.unit})", f"Velocity{of} ({speed.unit})")
     legend(ax, min(len(motion.displacement), MOST_CURVES), len(motion.displacement), "probes")
     return ax
 

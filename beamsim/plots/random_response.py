@@ -12,6 +12,8 @@ from beamsim.plots.style import MOST_CURVES, ROUND_OFF, acceleration_scale, curv
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from beamsim.typing import Bools
+
 MOST_LINEAR = 1  # signals whose linear densities are drawn
 DENSITY_SHOWN = 1e-7  # of the largest density, below which nothing is shown
 POWER_SHOWN = 1e-3  # of the input's largest density, below which a transmissibility is that of leakage and round-off
@@ -29,8 +31,11 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
     ]  # fmt: skip
     scale = acceleration_scale() if on_base else scale_for("m", *(np.sqrt(s.density[1:]) for s in drawn))
     factor = scale.factor**2
+    top = max((float(np.max(s.density[1:])) for s in drawn), default=0.0) * factor
     for k, signal in enumerate(drawn[:MOST_CURVES]):
-        ax.plot(response.frequency_hz[1:], signal.density[1:] * factor, label=signal.name, **curve_style(k))
+        density = signal.density[1:] * factor
+        label = signal.name if np.any(density > DENSITY_SHOWN * top) else f"{signal.name} (over before)"
+        ax.plot(response.frequency_hz[1:], density, label=label, **curve_style(k))
     linear = [k for k, s in enumerate(drawn[:MOST_CURVES]) if s.density_open is not None][:MOST_LINEAR]
     for k in linear:
         for name, dashes in (("open", "-"), ("closed", "-.")):
@@ -40,7 +45,6 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
             ax.plot(
                 response.frequency_hz[1:], shown, color="0.65", linewidth=2.2, linestyle=dashes, zorder=1, label=label
             )
-    top = max((float(np.max(s.density[1:])) for s in drawn), default=0.0) * factor
     if top > 0:
         ax.set_xscale("log")
         ax.set_yscale("log")
@@ -54,15 +58,24 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
     return ax
 
 
+def has_transmissibility(response: RandomResponse) -> bool:
+    """Whether the input has power: a shock may be over before the part of the run that the densities are of."""
+    return bool(response.transmissibility) and bool(np.any(_driven(response)))
+
+
+def _driven(response: RandomResponse) -> Bools:
+    """(nf,) where a transmissibility is not one of leakage and round-off."""
+    power = response.input.density
+    return np.asarray((power > max(POWER_SHOWN * power.max(), ROUND_OFF**2)) & (response.frequency_hz > 0.0))
+
+
 def plot_transmissibility(response: RandomResponse, ax: Axes) -> Axes:
     """Magnitude of response over input, shown where the input has power."""
-    power = response.input.density
-    shown = (power > max(POWER_SHOWN * power.max(), ROUND_OFF**2)) & (response.frequency_hz > 0.0)
+    shown = _driven(response)
     for k, (name, value) in enumerate(list(response.transmissibility.items())[:MOST_CURVES]):
         ax.plot(response.frequency_hz[shown], np.abs(value[shown]), label=name, **curve_style(k))
-    if np.any(shown):  # a shock may be over before the part of the run that the densities are of
-        ax.set_xscale("log")
-        ax.set_yscale("log")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
     finish(ax, "Frequency (Hz)", "Transmissibility" if response.input.unit == "m/s^2" else "Displacement / force (m/N)")
     count = len(response.transmissibility)
     legend(ax, min(count, MOST_CURVES), count, "probes")

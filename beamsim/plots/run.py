@@ -16,7 +16,7 @@ from beamsim.plots.assembly import assembly_figures
 from beamsim.plots.impacts import impact_figures
 from beamsim.plots.outputs import plot_output
 from beamsim.plots.plates import plate_figures
-from beamsim.plots.random_response import plot_crossings, plot_density, plot_transmissibility
+from beamsim.plots.random_response import has_transmissibility, plot_crossings, plot_density, plot_transmissibility
 from beamsim.plots.shock_response import plot_shock_response
 from beamsim.plots.style import (
     AT_ONCE,
@@ -347,12 +347,14 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
         ax.set_visible(False)
     figures["phase_portrait"] = figure
     if result.random is not None:
-        figure, (above, below) = panels(2)
-        _doubts(result, plot_density(result.random, above), "random", "figures")
-        if above.texts:  # room for them above the curves
-            low, high = above.get_ylim()
-            above.set_ylim(low, ROOM_FOR_DOUBTS * high)
-        plot_transmissibility(result.random, below)
+        both = has_transmissibility(result.random)
+        figure, axes = panels(2) if both else panels(1, height=4.4)
+        _doubts(result, plot_density(result.random, axes[0]), "random", "figures")
+        if axes[0].texts:  # room for them above the curves
+            low, high = axes[0].get_ylim()
+            axes[0].set_ylim(low, ROOM_FOR_DOUBTS * high)
+        if both:
+            plot_transmissibility(result.random, axes[1])
         figures["random"] = figure
         if result.random.level is not None:
             figure, (ax,) = panels(1, height=4.4)

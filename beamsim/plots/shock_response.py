@@ -4,22 +4,30 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from beamsim.analyses.run.result import ShockResponse
-from beamsim.plots.style import MOST_CURVES, acceleration_scale, curve_style, finish, legend
+from beamsim.plots.style import MOST_CURVES, acceleration_scale, curve_style, finish, legend, where_other
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 def plot_shock_response(response: ShockResponse, ax: Axes) -> Axes:
-    """Maximax spectra of the input and of the probes; thin, what the input leaves after its end (residual)."""
+    """Maximax spectra of the input and of the probes; thin, the residual of the input where it is another.
+
+    The residual is what the input leaves after its end; that of a sawtooth is nearly its maximax spectrum.
+    """
     drawn, scale = response.signals[:MOST_CURVES], acceleration_scale()
     for k, signal in enumerate(drawn):
         style = curve_style(k)
         ax.plot(response.frequency_hz, signal.maximax * scale.factor, label=signal.name, **style)
         if signal.name == "input":
             thin = {**style, "linewidth": 0.5 * style["linewidth"]}
-            ax.plot(response.frequency_hz, signal.residual * scale.factor, label="input, residual", **thin)
+            residual = where_other(signal.maximax, signal.residual)
+            known = np.isfinite(residual)
+            same = "" if known.all() else " (where it is lower)" if known.any() else " (the same)"
+            ax.plot(response.frequency_hz, residual * scale.factor, label=f"input, residual{same}", **thin)
     ax.set_xscale("log")
     ax.set_yscale("log")
     top = max((float(s.maximax.max()) for s in drawn), default=0.0) * scale.factor

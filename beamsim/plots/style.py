@@ -17,9 +17,12 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
 AT_ONCE = 2**18  # samples of a long history that are read together
 ROUND_OFF = 1e-15  # in SI units; nothing that is shown can be known so small
+SAME_CURVE = 0.01  # relative difference up to which two curves are drawn as one
+LETTERS, HANDLE = 13.0, 6  # of a legend's size on an inch; that the line before a label is as long as
 MOST_CURVES = 6  # in one plot; more cannot be distinguished
 
 # Colours of decreasing darkness, distinguishable by colour-blind readers, each with its own dashes for grey print.
@@ -32,6 +35,9 @@ _DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
     (0, (9, 2)),
     (0, (3, 1, 1.2, 1, 1.2, 1)),
 )
+
+_LONG_TIMES = (("years", 365.25 * 86400.0, 1.0), ("days", 86400.0, 2.0), ("h", 3600.0, 2.0), ("min", 60.0, 10.0))
+_MOST_CHOSEN = 1e5  # of a chosen unit of time, above which a time is shown in a longer one
 
 _PREFIXES = (("G", 1e9), ("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9), ("p", 1e-12))
 
@@ -74,12 +80,14 @@ def length_scale() -> Scale:
 def scale_for(unit: str, *values: Floats) -> Scale:
     """The chosen unit, else the SI prefix that brings the largest value to 1 to 1000.
 
-    Lengths are brought to 0.1 to 100, and have no prefix above metres. Times below a minute are not shown in minutes.
+    Lengths are brought to 0.1 to 100, and have no prefix above metres. Times below a minute are not shown in minutes,
+    and those above ten minutes in minutes, hours, days or years.
     """
     largest = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in values), default=0.0)
     if unit in _chosen.get():
         chosen = Scale(*_chosen.get()[unit])
-        if unit != "s" or chosen.factor >= 1.0 or largest * chosen.factor >= 1.0:
+        shown = largest * chosen.factor
+        if unit != "s" or ((chosen.factor >= 1.0 or shown >= 1.0) and shown < _MOST_CHOSEN):
             return chosen
     if not np.isfinite(largest) or largest == 0.0:
         return Scale(1.0, unit)
@@ -88,11 +96,23 @@ def scale_for(unit: str, *values: Floats) -> Scale:
             return Scale(1.0, unit)
         grams = scale_for(unit[1:], np.array([1e3 * largest]))
         return Scale(1e3 * grams.factor, grams.unit)
+    if unit == "s":
+        for name, size, least in _LONG_TIMES:
+            if largest >= least * size:
+                return Scale(1.0 / size, name)
     metres = unit.startswith("m")
     for prefix, size in _PREFIXES:
         if largest >= (0.1 if metres else 1.0) * size and not (metres and size > 1.0):
             return Scale(1.0 / size, prefix + unit)
     return Scale(1e12, f"p{unit}")
+
+
+def where_other(first: Floats, second: Floats) -> Floats:
+    """The second of two curves where it differs from the first by 1 %, and a point beside that; else nan."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        other = np.abs(second / first - 1.0) > SAME_CURVE
+    beside = other | np.append(other[1:], False) | np.append(False, other[:-1])
+    return np.where(beside, second, np.nan)
 
 
 def level_text(level: float, unit: str) -> str:
@@ -182,12 +202,34 @@ def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
     ax.spines[["top", "right"]].set_visible(False)
 
 
+def dashed_line(ax: Axes, x: ArrayLike, y: ArrayLike, label: str) -> None:
+    """A line on coloured areas: white dashes on black, to be seen on dark and light ones; with a legend if labelled."""
+    ax.plot(x, y, color="black", linewidth=2.4)
+    ax.plot(x, y, color="white", linestyle=(0, (4, 3)), linewidth=1.2, label=label or None)
+    if label:
+        ax.legend(
+            loc="upper left", fontsize="small", labelcolor="white", facecolor="black", framealpha=0.7, edgecolor="none"
+        )
+
+
+def legend_columns(ax: Axes, most: int) -> int:
+    """In how many columns the labelled curves fit into the width of a panel, at most."""
+    figure, place = ax.figure, ax.get_subplotspec()
+    longest = max(map(len, ax.get_legend_handles_labels()[1]), default=0)
+    if figure is None or longest == 0:
+        return most
+    beside = 1 if place is None else place.get_gridspec().ncols
+    letters = LETTERS * figure.bbox.width / figure.get_dpi() / beside
+    return max(1, min(most, int(letters / (longest + HANDLE))))
+
+
 def legend(ax: Axes, shown: int, known: int, what: str) -> None:
     """A legend if there is more than one curve; its title states how many are shown if some are omitted."""
     if shown > 1 or known > shown:
         title = f"{shown} of {known} {what}" if known > shown else None
+        columns = legend_columns(ax, min(shown, 6))
         ax.legend(
-            title=title, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(shown, 6), frameon=False,
+            title=title, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, frameon=False,
             fontsize="small", title_fontsize="small", borderaxespad=0.1, handlelength=2.6,
         )  # fmt: skip
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from beamsim.plots.style import (
     level_text,
     put_title,
     scale_for,
+    where_other,
 )
 from beamsim.plots.sweep_axes import by_frequency, envelope, frequency_axis
 from beamsim.plots.sweep_responses import (
@@ -38,9 +39,9 @@ if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepCurve
     from beamsim.typing import Floats
 
-SAME_LEVEL = 0.01  # relative difference up to which the curves of two levels are one
 MOST_LEVELS = 4  # whose harmonics are drawn
 ENERGY_SHOWN = 1e-8  # of the largest, below which harmonics are not drawn
+MOST_PERIODS = 8  # that an axis numbers
 MOST_MARKS = 8  # labelled peaks in one plot
 _MARKS = {"linear resonance": "o", "nonlinear resonance": "o", "superharmonic": "^", "subharmonic": "v", "beat": "x"}
 
@@ -153,9 +154,7 @@ def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str)
         if k == 0:
             first = f, value
         else:
-            differs = np.abs(value / np.interp(f, *first) - 1.0) > SAME_LEVEL
-            beside = differs | np.append(differs[1:], False) | np.append(False, differs[:-1])
-            value = np.where(beside, value, np.nan)
+            value = where_other(np.interp(f, *first), value)
         level = level_text(curve.level, result.scenario.level_unit)
         ax.plot(f, value, label=level if np.any(np.isfinite(value)) else f"{level} (the same)", **curve_style(k))
     frequency_axis(result, ax)
@@ -259,22 +258,27 @@ def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
 
 
 def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
-    """Period of the steady motion in cycles of the excitation; crosses where the motion is not periodic."""
-    from matplotlib.ticker import MaxNLocator
-
+    """Period of the steady motion in cycles of the excitation; crosses, below, where the motion has none."""
     curve = result.curves[curve_name]
     assert curve.steady is not None
     kind = np.array(curve.steady.kind)
     periodic = kind == "periodic"
-    ax.plot(curve.frequency_hz[periodic], curve.steady.period_cycles[periodic], "o", markersize=3, color="#0b3c5d",
-            label="periodic")  # fmt: skip
+    period = curve.steady.period_cycles[periodic]
+    whole: dict[str, Any] = {"clip_on": False, "zorder": 3}  # marks at the ends of the axis
+    ax.plot(curve.frequency_hz[periodic], period, "o", markersize=3, color="#0b3c5d", label="periodic", **whole)
     for k, name in enumerate(("quasi-periodic", "chaotic", "not settled")):
         here = kind == name
         if here.any():
-            ax.plot(curve.frequency_hz[here], np.zeros(here.sum()), "x+1"[k], markersize=6, color="#d1495b", label=name)
-    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
+            ax.plot(curve.frequency_hz[here], np.zeros(here.sum()), "x+1"[k], markersize=6, color="#d1495b", label=name,
+                    **whole)  # fmt: skip
+    longest = int(np.max(period, initial=1))
+    ticks = {k: str(k) for k in range(1, longest + 1, -(-longest // MOST_PERIODS))}
+    if not periodic.all():
+        ticks = {0: "none", **ticks}
+    ax.set_yticks(list(ticks), list(ticks.values()))
+    frequency_axis(result, ax)
     finish(ax, f"Excitation frequency (Hz), {curve.direction}", "Period (cycles of the excitation)")
-    ax.legend(loc="best", frameon=False, fontsize="small")
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, fontsize="small", handlelength=1.2)
     return ax
 
 
@@ -283,9 +287,11 @@ def plot_poincare(result: SweepResult, ax: Axes, curve_name: str, probe: str) ->
     curve = result.curves[curve_name]
     assert curve.steady is not None
     index = list(curve.displacement).index(probe)
-    scale = scale_for("m", curve.steady.poincare_displacement[:, index])
-    ax.plot(curve.steady.poincare_frequency_hz, curve.steady.poincare_displacement[:, index] * scale.factor, ",k")
-    finish(ax, f"Excitation frequency (Hz), {curve.direction}", f"Displacement of {probe} at phase 0 ({scale.unit})")
+    displacement = curve.steady.poincare_displacement[:, index]
+    scale = scale_for("m", displacement)
+    ax.plot(curve.steady.poincare_frequency_hz, displacement * scale.factor, "ok", markersize=1.3, markeredgewidth=0)
+    frequency_axis(result, ax)
+    finish(ax, f"Excitation frequency (Hz), {curve.direction}", f"Displacement of {probe}\nat phase 0 ({scale.unit})")
     return ax
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamsim.analyses.compare.sweeps import peaks_of
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.plots.style import MOST_CURVES, acceleration_scale, curve_style, finish, legend
+from beamsim.plots.style import MOST_CURVES, acceleration_scale, curve_style, dashed_line, finish, legend
 from beamsim.plots.sweep_axes import by_frequency, envelope, frequency_axis
 from beamsim.scenario.quantities import amplitude_unit
 
@@ -96,15 +96,9 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
     mesh = ax.pcolormesh(history.time[0] + t, f[shown][:whole:thin], level, cmap="cividis", vmin=-DEEPEST_DB, vmax=0.0,
                          shading="nearest", rasterized=True)  # fmt: skip
     for k, curve in enumerate(curves):
-        # white on black, to be seen on dark and light levels
-        ax.plot(curve.time, curve.frequency_hz, color="black", linewidth=2.4)
-        ax.plot(curve.time, curve.frequency_hz, color="white", linestyle=(0, (4, 3)), linewidth=1.2,
-                label="frequency of the sweep" if k == 0 else None)  # fmt: skip
+        dashed_line(ax, curve.time, curve.frequency_hz, "" if k else "frequency of the sweep")
     if ax.figure is not None:
         ax.figure.colorbar(mesh, ax=ax, label="Level (dB re largest)")
     finish(ax, "Time (s)", f"Frequency in the displacement of {probe} (Hz)")
     ax.set_xlim(history.time[0] + t[0], history.time[0] + t[-1])
-    ax.legend(
-        loc="upper left", fontsize="small", labelcolor="white", facecolor="black", framealpha=0.7, edgecolor="none"
-    )
     return ax

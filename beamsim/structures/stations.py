@@ -25,7 +25,7 @@ class StationAxis:
 ALONG = StationAxis("position along the beam", "m", "Position", continuous=True)
 IN_PLANE = StationAxis("position on the plate from its left edge", "m", "x", continuous=True)
 MASSES = StationAxis("mass number", "1", "Mass", continuous=False)
-NODES = StationAxis("node number", "1", "Node number", continuous=False)
+NODES = StationAxis("node number", "1", "Node", continuous=False)
 AXES = {axis.long_name: axis for axis in (ALONG, IN_PLANE, MASSES, NODES)}
 
 

@@ -4,14 +4,17 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.signal import lfilter, lsim
 from typer.testing import CliRunner
 
 import beamsim
 from beamsim.analyses.run.linear_filter import LinearFilter, panels
+from beamsim.analyses.run.result import ShockResponse, ShockSpectrum
 from beamsim.analyses.run.shock_response import frequencies_of, shock_spectra
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
+from beamsim.plots.shock_response import plot_shock_response
 from beamsim.scenario import load_scenario
 from beamsim.scenario.run import ShockSpectrumSettings
 from beamsim.store.export import export_result
@@ -141,6 +144,22 @@ def test_command_prints_and_draws(tmp_path):
     assert (tmp_path / "case_srs.png").exists()
     printed = CliRunner().invoke(app, ["run", str(case), "-o", str(tmp_path / "case.h5"), "--no-plots", "--json"])
     assert json.loads(printed.stdout)["srs"]["middle absolute_acceleration"]["maximax_g"] > 20.0
+
+
+def test_spectra_that_coincide_are_said_to():
+    """A half-sine's residual is lower above its own frequency; that of a terminal-peak sawtooth nowhere."""
+    f, whole = np.geomspace(10.0, 1000.0, 40), np.ones(40)
+    drawn = []
+    for residual in (whole * (1 - 1e-3), np.where(f < 100.0, 1.0, 0.1)):
+        spectra = dict.fromkeys(("primary", "positive", "negative"), whole)
+        signal = ShockSpectrum("input", "acceleration", maximax=whole, residual=residual, **spectra)
+        ax = Figure().add_subplot()
+        drawn.append(plot_shock_response(ShockResponse(quality=10.0, frequency_hz=f, signals=(signal,)), ax).lines[1])
+    same, lower = drawn
+    assert same.get_label() == "input, residual (the same)"
+    assert not np.any(np.isfinite(same.get_ydata()))
+    assert lower.get_label() == "input, residual (where it is lower)"
+    assert 0 < np.sum(np.isnan(lower.get_ydata())) < 40
 
 
 @pytest.mark.slow

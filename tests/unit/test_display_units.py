@@ -102,7 +102,15 @@ def test_ties_go_to_the_smaller_unit_and_densities_count():
     assert load_scenario({**CASE, "snubbers": [snubber], "run": {"duration": 1.0}}).units.length == "um"
 
 
-def test_run_info_and_plots_use_them_and_json_does_not(tmp_path):
+def test_long_times_are_in_units_that_a_reader_uses():
+    assert [amount(t, "s") for t in (599.0, 900.0, 5.4e4, 1e6)] == ["599 s", "15 min", "15 h", "11.57 days"]
+    assert amount(101.5e9, "s") == "3216 years"
+    with shown_in(chosen(time="min")):
+        assert amount(5.4e4, "s") == "900 min"
+        assert amount(101.5e9, "s") == "3216 years"
+
+
+def test_run_info_and_plots_use_them_and_json_does_not(tmp_path, monkeypatch):
     (tmp_path / "case.yaml").write_text(json.dumps({**CASE, "units": CHOSEN}))
     printed = CliRunner().invoke(app, ["run", str(tmp_path / "case.yaml"), "-o", str(tmp_path), "--no-plots"])
     assert printed.exit_code == 0, printed.output
@@ -125,6 +133,12 @@ def test_run_info_and_plots_use_them_and_json_does_not(tmp_path):
     assert f"{1e6 * peak:.4g} um" in result._repr_html_()
     below = run_figures(result)["displacement"].axes[1]
     assert below.get_xlabel() == "Time (s)"
+
+    drawn = []
+    monkeypatch.setattr("beamsim.plots.animation.save_gif", lambda *_: drawn.append(scale_for("m", np.ones(1)).unit))
+    animated = CliRunner().invoke(app, ["animate", str(tmp_path / "case.h5"), "-o", str(tmp_path / "case.gif")])
+    assert animated.exit_code == 0, animated.output
+    assert drawn == ["um"]
 
 
 def test_peaks_of_a_sweep_name_their_frequency(tmp_path):

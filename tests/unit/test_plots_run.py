@@ -21,7 +21,7 @@ from beamsim.plots.layout import lay_out
 from beamsim.plots.png import write_png
 from beamsim.plots.run import run_figures
 from beamsim.plots.save import save_figures
-from beamsim.plots.style import scale_for, thinned
+from beamsim.plots.style import legend_columns, scale_for, thinned
 from beamsim.scenario import load_scenario
 
 EVERYTHING = {
@@ -195,6 +195,14 @@ def test_prefixes(unit, value, expected):
     scale = scale_for(unit, np.array([value, -value / 2]))
     assert scale.unit == expected
     assert scale_for(unit).factor == 1.0
+
+
+@pytest.mark.parametrize(("name", "beside", "columns"), [("tip", 1, 5), ("node number 10", 1, 4), ("node", 3, 2)])
+def test_a_legend_is_no_wider_than_its_panel(name, beside, columns):
+    ax = np.atleast_1d(Figure(figsize=(6.4, 4.0)).subplots(1, beside))[0]
+    for _ in range(5):
+        ax.plot([0.0, 1.0], [0.0, 1.0], label=name)
+    assert legend_columns(ax, 5) == columns
 
 
 def test_thinning_keeps_the_extremes():
