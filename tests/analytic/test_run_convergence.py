@@ -18,6 +18,8 @@ from beamsim.flow.transient import simulate
 from beamsim.outcomes import OutcomeCode
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
+from beamsim.structures.reduction_bound import receptance_bound
+from beamsim.system import build
 from beamsim.system.build import build_system
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -80,6 +82,20 @@ def test_the_change_is_that_of_the_finer_model_itself(damped):
             b = other[figure][name]
             change = abs(a - b) / max(abs(a), abs(b))
             assert damped.summary["convergence"][figure][name] == pytest.approx(change, rel=1e-5, abs=1e-9)
+
+
+def test_the_error_of_the_reduction_is_estimated_of_the_model_of_the_run_alone(monkeypatch):
+    """It takes a quarter of building a model; nobody reads that of the finer one."""
+    estimated = []
+
+    def counted(model, basis, *loads):
+        estimated.append(basis.modes)
+        return receptance_bound(model, basis, *loads)
+
+    monkeypatch.setattr(build, "receptance_bound", counted)
+    summary = beamsim.run(harmonic_beam(run={"duration": 0.05})).summary
+    assert estimated == [summary["kept_modes"]]
+    assert summary["convergence_model"]["modes"] > summary["kept_modes"]
 
 
 def test_status_table_file_and_pictures_say_so(damped, tmp_path):
@@ -186,7 +202,7 @@ def test_a_model_of_one_mode_is_told_from_a_good_one():
 def test_no_second_solution_is_said(monkeypatch):
     from beamsim.errors import Problem, ScenarioError
 
-    def fail(scenario):
+    def fail(scenario, **_):
         raise ScenarioError(Problem("run.start", "has no equilibrium"))
 
     monkeypatch.setattr(convergence, "build_system", fail)

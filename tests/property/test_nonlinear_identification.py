@@ -125,7 +125,7 @@ def test_intervals_cover_the_truth(vibrations, monkeypatch):
     scenario = case(chosen, sought, start)
     built = {}  # the two systems that the search starts from are the same every time
 
-    def built_once(scenario):
+    def built_once(scenario, **_):
         frequency = scenario.excitation.frequency
         if frequency not in built:
             built[frequency] = build_system(scenario)

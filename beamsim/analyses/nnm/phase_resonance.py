@@ -226,7 +226,7 @@ def hold_mode(
     section = settings.phase_resonance
     assert section is not None
     refuse_phase_resonance(settings.continue_in.kind, alike=alike)
-    damped = build_system(scenario.model_copy(update={"run": None}))
+    damped = build_system(scenario.model_copy(update={"run": None}), assessed=False)
     factor = orbits.split(points[-1].u)[2]
     loads, unit = periodic_forcing(scenario, damped), level_unit(scenario)
     held = _Levels(orbits, points, damped, loads, settings.mode - 1, factor, alike, unit)

@@ -78,7 +78,7 @@ def against(result: RunResult, stepper: Stepper, stop: Callable[[], bool] = neve
 
 
 def _with_comparison(result: RunResult, stepper: Stepper) -> RunResult:
-    system = build_system(result.scenario)
+    system = build_system(result.scenario, assessed=False)
     end = float(result.time[-1])
     step = _step(stepper, system)
     if step is not None and end / step > MOST_STEPS:

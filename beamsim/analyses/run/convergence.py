@@ -152,7 +152,7 @@ def check_convergence(
     first = replace(first, figures=_of_modes(first.figures, modes))
     finer = scenario.refined(math.ceil(MORE_MODES * modes))
     try:
-        second = solve(build_system(finer))
+        second = solve(build_system(finer, assessed=False))
     except ScenarioError as error:
         return Convergence({}, reason="; ".join(problem.message for problem in error.problems))
     parted = parting(first.events, second.events)

@@ -188,7 +188,7 @@ def checked_on_first_part(
         update={"excitation": same, "run": settings.model_copy(update={"duration": duration, "convergence": "on"})}
     )
     assert first.run is not None
-    of_part = build_system(first)
+    of_part = build_system(first, assessed=False)
     part = exact_motion_of(of_part, first.run, output_times(first.run), None, stop)
     if not part.outcome.complete:
         return Convergence({}, reason="interrupted" if part.outcome.interrupted else part.outcome.text)
