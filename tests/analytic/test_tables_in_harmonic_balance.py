@@ -22,7 +22,7 @@ CASE = {
 
 
 def branch(**method):
-    sweep = {"kind": "continuation", "from": 4.45, "to": 4.55, **method}
+    sweep = {"kind": "continuation", "from": 4.45, "to": 4.55, "seek_at": 0, **method}
     return frequency_response(load_scenario({**CASE, "sweep": sweep})).branches[0]
 
 

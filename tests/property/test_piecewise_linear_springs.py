@@ -283,7 +283,7 @@ def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
         return np.concatenate([v, a + (c.sign * push) @ c.shape - (cubic * (shape @ q + felt * d) ** 3) @ shape])
 
     passage = flow().carry(start, 6.0, (Frequency(), Level()), 0.7)
-    found = solve_ivp(rhs, (0.7, 6.7), start[: 2 * n], "DOP853", rtol=1e-11, atol=1e-12, max_step=0.01).y[:, -1]
+    found = solve_ivp(rhs, (0.7, 6.7), start[: 2 * n], "DOP853", rtol=1e-11, atol=1e-12, max_step=0.02).y[:, -1]
     np.testing.assert_allclose(passage.end[: 2 * n], found, atol=2e-6)  # the dashpot's jumps cost the other digits
     everything = solve_ivp(lambda t, y: rhs(t, y, np.ones(2)), (0.7, 6.7), start[: 2 * n], rtol=1e-6).y[:, -1]
     assert np.abs(everything - found).max() > 1e-3  # the twin: both cubic springs on the ground

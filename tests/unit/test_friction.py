@@ -163,7 +163,7 @@ def by_hand(stiffness, damping, shape, numbers, ground, load, omega, base, durat
     while t < duration:
         watched = guards()
         run = solve_ivp(
-            rhs, (t, duration), y, "DOP853", events=[g for *_, g in watched], rtol=1e-11, atol=1e-13, max_step=0.01
+            rhs, (t, duration), y, "DOP853", events=[g for *_, g in watched], rtol=1e-11, atol=1e-13, max_step=0.02
         )  # short steps: a slide within one would be missed
         t, y = run.t[-1], run.y[:, -1]
         if run.status != 1:

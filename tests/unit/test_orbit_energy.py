@@ -30,7 +30,8 @@ def case(kind, **more):
 
 def forced(kind, **more):
     shaken = {"kind": "harmonic", "applied_to": "base", "level": 1.5, "frequency": 0.8}
-    return case(kind, excitation=shaken, sweep={"kind": "continuation", "from": "0.75 Hz", "to": "0.8 Hz"}, **more)
+    sweep = {"kind": "continuation", "from": "0.75 Hz", "to": "0.8 Hz", "seek_at": 0}
+    return case(kind, excitation=shaken, sweep=sweep, **more)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +112,8 @@ def test_a_search_that_leaves_the_range_of_numbers_says_so(monkeypatch, stop):
 
 
 def test_levels_of_a_continuation_have_their_unit():
-    two = {"kind": "continuation", "from": "0.75 Hz", "to": "0.8 Hz", "levels": [0.1, 0.2], "most_points": 3}
+    limits = {"most_points": 3, "seek_at": 0}
+    two = {"kind": "continuation", "from": "0.75 Hz", "to": "0.8 Hz", "levels": [0.1, 0.2], **limits}
     shaken = {"kind": "harmonic", "applied_to": "base", "level": 1.5, "frequency": 0.8}
     result = frequency_response(case("linear", excitation=shaken, sweep=two))
     assert "at level 0.1 m/s^2" in result.status

@@ -118,7 +118,7 @@ def by_hand(stiffness, damping, shape, limits, load, omega, duration, start):
         ]  # fmt: skip
         for function in watched:
             function.terminal, function.direction = True, -1.0
-        run = solve_ivp(rhs, (t, duration), y, "DOP853", events=watched, rtol=1e-11, atol=1e-13, max_step=0.01)
+        run = solve_ivp(rhs, (t, duration), y, "DOP853", events=watched, rtol=1e-11, atol=1e-13, max_step=0.02)
         t, y = run.t[-1], run.y[:, -1]
         if run.status != 1:
             break
