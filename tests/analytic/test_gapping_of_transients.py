@@ -70,7 +70,7 @@ def test_the_preload_of_the_table_keeps_all_closed():
 
 
 def test_a_record_has_a_factor_but_no_level(tmp_path):
-    time = np.linspace(0.0, 0.06, 601)
+    time = np.linspace(0.0, 0.06, 301)
     np.savetxt(
         tmp_path / "record.csv", np.column_stack([time, 150.0 * np.sin(400.0 * time) * np.exp(-60.0 * time)]),
         delimiter=",", header="time (s),acceleration (m/s^2)", comments="",

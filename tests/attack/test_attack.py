@@ -127,14 +127,14 @@ def test_a_changed_system_differs(tmp_path, monkeypatch):
 
 
 def test_mutated_scenarios():
-    codes, faults = yaml_mutants.attack(200, 8)
+    codes, faults = yaml_mutants.attack(120, 8)
     assert faults == []
     assert codes[2] > 20
     assert codes[0] + codes[3] > 20
 
 
 def test_damaged_files():
-    assert adversity.damaged(40, 1)[1] == []
+    assert adversity.damaged(24, 1)[1] == []
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")

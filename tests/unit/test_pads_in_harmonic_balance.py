@@ -78,8 +78,15 @@ def test_jacobian(name, parameter):
         np.testing.assert_allclose(slope, jacobian[:, i] * scale[i], atol=1e-7 * np.abs(jacobian * scale).max())
 
 
-@pytest.mark.parametrize("ground", [False, True])
-@pytest.mark.parametrize("name", LAWS)
+# every law once among the fast tests, by turns on the base and on the ground
+BY_TURNS = [
+    pytest.param(name, ground, marks=[pytest.mark.slow] * ((turn + ground) % 2))
+    for turn, name in enumerate(LAWS)
+    for ground in (False, True)
+]
+
+
+@pytest.mark.parametrize(("name", "ground"), BY_TURNS)
 def test_against_shooting(name, ground):
     """Motion, forces, shares, multipliers and the energy balance; errors fall with the harmonics."""
     system, loads = system_of(LAWS[name], ground), forcing(ground)
