@@ -54,7 +54,9 @@ def _special_point(event: dict[str, Any]) -> str:
 def _peaks(result: FrequencyResponse, peaks: Sequence[dict[str, Any]]) -> Iterator[Row]:
     for peak in peaks:
         at = f"{peak['parameter']:.6g} {result.unit}{_at_level(peak, result.level_unit)}"
-        yield "", f"{peak['probe']}  {amount(peak['value_m'], 'm', 5)} at {at} ({peak['kind']})"
+        multiple = peak.get("period_multiple", 1)  # files of earlier versions have only motions of period 1
+        kind = peak["kind"] if multiple == 1 else f"{peak['kind']}, period {multiple}"
+        yield "", f"{peak['probe']}  {amount(peak['value_m'], 'm', 5)} at {at} ({kind})"
     for curve in result.overlay.values():
         how = "swept" if curve.steady is None else "stepped"
         yield (

@@ -74,7 +74,8 @@ def _curves(result: Any) -> Iterator[Curve]:
         for number, branch in enumerate(result.branches):
             for name, values in branch.peak_displacement.items():
                 largest = max((peak["value_m"] for peak in summary["peaks"] if peak["probe"] == name), default=None)
-                yield f"displacement of {name}, branch {number + 1},", "m", values, largest
+                peak = largest if branch.period_multiple == 1 else None  # files of earlier versions: only those count
+                yield f"displacement of {name}, branch {number + 1},", "m", values, peak
 
 
 def _histories(owner: Any, called: str = "") -> Iterator[tuple[str, str, Any]]:

@@ -441,6 +441,7 @@ def _summary(
                 "kind": "stable" if b.stable[k] else "unstable",
                 "direction": "continuation",
                 "level": b.level,
+                "period_multiple": b.period_multiple,
                 "probe": name,
             }
             for b, name, values, k in _highest(model, branches)
@@ -496,10 +497,10 @@ def _outputs(model: ResponseModel, branches: list[BranchResult]) -> dict[str, An
 
 
 def _highest(model: ResponseModel, branches: list[BranchResult]) -> list[tuple[BranchResult, str, Floats, int]]:
-    """Of every level and probe the highest point of the motions of the excitation's own period."""
+    """Of every level and probe the highest point of all motions."""
     highest = []
     for level in dict.fromkeys(repr(b.level) for b in branches):
-        at_level = [b for b in branches if repr(b.level) == level and b.period_multiple == 1]
+        at_level = [b for b in branches if repr(b.level) == level]
         for probe in model.system.probes:
             best = max(at_level, key=lambda b: float(b.peak_displacement[probe.name].max()))
             values = best.peak_displacement[probe.name]

@@ -83,7 +83,7 @@ _SUMMARY = (
     Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy"),
     Entry("special_points", "", "folds, bifurcations and grazings: kind, frequency, parameter, snubber, level",
              "special points"),
-    Entry("peaks", "", "by level and probe, the largest displacement: frequency, parameter, value_m, stable or not",
+    Entry("peaks", "", "by level and probe, the largest displacement: frequency, parameter, value_m, kind, period",
              "peak displacement"),
     Entry("peak_output", "", "by output its largest magnitude in stable motions: value in its output_unit, parameter",
              "outputs"),
