@@ -295,7 +295,7 @@ class Contacts:
         a = self.arrays
         guards = a.next[contact, before, : a.guards[contact, before]]
         row = a.guard[contact, before, int(np.flatnonzero(guards == after)[0])]
-        if row[1] != 0.0 or row[3:].any():
+        if row[1] != 0.0 or row[3:].any() or row[0] == 0.0:
             return 0.0, bool(a.touching[contact, after])
         return float(-row[2] / row[0]) + 0.0, bool(row[0] < 0.0)
 
@@ -352,9 +352,14 @@ class Contacts:
         return np.asarray(self._holding[np.arange(self.count), phases])
 
     @cached_property
+    def may_hold(self) -> Bools:
+        """(m,) whether a phase of each contact holds."""
+        return np.asarray(self._holding.any(axis=1))
+
+    @cached_property
     def ever_hold(self) -> bool:
         """Whether any phase of any contact holds."""
-        return bool(self._holding.any())
+        return bool(self.may_hold.any())
 
     def starting_at(self, rate: Floats, least: Floats) -> Ints:
         """(m,) phases from which the search starts at penetration rates, m/s; those below ``least`` are none."""
@@ -471,6 +476,17 @@ class Contacts:
     def pressing_compliances(self, phases: Ints) -> Floats:
         """Of each of `pressed` the `compliance` of its phase, m/N."""
         return np.asarray(self._compliances[self.pressed, phases[self.pressed]])
+
+    def kept(self, phases: Ints) -> tuple[Ints, Floats]:
+        """The pressed contacts (k,) whose internal state is their penetration, and `kept` of their phases, m/N."""
+        given = {int(j): self.laws[j].phases[phases[j]].kept for j in self.pressed}
+        of = [(j, kept) for j, kept in given.items() if kept is not None]
+        return np.array([j for j, _ in of], dtype=np.int64), np.array([kept for _, kept in of])
+
+    @property
+    def jointly_acting(self) -> bool:
+        """Whether reactions, or forces that other contacts press, act between contacts and structure."""
+        return self.ever_hold or self.pressed.size > 0
 
     def _of_phases(self, number: Callable[[Phase], float]) -> Floats:
         """(m, P) a number of each phase of each contact."""

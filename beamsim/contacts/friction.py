@@ -11,7 +11,8 @@ Without a spring the stuck face holds: T is whatever keeps it where it is.
 N is constant, or the force of another contact: then both limits follow its motion, :math:`T = \pm\mu_d N` is linear in
 the state but not symmetric, and a phase without force lasts while the other contact is open. With a spring sliding ends
 where the slider stands still, :math:`\dot p = \dot\delta \mp \mu_d \dot N / k = 0`; while it slides or is free
-the internal state follows :math:`\delta`, so that the spring is unstressed where the faces meet again.
+the internal state follows :math:`\delta`, so that the spring is unstressed where the faces meet again. A state that is
+to be started from again is written with twice the static limit in the spring where it slides: no motion sticks so.
 """
 
 from __future__ import annotations
@@ -146,11 +147,12 @@ def pressed_friction_law(stiffness: float | None, static: float, sliding: float)
                     STICK, rate=sign, pressing_rate=-sliding / k, reset=here, reset_pressing=-sign * sliding / k
                 ),
             ),
-            touching=False, pressing=sign * sliding, compliance=1.0 / k, when_released=FREE, **following,
+            touching=False, pressing=sign * sliding, compliance=1.0 / k, kept=-2.0 * sign * static / k,
+            when_released=FREE, **following,
         )
         for name, sign in (("sliding forwards", 1.0), ("sliding backwards", -1.0))
     )  # fmt: skip
-    free = Phase("free", (), touching=False, when_pressed=STICK, **following)
+    free = Phase("free", (), touching=False, kept=0.0, when_pressed=STICK, **following)
     return ContactLaw((stick, *slides, free), internal_states=1, static=(), settled=lambda penetration: (penetration,))
 
 

@@ -494,6 +494,28 @@ class ExactFlow:
         fit = self._round_off_of_fits(given)
         return InputsAtStart(pairs.real, np.abs(pairs), np.hstack([fit, np.zeros_like(fit)]))
 
+    def inputs_at(self, times: Floats, orders: int = 1) -> Floats:
+        """(nt, orders, 2 F) derivatives of the inputs at times, from order 0 on, and beside them those of their slopes:
+        the columns of a `LinearOutput`'s two kinds of direct factors."""
+        sources = self.sources
+        piece = np.maximum(np.searchsorted(sources.start, times, side="right") - 1, 0)
+        given = sources.amplitudes_at(times, piece)[:, None, :]
+        inputs = (given * basis_derivatives(sources.exponent, sources.power, 0.0, orders + 1)).real
+        return np.concatenate([inputs[:, :-1], inputs[:, 1:]], axis=2)
+
+    def rates(self, phases: Ints) -> LinearOutput:
+        """(N,) time derivative of the state in given phases."""
+        return self._above_rates(self.empty_output(0), phases)
+
+    def forces_at(self, phases: Ints, y: Floats, times: Floats) -> Floats:
+        """(nt, m) forces of the contacts at states (nt, N) in phases (nt, m)."""
+        known, which = np.unique(phases, axis=0, return_inverse=True)
+        F, inputs, out = self.sources.count, self.inputs_at(times)[:, 0], np.empty(phases.shape)
+        for k, row in enumerate(known):
+            here = np.flatnonzero(which.reshape(-1) == k)
+            out[here] = self.contact_forces(row).values(y[here], inputs[here, :F], inputs[here, F:])
+        return out
+
     def _round_off_of_fits(self, given: Complexes) -> Floats:
         """(orders, F) of the derivatives of inputs that are fitted by polynomials (swept sines), with amplitudes (F,).
 

@@ -112,6 +112,11 @@ class PeriodicFlow(ABC):
         base = self.loads.base_motion(self.omega, self.level, times) if self.base_moves else None
         return penetration_of_states(self.system.contacts, y, base)
 
+    def contact_forces(self, phases: Ints, y: Floats, times: Floats) -> Floats:
+        """(nt, m) forces of the contacts at states (nt, N) in phases (nt, m), N."""
+        delta, rate = self.penetration_of(y, times)
+        return self.system.contacts.forces(phases, delta, rate, y[:, 2 * self.system.size :])
+
     def penetration_derivative(
         self, passage: Passage, contact: int, parameters: Sequence[Parameter]
     ) -> tuple[Floats, Floats]:

@@ -55,11 +55,24 @@ def power_balance(flow: ExactFlow, phases: Ints) -> tuple[Floats, Floats]:
         if channel < flow.forcing.load.shape[0]:
             load[:, N + source - 1] = flow.forcing.load[channel]
     form -= velocity.T @ load
+    lost = dashpot[:, None] * rate  # (m, Z) parts of the contacts' forces whose work is lost
+    lost[:, -1] += friction
+    if contacts.presses(phases):
+        of_pressed, compliance = contacts.pressing_factors(phases), contacts.pressing_compliances(phases)
+        normal, rising = _rows(flow.pressing_forces(phases)), _rows(flow.pressing_force_rates(phases))
+        rubbing = of_pressed[:, None] * normal
+        lost[contacts.pressed] += rubbing
+        strained = compliance[:, None] * of_pressed[:, None] * rubbing  # E grows with it times the force's change
+        gradient += normal[:, :N].T @ strained
+        form += rubbing.T @ (rate[contacts.pressed] - (of_pressed * compliance)[:, None] * rising)
+        by_inputs = np.zeros_like(normal)
+        by_inputs[:, N + inputs : N + 2 * inputs] = normal[:, N : N + inputs]
+        form += strained.T @ by_inputs
     if flow.base_channel >= 0:  # contacts on the ground: power in, and the change of E by the base's motion alone
         moving = np.zeros_like(delta)
         of_base = int(np.flatnonzero(flow.sources.channel == flow.base_channel)[0])
         moving[:, N + inputs + of_base - 1] = contacts.felt
-        form += ((contacts.sign * factor[:, 1])[:, None] * rate).T @ moving
+        form += (contacts.sign[:, None] * lost).T @ moving
     return gradient, np.triu(form + form.T) - np.diag(np.diag(form))
 
 

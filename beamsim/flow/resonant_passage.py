@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.held import held_contacts
 from beamsim.flow.march import Motion, carry
 from beamsim.flow.passage import (
     LARGEST_LOG,
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
 
 NEAR = 1e-4  # |i k w - lambda| over w below which more than four digits would be lost
 DIFFERENCE = 1e-6  # relative step of the differences
+ROUND_OFF = 1e-14  # of the terms that make up two rates: a smaller difference of them is none
 
 
 class SeriesFlow(PeriodicFlow):
@@ -104,7 +107,7 @@ def carry_by_series(
 ) -> Passage:
     """As :meth:`beamsim.flow.periodic_flow.PeriodicFlow.carry`, for the same loads in ``exact``."""
     passage = _motion(flow, exact, start, duration, t)
-    matrix = _by_start(flow, exact, passage, t)
+    matrix = _by_start(exact, passage)
     columns = [_by_parameter(flow, p, start, duration, t) for p in parameters]
     by = np.array(columns).T if columns else np.zeros((start.size, 0))
     return replace(passage, transition=matrix, parameters=by)
@@ -112,7 +115,12 @@ def carry_by_series(
 
 def _motion(flow: SeriesFlow, exact: ExactFlow, start: Floats, duration: float, t: float) -> Passage:
     """The passage without its derivatives."""
-    motion = Motion(start.copy(), flow.number_in(exact, flow.starting_state(start, t)), time=t)
+    if flow.system.contacts.jointly_acting:
+        phases, _, begun = exact.begin(start, t)
+        begun = _as_phases_have_it(exact, phases, t).values(begun)
+    else:
+        phases, begun = flow.starting_state(start, t), start.copy()
+    motion = Motion(begun, flow.number_in(exact, phases), time=t)
     carried = carry(
         _NumberedAlike(flow, exact), motion, (t + duration,), keep=True, max_events=LARGEST_LOG,
         max_evaluations=MOST_EVALUATIONS,
@@ -121,48 +129,140 @@ def _motion(flow: SeriesFlow, exact: ExactFlow, start: Floats, duration: float, 
     log = carried.log
     if not carried.outcome.complete or log is None:
         raise WorkExceeded(carried.outcome.message)
-    slope = _rate(flow, motion.y, exact.states[motion.state].phases, t + duration)
+    phases = exact.states[motion.state].phases
+    rate = _AtTime(exact.rates(phases), exact, t + duration).values(motion.y)
+    kept = _as_kept(exact, phases, t + duration)
     no_parameters = np.zeros((flow.size, 0))
     return Passage(
-        start, motion.y, no_parameters, no_parameters, slope, duration, log.time, log.length, log.state, log.y,
-        log.event_time, log.event_contact, log.event_phase,
+        start, kept.values(motion.y), no_parameters, no_parameters, kept.moving(rate), duration, log.time, log.length,
+        log.state, log.y, log.event_time, log.event_contact, log.event_phase,
     )  # fmt: skip
 
 
-def _rate(flow: SeriesFlow, y: Floats, phases: Ints, t: float) -> Floats:
-    """Time derivative of the state in given phases."""
-    s, c, n = flow.system, flow.system.contacts, flow.system.size
-    delta, rate = _penetration(flow, y, t)
-    phase = np.exp(1j * flow.loads.multiple * flow.omega * t)
-    load = s.constant_load + (flow.loads.at(flow.omega, flow.level)[0] * phase[:, None]).sum(axis=0).real
-    push = (c.sign * c.forces(phases[None], delta[None], rate[None], y[None, 2 * n :])[0]) @ c.shape
-    free, drive = c.internal_rates(phases)
-    inside = free @ y[2 * n :] + drive[:, :, 0] @ delta + drive[:, :, 1] @ rate + drive[:, :, 2].sum(axis=1)
-    acceleration = load + push - s.stiffness * y[:n] - s.damping @ y[n : 2 * n]
-    return np.concatenate([y[n : 2 * n], acceleration, inside])
+class _AtTime:
+    """Linear outputs of an exact flow at one time."""
+
+    def __init__(self, output: LinearOutput, exact: ExactFlow, t: float) -> None:
+        self.row = output.row
+        by_input = np.hstack([output.direct, output.direct_slope])
+        self._given, self._rising = exact.inputs_at(np.array([t]), orders=2)[0] @ by_input.T
+
+    def values(self, y: Floats) -> Floats:
+        """(k,) at a state (N,)."""
+        return np.asarray(self.row @ y + self._given)
+
+    def moving(self, rate: Floats) -> Floats:
+        """(k,) time derivatives where the state has a rate (N,)."""
+        return np.asarray(self.row @ rate + self._rising)
 
 
-def _penetration(flow: SeriesFlow, y: Floats, t: float) -> tuple[Floats, Floats]:
-    c, n = flow.system.contacts, flow.system.size
-    d, v = flow.base_motion(t)
-    delta = -c.gap - c.sign * (c.shape @ y[:n] + c.felt * d)
-    return delta, -c.sign * (c.shape @ y[n : 2 * n] + c.felt * v)
+def _state(exact: ExactFlow) -> LinearOutput:
+    output = exact.empty_output(exact.size)
+    output.row[:] = np.eye(exact.size)
+    return output
 
 
-def _by_start(flow: SeriesFlow, exact: ExactFlow, passage: Passage, t: float) -> Floats:
-    """The transition matrix: the product over segments and events."""
-    N, inputs = flow.size, exact.sources.count
-    S = np.eye(N)
+def _as_phases_have_it(exact: ExactFlow, phases: Ints, t: float) -> _AtTime:
+    """The state with which a motion in given phases starts, from one near it: what is held rests, and internal states
+    that are penetrations are these."""
+    output, held = _state(exact), held_contacts(exact.system, phases)
+    if held is not None:
+        n = exact.system.size
+        output.row[n : 2 * n, n : 2 * n] -= held.across @ held.across.T
+    contact, _ = exact.system.contacts.kept(phases)
+    return _AtTime(_with_penetrations(exact, output, contact, exact.penetrations[0].some(contact)), exact, t)
+
+
+def _as_kept(exact: ExactFlow, phases: Ints, t: float) -> _AtTime:
+    """The state from which `ExactFlow.begin` finds the phases again."""
+    contacts, output = exact.system.contacts, _state(exact)
+    contact, kept = contacts.kept(phases)
+    if contact.size:
+        normal = exact.pressing_forces(phases).some(np.searchsorted(contacts.pressed, contact))
+        written = exact.penetrations[0].some(contact) + normal.scaled(kept[:, None])
+        output = _with_penetrations(exact, output, contact, written)
+    return _AtTime(output, exact, t)
+
+
+def _with_penetrations(exact: ExactFlow, output: LinearOutput, contact: Ints, written: LinearOutput) -> LinearOutput:
+    place = 2 * exact.system.size + exact.system.contacts.arrays.first[contact]
+    output.row[place], output.direct[place] = written.row, written.direct
+    output.direct_slope[place] = written.direct_slope
+    return output
+
+
+def _by_start(exact: ExactFlow, passage: Passage) -> Floats:
+    """The transition matrix: the product over segments and events.
+
+    At an event with the reset R, ``S+ = R' (S- + f- dt) - f+ dt``, ``dt = -grad g S- / g'`` being the change of its
+    time. Events that follow at the same instant, since the phase that one leads to does not last, move with it.
+    """
+    inputs, phases = exact.sources.count, exact.states[passage.state[0]].phases
+    t = float(passage.time[0])
+    S, moved = np.eye(exact.size), np.zeros(exact.size)
+    if exact.system.contacts.jointly_acting:
+        S = _as_phases_have_it(exact, phases, t).row
     event = 0
     for g, (begin, length, index) in enumerate(zip(passage.time, passage.length, passage.state, strict=True)):
         S = transition(exact.states[index], inputs, length) @ S
+        t = float(begin + length)
         if g + 1 < passage.time.size and passage.state[g + 1] != index:
-            before = exact.states[index].phases
-            j, after = passage.event_contact[event], passage.event_phase[event]
+            happening = _Event.of(
+                exact, exact.states[index].phases, int(passage.event_contact[event]), int(passage.event_phase[event]),
+                segment_end(exact, passage, g), t,
+            )  # fmt: skip
             event += 1
-            y = segment_end(exact, passage, g)
-            S = _saltation(flow, before, int(j), int(after), y, begin + length) @ S
+            if length > 0.0 or g == 0:
+                moved = happening.moved(S)
+            S = happening.carried(S, moved)
+    if exact.system.contacts.jointly_acting:
+        S = _as_kept(exact, exact.states[passage.state[-1]].phases, t).row @ S
     return S
+
+
+@dataclass(frozen=True)
+class _Event:
+    """What happens to the state where a contact changes its phase."""
+
+    gradient: Floats  # (N,) of the guard
+    rate: float  # of the guard, 1/s times its unit
+    reset: Floats  # (N, N) derivative of the state after the event by that before
+    jump: Floats  # (N,) rate just before, carried over by the reset, less the rate after
+
+    @classmethod
+    def of(cls, exact: ExactFlow, before: Ints, j: int, after: int, y: Floats, t: float) -> _Event:
+        """The event that takes contact ``j`` from its phase in ``before`` to ``after``, at a state (N,) and time."""
+        contacts, n = exact.system.contacts, exact.system.size
+        watched = contacts.watched(before)
+        leads = (watched.contact[: watched.guards] == j) & (watched.following == after)
+        guard = int(np.flatnonzero(leads)[0])
+        functions = exact.watched(watched, before)
+        following = contacts.after(before, j, after)
+        flown, onwards = (exact.rates(phases) for phases in (before, following))
+        rate = _AtTime(flown, exact, t).values(y)
+        state = _state(exact)
+        if watched.reset[guard] >= 0:
+            first, count = int(watched.reset[guard]), int(contacts.arrays.states[j])
+            place = slice(2 * n + int(contacts.arrays.first[j]), 2 * n + int(contacts.arrays.first[j]) + count)
+            fresh = functions.some(first + np.arange(count))
+            state.row[place], state.direct[place], state.direct_slope[place] = (
+                fresh.row, fresh.direct, fresh.direct_slope
+            )  # fmt: skip
+        begun = _AtTime(state, exact, t)
+        started = begun.values(y)
+        jump = begun.moving(rate) - _AtTime(onwards, exact, t).values(started)
+        size = np.abs(state.row) @ (np.abs(flown.row) @ np.abs(y)) + np.abs(onwards.row) @ np.abs(started)
+        jump[np.abs(jump) <= ROUND_OFF * size] = 0.0
+        watch = _AtTime(functions.some(np.array([guard])), exact, t)
+        return cls(watch.row[0], float(watch.moving(rate)[0]), begun.row, jump)
+
+    def moved(self, S: Floats) -> Floats:
+        """(N,) change of the event's time with the columns of S; none of one that begins at rest."""
+        return np.asarray(-(self.gradient @ S) / self.rate if self.rate else np.zeros(S.shape[1]))
+
+    def carried(self, S: Floats, moved: Floats) -> Floats:
+        """The sensitivity after the event, whose time changes by ``moved``."""
+        return np.asarray(self.reset @ S + np.outer(self.jump, moved))
 
 
 def segment_end(exact: ExactFlow, passage: Passage, g: int) -> Floats:
@@ -172,42 +272,6 @@ def segment_end(exact: ExactFlow, passage: Passage, g: int) -> Floats:
     state = exact.states[int(passage.state[g])]
     zeta = state.amplitudes(exact.sources.amplitudes_at(passage.time[part], piece), passage.y[part])
     return np.asarray(state.states_after(zeta, passage.length[part])[0])
-
-
-def _saltation(flow: SeriesFlow, before: Ints, j: int, after: int, y: Floats, t: float) -> Floats:
-    """What an event does to small changes of the state just before it."""
-    c, n, N, a = flow.system.contacts, flow.system.size, flow.size, flow.system.contacts.arrays
-    guard = next(i for i in range(a.guards[j, before[j]]) if a.next[j, before[j], i] == after)
-    r, first = int(a.states[j]), 2 * n + int(a.first[j])
-    rate_before = _rate(flow, y, before, t)
-    rows = np.zeros((3 + r, N))  # the contact's penetration, its rate, 1 and internal states by the state
-    rows[0, :n] = rows[1, n : 2 * n] = -c.sign[j] * c.shape[j]
-    rows[3:, first : first + r] = np.eye(r)
-    _, speed = _penetration(flow, y, t)
-    moving = rows @ rate_before
-    if c.felt[j] and flow.loads.count:
-        iw = 1j * flow.loads.multiple * flow.omega
-        base = flow.loads.at(flow.omega, flow.level)[1] * np.exp(iw * t)
-        moving[0] = speed[j]
-        moving[1] -= c.sign[j] * c.felt[j] * float((iw**2 * base).sum().real)
-    delta, rate = _penetration(flow, y, t)
-    motion = np.concatenate([[delta[j], rate[j], 1.0], y[first : first + r]])
-    gradient = a.guard[j, before[j], guard, : 3 + r] @ rows
-    gdot = float(a.guard[j, before[j], guard, : 3 + r] @ moving)
-    out = np.eye(N)
-    jump = np.zeros(N)  # rate just before, carried over by the reset, less the rate after
-    jump[n : 2 * n] = -c.sign[j] * c.shape[j] * float(a.jump[j, before[j], guard, : 3 + r] @ motion)
-    if a.resets[j, before[j], guard]:
-        reset = a.reset[j, before[j], guard, :r, : 3 + r]
-        fresh = np.concatenate([motion[:3], reset @ motion])
-        out[first : first + r] = reset @ rows
-        jump[first : first + r] = reset @ moving - a.dynamics[j, after, :r, : 3 + r] @ fresh
-    elif r:
-        by_phase = a.dynamics[j, :, :r, : 3 + r] @ motion
-        jump[first : first + r] = by_phase[before[j]] - by_phase[after]
-    if gdot:
-        out -= np.outer(jump, gradient / gdot)
-    return out
 
 
 def _by_parameter(flow: SeriesFlow, p: Parameter, start: Floats, duration: float, t: float) -> Floats:

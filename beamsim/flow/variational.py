@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts, Watched
-from beamsim.errors import MethodError
 from beamsim.flow.contact_state import ContactState, build_state, state_matrices
 from beamsim.flow.march import Motion, carry
 from beamsim.flow.passage import (
@@ -93,10 +92,6 @@ class VariationalFlow(SeriesFlow):
 
     def __post_init__(self) -> None:
         n = self.system.size
-        if self.system.contacts.ever_hold:
-            raise MethodError("friction", "without a tangential stiffness is beyond shooting", "give it a stiffness")
-        if self.system.contacts.pressed.size:
-            raise MethodError("friction", "under the force of a snubber is beyond shooting", "give a constant force")
         self.loads = PeriodicForcing.none(n) if self.forcing is None else self.forcing
         H = self.loads.count
         self.size = 2 * n + self.system.contacts.internal_states
@@ -110,8 +105,8 @@ class VariationalFlow(SeriesFlow):
         contacts = self.system.contacts
         from beamsim.flow.kernels import Inputs
 
-        self._resonant = False
-        self._coupled = False
+        self._coupled = contacts.jointly_acting  # for the compiled sensitivities a contact acts by itself
+        self._resonant = self._coupled
         self._series: ExactFlow | None = None
         self._inputs = Inputs(
             np.zeros(1), np.ones((1, 1 + H), dtype=complex), np.zeros(1 + H, dtype=complex),
@@ -291,6 +286,8 @@ class VariationalFlow(SeriesFlow):
     def shooting_tables(self, kind: Frequency | Level) -> tuple[Any, ...] | None:
         """What :func:`beamsim.orbits.newton_kernels.solve_periodic` takes, which rewrites the loads' responses; None
         where these may have no bound."""
+        if self.system.contacts.jointly_acting:
+            return None
         if not self._states:
             self.state_index(self.system.contacts.start)
         if self._tables is None:
@@ -317,6 +314,8 @@ class VariationalFlow(SeriesFlow):
         from beamsim.flow.orbit_kernels import phases_at_start
 
         n, contacts = self.system.size, self.system.contacts
+        if contacts.jointly_acting:
+            return self.by_series().starting_state(z, t)
         phases = contacts.start
         if contacts.count == 0:
             return phases
@@ -349,8 +348,9 @@ class VariationalFlow(SeriesFlow):
 
         N = self.size
         self.passages += 1
-        motion = Motion(start.copy(), self.state_index(self.starting_state(start, t)), time=t)
-        self.kernel_arguments()
+        if not self.system.contacts.jointly_acting:
+            motion = Motion(start.copy(), self.state_index(self.starting_state(start, t)), time=t)
+            self.kernel_arguments()
         if not self._resonant:
             carried = carry(
                 self, motion, (t + duration,), keep=True, max_events=LARGEST_LOG, max_evaluations=MOST_EVALUATIONS
@@ -500,10 +500,17 @@ class VariationalFlow(SeriesFlow):
             self._series = self.exact_flow(self._window)
             for state in self._states:
                 self._series.state_index(state.phases)
+        self._number_states_of(self._series)
         return self._series
+
+    def _number_states_of(self, exact: ExactFlow) -> None:
+        """Make here the states that the transient flow has made by itself to find how a motion starts."""
+        for phases in exact.visited[len(self._states) :]:
+            self.state_index(phases)
 
     def number_in(self, exact: ExactFlow, phases: Ints) -> int:
         """Number of a contact state, made the same in a transient flow."""
+        self._number_states_of(exact)
         index = self.state_index(phases)
         for state in self._states[len(exact.states) :]:
             exact.state_index(state.phases)
@@ -514,6 +521,12 @@ class VariationalFlow(SeriesFlow):
         from beamsim.flow.exact import ExactFlow
 
         return ExactFlow(self.system, self.loads.signals(self.omega, self.level), duration)
+
+    def contact_forces(self, phases: Ints, y: Floats, times: Floats) -> Floats:
+        """(nt, m) forces of the contacts at states (nt, N) in phases (nt, m), N."""
+        if self.system.contacts.jointly_acting:
+            return self.by_series().forces_at(phases, y, times)
+        return super().contact_forces(phases, y, times)
 
     def phases_in(self, passage: Passage) -> Ints:
         """(G, m) phases of the contacts in each segment of a passage."""

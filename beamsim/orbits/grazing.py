@@ -50,6 +50,16 @@ class _Stay:
     middle: float  # s
 
 
+def _with_borders(contacts: Contacts, passage: Passage) -> tuple[tuple[int, int], ...]:
+    """The order of events of the contacts that begin or end at a penetration.
+
+    Faces that hold let go by a force and begin to stick by a rate, and those that a snubber presses follow that one.
+    """
+    acting = set(np.flatnonzero(contacts.may_hold).tolist()) | set(contacts.pressed.tolist())
+    s = tuple(event for event in passage.signature if event[0] not in acting)
+    return min((s[i:] + s[:i] for i in range(len(s))), default=())
+
+
 def _crossings(passage: Passage) -> dict[tuple[int, int, int], list[tuple[float, int, int]]]:
     """Events by contact and border (the two phases, in order): time, phases before and after."""
     crossings: dict[tuple[int, int, int], list[tuple[float, int, int]]] = {}
@@ -65,8 +75,9 @@ def _shortest_stay(contacts: Contacts, passage: Passage, few: Passage) -> _Stay 
     """The shortest stay of a contact beyond a border that it crosses less often in the other motion."""
     shortest, best = np.inf, None
     others = _crossings(few)
+    without = set(np.flatnonzero(contacts.may_hold).tolist()) | set(contacts.pressed.tolist())
     for border, events in _crossings(passage).items():
-        if len(events) <= len(others.get(border, ())):
+        if border[0] in without or len(events) <= len(others.get(border, ())):
             continue
         ends = [t for t, _, _ in events[1:]] + [events[0][0] + passage.duration]
         for (t, before, after), e in zip(events, ends, strict=True):
@@ -135,10 +146,16 @@ def _within(
     cycle_a, cycle_b = problem.cycle(a)[1], problem.cycle(b)[1]
     if depth >= REORDERED and sorted(cycle_a.signature) == sorted(cycle_b.signature):
         return
-    ea, eb = cycle_a.event_time.size, cycle_b.event_time.size
+    contacts = problem.cycle(a)[0].system.contacts
+    if contacts.jointly_acting:
+        events_a, events_b = _with_borders(contacts, cycle_a), _with_borders(contacts, cycle_b)
+        if events_a == events_b:
+            return
+        ea, eb = len(events_a), len(events_b)
+    else:
+        ea, eb = cycle_a.event_time.size, cycle_b.event_time.size
     if 0 < abs(ea - eb) <= ONE_PHASE or (ea != eb and depth > MOST_HALVINGS // 2):
         more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
-        contacts = problem.cycle(a)[0].system.contacts
         stay = _shortest_stay(contacts, more, few)
         if stay is not None:
             contact, top, share = stay.contact, stay.top, stay.middle / more.duration

@@ -33,7 +33,7 @@ from beamsim.orbits.continuation import (
 )
 from beamsim.orbits.grazing import cyclic, grazings
 from beamsim.orbits.paths import DampingPath
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
 AT_BOUNDARY = 1e-5  # distance of a multiplier from where a located point says that it is
@@ -65,12 +65,21 @@ class ForcedOrbits:
     _spectra: MutableMapping[Passage, Complexes] = field(default_factory=WeakKeyDictionary, repr=False)
 
     def __post_init__(self) -> None:
+        contacts = self.flow.system.contacts
         self._one = np.eye(self.flow.size)
-        self._smallest = max(1e-3 * float(np.max(np.abs(self.flow.system.contacts.clearances), initial=0.0)), 1e-30)
+        self._smallest = max(1e-3 * float(np.max(np.abs(contacts.clearances), initial=0.0)), 1e-30)
         self._n2 = 2 * self.flow.system.size
-        self._sliders = self._n2 + self.flow.system.contacts.sliders
+        self._may_rest = np.vstack([self._one[self._n2 + contacts.sliders], self._faces()])
         # the flow may be shared: what doesn't change here is set again with what does
         self.omega, self.level = self.flow.omega, self.flow.level
+
+    def _faces(self) -> Floats:
+        """(k, N) unit rows of the displacements that contacts may hold."""
+        contacts = self.flow.system.contacts
+        shapes = contacts.shape[contacts.may_hold]
+        rows = np.zeros((shapes.shape[0], self.flow.size))
+        rows[:, : shapes.shape[1]] = shapes / np.linalg.norm(shapes, axis=1, keepdims=True)
+        return rows
 
     def with_multiple(self, multiple: int) -> ForcedOrbits:
         """The same problem for another multiple of the excitation's period."""
@@ -114,31 +123,33 @@ class ForcedOrbits:
             J[:, -1] -= passage.slope * (period / flow.omega)
         change = passage.end - z
         resting = self._resting(passage)
-        J[resting], change[resting] = 0.0, 0.0
         # as of a slider that is set anew: the determinant keeps its sign where sliding begins
-        J[resting, resting] = -1.0
-        return change, J, passage
+        J -= resting.T @ (resting @ J)
+        J[:, :-1] -= resting.T @ resting
+        return change - resting.T @ (resting @ change), J, passage
 
-    def _resting(self, passage: Passage) -> Ints:
-        """Sliders of friction and hardening that a motion leaves where they are, among the unknowns.
+    def _resting(self, passage: Passage) -> Floats:
+        """(k, N) orthonormal rows of what a motion leaves where it is.
 
-        Any place of theirs is periodic: the equation says that Newton's method leaves them there too.
+        These are sliders of friction and hardening, and faces that stick without a spring. Any place of theirs is
+        periodic: the equation says that Newton's method leaves them there too.
         """
-        if not self._sliders.size:
-            return self._sliders
-        rows = passage.transition[self._sliders].copy()
-        rows[np.arange(self._sliders.size), self._sliders] -= 1.0
+        candidates = self._may_rest
+        if not candidates.shape[0]:
+            return candidates
+        change = candidates @ passage.transition - candidates
         n = self._n2 // 2
-        rows[:, n : 2 * n] *= self.flow.omega
-        resting: Ints = self._sliders[np.abs(rows).max(axis=1) < RESTS]
-        return resting
+        change[:, n : 2 * n] *= self.flow.omega
+        resting = candidates[np.abs(change).max(axis=1) < RESTS]
+        _, size, rows = np.linalg.svd(resting, full_matrices=False)
+        return np.asarray(rows[size > RESTS])  # of several that are held at one place one is enough
 
     def newton(
         self, guess: Floats, row: Floats, target: float, scale: Floats, settings: Settings, furthest: float
     ) -> Converged | None:
         """Newton's method, see :func:`beamsim.orbits.continuation.newton`: compiled where the flow allows that."""
         flow = self.flow
-        if not isinstance(self.parameter, str) or not isinstance(flow, VariationalFlow) or self._sliders.size:
+        if not isinstance(self.parameter, str) or not isinstance(flow, VariationalFlow) or self._may_rest.size:
             return newton(self, guess, row, target, scale, settings, furthest)
         kind = Frequency() if self.parameter == "frequency" else Level()
         try:

@@ -79,8 +79,7 @@ def problems(scenario: _Checked) -> list[Problem]:
     """Return all inconsistencies between the parts of a scenario."""
     checks = (
         _structure, _directions, _places, _joints, _names, _outputs, _run, _start, _sweep, _identification, _modes,
-        _phase_resonance, _designs, _limits, _rigid_friction,
-        _pressed_friction,
+        _phase_resonance, _designs, _limits, _pressed_friction,
     )  # fmt: skip
     return [problem for check in checks for problem in _guarded(check(scenario))]
 
@@ -467,23 +466,8 @@ def _designs(scenario: _Checked) -> Problems:
         yield from tolerance_problems(scenario)
 
 
-def _rigid_friction(scenario: _Checked) -> Problems:
-    """Friction without a tangential spring needs the motion in time."""
-    needing = []
-    if isinstance(scenario.sweep, Continuation):
-        needing.append("sweep.kind: continuation")
-    if scenario.identify_stiffness is not None and scenario.identify_stiffness.nonlinear is not None:
-        needing.append("identify_stiffness.nonlinear")
-    for index, contact in enumerate(scenario.friction):
-        if contact.stiffness is None and needing:
-            yield _problem(
-                ("friction", index, "stiffness"), f"is missing, and {needing[0]} needs it",
-                "give the contact a tangential stiffness, or use a stepped or swept sine",
-            )  # fmt: skip
-
-
 def _pressed_friction(scenario: _Checked) -> Problems:
-    """Friction under the force of a snubber: of one that does not pull, in a motion in time."""
+    """Friction under the force of a snubber: of one that does not pull, in closed form."""
     snubbers = {snubber.name: snubber for snubber in scenario.all_snubbers}
     rigid = [contact.name for contact in scenario.friction if contact.stiffness is None]
     for index, contact in enumerate(scenario.friction):
@@ -494,16 +478,18 @@ def _pressed_friction(scenario: _Checked) -> Problems:
             remedy = suggestion(name, snubbers, "the snubbers are") if snubbers else "there is no snubber: give a force"
             yield _problem((*where, "snubber"), f"= {name} is an unknown snubber", remedy)
             continue
-        needing = [key for key, asked in (
-            ("sweep", scenario.sweep is not None),
-            ("run.method: reference", scenario.run is not None and scenario.run.method == "reference"),
-            ("identify_stiffness.nonlinear",
-             scenario.identify_stiffness is not None and scenario.identify_stiffness.nonlinear is not None),
-        ) if asked]  # fmt: skip
-        if needing:
+        if scenario.run is not None and scenario.run.method == "reference":
             yield _problem(
-                where, f"= the force of {name} is followed by run in closed form alone, not by {needing[0]}",
-                "give a constant force, for example the snubber's mean force in contact",
+                where, f"= the force of {name} is followed in closed form alone, not by run.method: reference",
+                "leave run.method out, or give a constant force, for example the snubber's mean force in contact",
+            )  # fmt: skip
+        snaps = contact.stiffness is not None and contact.static_coefficient > contact.sliding_coefficient
+        if snaps and not isinstance(scenario.sweep, Continuation | None) and scenario.sweep.impacts:
+            yield _problem(
+                ("sweep", "impacts"),
+                f"= true asks for what {contact.name} loses per cycle, of which a part is lost at once where sliding "
+                f"begins, under whatever force of {name}",
+                "give the contact one coefficient, leave its stiffness out, or leave sweep.impacts out",
             )  # fmt: skip
         damped = snubbers[name].damping is not None
         if damped and snubbers[name].law != "no_tension":

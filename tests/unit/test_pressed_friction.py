@@ -11,11 +11,13 @@ from beamsim.analyses.run.energy import energy_history, energy_of_segments
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.laws import kelvin_voigt, no_tension
-from beamsim.errors import MethodError, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.passage import Frequency, PeriodicForcing
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.scenario import load_scenario
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
@@ -265,7 +267,8 @@ def test_intervals_of_random_input(force):
          "friction[0].stiffness does not go with the force of guide"),
         ({}, MAXWELL, {}, "friction[0].stiffness is missing, and guide relaxes"),
         ({}, {}, {"run": {"duration": 1.0, "sample_rate": 1e3, "method": "reference"}}, "not by run.method"),
-        ({}, {}, {"sweep": {"kind": "continuation", "frequencies": [4.0, 8.0]}}, "not by sweep"),
+        ({"stiffness": 1e5}, {}, {"sweep": {"kind": "stepped", "from": 4.0, "to": 8.0, "impacts": True}},
+         "sweep.impacts = true asks for what pad loses per cycle"),
         ({}, {}, {"friction": [PAD, {**PAD, "name": "other", "normal_force": 1.0}]}, "and other sticks without"),
     ],
 )  # fmt: skip
@@ -275,6 +278,61 @@ def test_what_is_not_followed_is_refused(pad, guide, others, says):
     assert says in str(refused.value)
 
 
-def test_shooting_refuses():
-    with pytest.raises(MethodError, match="under the force of a snubber"):
-        VariationalFlow(system_of(pressed_friction_law(20.0, STATIC, SLIDING)))
+@pytest.mark.parametrize("pad", [{}, pytest.param({"stiffness": 2e5, "coefficient": 0.25}, marks=pytest.mark.slow)])
+def test_sliding_of_a_stepped_sine_is_that_of_a_run(pad):
+    """Distance, energy lost and wear per cycle; the energy balances."""
+    damped = {"masses": [2, 2, 1], "springs": [2000, 5000, 8000], "damping": {"kind": "modal", "ratio": 0.2}}
+    stepped = {"kind": "stepped", "from": 6.0, "to": 6.01, "points": 2, "impacts": True}
+    result = beamsim.sweep(scenario(pad, chain=damped, run=None, sweep=stepped))
+    assert result.summary["energy_error"] < 1e-12
+    cycle = result.curves["up_0"].sliding["pad"]
+    assert result.curves["up_0"].steady.period_cycles[0] == 1
+    run = {"sample_rate": 200.0, "start": "rest", "convergence": "off"}
+    early, late = (
+        beamsim.run(scenario(pad, chain=damped, run={**run, "duration": t})).friction["pad"] for t in (3.0, 3.5)
+    )
+    of_run = (late.sliding_distance - early.sliding_distance, late.dissipated_energy - early.dissipated_energy)
+    wear = 3.5 * late.wear_power - 3.0 * early.wear_power
+    np.testing.assert_allclose([cycle.distance[0], cycle.energy_lost[0]], np.array(of_run) / 3, rtol=1e-6)
+    assert cycle.wear_power[0] == pytest.approx(wear / 0.5, rel=1e-6)
+
+
+# -- shooting --------------------------------------------------------------------------------------------------------
+
+LOADS = PeriodicForcing(
+    np.array([1]), np.array([[0.6 - 0.1j, 0.5j]]), np.zeros(1), np.zeros(1, dtype=complex), np.zeros(1), 1.3
+)
+
+
+@pytest.mark.parametrize("late", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("law", "dashpot"),
+    [
+        (pressed_friction_law(None, STATIC, SLIDING), 0.0), (pressed_friction_law(None, STATIC, SLIDING), 0.5),
+        (pressed_friction_law(20.0, STATIC, SLIDING), 0.0), (rigid_friction_law(0.3, 0.2), 0.0),
+        (rigid_friction_law(0.2, 0.2), 0.0),
+    ],
+    ids=["pressed", "beside a dashpot", "pressed, spring", "constant force", "one coefficient"],
+)  # fmt: skip
+def test_monodromy_against_differences(law, dashpot, late):
+    """Over three periods with sticking, sliding, turning and opening, whatever the contacts do at the start."""
+    system = system_of(law, no_tension(STOP, dashpot), pressed=law.needs_pressing)
+    flow, period, h = VariationalFlow(system, LOADS, 1.3, 1.0), 2 * np.pi / 1.3, 1e-6
+    start = flow.carry(flow.carry(np.zeros(flow.size), 5 * period).end, late + 1e-9).end
+    passage = flow.carry(start, 3 * period, (Frequency(),), late)
+    ends = [[flow.carry(start + e, 3 * period, (), late).end for e in (h * row, -h * row)] for row in np.eye(flow.size)]
+    by_difference = np.array([(up - down) / (2 * h) for up, down in ends]).T
+    np.testing.assert_allclose(passage.transition, by_difference, atol=1e-7 * np.abs(by_difference).max())
+    assert len(set(flow.phases_in(passage)[:, 1].tolist())) >= 2
+    assert passage.time.size >= 10
+
+
+def test_a_face_that_sticks_throughout_stays_where_it_is():
+    """Any place of it is periodic: shooting leaves it, and one multiplier is 1."""
+    system = system_of(rigid_friction_law(10.0, 8.0), pressed=False)
+    problem = ForcedOrbits(VariationalFlow(system, LOADS, 1.3, 1.0))
+    guess = np.array([0.3, 0.1, 0.0, 0.0])
+    point = find_orbit(problem, guess)
+    assert SHAPE[1] @ point.u[:2] == pytest.approx(SHAPE[1] @ guess[:2], abs=1e-9)
+    assert np.abs(problem.multipliers(point) - 1.0).min() < 1e-9
+    assert np.abs(problem.multipliers(point)[-1]) < 1e-15  # the face has no speed

@@ -291,7 +291,6 @@ RUBBER = [{"stiffness": 100.0, "relaxation_time": 0.1}]
             {"friction": [{"at": {"mass": 1}, "mounted_on": "ground", "normal_force": 1.0, "coefficient": 0.2}]},
             "the base moves while the contact sticks to the ground",
         ),
-        ({"sweep": {"kind": "continuation", "from": 2.0, "to": 6.0}}, "sweep.kind: continuation needs it"),
     ],
 )
 def test_what_is_refused(others, says):

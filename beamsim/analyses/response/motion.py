@@ -130,8 +130,8 @@ def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
         return motion(times, segment, y, 0)
 
     def motion(times: Floats, segment: Ints, y: Floats, even: int) -> SampledMotion:
-        delta, rate = flow.penetration_of(y, times)
-        force = contacts.forces(phases[segment], delta, rate, y[:, 2 * n :])
+        delta, _ = flow.penetration_of(y, times)
+        force = flow.contact_forces(phases[segment], y, times)
         return SampledMotion(
             flow.omega, problem.multiple, flow.level, times, even, segment, bounds, again,
             lambda rows: y[:, :n] @ rows.T, lambda rows: y[:, n : 2 * n] @ rows.T, delta, force, share, contacts,

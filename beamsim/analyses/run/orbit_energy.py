@@ -88,7 +88,7 @@ def _stored(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Float
 
 def _work_and_loss(flow: PeriodicFlow, passage: Passage) -> tuple[float, float]:
     """Work in and dissipated energy over a passage, J."""
-    internal = flow.system.contacts.internal_states
+    internal = flow.system.contacts.internal_states > 0 or flow.system.contacts.jointly_acting
     if isinstance(flow, VariationalFlow) and not internal:
         terms = flow.exponential_terms(passage)
         if terms is not None:

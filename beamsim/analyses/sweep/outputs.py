@@ -22,6 +22,8 @@ from beamsim.analyses.sweep.result import (
     SweepHistory,
 )
 from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.friction import DIRECTION, FORWARDS
+from beamsim.contacts.springs import FRICTION
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.system.structural import StructuralSystem
@@ -119,6 +121,7 @@ class SweepOutputs:
                 parts.append(_impact_rows(template, phases, count))
                 if rubbing.size:
                     parts.append(sliding_speeds(template, rubbing, phases))
+                    parts.append(_wear_rows(template, phases))
             of_outputs = [asked_for(template, system.linear_outputs, phases)] if system.linear_outputs else []
             return stack(*parts, *of_limits, *of_outputs)
 
@@ -127,7 +130,7 @@ class SweepOutputs:
     def _groups(self) -> dict[str, slice]:
         """Columns of each group of outputs, in the order of `rows`."""
         system, probes, snubbers = self.system, len(self.system.probes), len(self.system.snubbers)
-        losses = loss_owner(system.dynamics.contacts).size
+        losses = loss_owner(self._contacts).size
         stations = 0 if system.stress is None else system.stress.row.shape[0]
         sizes = {
             "displacement": probes,
@@ -135,6 +138,7 @@ class SweepOutputs:
             "acceleration": probes * self.with_accelerations,
             "impacts": (snubbers + losses) * self.with_impacts,
             "sliding": friction_contacts(system).size * self.with_impacts,
+            "wear": 2 * self._contacts.pressed.size * self.with_impacts,
             "gap": snubbers * ("gap" in self.limited),
             "bending_stress": stations * ("bending_stress" in self.limited),
             "outputs": len(system.linear_outputs),
@@ -207,7 +211,7 @@ class SweepOutputs:
         first, count = self._groups()["impacts"].start, len(force)
         period, out = values.period, {}
         for k, (name, column) in enumerate(force.items()):
-            lossy = first + count + np.flatnonzero(loss_owner(self.system.dynamics.contacts) == k)
+            lossy = first + count + np.flatnonzero(loss_owner(self._contacts) == k)
             per_cycle = values.closings[:, k] / values.cycles
             with np.errstate(divide="ignore", invalid="ignore"):
                 time = np.where(per_cycle > 0, values.contact_share[:, k] * period / per_cycle, np.nan)
@@ -221,14 +225,27 @@ class SweepOutputs:
         return out
 
     def _sliding(self, values: CycleValues) -> dict[str, CycleSliding]:
-        """Sliding by friction contact, from mean speeds of sliding and from how often it ends."""
-        columns, which, out = self._groups()["sliding"], friction_contacts(self.system), {}
-        contacts = [(spring.name, spring.friction) for spring in self.system.springs if spring.friction is not None]
-        for column, contact, (name, forces) in zip(
-            range(columns.start, columns.stop), which.tolist(), contacts, strict=False
-        ):  # there may be no columns
-            slides = values.closings[:, contact] / values.cycles
+        """Sliding by friction contact, from mean speeds of sliding and from how often it ends.
+
+        Under the force of a snubber from the mean of that force times the speed; there nothing springs back where
+        sliding begins (see `beamsim.scenario.checks`).
+        """
+        if not self.with_impacts:
+            return {}
+        columns, which, contacts = self._groups()["sliding"], friction_contacts(self.system), self._contacts
+        springs = [spring for spring in self.system.springs if spring.kind == FRICTION]
+        of_wear = values.mean_square[:, self._groups()["wear"]]
+        wear = dict(zip(contacts.pressed.tolist(), (of_wear[:, ::2] - of_wear[:, 1::2]).T, strict=True))
+        out = {}
+        for column, j, spring in zip(range(columns.start, columns.stop), which.tolist(), springs, strict=True):
+            name, forces = spring.name, spring.friction
+            slides = values.closings[:, j] / values.cycles
             moved = values.mean[:, column] * values.period
+            if forces is None:
+                coefficient = contacts.laws[j].phases[FORWARDS].pressing
+                lost = coefficient * wear[j] * values.period
+                out[name] = CycleSliding(per_cycle=slides, distance=moved, energy_lost=lost, wear_power=wear[j])
+                continue
             distance = moved + slides * forces.snap
             out[name] = CycleSliding(
                 per_cycle=slides,
@@ -237,6 +254,10 @@ class SweepOutputs:
                 wear_power=forces.normal * distance / values.period,
             )
         return out
+
+    @property
+    def _contacts(self) -> Contacts:
+        return self.system.dynamics.contacts
 
     def _of_limits(self, values: CycleValues) -> dict[str, Any]:
         """Fields of a curve that are computed for limits only."""
@@ -258,6 +279,19 @@ class SweepOutputs:
 def loss_owner(contacts: Contacts) -> Ints:
     """(m + r,) contact of each output whose square is a power lost: the dashpots, then the internal states."""
     return np.concatenate([np.arange(contacts.count), np.repeat(np.arange(contacts.count), contacts.arrays.states)])
+
+
+def _wear_rows(flow: ExactFlow, phases: Ints) -> LinearOutput:
+    """Of each friction contact that a snubber presses two outputs, the difference of whose squares is the normal force
+    times the speed at which it slides, N m/s."""
+    pressed = flow.system.contacts.pressed
+    if not pressed.size:
+        return flow.empty_output(0)
+    slides = np.abs(DIRECTION[phases[pressed]])[:, None]
+    normal = flow.pressing_forces(phases).scaled(0.5 * slides)
+    speed = sliding_speeds(flow, pressed, phases).scaled(0.5)
+    pairs = np.arange(2 * pressed.size).reshape(2, -1).T.ravel()
+    return (normal + speed).above(normal + (-speed)).some(pairs)
 
 
 def _impact_rows(flow: ExactFlow, phases: Ints, snubbers: int) -> LinearOutput:
