@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from beamsim.cli.failures import say
 from beamsim.kinds import KINDS, named
 
 
@@ -72,7 +73,7 @@ def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
     """
     from beamsim.cli.output import output_file, output_folder
     from beamsim.store.consistency import open_consistent
-    from beamsim.store.export import export_result, export_target, is_folder
+    from beamsim.store.export import export_result, export_target, is_folder, remark_on_places
     from beamsim.store.stored import damage_of, kind_of
 
     if is_folder(kind_of(path), form):
@@ -81,4 +82,8 @@ def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
         target = output_file(output, path.stem, f".{form}")
     with damage_of(path):
         open_consistent(path)
-        return export_result(path, target, form)
+        written = export_result(path, target, form)
+        remark = remark_on_places(path) if form == "uff" else ""
+    if remark:
+        say(f"beamsim: note: {remark}")
+    return written

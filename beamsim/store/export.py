@@ -181,4 +181,18 @@ def _export_uff(path: Path, target: Path) -> list[Path]:
     return [target]
 
 
+def remark_on_places(path: Path) -> str:
+    """That nodes of imported bodies have no coordinates in a universal file of a result; empty where all have some."""
+    from beamsim.store.records import bodies_without_places
+
+    with reading(path) as file:
+        bodies = bodies_without_places(file, _Header.of(root_fields(file)).scenario)
+    if not bodies:
+        return ""
+    return (
+        f"the table of {', '.join(bodies)} (dofs) gives nodes no coordinates: modes and functions are at numbers of "
+        "nodes alone, and other programs cannot draw them"
+    )
+
+
 FORMATS: dict[str, Callable[[Path, Path], list[Path]]] = {"csv": _export_csv, "uff": _export_uff, "mat": _export_mat}

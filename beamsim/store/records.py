@@ -5,6 +5,10 @@ the structure at which its modes are stored; x is the position along the beam or
 a chain), y that on the plate, and motion is along +z. Bodies have no positions relative to each other: of several, each
 lies above the one before, at a tenth of the longest. The force of a snubber above the structure is along -z. Amplitude
 spectra are of function type 0 (general), because pyuff does not write type 12 (spectrum).
+
+Imported bodies keep the numbers of their nodes, and those of the others follow; their modes are in the direction of
+their base. A second body with the same numbers has its own raised by a power of ten. Nodes that the table gives no
+coordinates are in no data set 15, and the header names their bodies.
 """
 
 from __future__ import annotations
@@ -32,6 +36,7 @@ from beamsim.store.uff import (
     record_58,
     trace_lines,
 )
+from beamsim.structures.places import DEFLECTION
 from beamsim.structures.stations import NODES, Stations
 from beamsim.typing import Floats, Ints
 
@@ -67,6 +72,9 @@ def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
     stations = _stations(file)
     heights = _heights(stations)
     nodes, upside_down = _stored_nodes(file, heights) if "base" in file else _nodes(result.scenario, heights)
+    placed = _placed(stations, heights)
+    nodes |= _at_nodes(result.scenario, stations, placed)
+    first = _first_free(stations)
     version = getattr(result, "beamsim_version", "")
     source = Source(result.title, result.created, f"beamsim {version} {file.attrs['command']}")
     records = []
@@ -75,7 +83,7 @@ def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
         for function in _functions(dataset, name):
             place = (_kind_of_place(dataset, function.quantity), name)
             if place in nodes and function.x.size > 1:
-                node = list(nodes).index(place) + 1
+                node = list(nodes).index(place) + first
                 turned = function.quantity == "force" and name in upside_down
                 unit = str(dataset.attrs["units"])
                 records.append(
@@ -86,11 +94,29 @@ def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
                 )  # fmt: skip
     if not records:
         return []
-    places = np.array([*nodes.values()], dtype=float)
-    along, shapes = _mode_shapes(file, stations, heights, source, len(nodes))
-    x, y, z = np.concatenate([places, along]).T
-    of_nodes = pyuff.prepare_15(node_nums=np.arange(1, x.size + 1), x=x, y=y, z=z)
-    return [header_151(source), of_nodes, *shapes, *records]
+    number = _numbers(stations, first + len(nodes))
+    points = np.concatenate([np.array([*nodes.values()], dtype=float).reshape(-1, 3), placed])
+    numbers = np.concatenate([first + np.arange(len(nodes)), number])
+    known = np.all(np.isfinite(points), axis=1)
+    x, y, z = points[known].T
+    of_nodes = pyuff.prepare_15(node_nums=numbers[known], x=x, y=y, z=z)
+    nowhere = _without_places(stations, placed, result.scenario)
+    remark = f"nodes without coordinates: {', '.join(nowhere)}" if nowhere else ""
+    shapes = _mode_shapes(file, stations, placed, number, source, result.scenario)
+    return [header_151(source, remark), of_nodes, *shapes, *records]
+
+
+def bodies_without_places(file: h5py.File, scenario: Scenario) -> list[str]:
+    """Names of the imported bodies of whose nodes some have no coordinates, so that other programs cannot draw them."""
+    stations = _stations(file)
+    return _without_places(stations, _placed(stations, _heights(stations)), scenario)
+
+
+def _without_places(stations: Stations | None, placed: Floats, scenario: Scenario) -> list[str]:
+    if stations is None:
+        return []
+    lacking = [part.body for part in stations if not np.all(np.isfinite(placed[part.stations]))]
+    return lacking if len(stations.parts) > 1 else list(scenario.all_bodies)[: len(lacking)]
 
 
 def _stations(file: h5py.File) -> Stations | None:
@@ -103,42 +129,117 @@ def _stations(file: h5py.File) -> Stations | None:
     return Stations(
         values_of(position), str(position.attrs["units"]), str(position.attrs["long_name"]),
         None if body is None else values_of(body), names, axes,
-        values_of(modes["across"]) if "across" in modes else None,
+        *(values_of(modes[name]) if name in modes else None for name in ("across", "points")),
     )  # fmt: skip
 
 
 def _heights(stations: Stations | None) -> dict[str, float]:
-    """By body the z of its nodes, m."""
+    """By body the z of its nodes, m; of imported bodies what is added to it."""
     if stations is None or not stations.position.size:
         return {}
     lengths = [np.ptp(stations.position[part.stations]) for part in stations if part.axis.continuous]
+    if stations.points is not None:
+        lengths += [np.ptp(of[np.isfinite(of)]) for of in stations.points.T if np.any(np.isfinite(of))]
     return {part.body: APART * max(lengths, default=1.0) * k for k, part in enumerate(stations)}
 
 
-def _mode_shapes(
-    file: h5py.File, stations: Stations | None, heights: dict[str, float], source: Source, nodes: int
-) -> tuple[Floats, list[dict[str, Any]]]:
-    """(nx, 3) coordinates of the stations of the modes, the lines through them, and a record for each mode.
-
-    Their nodes follow the other ``nodes``. None of imported bodies, whose places are in their own files.
-    """
-    none = np.zeros((0, 3))
-    if stations is None or not stations.position.size or any(part.axis is NODES for part in stations):
-        return none, []
+def _placed(stations: Stations | None, heights: dict[str, float]) -> Floats:
+    """(nx, 3) coordinates of the stations of the modes, m; NaN for nodes of imported bodies that have none."""
+    if stations is None or not stations.position.size:
+        return np.zeros((0, 3))
     y = np.zeros(stations.position.size) if stations.across is None else np.nan_to_num(stations.across)
-    z = np.concatenate([np.full(part.stations.stop - part.stations.start, heights[part.body]) for part in stations])
-    number = nodes + 1 + np.arange(stations.position.size)
-    lines = [
-        trace_lines(k, part.body, _lines(number[part.stations], stations.position[part.stations], y[part.stations]))
-        for k, part in enumerate(stations, 1)
-    ]
+    placed = np.stack([stations.position, y, np.zeros(y.size)], axis=1)
+    for part in stations:
+        if part.axis is NODES:
+            placed[part.stations] = np.nan if stations.points is None else stations.points[part.stations]
+        placed[part.stations, 2] += heights[part.body]
+    return placed
+
+
+def _at_nodes(scenario: Scenario, stations: Stations | None, placed: Floats) -> dict[tuple[str, str], Coordinates]:
+    """Coordinates of the probes and snubbers at nodes of imported bodies; NaN where the table has none."""
+    imported = [part for part in stations or () if part.axis is NODES]
+    if stations is None or not imported:
+        return {}
+    alone = len(stations.parts) == 1
+    at = {
+        ("" if alone else part.body, int(stations.position[k])): placed[k]
+        for part in imported
+        for k in range(part.stations.start, part.stations.stop)
+    }
+    nodes = {}
+    for kind, items in (("probe", scenario.effective_probes), ("snubber", scenario.all_snubbers)):
+        for item in items:
+            place = getattr(item, "probed_places", item.places)[0]
+            body = "" if alone else place.body or ""
+            if alone or body in {part.body for part in imported}:
+                x, y, z = at.get((body, place.node or 0), np.full(3, np.nan))
+                nodes[kind, item.name] = (float(x), float(y), float(z))
+    return nodes
+
+
+def _own_numbers(stations: Stations | None) -> dict[str, Ints]:
+    """By imported body the numbers of its nodes; raised by a power of ten where another has the same."""
+    own: dict[str, Ints] = {}
+    if stations is None:
+        return own
+    for k, part in enumerate(part for part in stations if part.axis is NODES):
+        numbers = stations.position[part.stations].astype(np.int64)
+        if any(np.any(np.isin(numbers, other)) for other in own.values()):
+            numbers = numbers + k * 10 ** len(str(int(max(np.max(stations.position), 1))))
+        own[part.body] = numbers
+    return own
+
+
+def _first_free(stations: Stations | None) -> int:
+    """The first number of a node that no imported body has."""
+    return 1 + max((int(numbers.max(initial=0)) for numbers in _own_numbers(stations).values()), default=0)
+
+
+def _numbers(stations: Stations | None, first: int) -> Ints:
+    """(nx,) node of each station: of imported bodies its own, else from ``first`` on."""
+    if stations is None:
+        return np.zeros(0, dtype=np.int64)
+    own, numbers = _own_numbers(stations), first + np.arange(stations.position.size)
+    for part in stations:
+        if part.body in own:
+            numbers[part.stations] = own[part.body]
+    return numbers
+
+
+def _mode_shapes(
+    file: h5py.File, stations: Stations | None, placed: Floats, number: Ints, source: Source, scenario: Scenario
+) -> list[dict[str, Any]]:
+    """The lines through the stations of the modes, and a record for each mode."""
+    if stations is None or not stations.position.size:
+        return []
+    several = len(stations.parts) > 1
+    lines = []
+    for k, part in enumerate(stations, 1):
+        nodes = number[part.stations]
+        # what joins the nodes of imported bodies is unknown: their line says only which body they are on
+        through = [nodes[[i]] for i in range(nodes.size)] if part.axis is NODES else []
+        if part.axis is not NODES:
+            through = _lines(nodes, *placed[part.stations, :2].T)
+        if several or part.axis is not NODES:
+            lines.append(trace_lines(k, part.body, through))
+    along = [_direction(scenario, part.body) if part.axis is NODES else DEFLECTION for part in stations]
+    sizes = [part.stations.stop - part.stations.start for part in stations]
+    direction = np.repeat(along, sizes).tolist()
     modes = file["modes"]
     frequencies, damping = values_of(modes["open_frequencies_hz"]), values_of(modes["damping_ratios"])
     records = [
-        record_55(source, mode, float(f), float(np.nan_to_num(ratio)), number, shape)
+        record_55(source, mode, float(f), float(np.nan_to_num(ratio)), number, shape, direction)
         for mode, (f, ratio, shape) in enumerate(zip(frequencies, damping, values_of(modes["shapes"]), strict=True), 1)
     ]
-    return np.stack([stations.position, y, z], axis=1), [*lines, *records]
+    return [*lines, *records]
+
+
+def _direction(scenario: Scenario, body: str) -> str:
+    """In which an imported body's modes are stored: that of its base."""
+    bodies = scenario.all_bodies
+    base = getattr(bodies[body] if body in bodies else next(iter(bodies.values())), "base", None)
+    return str(getattr(base, "direction", DEFLECTION))
 
 
 def _lines(number: Ints, x: Floats, y: Floats) -> list[Ints]:

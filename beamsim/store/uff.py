@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.files import replacing
+from beamsim.matrix_files.matrix import DIRECTIONS
 from beamsim.typing import Floats, Ints
 
 # Codes of the universal file format: (specific data type, length exponent, force exponent).
@@ -104,14 +105,14 @@ def record_58(
     }
 
 
-def header_151(source: Source) -> dict[str, Any]:
+def header_151(source: Source, description: str = "") -> dict[str, Any]:
     """The header of a file: what it is of, and what wrote it."""
     import pyuff
 
     day, _, clock = _date(source.created).partition(" ")
     return dict(
         pyuff.prepare_151(
-            model_name=_ascii(source.title, 80), description="NONE", db_app=_ascii(source.maker, 80),
+            model_name=_ascii(source.title, 80), description=_ascii(description, 80), db_app=_ascii(source.maker, 80),
             program=_ascii(source.maker, 80), date_db_created=day, time_db_created=clock, version_db1=0, version_db2=0,
             file_type=0, date_db_saved=day, time_db_saved=clock, date_db_written=day, time_db_written=clock,
         )
@@ -126,16 +127,22 @@ def trace_lines(number: int, name: str, lines: Sequence[Ints]) -> dict[str, Any]
 
 
 def record_55(
-    source: Source, mode: int, frequency_hz: float, damping_ratio: float, nodes: Ints, deflection: Floats
-) -> dict[str, Any]:
-    """A normal mode of unit modal mass: its deflection along +z at nodes (data set 55)."""
-    nothing = np.zeros(nodes.size)
+    source: Source, mode: int, frequency_hz: float, damping_ratio: float, nodes: Ints, deflection: Floats,
+    direction: str | Sequence[str] = "z",
+) -> dict[str, Any]:  # fmt: skip
+    """A normal mode of unit modal mass: its deflection at nodes, in one direction or one for each (data set 55)."""
+    along = np.broadcast_to(np.asarray(direction), nodes.shape)
+    turning = not set(direction if not isinstance(direction, str) else (direction,)) <= set(DIRECTIONS[:3])
+    components = DIRECTIONS if turning else DIRECTIONS[:3]
+    moved = np.asarray(deflection, dtype=float)
     return {
         "type": 55, "id1": _ascii(source.title, 80), "id2": "NONE", "id3": _date(source.created),
-        "id4": _ascii(source.maker, 80), "id5": f"mode {mode}", "model_type": 1, "analysis_type": 2, "data_ch": 2,
-        "spec_data_type": 8, "data_type": 2, "n_data_per_node": 3, "load_case": 1, "mode_n": mode,
+        "id4": _ascii(source.maker, 80), "id5": f"mode {mode}", "model_type": 1, "analysis_type": 2,
+        "data_ch": 3 if turning else 2, "spec_data_type": 8, "data_type": 2, "n_data_per_node": len(components),
+        "load_case": 1, "mode_n": mode,
         "freq": frequency_hz, "modal_m": 1.0, "modal_damp_vis": damping_ratio, "modal_damp_his": 0.0,
-        "node_nums": nodes.astype(float), "r1": nothing, "r2": nothing, "r3": np.asarray(deflection, dtype=float),
+        "node_nums": nodes.astype(float),
+        **{f"r{k}": np.where(along == each, moved, 0.0) for k, each in enumerate(components, 1)},
     }  # fmt: skip
 
 

@@ -327,7 +327,8 @@ class MatricesStructure(BodyStructure):
         at = {self.row_number(place) for place in sites if place.direction == direction} - {None}
         rows = np.array(sorted(chosen | at, key=lambda i: int(self.table.nodes[i])), dtype=np.int64)
         shapes = self.expansion[rows] @ member.field(basis.vectors) / np.sqrt(member.whole.mass_scale)
-        return Recovery(self.name, NODES, self.table.nodes[rows].astype(float), np.asarray(shapes))
+        points = None if self.table.coordinates is None else self.table.coordinates[rows]
+        return Recovery(self.name, NODES, self.table.nodes[rows].astype(float), np.asarray(shapes), points=points)
 
     def deflections(self, vectors: Floats) -> Floats:
         """Displacements of nodes, else all that there is."""

@@ -58,11 +58,19 @@ class Stations:
     across: Floats | None = dataset(  # where a body is a plate
         "m", "position on the plate from its bottom edge; NaN on other bodies", along=("position",), default=None
     )
+    points: Floats | None = dataset(  # where the table of an imported body gives them
+        "m", "x, y and z of the nodes of imported bodies, NaN where they have none; NaN on other bodies",
+        along=("position",), default=None,
+    )  # fmt: skip
 
     @classmethod
     def of_recoveries(cls, bodies: Sequence[Recovery]) -> Stations:
         """Those of each body."""
-        return cls.of([(each.body, each.axis, each.position) for each in bodies], [each.across for each in bodies])
+        stations = cls.of([(each.body, each.axis, each.position) for each in bodies], [each.across for each in bodies])
+        if all(each.points is None for each in bodies):
+            return stations
+        nowhere = [np.full((each.position.size, 3), np.nan) if each.points is None else each.points for each in bodies]
+        return replace(stations, points=np.concatenate(nowhere))
 
     @classmethod
     def of(
@@ -141,6 +149,7 @@ class Recovery:
     # (moments nx,) of base_moment: per m/s^2 of base acceleration, the static share of the modes left out
     base_moment: Floats | None = None
     across: Floats | None = None  # (nx,) m, y on a plate
+    points: Floats | None = None  # (nx, 3) m, of nodes whose table has coordinates; NaN where it has none
     moments: int = 1  # at a station
 
     def moment_weights(self, x: float, y: float | None, component: str) -> Floats:

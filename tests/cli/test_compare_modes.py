@@ -59,7 +59,8 @@ def test_modes_written_to_a_universal_file_are_found_again(tmp_path, text):
         declared.write(file.require_group("modes"), modes)
         stations = records._stations(file)
         heights = records._heights(stations)
-        places, sets = records._mode_shapes(file, stations, heights, Source("title", "", "beamsim"), 3)
+        places, number = records._placed(stations, heights), records._numbers(stations, 4)
+        sets = records._mode_shapes(file, stations, places, number, Source("title", "", "beamsim"), scenario)
     x, y, z = places.T
     assert len(set(z)) == len(scenario.all_bodies)  # bodies apart
     write_uff([pyuff.prepare_15(node_nums=4 + np.arange(x.size), x=x, y=y, z=z), *sets], tmp_path / "modes.uff")
