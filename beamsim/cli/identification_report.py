@@ -106,7 +106,8 @@ def _each_mode(result: IdentificationResult, stiffness: Sequence[float]) -> str:
 
 def _reach(result: IdentificationResult, ranges: Sequence[Sequence[float]]) -> Iterator[Row]:
     for mode, (low, high) in zip(result.summary["fit_to"], ranges, strict=True):
-        yield "", f"mode {mode}: {low:.5g} Hz (free) to {high:.5g} Hz (pinned)"
+        upwards = f"to {high:.5g} Hz (pinned)" if math.isfinite(high) else "upwards without bound"
+        yield "", f"mode {mode}: {low:.5g} Hz (free) {upwards}"
 
 
 def _sensitivities(result: IdentificationResult, _: Any) -> Iterator[Row]:

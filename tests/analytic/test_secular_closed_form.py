@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from beamsim.analyses.identify.analysis import identify_stiffness
+from beamsim.cli.report import table_rows
 from beamsim.contacts.contact_point import snubber_point
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
@@ -33,6 +34,22 @@ def test_one_degree_of_freedom():
     assert point.stiffness(np.sqrt(9 + 7 * 0.25)) == pytest.approx(7.0, rel=1e-14)
     assert np.isinf(point.pinned())
     assert point.reach(1) == (3.0, np.inf)
+
+
+def test_the_highest_mode_of_a_chain_has_no_upper_limit():
+    """k = m w^2 - k0 of a single mass, whose frequency grows with the snubber's stiffness without bound."""
+    case = {
+        "chain": {"masses": [2.0], "springs": [800.0]},
+        "snubbers": [{"name": "stop", "at": {"mass": 1}, "side": "below", "stiffness": 1e3}],
+        "identify_stiffness": {"snubber": "stop", "measured_with": [5.0], "uncertainty": 0.003},
+    }
+    result = identify_stiffness(load_scenario(case))
+    stiffness = 2.0 * (10 * np.pi) ** 2 - 800.0
+    assert result.summary["stiffness_n_per_m"] == pytest.approx(stiffness, rel=1e-12)
+    deviation = 2 * 0.003 * 2.0 * (10 * np.pi) ** 2
+    assert result.summary["standard_deviation_n_per_m"] == pytest.approx(deviation, rel=1e-9)
+    rows = [text for _, text in table_rows("identify-stiffness", result)]
+    assert "mode 1: 3.1831 Hz (free) upwards without bound" in rows
 
 
 def test_cantilever_with_a_spring_at_its_tip():

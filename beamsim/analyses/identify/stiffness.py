@@ -129,7 +129,7 @@ def _out_of_reach(
     low, high = point.reach(mode)
     hz = 2 * np.pi
     at = f"{_PATH}[{mode - 1 - unconstrained}]"
-    if point.on_node(mode) or high - low <= _INSENSITIVE * high:
+    if point.on_node(mode) or (np.isfinite(high) and high - low <= _INSENSITIVE * high):
         return Problem(
             at,
             f"= {omega / hz:.6g} Hz does not depend on the snubber: it is at a node of mode {mode}, where the "
