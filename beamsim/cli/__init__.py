@@ -20,7 +20,7 @@ def main() -> None:
     import sys
     import warnings
 
-    gc.set_threshold(100_000, 20, 50)  # modules being imported are no garbage
+    gc.set_threshold(500_000, 20, 50)  # modules being imported are no garbage: a run with plots makes fewer objects
     atexit.register(gc.freeze)  # nor is anything at the end worth looking for
     # the matrices are small: more threads would make the linear algebra slower
     for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):

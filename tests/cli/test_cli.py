@@ -356,13 +356,17 @@ assert all(getattr(beamsim, name) is not None for name in dir(beamsim))
 
 
 VALIDATE = """
+import gc
 import sys
 import beamsim.cli
+collected = []
+gc.callbacks.append(lambda phase, info: phase == "start" and collected.append(info))
 sys.argv = ["beamsim", "validate", {case!r}]
 try:
     beamsim.cli.main()
 except SystemExit as end:
     assert not end.code, end.code
+gc.callbacks.clear()
 from beamsim.scenario import base
 heavy = ("numba", "pint", "h5py", "matplotlib", "rich", "scipy.signal", "scipy.stats", "beamsim.analyses")
 print("loaded", [name for name in heavy if name in sys.modules])
@@ -371,7 +375,7 @@ while parts:
     part = parts.pop()
     parts += part.__subclasses__()
     pending.append(not part.__dict__.get("__pydantic_complete__"))
-print("parts", len(pending), "validators of their own", len(pending) - sum(pending))
+print("parts", len(pending), "validators of their own", len(pending) - sum(pending), "collections", len(collected))
 """
 
 
@@ -387,9 +391,10 @@ def test_validate_imports_only_what_it_needs():
     )
     loaded, parts = done.stdout.splitlines()[-2:]
     assert loaded == "loaded []"
-    every, validators = (int(word) for word in parts.split() if word.isdigit())
+    every, validators, collections = (int(word) for word in parts.split() if word.isdigit())
     assert every > 100
     assert validators <= 12  # of the whole scenario and of what its defaults are made of
+    assert collections <= 1  # each goes through the objects of every module
 
 
 def test_importing_the_package_is_lazy_and_its_names_resolve():
