@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.runtime.nrt import rtsys
 
 from beamsim.errors import CacheWarning
 from beamsim.flow.stopping import check_compilation
@@ -155,7 +156,7 @@ def _tolerate_failures(dispatcher: Any) -> None:
     files: Any = getattr(dispatcher, "_cache", None)
     if not getattr(files, "cache_path", None):  # nothing is kept
         return
-    load, save, load_index = files.load_overload, files.save_overload, files._cache_file._load_index
+    save, load_index = files.save_overload, files._cache_file._load_index
 
     def known_overloads() -> Any:
         """What the index lists: nothing where it cannot be read, so that it is written anew."""
@@ -164,9 +165,11 @@ def _tolerate_failures(dispatcher: Any) -> None:
         except Exception:  # a damaged file, or one that names a class that an older version had
             return {}
 
-    def load_overload(*arguments: Any) -> Any:
+    def load_overload(signature: Any, context: Any) -> Any:
+        # without Numba's own refresh, which imports all that compiling needs: a tenth of a run; a compilation does that
+        rtsys.initialize(context)
         try:
-            loaded = load(*arguments)
+            loaded = files._load_overload(signature, context)
         except Exception:  # a damaged file may raise anything
             loaded = None
         if loaded is None:

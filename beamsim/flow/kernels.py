@@ -561,14 +561,15 @@ def extremes(  # type: ignore[no-untyped-def]
     share the exponentials; an output drops out where the bound proves that the rest of the segment holds none of it.
     """
     k = table.shape[2]
-    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
+    # each is written before it is read; zeros would take longer to compile
+    zeta = np.empty(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     rest = np.empty(tables.projector.shape[2])
     B = tables.exponent.shape[1]
-    gamma, size, out = np.zeros((B, TOGETHER), dtype=np.complex128), np.zeros((B, TOGETHER)), np.zeros((4, TOGETHER))
-    gamma_of_one, size_of_one, out_of_one = np.zeros((B, 1), dtype=np.complex128), np.zeros((B, 1)), np.zeros((4, 1))
-    output, limit = np.zeros(TOGETHER, dtype=np.int64), np.zeros(TOGETHER)
-    largest, bend = np.zeros(B), np.zeros(B)
-    ceiling, first, rate, curve = np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(k)
+    gamma, size, out = np.empty((B, TOGETHER), dtype=np.complex128), np.empty((B, TOGETHER)), np.empty((4, TOGETHER))
+    gamma_of_one, size_of_one, out_of_one = np.empty((B, 1), dtype=np.complex128), np.empty((B, 1)), np.empty((4, 1))
+    output, limit = np.empty(TOGETHER, dtype=np.int64), np.empty(TOGETHER)
+    largest, bend = np.empty(B), np.empty(B)
+    ceiling, first, rate, curve = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
     real, imag = _parts(table)
     magnitude = np.empty(table.shape)
     for s in range(table.shape[0]):

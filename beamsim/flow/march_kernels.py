@@ -138,18 +138,19 @@ def march(  # type: ignore[no-untyped-def]
     segment that takes that many evaluations alone is split.
     """
     B, most = tables.exponent.shape[1], tables.guard_contact.shape[1]
-    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
+    # each is written before it is read; zeros would take longer to compile
+    zeta = np.empty(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     rest = np.empty(tables.projector.shape[2])
-    gamma = np.zeros((B, most), dtype=np.complex128)
-    size = np.zeros((B, most))
-    basis = np.zeros(B, dtype=np.complex128)
-    out = np.zeros((4, most))
-    all_least = np.zeros(most)
-    all_floors = np.zeros(most)
-    slopes = np.zeros(most)
-    largest, bend = np.zeros(B), np.zeros(B)
+    gamma = np.empty((B, most), dtype=np.complex128)
+    size = np.empty((B, most))
+    basis = np.empty(B, dtype=np.complex128)
+    out = np.empty((4, most))
+    all_least = np.empty(most)
+    all_floors = np.empty(most)
+    slopes = np.empty(most)
+    largest, bend = np.empty(B), np.empty(B)
     response = make_response(swept, tables, y.size)
-    forced_size = np.zeros((most, 0)) if swept is None else response.watch_size
+    forced_size = np.empty((most, 0)) if swept is None else response.watch_size
     used = 0
     start = np.empty(y.size)
     pieces = inputs.start.size

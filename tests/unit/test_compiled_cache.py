@@ -116,16 +116,28 @@ def g(x):
 """
 
 
+LOAD_AND_COMPILE = """
+import sys
+from beamsim.cli import show_notices
+show_notices()
+from beamsim.flow.two_kernels import f, g
+print(f(1) + g(1), "numba.typed.typeddict" in sys.modules)
+print("then", file=sys.stderr, flush=True)
+print(g({another}))
+"""
+
+
 def test_the_first_compilation_is_announced_on_standard_error(installed, tmp_path):
+    """What is compiled is loaded without all that compiling imports; another type is compiled after that."""
     (installed / "beamsim/flow/two_kernels.py").write_text(TWO_KERNELS)
-    code = (
-        "from beamsim.cli import show_notices; show_notices(); "
-        "from beamsim.flow.two_kernels import f, g; print(f(1) + g(1))"
+    first, second = (
+        python(installed, LOAD_AND_COMPILE.format(another=another), NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+        for another in (1.0, 2j)
     )
-    first, second = (python(installed, code, NUMBA_CACHE_DIR=str(tmp_path / "cache")) for _ in range(2))
-    assert (first.stdout, second.stdout, second.stderr) == ("5\n", "5\n", "")
-    (line,) = first.stderr.splitlines()
-    assert line.startswith("beamsim: compiling the numerical kernels")
+    assert (first.stdout, second.stdout) == ("5 True\n3.0\n", "5 False\n6j\n")
+    notice = "beamsim: compiling the numerical kernels"
+    assert [line.startswith(notice) for line in first.stderr.splitlines()] == [True, False]
+    assert [line.startswith(notice) for line in second.stderr.splitlines()] == [False, True]
 
 
 LITERALS = """
