@@ -6,6 +6,7 @@ Then it goes to a temporary folder of the user, else nowhere: every process comp
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import logging
 import os
@@ -41,6 +42,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             if "cannot cache function" not in str(error):
                 raise
             dispatcher = numba.njit(**{**options, "cache": use_temporary_folder()})(function)
+        _search_no_garbage(dispatcher)
         _ignore_literals(dispatcher)
         _know_all_sources(dispatcher)
         _tolerate_failures(dispatcher)
@@ -117,6 +119,26 @@ def _announce() -> None:
 @cache
 def _warn_once(reason: str) -> None:
     warnings.warn(f"compiled code cannot be kept ({reason}); {_REMEDY}", CacheWarning, stacklevel=2)
+
+
+def _search_no_garbage(dispatcher: Any) -> None:
+    """Compile without searching for garbage: the many objects of a compilation stay until it ends.
+
+    The searches took a sixth of its time.
+    """
+    compiler: Any = dispatcher._compiler
+    compile_types = compiler.compile
+
+    def compile_at_once(arguments: Any, returned: Any) -> Any:
+        if not gc.isenabled():  # within the compilation of a caller
+            return compile_types(arguments, returned)
+        gc.disable()
+        try:
+            return compile_types(arguments, returned)
+        finally:
+            gc.enable()
+
+    compiler.compile = compile_at_once
 
 
 def _ignore_literals(dispatcher: Any) -> None:

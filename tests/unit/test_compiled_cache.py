@@ -1,5 +1,6 @@
 """Where compiled code is kept if neither the package's folder nor the home folder can be written."""
 
+import gc
 import json
 import os
 import shutil
@@ -7,9 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import pytest
 
 import beamsim
+from beamsim.flow.compiled import njit
 
 PACKAGE = Path(beamsim.__file__).parent
 NOWHERE = "/dev/null/nowhere"  # cannot be made, not even by an administrator
@@ -235,3 +238,29 @@ def test_a_cache_that_cannot_be_written_later(tmp_path, monkeypatch):
 
     monkeypatch.setattr(kernel_of_test.twice._cache, "_load_overload", damaged)
     assert kernel_of_test.twice(2.5) == 5.0  # warned once
+
+
+@pytest.fixture
+def searches():
+    """Searches for garbage, which come as often as usual: the other tests have set them apart."""
+    usual, begun = gc.get_threshold(), []
+
+    def note(phase, _):
+        if phase == "start":
+            begun.append(gc.isenabled())
+
+    gc.set_threshold(700, 10, 10)
+    gc.callbacks.append(note)
+    yield begun
+    gc.callbacks.remove(note)
+    gc.set_threshold(*usual)
+
+
+def test_a_compilation_searches_no_garbage(searches):
+    """They took a sixth of it; afterwards there are some again, also after one that fails."""
+    assert njit()(lambda x: x**2 + 1)(3.0) == 10.0
+    assert len(searches) <= 2  # more than a hundred otherwise
+    assert gc.isenabled()
+    with pytest.raises(numba.TypingError):
+        njit()(lambda x: x.missing)(3.0)
+    assert gc.isenabled()
