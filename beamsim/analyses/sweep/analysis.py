@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,6 +36,8 @@ from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
 
 if TYPE_CHECKING:
+    from beamsim.analyses.sweep.outputs import LevelRun
+    from beamsim.inputs.drift import CorrectionSize
     from beamsim.scenario import Scenario
     from beamsim.system.structural import StructuralSystem
 
@@ -66,21 +69,9 @@ def sweep(
     KeyboardInterrupt
         If it was stopped before anything was computed.
     """
-    begin = clock.perf_counter()
-    next_save = begin
-    settings, excitation = scenario.sweep, scenario.excitation
-    if settings is None:
-        raise ScenarioError(
-            Problem(
-                "sweep",
-                "is missing",
-                "add for example `sweep: {kind: swept_sine, from: 20 Hz, to: 400 Hz, rate: 2 oct/min}`",
-            )
-        )
-    if not isinstance(settings, (SweptSine, SteppedSine)):
-        raise ScenarioError(Problem("sweep.kind", f"= {settings.kind} belongs to another analysis", ""))
+    settings, excitation = _settings(scenario), scenario.excitation
     assert isinstance(excitation, Harmonic | Forces)
-    settings = _with_profile(scenario, settings)
+    begin = clock.perf_counter()
     system = sweep_system(scenario)
     if system.cubic.count:
         raise ScenarioError(
@@ -96,65 +87,10 @@ def sweep(
     limited = () if scenario.limits is None else tuple(scenario.limits.given)
     if np.any(static_penetration(system) > 0):
         limited = tuple(dict.fromkeys((*limited, "gap")))
-    curves: dict[str, SweepCurve] = {}
-    histories: dict[int, SweepHistory] = {}
-    computed: dict[int, LevelWork] = {}
-
-    def result() -> SweepResult:
-        peaks = tuple(peak for curve in curves.values() for peak in _peaks(curve))
-        logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
-        work = _sum([computed[index].work for index in sorted(computed)])
-        truncation = max((level.truncation for level in computed.values()), default=0.0)
-        sizes = [level.base_correction for level in computed.values() if level.base_correction is not None]
-        correction = max(sizes, key=lambda size: size.share, default=None)
-        corrected = [] if correction is None else correction.warnings()
-        outcome = combined(level.outcome for level in computed.values())
-        if len(computed) < len(levels):
-            doubts = () if outcome.trusted else (outcome,)
-            outcome = Outcome.of(
-                OutcomeCode.INTERRUPTED,
-                *doubts,
-                done=len(computed),
-                total=len(levels),
-                unit_of_work="levels of the sweep",
-            )
-        linear = linear_curve(system, settings.from_, settings.to, logarithmic)
-        return SweepResult(
-            scenario=scenario,
-            kind=settings.kind,
-            outcome=reduction_checked(outcome, system.modes),
-            curves=dict(curves),
-            linear=linear,
-            peaks=peaks,
-            modes=system.modes,
-            work=work,
-            levels=dict(computed),
-            histories=dict(histories),
-            truncation=truncation,
-            warnings=(
-                *scenario.warnings,
-                *system.warnings,
-                *_uncompared(scenario, system),
-                *corrected,
-                *deflection_warnings(
-                    scenario,
-                    system.modes,
-                    ({name: x.peak for name, x in curve.displacement.items()} for curve in curves.values()),
-                ),
-            ),
-            wall_time_s=clock.perf_counter() - begin,
-        ).with_summary(
-            **_summary(scenario, curves),
-            **_gapping(linear, curves),
-            **({} if correction is None else correction.summary()),
-        )
-
+    done = _LevelsDone(scenario, settings, system, len(levels), begin)
+    next_save = begin
     for index, level in enumerate(levels):
-        if resume is not None and index in resume.levels and resume.levels[index].outcome.complete:
-            computed[index] = resume.levels[index]
-            curves.update({name: curve for name, curve in resume.curves.items() if curve.level_index == index})
-            if index in resume.histories:
-                histories[index] = resume.histories[index]
+        if resume is not None and done.takes_over(index, resume):
             continue
         report = None if progress is None else _part(progress, index, len(levels))
         if isinstance(settings, SweptSine):
@@ -175,20 +111,103 @@ def sweep(
             from beamsim.analyses.sweep.stepped import step_level
 
             run = step_level(system, settings, excitation, level, index, report, limited, stop)
-        if run.history is not None:
-            histories[index] = run.history
-        curves.update({curve.name: curve for curve in run.curves})
-        computed[index] = run.work
+        done.add(index, run)
         if stop():
             break
         if save is not None and clock.perf_counter() >= next_save:
             started = clock.perf_counter()
-            save(result())
+            save(done.result())
             # saving takes at most a tenth of the time
             next_save = clock.perf_counter() + max(SAVED_EVERY_S, 10.0 * (clock.perf_counter() - started))
-    if not curves and stop():
+    if not done.curves and stop():
         raise KeyboardInterrupt
-    return result()
+    return done.result()
+
+
+@dataclass
+class _LevelsDone:
+    """What the levels computed so far gave, and the result that they make."""
+
+    scenario: Scenario
+    settings: SweptSine | SteppedSine
+    system: StructuralSystem
+    count: int  # of all levels
+    begin: float  # when the sweep began, s
+    curves: dict[str, SweepCurve] = field(default_factory=dict)
+    histories: dict[int, SweepHistory] = field(default_factory=dict)
+    work: dict[int, LevelWork] = field(default_factory=dict)
+
+    def takes_over(self, index: int, earlier: SweepResult) -> bool:
+        """Take a level from an interrupted sweep, if that completed it."""
+        if index not in earlier.levels or not earlier.levels[index].outcome.complete:
+            return False
+        self.work[index] = earlier.levels[index]
+        self.curves.update({name: curve for name, curve in earlier.curves.items() if curve.level_index == index})
+        if index in earlier.histories:
+            self.histories[index] = earlier.histories[index]
+        return True
+
+    def add(self, index: int, run: LevelRun) -> None:
+        """Take what a level gave."""
+        if run.history is not None:
+            self.histories[index] = run.history
+        self.curves.update({curve.name: curve for curve in run.curves})
+        self.work[index] = run.work
+
+    def outcome(self) -> Outcome:
+        """That of the levels, and of the sweep where some are missing."""
+        outcome = combined(level.outcome for level in self.work.values())
+        if len(self.work) == self.count:
+            return outcome
+        doubts = () if outcome.trusted else (outcome,)
+        return Outcome.of(
+            OutcomeCode.INTERRUPTED,
+            *doubts,
+            done=len(self.work),
+            total=self.count,
+            unit_of_work="levels of the sweep",
+        )
+
+    def base_correction(self) -> CorrectionSize | None:
+        """The largest correction of the motion of the base."""
+        sizes = [level.base_correction for level in self.work.values() if level.base_correction is not None]
+        return max(sizes, key=lambda size: size.share, default=None)
+
+    def result(self) -> SweepResult:
+        """The result of these levels."""
+        scenario, settings, system, curves = self.scenario, self.settings, self.system, self.curves
+        logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
+        linear = linear_curve(system, settings.from_, settings.to, logarithmic)
+        correction = self.base_correction()
+        return SweepResult(
+            scenario=scenario,
+            kind=settings.kind,
+            outcome=reduction_checked(self.outcome(), system.modes),
+            curves=dict(curves),
+            linear=linear,
+            peaks=tuple(peak for curve in curves.values() for peak in _peaks(curve)),
+            modes=system.modes,
+            work=_sum([self.work[index].work for index in sorted(self.work)]),
+            levels=dict(self.work),
+            histories=dict(self.histories),
+            truncation=max((level.truncation for level in self.work.values()), default=0.0),
+            warnings=(
+                *scenario.warnings,
+                *system.warnings,
+                *_uncompared(scenario, system),
+                *([] if correction is None else correction.warnings()),
+                *deflection_warnings(
+                    scenario,
+                    system.modes,
+                    ({name: x.peak for name, x in curve.displacement.items()} for curve in curves.values()),
+                ),
+            ),
+            wall_time_s=clock.perf_counter() - self.begin,
+        ).with_summary(
+            **_summary(scenario, curves),
+            **_gapping(linear, curves),
+            **({} if correction is None else correction.summary()),
+        )
 
 
 def sweep_system(scenario: Scenario) -> StructuralSystem:
@@ -201,8 +220,19 @@ def sweep_system(scenario: Scenario) -> StructuralSystem:
     return build_system(with_limited_outputs(scenario.model_copy(update=changed)))
 
 
-def _with_profile(scenario: Scenario, settings: SweptSine | SteppedSine) -> SweptSine | SteppedSine:
-    """The settings with the table of the file that they name."""
+def _settings(scenario: Scenario) -> SweptSine | SteppedSine:
+    """The section of the sweep, with the table of the file that it names."""
+    settings = scenario.sweep
+    if settings is None:
+        raise ScenarioError(
+            Problem(
+                "sweep",
+                "is missing",
+                "add for example `sweep: {kind: swept_sine, from: 20 Hz, to: 400 Hz, rate: 2 oct/min}`",
+            )
+        )
+    if not isinstance(settings, (SweptSine, SteppedSine)):
+        raise ScenarioError(Problem("sweep.kind", f"= {settings.kind} belongs to another analysis", ""))
     if not isinstance(settings, SweptSine) or settings.profile_file is None:
         return settings
     assert isinstance(scenario.excitation, Harmonic | Forces)
