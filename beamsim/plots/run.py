@@ -258,7 +258,7 @@ def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
     for shape, dashes, label in curves:
         if np.all(np.isfinite(shape)):
             ax.plot(x, shape * length.factor, color="#0b3c5d", linestyle=dashes, linewidth=1.5, label=label)
-    for k, (s, face) in enumerate(zip(snubbers, faces, strict=True)):
+    for s, face in zip(snubbers, faces, strict=True):
         ax.plot(
             [s.position * along.factor],
             [face * length.factor],
@@ -267,8 +267,10 @@ def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
             color=_CLOSED,
             linestyle="none",
             clip_on=False,
-            label="snubber" if k == 0 else "_nolegend_",
         )
+    if snubbers:  # in the legend a mark that is drawn around its place: below it, it seemed another snubber
+        mark = "^" if snubbers[0].side == "below" else "v"
+        ax.plot([], [], marker=mark, markersize=7, color=_CLOSED, linestyle="none", label="snubber")
     finish(ax, f"Position along the beam ({along.unit})", f"Relative deflection ({length.unit})")
     ax.legend(loc="best", frameon=False, fontsize="small", handlelength=2.6)
     return ax

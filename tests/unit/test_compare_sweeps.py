@@ -83,6 +83,16 @@ def test_q_of_an_oscillator_is_that_of_its_damping():
     assert peak[2] == pytest.approx(1 / (2 * zeta), rel=2e-3)
 
 
+def test_a_peak_at_a_jump_has_no_q():
+    """Half of an oscillator's peak, and nothing beyond it."""
+    f = np.linspace(5.0, 15.0, 401)
+    r = f / 10.0
+    response = np.where(f <= 10.0, 1 / np.abs(1 - r**2 + 0.04j * r), 0.1)
+    (peak,) = peaks_of(f, response)
+    assert peak[0] == pytest.approx(10.0, abs=0.03)
+    assert np.isnan(peak[2])
+
+
 def test_a_lone_peak_has_no_partner(swept):
     x = np.linspace(16.0, 34.0, 200)
     signal = MeasuredSignal("second", x, 1.0 + np.exp(-(((x - 20.0) / 0.5) ** 2)) * 5, True, "m/s^2")
@@ -254,7 +264,9 @@ def test_stored_and_drawn(swept, tmp_path):
     write_comparison(comparison, tmp_path / "c.h5")
     stored = open_result(tmp_path / "c.h5", "compare")
     np.testing.assert_array_equal(stored.assurance.fdac, comparison.assurance.fdac)
-    assert [peak.measured_q for peak in stored.sweeps[0].peaks] == [p.measured_q for p in comparison.sweeps[0].peaks]
+    qualities = [[peak.measured_q for peak in each.sweeps[0].peaks] for each in (stored, comparison)]
+    assert np.isfinite(qualities[1][0])
+    np.testing.assert_array_equal(*qualities)
     figures = comparison_figures(comparison)
     assert set(figures) == {"first_absolute_acceleration", "second_absolute_acceleration", "fdac"}
     for name, figure in figures.items():

@@ -272,8 +272,10 @@ def _peak_pairs(f_p: Floats, p: Floats, f_m: Floats, m: Floats) -> list[PeakPair
 
 
 def peaks_of(frequency: Floats, amplitude: Floats) -> list[tuple[float, float, float]]:
-    """Frequency, level and Q of the highest peaks, by frequency; Q from the half-power band, nan where that is open.
+    """Frequency, level and Q of the highest peaks, by frequency; Q from the half-power band.
 
+    Q is nan where the band is open, or ends between a peak and its neighbour: where the response jumps, or samples are
+    too few.
     Frequency and level are those of the parabola through the three highest points.
     """
     positive = np.maximum(amplitude, 1e-300 + 1e-12 * float(np.max(amplitude, initial=0.0)))
@@ -303,6 +305,8 @@ def _crossing(frequency: Floats, lower: Bools, amplitude: Floats, half: float, p
     if not side.size:
         return float("nan")
     k = int(side[0])
+    if k == peak + way:
+        return float("nan")
     share = (half - amplitude[k]) / (amplitude[k - way] - amplitude[k])
     return float(frequency[k] + share * (frequency[k - way] - frequency[k]))
 
