@@ -437,9 +437,13 @@ def _identification(scenario: _Checked) -> Problems:
     if section.snubber not in names:
         known = suggestion(section.snubber, names, "the snubbers are") if names else "give the snubber in snubbers"
         yield _problem(("identify_stiffness", "snubber"), f"= {section.snubber} is not the name of a snubber", known)
-    elif scenario.all_snubbers[names.index(section.snubber)].force_deflection is not None:
-        message = f"= {section.snubber} has a force_deflection table, and no one stiffness to be identified"
-        yield _problem(("identify_stiffness", "snubber"), message, "give it a stiffness, a first guess, in place of it")
+    elif section.measured_with and scenario.all_snubbers[names.index(section.snubber)].force_deflection is not None:
+        yield _problem(
+            ("identify_stiffness", "measured_with"),
+            f"gives one stiffness, and {section.snubber} has a force_deflection table, whose slope varies",
+            f"measure vibrations, and give nonlinear: {{estimate: [snubbers.{section.snubber}.force_deflection.scale], "
+            "tests: [...]}, or give the snubber a stiffness, that about the preload, in place of the table",
+        )  # fmt: skip
     yield from identification_problems(scenario, scenario.whole, section)
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Tag
 
 from beamsim.scenario.base import Path, Schema, Variants, counted, fail
-from beamsim.scenario.quantities import Force, Gap, Text, Whole
+from beamsim.scenario.quantities import Force, Gap, PositiveNumber, Text, Whole
 
 ForcePoint = tuple[Gap, Force]
 """Deflection and force."""
@@ -33,6 +33,8 @@ class MeasuredForces(Schema):
     """Pairs of deflection and force, instead of a file."""
     fit: SegmentFit | None = None
     """Fit the rising piecewise-linear curve through zero with so many segments; by default the points are the curve."""
+    scale: PositiveNumber = 1.0
+    """Factor of all forces; studies vary it, and identify_stiffness.nonlinear finds it from measured vibrations."""
 
     def settle(self) -> None:
         """Demand a file or points, and of points that are not fitted that they are a curve."""

@@ -36,6 +36,13 @@ class TableOfStop:
     misfit: float  # N, root mean square; 0 where the points are the curve
     remark: str = ""
 
+    def scaled(self, factor: float) -> TableOfStop:
+        """All forces multiplied by a factor."""
+        if factor == 1.0:
+            return self
+        curve = ForceCurve(self.curve.deflection, factor * self.curve.force)
+        return TableOfStop(curve, factor * self.misfit, self.remark)
+
 
 def curves_of(scenario: Scenario) -> tuple[ForceCurve | None, ...]:
     """The curve of each snubber, None of one with a stiffness; raises as `force_tables`."""
@@ -65,7 +72,8 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
                 raise ScenarioError(Problem(path_text(at), f"= {table.file} does not exist", remedy))
             changed = file.stat().st_mtime_ns
         try:
-            tables.append(_table(table, file, changed))
+            measured = _table(table.model_copy(update={"scale": 1.0}), file, changed)  # is fitted once for all scales
+            tables.append(measured.scaled(table.scale))
         except PydanticCustomError as error:
             context = error.context or {}
             where = at if file is not None else (*at, *context["at"])

@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.compare.measured import MeasuredSignal
+from beamsim.analyses.identify.steady import steady_vibration
 from beamsim.contacts.force_curve import _slopes, fit_curve
 from beamsim.contacts.hysteresis import fit_branch, loop_width, relaxed_part
 from beamsim.contacts.pads import table_law
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
+from beamsim.system.force_tables import force_tables
 
 POINTS = [[0, 0], [1e-4, 8], [2e-4, 22], [4e-4, 70]]
 CASE = {
@@ -222,9 +225,42 @@ def test_the_path_is_relative_to_the_scenario(tmp_path, monkeypatch):
     assert build_system(load_scenario(tmp_path / "case.yaml")).snubbers[0].stiffness == pytest.approx(9000)
 
 
-def test_a_table_has_no_stiffness_to_be_identified():
-    with pytest.raises(ScenarioError, match=r"identify_stiffness.snubber = pad has a force_deflection table"):
+def test_natural_frequencies_give_no_table():
+    with pytest.raises(ScenarioError, match=r"identify_stiffness.measured_with gives one stiffness, and pad has a"):
         case(
             {"name": "pad", "force_deflection": POINTS},
             identify_stiffness={"snubber": "pad", "measured_with": [100.0]},
         )
+
+
+def test_the_scale_multiplies_the_forces():
+    table = {"points": POINTS, "fit": {"segments": 1}}
+    once, twice = (force_tables(case({"force_deflection": {**table, "scale": scale}}))[0] for scale in (1.0, 2.0))
+    np.testing.assert_allclose(twice.curve.force, 2.0 * once.curve.force, rtol=1e-15)
+    assert twice.misfit == pytest.approx(2.0 * once.misfit, rel=1e-15)
+    assert once.misfit > 0.1
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_the_scale_of_a_table_from_a_measured_vibration(noise):
+    """Found from the harmonics of a probe, with a deviation that is that of the noise."""
+
+    def of_scale(scale, **sections):
+        pad = {"name": "pad", "mass": 1, "side": "below", "gap": 1e-3,
+               "force_deflection": {"points": [[0, 0], [2e-3, 0.8], [1e-2, 6.0]], "scale": scale}}  # fmt: skip
+        chain = {"masses": [1.0, 1.0], "springs": [400.0, 400.0], "dashpots": [4.0, 4.0], "snubbers": [pad]}
+        shaken = {"kind": "harmonic", "applied_to": {"mass": 1}, "level": 2.0, "frequency": 2.2}
+        return load_scenario({"chain": chain, "probes": [{"name": "a", "mass": 1}], "excitation": shaken, **sections})
+
+    sought = "chain.snubbers.pad.force_deflection.scale"
+    nonlinear = {"estimate": [sought], "tests": [{"file": "a.csv", "harmonics": 5}], "starts": 1, "profiles": False}
+    turning = np.exp(2j * np.pi * 2.2 * np.outer(np.arange(600) / 200.0, np.arange(1, 13)))
+    history = np.imag(turning @ steady_vibration(of_scale(1.25)).harmonics(0, "absolute_acceleration", 12))
+    scatter = noise * history.std() * np.random.default_rng(3).standard_normal(history.size)
+    signal = MeasuredSignal("a", np.arange(600) / 200.0, history + scatter, unit="m/s^2")
+    section = {"snubber": "pad", "nonlinear": nonlinear}
+    found = beamsim.identify_stiffness(of_scale(1.0, identify_stiffness=section), [signal]).nonlinear.parameters[0]
+    assert found.parameter == sought
+    assert found.value == pytest.approx(1.25, abs=max(3.0 * found.standard_deviation, 1e-6))
+    if noise:
+        assert 1e-4 < found.standard_deviation < 0.05
