@@ -94,7 +94,7 @@ class OutcomeCode(Enum):
         OutcomeKind.STOPPED,
         "stopped[ at {place}]: the last {steps} steps together are shorter than the largest step of {step}; the branch "
         "is not smooth there (grazing, or a fold close to it)",
-        "",
+        "follow it from its other end, or look at the motion there with a stepped sine",
     )
     POINT_LIMIT = (
         OutcomeKind.STOPPED,

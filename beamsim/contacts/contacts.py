@@ -478,10 +478,10 @@ class Contacts:
         return np.asarray(self._compliances[self.pressed, phases[self.pressed]])
 
     def kept(self, phases: Ints) -> tuple[Ints, Floats]:
-        """The pressed contacts (k,) whose internal state is their penetration, and `kept` of their phases, m/N."""
-        given = {int(j): self.laws[j].phases[phases[j]].kept for j in self.pressed}
-        of = [(j, kept) for j, kept in given.items() if kept is not None]
-        return np.array([j for j, _ in of], dtype=np.int64), np.array([kept for _, kept in of])
+        """The contacts (k,) whose internal state is to be written anew in these phases, and `kept` of each (k, 2)."""
+        given = [(j, self.laws[j].phases[phases[j]].kept) for j in self._with_states]
+        of = [(j, kept) for j, kept in given if kept is not None]
+        return np.array([j for j, _ in of], dtype=np.int64), np.array([kept for _, kept in of]).reshape(-1, 2)
 
     @property
     def jointly_acting(self) -> bool:

@@ -11,8 +11,10 @@ Without a spring the stuck face holds: T is whatever keeps it where it is.
 N is constant, or the force of another contact: then both limits follow its motion, :math:`T = \pm\mu_d N` is linear in
 the state but not symmetric, and a phase without force lasts while the other contact is open. With a spring sliding ends
 where the slider stands still, :math:`\dot p = \dot\delta \mp \mu_d \dot N / k = 0`; while it slides or is free
-the internal state follows :math:`\delta`, so that the spring is unstressed where the faces meet again. A state that is
-to be started from again is written with twice the static limit in the spring where it slides: no motion sticks so.
+the internal state follows :math:`\delta`, so that the spring is unstressed where the faces meet again.
+
+A state that is to be started from again is written with the static limit in the spring where it slides, with two
+coefficients with twice that: no motion sticks so.
 """
 
 from __future__ import annotations
@@ -48,6 +50,14 @@ class FrictionForces(NamedTuple):
         return 0.5 * (self.static + self.sliding) * self.snap
 
 
+def _written(static: float, sliding: float) -> float:
+    """Limit that the spring of a contact that slides is written with, where a motion is to be started from there again.
+
+    With one coefficient it is that of sticking as well, and the written state is continuous where sliding ends.
+    """
+    return static if static == sliding else 2.0 * static
+
+
 @lru_cache(maxsize=1024)
 def friction_law(stiffness: float, static: float, sliding: float, start: float = 0.0) -> ContactLaw:
     """Dry friction behind a tangential spring.
@@ -75,7 +85,8 @@ def friction_law(stiffness: float, static: float, sliding: float, start: float =
     slides = tuple(
         Phase(
             name, (Guard(STICK, rate=sign, reset=((1.0, 0.0, -sign * sliding / k, 0.0),)),), touching=False,
-            force=sign * sliding, friction=sign * sliding, energy=0.5 * sliding**2 / k, **memory,
+            force=sign * sliding, friction=sign * sliding, energy=0.5 * sliding**2 / k,
+            kept=(-sign * _written(static, sliding) / k, 0.0), **memory,
         )
         for name, sign in (("sliding forwards", 1.0), ("sliding backwards", -1.0))
     )  # fmt: skip
@@ -147,12 +158,12 @@ def pressed_friction_law(stiffness: float | None, static: float, sliding: float)
                     STICK, rate=sign, pressing_rate=-sliding / k, reset=here, reset_pressing=-sign * sliding / k
                 ),
             ),
-            touching=False, pressing=sign * sliding, compliance=1.0 / k, kept=-2.0 * sign * static / k,
-            when_released=FREE, **following,
+            touching=False, pressing=sign * sliding, compliance=1.0 / k,
+            kept=(0.0, -sign * _written(static, sliding) / k), when_released=FREE, **following,
         )
         for name, sign in (("sliding forwards", 1.0), ("sliding backwards", -1.0))
     )  # fmt: skip
-    free = Phase("free", (), touching=False, kept=0.0, when_pressed=STICK, **following)
+    free = Phase("free", (), touching=False, kept=(0.0, 0.0), when_pressed=STICK, **following)
     return ContactLaw((stick, *slides, free), internal_states=1, static=(), settled=lambda penetration: (penetration,))
 
 

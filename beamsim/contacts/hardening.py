@@ -59,7 +59,7 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
     energy = 0.5 * f**2 / k_s
     loading = Phase(
         "loading", (Guard(ELASTIC, rate=1.0, reset=slider[1.0]),),
-        stiffness=hardening, force=f, friction=f, energy=energy, **touching,
+        stiffness=hardening, force=f, friction=f, energy=energy, kept=(-f / k_s, 0.0), **touching,
     )  # fmt: skip
     unloading = Phase(
         "unloading",
@@ -67,7 +67,7 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
             Guard(OPEN, penetration=hardening, constant=-f, reset=slider[-1.0]),
             Guard(ELASTIC, rate=-1.0, reset=slider[-1.0]),
         ),
-        stiffness=hardening, force=-f, friction=-f, energy=energy, **touching,
+        stiffness=hardening, force=-f, friction=-f, energy=energy, kept=(f / k_s, 0.0), **touching,
     )  # fmt: skip
 
     def settled(penetration: float) -> tuple[float, ...]:

@@ -93,8 +93,8 @@ class Phase:
     holds: bool = False  # the force is what keeps the penetration at its value, and the numbers above are zero
     pressing: float = 0.0  # factor of the force of the contact that presses it, whose work is lost
     compliance: float = 0.0  # m/N, of a spring that this force strains
-    kept: float | None = None  # m/N: the internal state is the penetration, and written with so much of the pressing
-    # force besides it tells the phase where a motion starts; None: it tells it as it is
+    kept: tuple[float, float] | None = None  # m, m/N: a state to be started from again has its internal state at the
+    # penetration plus the first plus so much of the pressing force, which tells the phase; None: it tells it as it is
     when_pressed: int | None = None  # phase that follows where the contact that presses it begins to touch
     when_released: int | None = None  # and where that ends
 

@@ -178,8 +178,11 @@ def _as_kept(exact: ExactFlow, phases: Ints, t: float) -> _AtTime:
     contacts, output = exact.system.contacts, _state(exact)
     contact, kept = contacts.kept(phases)
     if contact.size:
-        normal = exact.pressing_forces(phases).some(np.searchsorted(contacts.pressed, contact))
-        written = exact.penetrations[0].some(contact) + normal.scaled(kept[:, None])
+        written = exact.penetrations[0].some(contact)
+        written.direct[:, 0] += kept[:, 0]
+        if kept[:, 1].any():
+            share = kept[:, 1:] * (contact[:, None] == contacts.pressed)
+            written += exact.pressing_forces(phases).combined(share)
         output = _with_penetrations(exact, output, contact, written)
     return _AtTime(output, exact, t)
 
@@ -215,9 +218,7 @@ def _by_start(exact: ExactFlow, passage: Passage) -> Floats:
             if length > 0.0 or g == 0:
                 moved = happening.moved(S)
             S = happening.carried(S, moved)
-    if exact.system.contacts.jointly_acting:
-        S = _as_kept(exact, exact.states[passage.state[-1]].phases, t).row @ S
-    return S
+    return np.asarray(_as_kept(exact, exact.states[passage.state[-1]].phases, t).row @ S)
 
 
 @dataclass(frozen=True)

@@ -123,6 +123,23 @@ def test_what_rubs_is_refused_by_harmonic_balance(law):
         beamsim.frequency_response(case(law, sweep={**CONTINUATION, "method": "harmonic_balance"}))
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("law", "changed", "ends"),
+    [
+        ("hardening", "chain.snubbers[0].hardening.yield_force=0.2 N", (5.171, 5.173)),
+        ("friction", "friction[0].coefficient=0.25", (5.4, 5.5)),
+    ],
+)
+def test_yielding_or_sliding_that_ends_at_phase_zero(law, changed, ends):
+    """The slider is written where it would be if that ended: the branch goes on, with a state that does not jump."""
+    sweep = {**CONTINUATION, "from": ends[0], "to": ends[1], "seek_at": 0}
+    (branch,) = beamsim.frequency_response(case(law, changed, sweep=sweep)).branches
+    assert branch.outcome.complete
+    slider = branch.internal_states[np.argsort(branch.frequency_hz), 0]
+    assert np.abs(np.diff(slider)).max() < 0.05 * np.abs(slider).max()
+
+
 def test_a_contact_that_sticks_throughout():
     """Any place of its slider is periodic; the continuation leaves it where it began, and did not end before."""
     rub = {**RUB, "normal_force": 100.0, "stiffness": 3000.0}

@@ -278,7 +278,8 @@ def test_what_is_not_followed_is_refused(pad, guide, others, says):
     assert says in str(refused.value)
 
 
-@pytest.mark.parametrize("pad", [{}, pytest.param({"stiffness": 2e5, "coefficient": 0.25}, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("pad", [{}, {"stiffness": 2e5, "coefficient": 0.25}])
 def test_sliding_of_a_stepped_sine_is_that_of_a_run(pad):
     """Distance, energy lost and wear per cycle; the energy balances."""
     damped = {"masses": [2, 2, 1], "springs": [2000, 5000, 8000], "damping": {"kind": "modal", "ratio": 0.2}}
@@ -304,7 +305,7 @@ LOADS = PeriodicForcing(
 )
 
 
-@pytest.mark.parametrize("late", [0.0, 1.0])
+@pytest.mark.parametrize("late", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 @pytest.mark.parametrize(
     ("law", "dashpot"),
     [
