@@ -258,7 +258,7 @@ def test_a_periodic_motion_forgets_the_slider():
     passage = flow.carry(state, period)
     assert passage.event_time.size == 4
     np.testing.assert_allclose(passage.end, state, atol=1e-9)
-    h = 1e-6
+    h = 1e-8  # the motion slides at the start, at the border of sticking: second derivatives jump there
     for k in range(5):
         step = h * np.eye(5)[k]
         slope = (flow.carry(state + step, period).end - flow.carry(state - step, period).end) / (2 * h)
