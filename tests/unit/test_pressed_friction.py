@@ -9,8 +9,11 @@ from scipy.integrate import solve_ivp
 import beamsim
 from beamsim.analyses.run.energy import energy_history, energy_of_segments
 from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.force_curve import ForceCurve
 from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
+from beamsim.contacts.hardening import hardening_law
 from beamsim.contacts.laws import kelvin_voigt, no_tension
+from beamsim.contacts.pads import MaxwellBranch, recovering_law
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import Frequency, PeriodicForcing
@@ -326,6 +329,31 @@ def test_monodromy_against_differences(law, dashpot, late):
     np.testing.assert_allclose(passage.transition, by_difference, atol=1e-7 * np.abs(by_difference).max())
     assert len(set(flow.phases_in(passage)[:, 1].tolist())) >= 2
     assert passage.time.size >= 10
+
+
+@pytest.mark.slow
+def test_monodromy_of_laws_together():
+    """A pad with a table and a branch, a stop that yields, and friction under the force of each."""
+    pad = recovering_law(
+        ForceCurve(np.array([0.0, 0.1, 0.3]), np.array([0.0, 2.0, 9.0])), 0.0, [MaxwellBranch(8.0, 0.3)]
+    )
+    rubs = pressed_friction_law(20.0, STATIC, SLIDING)
+    contacts = Contacts(
+        np.array([[-1.0, 0.2, 0.1], [0.1, -1.0, 0.3], [0.3, 0.4, 1.0], [0.5, -0.2, 0.8]]),
+        np.array([1.0, 1.0, -1.0, -1.0]),
+        np.array([-0.05, 0.02, 0.0, 0.0]), np.zeros(4, dtype=bool), (pad, hardening_law(20.0, 2.5, 1.0), rubs, rubs),
+        pressed_by=np.array([-1, -1, 0, 1]),
+    )  # fmt: skip
+    system = PiecewiseLinearSystem(np.array([1.0, 3.0, 6.0]), np.diag([0.1, 0.15, 0.2]), contacts, np.zeros(3))
+    force = np.array([[0.6 - 0.1j, 0.5j, 0.4]])
+    flow, h = VariationalFlow(system, replace(LOADS, force=2.0 * force), 1.3, 1.0), 1e-6
+    start = flow.carry(np.zeros(flow.size), 12.0 - 1e-9).end
+    passage = flow.carry(start, 12.0, (), 12.0)
+    ends = [[flow.carry(start + e, 12.0, (), 12.0).end for e in (h * row, -h * row)] for row in np.eye(flow.size)]
+    by_difference = np.array([(up - down) / (2 * h) for up, down in ends]).T
+    np.testing.assert_allclose(passage.transition, by_difference, atol=1e-6 * np.abs(by_difference).max())
+    phases = flow.phases_in(passage)
+    assert [len(set(column.tolist())) >= 3 for column in phases.T] == [True] * 4
 
 
 def test_a_face_that_sticks_throughout_stays_where_it_is():
