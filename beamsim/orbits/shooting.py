@@ -36,6 +36,7 @@ from beamsim.orbits.paths import DampingPath
 from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
+AT_FOLD = 1e-3  # of the tangent's part along the parameter at the neighbours: what a fold leaves of it
 AT_BOUNDARY = 1e-5  # distance of a multiplier from where a located point says that it is
 NEAR_MINUS_ONE = 0.1  # distance of a multiplier within which a step is looked into for a pair of period doublings
 NEAR_CIRCLE = 0.02  # the same for complex multipliers and two Neimark–Sacker points
@@ -312,11 +313,14 @@ def special_points(
     if not smooth:
         with recorded("grazing", a, failed):
             special.extend(grazings(problem, a, b, settings))
+            if _in_one_alone(problem, a, b) - {point.contact for point in special}:
+                raise ArithmeticError("a contact begins between two neighbours, and no grazing was found")
         # between the corners the branch is smooth again
         w0 = a.u / a.scale
         chord = b.u / a.scale - w0
         inner = sorted(special, key=lambda g: float((g.point.u / a.scale - w0) @ chord))
         pieces = list(itertools.pairwise([a, *[g.point for g in inner], b]))
+    corners = bool(special)  # where the branch may turn back without a smooth fold
     parts: list[tuple[BranchPoint, BranchPoint]] = []
     for x, y in pieces:
         with recorded("neimark_sacker", a, failed):
@@ -326,6 +330,9 @@ def special_points(
             with recorded("fold", a, failed):
                 fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
                 if fold is not None:
+                    ends = min(abs(float(left.tangent[-1])), abs(float(right.tangent[-1])))
+                    if not corners and abs(float(fold.tangent[-1])) > AT_FOLD * ends:
+                        raise ArithmeticError("the branch turns back at a corner that was not found")
                     special.append(SpecialPoint("fold", fold.parameter, fold))
         if smooth:
             with recorded("branch_point", a, failed):
@@ -335,6 +342,17 @@ def special_points(
         with recorded("period_doubling", a, failed):  # or Neimark–Sacker point
             special += _changes_of_stability(problem, left, right, settings)
     return special
+
+
+def _in_one_alone(problem: ForcedOrbits, a: BranchPoint, b: BranchPoint) -> set[int]:
+    """One-sided contacts that are made and lost in one motion and not in the other."""
+    contacts = problem.cycle(a)[0].system.contacts
+    made = (set(problem.cycle(point)[1].event_contact.tolist()) for point in (a, b))
+    return (
+        set.symmetric_difference(*made)
+        - set(np.flatnonzero(contacts.may_hold).tolist())
+        - set(contacts.pressed.tolist())
+    )
 
 
 def _changes_of_stability(

@@ -1,4 +1,4 @@
-"""The whole attack by one command: random systems, mutants, kills, full disks, damaged files, seeded faults.
+"""The whole attack by one command: random systems, mutants, kills, full disks, damaged files, figures, seeded faults.
 
     python tests/attack/run.py --systems 10000 --mutants 2500 --jobs 1 --seed 1
 
@@ -117,6 +117,7 @@ def main():
     parser.add_argument("--kills", type=int, default=60)
     parser.add_argument("--disks", type=int, default=40)
     parser.add_argument("--damaged", type=int, default=300)
+    parser.add_argument("--figures", type=int, default=60, help="chains of which figures are computed again")
     parser.add_argument("--faults", type=int, default=12, help="seeded faults of the event search")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--seed", type=int, default=1)
@@ -161,6 +162,11 @@ def main():
         if count:
             codes, found = getattr(adversity, name)(count, options.seed)
             keep(name, [f"{name}: {count}; {_counts(codes)}"], found)
+    if options.figures:
+        import summary_figures
+
+        lines, found = summary_figures.attack(options.figures, options.seed * 1000, say)
+        keep("figures", ["figures computed again:", *lines], found)
     if options.faults:
         import seeded_faults
 

@@ -5,6 +5,7 @@ import sys
 import adversity
 import pytest
 import seeded_faults
+import summary_figures
 import yaml_mutants
 from comparison import compare, own_motion
 from random_systems import AIMED, ASSEMBLIES, MORE, random_case
@@ -101,6 +102,13 @@ def test_the_same_contact_is_not_counted_twice(tmp_path):
     finding = compare(291, tmp_path)
     assert finding.differences == []
     assert finding.events > 500
+
+
+@pytest.mark.parametrize("check", summary_figures.CHECKS, ids=lambda check: check.__name__)
+def test_figures_are_those_computed_apart(check):
+    counts, differences = zip(*(check(seed) for seed in (1, 2, 5)), strict=True)
+    assert [text for found in differences for text in found] == []
+    assert sum(counts) > 20
 
 
 def test_our_own_motion_has_the_accuracy_it_claims(tmp_path):

@@ -120,6 +120,28 @@ def test_maxima_are_those_of_the_continuous_curve():
         assert branch.peak_displacement["tip"][k] <= peak["value_m"]
 
 
+def test_a_corner_that_is_passed_over_is_named(tmp_path):
+    """A contact ends at a corner near 1.07 Hz, which no search finds; a fold could be reported 2 % before the stop."""
+    (tmp_path / "case.yaml").write_text("""
+chain:
+  masses: [1.3751852637136908, 1.0143135162621095]
+  springs: [79.53955065865617, 135.43627647893888]
+  dashpots: [1.1009153961729687, 0.44795080528009634]
+  snubbers: [{name: stop, mass: 2, side: above, gap: 0.001011371564876997, stiffness: 98271.6200108873}]
+excitation: {kind: harmonic, frequency: 1, applied_to: base, quantity: acceleration, level: 0.013978230787015065}
+probes: [{name: second, mass: 2}]
+sweep: {kind: continuation, from: 1.06, to: 1.2, seek_at: 0, side_branches: none}
+""")
+    result = curve(tmp_path / "case.yaml")
+    branch = result.branches[0]
+    touching = branch.contact_share["stop"] > 0
+    grazed = [e.parameter for e in branch.special if e.kind == "grazing"]
+    assert np.count_nonzero(np.diff(touching)) > len(grazed)  # the twin: where all are found, nothing is named
+    codes = [part.code for part in (result.outcome, *result.outcome.parts)]
+    assert OutcomeCode.SEARCH_FAILED in codes
+    assert not result.complete
+
+
 def test_harmonics_are_stored_as_many_as_asked_for():
     few, many = (curve(BEAM, continuation(80, 80.5, f"stored_harmonics: {n}")).branches[0] for n in (5, 12))
     assert few.harmonics["tip"].shape[1] == 6

@@ -1,0 +1,277 @@
+"""Figures of sweeps, continuations, nonlinear modes, studies and identification, each computed again apart from them.
+
+A check takes the seed of a random chain and returns the number of figures compared and what differs. Steady motions
+are integrated again from their states by `own_chain`; frequencies follow from matrices; cases of a study are run one by
+one.
+"""
+
+import copy
+
+import numpy as np
+from own_chain import OwnChain, natural_frequencies, random_chain
+from scipy.optimize import brentq
+
+CYCLES, NEWTON = 300, 12  # until a motion is nearly steady; steps from there
+CLOSE = 1e-6  # of the largest value of the quantity
+JUMPY = 3e-6  # the same of accelerations, whose parabolas are coarser
+MARGIN = 1e-5  # multipliers closer to the unit circle are neither stable nor unstable
+
+
+class _Compared:
+    """Collects what differs."""
+
+    def __init__(self, what=""):
+        self.count, self.differences, self.what = 0, [], what
+
+    def __call__(self, name, theirs, ours, scale=None, close=CLOSE):
+        theirs, ours = np.asarray(theirs, dtype=float), np.asarray(ours, dtype=float)
+        scale = np.abs(ours).max(initial=0.0) if scale is None else scale
+        self.count += theirs.size
+        if not np.all(np.abs(theirs - ours) <= close * max(scale, 1e-300)):
+            self.differences.append(f"{self.what} {name}: {theirs} instead of {ours}")
+
+
+def stepped_sine(seed):
+    """Envelopes, means, rms and contact shares at six frequencies of a stepped sine."""
+    import beamsim
+
+    case, rng = random_chain(seed), np.random.default_rng([seed, 5])
+    first = case["excitation"]["frequency"]
+    low, high = first * rng.uniform(0.4, 0.9), first * rng.uniform(1.1, 3)
+    direction = str(rng.choice(["up", "down"]))
+    case["sweep"] = {
+        "kind": "stepped", "from": low, "to": high, "points": 6, "steady_to": 1e-11, "most_cycles": 5000,
+        "direction": direction,
+    }  # fmt: skip
+    (curve,) = beamsim.sweep(beamsim.Scenario.model_validate(case)).curves.values()
+    compared, state = _Compared(), None
+    for k, frequency in enumerate(curve.frequency_hz):
+        if curve.steady.kind[k] != "periodic":
+            continue
+        own = OwnChain(case, 2 * np.pi * frequency)
+        period = int(curve.steady.period_cycles[k]) / frequency
+        state = _steady(own, np.zeros(2 * own.n) if state is None else state, period)
+        z = own.state(*np.split(state, 2))
+        if np.abs(np.linalg.eigvals(own.monodromy(z, period))).max() > 1:
+            continue  # Newton's method has left the motion that the sweep settled on
+        figures = own.figures(z, period)
+        compared.what = f"{frequency:.6g} Hz"
+        for name, envelopes in (
+            ("displacement", curve.displacement),
+            ("acceleration", curve.acceleration),
+            ("force", curve.force),
+        ):
+            scale, close = figures.peak(name).max(), JUMPY if name == "acceleration" else CLOSE
+            rows = list(envelopes.values())
+            compared(f"largest {name}", [row.maximum[k] for row in rows], figures.high[name], scale, close)
+            compared(f"smallest {name}", [row.minimum[k] for row in rows], figures.low[name], scale, close)
+            compared(f"mean {name}", [row.mean[k] for row in rows], figures.mean[name], scale)
+            compared(f"rms {name}", [row.rms[k] for row in rows], figures.rms[name], scale)
+        compared("contact share", [share[k] for share in curve.contact_share.values()], figures.share, 1.0)
+    return compared.count, compared.differences
+
+
+def _steady(own, y, period):
+    """(2 n,) state at phase zero of the motion on which y settles."""
+    z = own.state(*np.split(y, 2))
+    for _ in range(CYCLES):
+        _, z = own.move(z, period)
+        z[-2:] = 0.0, 1.0
+    y, size = z[: 2 * own.n], np.repeat([1.0, 1.0 / own.omega], own.n)
+    for _ in range(NEWTON):
+        z = own.state(*np.split(y, 2))
+        error = own.move(z, period)[1][: 2 * own.n] - y
+        if np.abs(error * size).max() < 1e-13 * np.abs(y * size).max():
+            break
+        y = y - np.linalg.solve(own.monodromy(z, period) - np.eye(2 * own.n), error)
+    return y
+
+
+def continuation(seed):
+    """Points and special points of all branches of a continuation, their multipliers, and the peaks reported."""
+    import beamsim
+    from beamsim.analyses.response.analysis import frequency_response
+
+    case, rng = random_chain(seed), np.random.default_rng([seed, 6])
+    first = case["excitation"]["frequency"]
+    low, high = first * rng.uniform(0.4, 0.9), first * rng.uniform(1.1, 2.5)
+    case["sweep"] = {"kind": "continuation", "from": low, "to": high, "seek_at": 1, "most_points": 600}
+    scenario = beamsim.Scenario.model_validate(case)
+    result, rows = frequency_response(scenario), _rows(scenario)
+    compared = _Compared()
+    for branch in result.branches:
+        special = {int(np.argmin(np.abs(branch.parameter - e.parameter))): e for e in branch.special}
+        for k in sorted({*np.linspace(0, branch.parameter.size - 1, 8).astype(int).tolist(), *special}):
+            compared.what = f"period {branch.period_multiple}, {branch.frequency_hz[k]:.8g} Hz"
+            _point(compared, case, rows, branch, k, special.get(k))
+    for peak in result.summary["peaks"]:
+        of_all = [branch.peak_displacement[peak["probe"]].max() for branch in result.branches]
+        compared(f"reported peak of {peak['probe']}", peak["value_m"], max(of_all), close=1e-12)
+    return compared.count, compared.differences
+
+
+def _rows(scenario):
+    """(n, n) masses from coordinates."""
+    from beamsim.system.build import build_system
+
+    return np.array([probe.shape for probe in build_system(scenario).probes])
+
+
+def _point(compared, case, rows, branch, k, special):
+    own = OwnChain(case, 2 * np.pi * branch.frequency_hz[k])
+    period = branch.period_multiple / branch.frequency_hz[k]
+    x, v = rows @ branch.coordinates[k], rows @ branch.coordinate_velocities[k]
+    z = own.state(x, v)
+    figures, multipliers = own.figures(z, period), np.linalg.eigvals(own.monodromy(z, period))
+    size, largest = figures.peak("displacement").max(), np.abs(multipliers).max()
+    grows = max(largest, 1.0)
+    compared("end of the period", figures.end[: own.n], x, size, CLOSE * grows)
+    compared("its velocity", figures.end[own.n : 2 * own.n], v, size * own.omega, CLOSE * grows)
+    highest = [values[k] for values in branch.max_displacement.values()]
+    lowest = [values[k] for values in branch.min_displacement.values()]
+    compared("largest displacement", highest, figures.high["displacement"], size, CLOSE * grows)
+    compared("smallest displacement", lowest, figures.low["displacement"], size, CLOSE * grows)
+    accelerations = [values[k] for values in branch.peak_acceleration.values()]
+    compared("acceleration", accelerations, figures.peak("acceleration"), close=JUMPY * grows)
+    forces, stiffest = [values[k] for values in branch.peak_force.values()], max(stop[3] for stop in own.stops)
+    scale = max(figures.peak("force").max(), 1e-3 * size * stiffest)
+    compared("force", forces, np.maximum(figures.high["force"], 0.0), scale, CLOSE * grows)
+    shares = [values[k] for values in branch.contact_share.values()]
+    compared("contact share", shares, figures.share, 1.0, CLOSE * grows)
+    kind = "" if special is None else special.kind
+    if kind != "grazing":  # where multipliers jump
+        compared("multiplier", np.abs(branch.floquet_multipliers[k]).max(), largest, grows, 1e-4)
+        if abs(largest - 1) > MARGIN:
+            compared("stable", branch.stable[k], largest < 1)
+    circle = {"fold": 1.0, "branch_point": 1.0, "period_doubling": -1.0}
+    if kind in circle:
+        compared(f"multiplier at a {kind}", np.abs(multipliers - circle[kind]).min(), 0.0, 1.0, 1e-4)
+
+
+def nonlinear_mode(seed):
+    """States, periods, energies and multipliers of a nonlinear mode and its branches."""
+    import beamsim
+    from beamsim.analyses.nnm.analysis import nnm
+    from beamsim.errors import ScenarioError
+
+    case, rng = random_chain(seed), np.random.default_rng([seed, 8])
+    first, chain = case.pop("excitation")["frequency"], case["chain"]
+    chain.pop("dashpots")
+    for stop in chain["snubbers"]:
+        stop.pop("damping", None)
+    energy = 0.5 * np.mean(chain["masses"]) * (2 * np.pi * first) ** 2 * 1e-6
+    path = {"kind": "energy", "from": float(0.05 * energy), "to": float(20 * energy)}
+    case["nnm"] = {"mode": int(rng.integers(1, len(chain["masses"]) + 1)), "continue_in": path}
+    scenario = beamsim.Scenario.model_validate(case)
+    try:
+        result = nnm(scenario)
+    except ScenarioError as error:
+        return 0, [] if "with every gap zero" in str(error) else [str(error)]
+    compared, rows = _Compared(), _rows(scenario)
+    for branch in result.branches:
+        for k in {*np.linspace(0, branch.frequency_hz.size - 1, 10).astype(int).tolist()}:
+            own = OwnChain(case, 2 * np.pi * branch.frequency_hz[k], free=True)
+            x, v = rows @ branch.coordinates[k], rows @ branch.coordinate_velocities[k]
+            z, period = own.state(x, v), 1 / branch.frequency_hz[k]
+            _, end = own.move(z, period)
+            largest = np.abs(np.linalg.eigvals(own.monodromy(z, period))).max()
+            compared.what = f"{branch.kind}, {branch.frequency_hz[k]:.8g} Hz"
+            compared("end of the period", end[: own.n], x, close=CLOSE * max(largest, 1.0))
+            stops = sum(0.5 * stop[3] * max(own.penetration(i, z), 0.0) ** 2 for i, stop in enumerate(own.stops))
+            compared("energy", branch.energy[k], 0.5 * v @ (own.m * v) + 0.5 * x @ own.K @ x + stops)
+            if branch.floquet_multipliers is not None:
+                compared("multiplier", np.abs(branch.floquet_multipliers[k]).max(), largest, close=1e-2)
+    return compared.count, compared.differences
+
+
+def study(seed):
+    """Responses of a grid of stiffness and gap, and those of runs one by one."""
+    import beamsim
+    from beamsim.analyses.designs.analysis import design_study
+    from beamsim.analyses.designs.plan import plan_designs
+
+    case = random_chain(seed)
+    case["run"] = {"duration": 10 / case["excitation"]["frequency"], "convergence": "off"}
+    stop = case["chain"]["snubbers"][0]
+    values = {"stiffness": [stop["stiffness"] * f for f in (0.5, 1.0, 3.0)], "gap": [1e-4, 7e-4]}
+    places = [{"path": f"chain.snubbers.{stop['name']}.{key}", "values": list(v)} for key, v in values.items()]
+    varied = {**case, "vary": {"kind": "grid", "parameters": places}}
+    result = design_study(plan_designs(beamsim.Scenario.model_validate(varied)), workers=1)
+    compared = _Compared()
+    for number in range(6):
+        stop["stiffness"], stop["gap"] = values["stiffness"][number // 2], values["gap"][number % 2]
+        summary = beamsim.run(beamsim.Scenario.model_validate(case)).summary
+        for entry, folder, name in (
+            ("peak_displacement_m", "probes", "peak_displacement"),
+            ("peak_force_n", "snubbers", "peak_force"),
+            ("contact_share", "snubbers", "contact_share"),
+        ):
+            for place, value in summary[entry].items():
+                response = result.responses[f"{folder}/{place}/{name}"]
+                compared(f"case {number}: {name} of {place}", np.ravel(response.values)[number], value, close=1e-8)
+    return compared.count, compared.differences
+
+
+def identification(seed):
+    """Stiffness, its deviation, interval and sensitivities from frequencies that matrices give."""
+    import beamsim
+    from beamsim.analyses.identify.analysis import identify_stiffness
+
+    case = random_chain(seed)
+    case["chain"]["snubbers"] = case["chain"]["snubbers"][:1]
+    (stop,) = case["chain"]["snubbers"]
+    true, step, spread = stop["stiffness"], 1e-6, 0.003
+    measured = natural_frequencies(case, [true])
+    mode = int(np.argmax(natural_frequencies(case, [true * 1.001]) / measured))
+
+    def stiffness_for(frequency, case=case):
+        try:
+            return np.exp(
+                brentq(lambda x: natural_frequencies(case, [np.exp(x)])[mode] - frequency, -18.0, 32.0, xtol=1e-14)
+            )
+        except ValueError:  # beyond what a stiffness reaches
+            return None
+
+    section = {"snubber": stop["name"], "measured_with": measured.tolist(), "fit_to": [mode + 1], "uncertainty": spread}
+    guessed = copy.deepcopy(case)
+    guessed["chain"]["snubbers"][0]["stiffness"] = 3.7 * true
+    scenario = beamsim.Scenario.model_validate({**guessed, "identify_stiffness": section})
+    summary = identify_stiffness(scenario).summary
+    compared = _Compared()
+    compared("stiffness", summary["stiffness_n_per_m"], true, close=1e-8)
+    slope = np.diff([natural_frequencies(case, [true * (1 + s)])[mode] for s in (-step, step)])[0] / (2 * step * true)
+    compared("deviation", summary["standard_deviation_n_per_m"], spread * measured[mode] / slope, close=1e-4)
+    for found, side in zip(summary["interval_n_per_m"], (-1, 1), strict=True):
+        end = stiffness_for(measured[mode] * (1 + side * 1.959963984540054 * spread))
+        if end is not None:
+            compared("interval", found, end)
+    for path, sensitivity in summary["sensitivities"].items():
+        key, _, number = path.removeprefix("chain.").rstrip("]").partition("[")
+        ends = []
+        for change in (-1e-5, 1e-5):
+            other = copy.deepcopy(case)
+            other["chain"][key][int(number)] *= 1 + change
+            ends.append(stiffness_for(measured[mode], other))
+        if None not in ends:
+            compared(path, sensitivity, np.log(ends[1] / ends[0]) / 2e-5, max(abs(sensitivity), 1.0), 1e-3)
+    return compared.count, compared.differences
+
+
+CHECKS = (stepped_sine, continuation, nonlinear_mode, study, identification)
+
+
+def attack(count, seed, say=lambda *_: None):
+    """Lines about ``count`` chains from a seed on in every check, and what differs."""
+    lines, found = [], []
+    for check in CHECKS:
+        figures = 0
+        for number in range(count):
+            try:
+                compared, differences = check(seed + number)
+            except Exception as error:
+                compared, differences = 0, [f"{type(error).__name__}: {error}"]
+            figures += compared
+            found += [f"{check.__name__} {seed + number}: {text}" for text in differences]
+            say(check.__name__, number + 1, count)
+        lines.append(f"  {check.__name__:<20} {count} chains, {figures} figures")
+    return lines, found
