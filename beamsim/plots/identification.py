@@ -16,12 +16,16 @@ from beamsim.analyses.identify.result import (
     ProfileLikelihood,
     TestFit,
 )
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, put_title, scale_for
+from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, put_title, scale_for
+from beamsim.scenario.parameters import field_type_at, find_parameters
+from beamsim.scenario.quantities import Quantity
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from beamsim.scenario import Scenario
 
 _MEASURED, _FITTED, _PALE = "0.45", "#d1495b", "0.8"
 
@@ -96,15 +100,15 @@ def plot_pad(pad: PadFit, axes: Sequence[Axes]) -> None:
 
 def plot_profile(profile: ProfileLikelihood, ax: Axes, coverage: float, unit: str = "") -> Axes:
     """Profile likelihood: misfit above its minimum, with the level that bounds the confidence interval."""
-    scale = scale_for(unit, profile.value) if unit else None
-    x = profile.value if scale is None else profile.value * scale.factor
+    scale = scale_for(unit, profile.value) if unit else Scale(1.0, "")
+    x = profile.value * scale.factor
     ax.plot(x, profile.misfit, color="#0b3c5d", linewidth=1.2, marker="." if x.size < 40 else "")
     level = NormalDist().inv_cdf(0.5 + coverage / 2) ** 2
     ax.axhline(level, color=_MEASURED, linestyle=(0, (2, 2)), linewidth=1.0)
     ax.annotate(f"{100 * coverage:g} %", (1.0, level), xycoords=("axes fraction", "data"), ha="right", va="bottom",
                 fontsize="small", color="0.3")  # fmt: skip
     ax.set_ylim(0.0, max(3 * level, 1e-12))
-    finish(ax, f"{profile.parameter}{f' ({scale.unit})' if scale is not None else ' (SI)'}", "Misfit above its minimum")
+    finish(ax, f"{profile.parameter}{f' ({scale.unit})' if scale.unit else ''}", "Misfit above its minimum")
     return ax
 
 
@@ -172,6 +176,8 @@ def identification_figures(result: IdentificationResult) -> dict[str, Figure]:
         figure, axes = _panels(result.title, rows, columns, 3.4 * rows)
         for ax, (profile, coverage, unit) in zip(axes, profiles, strict=False):
             plot_profile(profile, ax, coverage, unit)
+            if columns > 1:  # narrow panels
+                ax.locator_params(axis="x", nbins=4)
         for ax in axes[len(profiles) :]:
             ax.set_visible(False)
         figures["profiles"] = figure
@@ -197,10 +203,17 @@ def _profiles(result: IdentificationResult) -> list[tuple[ProfileLikelihood, flo
     section = result.scenario.identify_stiffness
     coverage = 0.95 if section is None else section.coverage
     if result.update is not None:
-        profiles += [(profile, coverage, "") for profile in result.update.profiles]
-    if result.nonlinear is not None:
-        profiles += [(profile, result.nonlinear.coverage, "") for profile in result.nonlinear.profiles]
+        profiles += [(each, coverage, _unit(result.scenario, each.parameter)) for each in result.update.profiles]
+    if (fit := result.nonlinear) is not None:
+        profiles += [(each, fit.coverage, _unit(result.scenario, each.parameter)) for each in fit.profiles]
     return profiles
+
+
+def _unit(scenario: Scenario, path: str) -> str:
+    """SI unit of a parameter of the scenario; empty of a ratio."""
+    places = find_parameters(scenario, path)
+    field = field_type_at(scenario, places[0]) if places else None
+    return field.dimension.unit if isinstance(field, Quantity) else ""
 
 
 def _panels(title: str, rows: int, columns: int = 1, height: float = 4.6) -> tuple[Figure, list[Axes]]:

@@ -60,6 +60,10 @@ def test_every_picture_can_be_drawn(result):
     for figure in figures.values():
         figure.canvas.draw()
         assert all(ax.get_xlabel() and ax.get_ylabel() for ax in figure.axes if ax.get_visible())
+    if (profiles := figures.get("profiles")) is not None:
+        labels = [ax.get_xlabel() for ax in profiles.axes if ax.get_visible()]
+        assert not any("SI" in label for label in labels)
+        assert all(label.endswith("kN/m)") for label in labels if "stiffness" in label)
 
 
 def test_other_files_are_refused(tmp_path):
