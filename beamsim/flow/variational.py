@@ -108,6 +108,7 @@ class VariationalFlow(SeriesFlow):
         self._coupled = contacts.jointly_acting  # for the compiled sensitivities a contact acts by itself
         self._resonant = self._coupled
         self._series: ExactFlow | None = None
+        self._terms: tuple[Passage, tuple[float, float], ExponentialTerms | None] | None = None  # of the last passage
         self._inputs = Inputs(
             np.zeros(1), np.ones((1, 1 + H), dtype=complex), np.zeros(1 + H, dtype=complex),
             np.zeros(1 + H, dtype=np.int64), np.arange(1 + H),
@@ -552,7 +553,13 @@ class VariationalFlow(SeriesFlow):
         return out
 
     def exponential_terms(self, passage: Passage) -> ExponentialTerms | None:
-        """The terms of a passage's motion; None where some have powers of time."""
+        """The terms of a passage's motion, those of the last one kept; None where some have powers of time."""
+        known = self._terms
+        if known is None or known[0] is not passage or known[1] != (self.omega, self.level):
+            known = self._terms = passage, (self.omega, self.level), self._terms_of(passage)
+        return known[2]
+
+    def _terms_of(self, passage: Passage) -> ExponentialTerms | None:
         if self._tables is None:
             self._prepare()
         t, n, contacts = self._tables, self.system.size, self.system.contacts

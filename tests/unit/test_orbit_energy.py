@@ -44,8 +44,15 @@ def forced(kind, **more):
         ("cubic", {"mounted_on": "ground"}),
     ],
 )
-def test_forced_motions_are_in_balance(kind, stop):
+def test_forced_motions_are_in_balance(kind, stop, monkeypatch):
+    measured = []
+    terms_of = VariationalFlow._terms_of
+    monkeypatch.setattr(
+        VariationalFlow, "_terms_of", lambda flow, passage: measured.append(passage) or terms_of(flow, passage)
+    )
     result = frequency_response(forced(kind, stop=stop))
+    assert len(measured) == len({id(passage) for passage in measured})  # peaks and energies of a motion share its terms
+    assert bool(measured) is (kind == "linear" and "law" not in stop)
     error = result.branches[0].energy_error
     assert error.shape == result.branches[0].parameter.shape
     assert result.branches[0].contact_share["stop"].max() > 0.05

@@ -316,10 +316,14 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
     def measured_motion(point: BranchPoint) -> MeasuredMotion:
         driving = system, model.loads, model.base, model.signals
         if not by_balance:
-            return measured_orbit(*driving, problem, point, limited, settings.stored_harmonics)
-        omega, driven = problem.at(point.parameter)
-        motion = sampled_motion(point.data, model.loads, omega, driven)
-        return measure(*driving, motion, limited, settings.stored_harmonics)
+            motion = measured_orbit(*driving, problem, point, limited, settings.stored_harmonics)
+            error = energy_error(problem.flow_at(point.parameter)[0], point.data)
+        else:
+            omega, driven = problem.at(point.parameter)
+            sampled = sampled_motion(point.data, model.loads, omega, driven)
+            motion = measure(*driving, sampled, limited, settings.stored_harmonics)
+            error = problem.energy_error(point)
+        return replace(motion, energy_error=error)
 
     traced, measured = with_maxima(traced, measured_motion, _reported_maxima(model), stop)
     spectra = [problem.multipliers(point) for point in traced.points]
@@ -337,10 +341,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         return {name: table[:, k] for k, name in enumerate(of)}
 
     from_balance = None
-    if not by_balance:
-        errors = np.array([energy_error(problem.flow_at(p.parameter)[0], p.data) for p in traced.points])
-    else:
-        errors = np.array([problem.energy_error(p) for p in traced.points])
+    if by_balance:
         from beamsim.analyses.response.balance import neglected
 
         from_balance = neglected(traced)
@@ -348,7 +349,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         level=float("nan") if f.kind == "level" else level,
         period_multiple=problem.multiple,
         outcome=f.shown(traced.outcome),
-        energy_error=errors,
+        energy_error=np.array([m.energy_error for m in measured]),
         frequency_hz=parameter.copy() if f.kind == "frequency" else np.full(parameter.size, model.frequency_hz),
         peak_displacement=by_name(list(np.maximum(np.abs(high), np.abs(low))), probes),
         max_displacement=by_name(list(high), probes),

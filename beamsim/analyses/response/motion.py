@@ -7,6 +7,7 @@ extreme the motion is sampled again, between the events beside it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -104,6 +105,7 @@ class MeasuredMotion:
     stress: float | None  # Pa, largest bending stress, likewise
     highest_output: Floats  # (k,) of the outputs of the system
     lowest_output: Floats  # (k,)
+    energy_error: float = math.nan  # relative, of the balance over a period
 
 
 def _inside(bounds: Floats) -> tuple[Floats, Ints]:
