@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.compare.measured import MeasuredSignal
+from beamsim.analyses.identify.steady import steady_vibration
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 
@@ -151,3 +153,21 @@ def test_a_contact_that_sticks_throughout():
     assert branch.frequency_hz.size < 100
     np.testing.assert_allclose(branch.frequency_hz[[0, -1]], [4.4, 4.52], rtol=1e-9)
     np.testing.assert_allclose(branch.floquet_multipliers[:, 0], 1.0, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["friction", "rigid friction", "pressed friction"])
+def test_a_measured_vibration_gives_its_coefficient(law):
+    """From harmonics computed with another coefficient; the interval holds it."""
+    changed = "friction[0].coefficient={}"
+    true = steady_vibration(case(law, changed.format(0.25))).harmonics(0, "displacement", 6)
+    time = np.arange(400) / (4.5 * 40.0)
+    history = np.imag(np.exp(2j * np.pi * 4.5 * np.outer(time, np.arange(1, 7))) @ true)
+    test = {"file": "a.csv", "quantity": "displacement", "harmonics": 6, "noise": 0.001}
+    fit = {"estimate": ["friction.rub.coefficient"], "tests": [test], "starts": 1, "profiles": False}
+    section = {"snubber": "pad", "nonlinear": fit}
+    scenario = case(law, changed.format(0.2), identify_stiffness=section)
+    signal = MeasuredSignal("a", time, history, unit="m")
+    found = beamsim.identify_stiffness(scenario, [signal]).nonlinear.parameters[0]
+    assert found.value == pytest.approx(0.25, rel=1e-4)
+    assert found.interval[0] < 0.25 < found.interval[1]
