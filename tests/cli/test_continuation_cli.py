@@ -104,9 +104,8 @@ def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(resu
     assert min(abs(f - at) for f in folds) < 1e-5 * at
 
 
-@pytest.mark.slow
 def test_reported_peaks_are_the_largest_of_all_motions(results):
-    """A motion of period 2 goes further than those of period 1: 3.2119 m at its end, 3.1201 m before."""
+    """A motion of period 2 goes further than those of period 1: 1.961 m against 1.884 m at the first mass."""
     result = results["continuation_folds"]
     for peak in result.summary["peaks"]:
         largest = {
@@ -117,10 +116,11 @@ def test_reported_peaks_are_the_largest_of_all_motions(results):
         assert largest[2] > largest[1]
         assert peak["value_m"] == largest[2]
         assert peak["period_multiple"] == 2
-    rows = [text for _, text in table_rows("continuation", result) if text.endswith("(unstable, period 2)")]
+    rows = [text for _, text in table_rows("continuation", result) if text.endswith("(stable, period 2)")]
     assert len(rows) == len(result.summary["peaks"])
 
 
+@pytest.mark.slow
 def test_folds_in_the_gap_are_those_in_the_level_scaled(results):
     """Lengths scale: at (level, gap) as at level / gap of a unit gap."""
     changes = ["sweep.follow_folds_in={kind: gap, from: 0.5 m, to: 2 m}"]
