@@ -50,13 +50,18 @@ class _Stay:
     middle: float  # s
 
 
-def _with_borders(contacts: Contacts, passage: Passage) -> tuple[tuple[int, int], ...]:
-    """The order of events of the contacts that begin or end at a penetration.
+def _without_borders(contacts: Contacts) -> set[int]:
+    """Contacts whose phases do not end at a penetration, by their numbers.
 
     Faces that hold let go by a force and begin to stick by a rate, and those that a snubber presses follow that one.
     """
-    acting = set(np.flatnonzero(contacts.may_hold).tolist()) | set(contacts.pressed.tolist())
-    s = tuple(event for event in passage.signature if event[0] not in acting)
+    return set(np.flatnonzero(contacts.may_hold).tolist()) | set(contacts.pressed.tolist())
+
+
+def _with_borders(contacts: Contacts, passage: Passage) -> tuple[tuple[int, int], ...]:
+    """The order of events of the contacts that begin or end at a penetration."""
+    without = _without_borders(contacts)
+    s = tuple(event for event in passage.signature if event[0] not in without)
     return min((s[i:] + s[:i] for i in range(len(s))), default=())
 
 
@@ -75,7 +80,7 @@ def _shortest_stay(contacts: Contacts, passage: Passage, few: Passage) -> _Stay 
     """The shortest stay of a contact beyond a border that it crosses less often in the other motion."""
     shortest, best = np.inf, None
     others = _crossings(few)
-    without = set(np.flatnonzero(contacts.may_hold).tolist()) | set(contacts.pressed.tolist())
+    without = _without_borders(contacts)
     for border, events in _crossings(passage).items():
         if border[0] in without or len(events) <= len(others.get(border, ())):
             continue

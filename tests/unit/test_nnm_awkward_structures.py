@@ -42,6 +42,9 @@ def test_two_stops_that_touch_one_point_take_turns():
         assert np.unique(passage.event_time[passage.event_contact < 2].round(9)).size <= 3
 
 
+SEPARATE = SimpleNamespace(system=SimpleNamespace(contacts=SimpleNamespace(jointly_acting=False)))
+
+
 def test_work_between_two_neighbours_is_bounded(monkeypatch):
     """However the events differ, and however often."""
     looked, events = [], count()
@@ -56,7 +59,7 @@ def test_work_between_two_neighbours_is_bounded(monkeypatch):
             return False
 
         def cycle(self, point):
-            return SimpleNamespace(system=SimpleNamespace(contacts=None)), Passage(next(events))
+            return SEPARATE, Passage(next(events))
 
     monkeypatch.setattr(grazing, "_shortest_stay", lambda contacts, more, few: None)
     monkeypatch.setattr(grazing, "between", lambda *arguments: looked.append(0) or object())
@@ -76,7 +79,7 @@ def test_contacts_met_in_another_order_graze_nothing(monkeypatch):
             return False
 
         def cycle(self, point):
-            return None, Passage
+            return SEPARATE, Passage
 
     monkeypatch.setattr(grazing, "between", lambda *arguments: looked.append(0) or object())
     assert list(grazing.grazings(Reordered(), object(), object(), Settings())) == []
