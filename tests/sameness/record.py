@@ -52,13 +52,7 @@ OTHER_PROCESSOR = 10.0  # the same of changes by another processor
 RENAMED: dict[str, tuple[str, str]] = {}
 """Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
 
-_ALL_PERIODS = "peaks of a continuation are those of all motions, also of a longer period, and say which period"
-MENDED: dict[str, str] = {
-    "* json/peaks/period_multiple": _ALL_PERIODS,
-    "chain_two_dof sweep json/peaks/*": _ALL_PERIODS,
-    "continuation_folds sweep json/peaks/*": _ALL_PERIODS,
-    "continuation_position sweep json/peaks/*": _ALL_PERIODS,
-}
+MENDED: dict[str, str] = {}
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 
 ROUND_OFF = {"energy_error", "residual", "largest_residual", "drift", "motion_drift"}
