@@ -8,6 +8,7 @@ import sys
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -83,12 +84,22 @@ def test_a_response_keeps_the_points_it_has(response, points):
 
 
 def test_a_response_that_is_stopped_keeps_as_many_points_as_are_quickly_evaluated(response, monkeypatch):
-    monkeypatch.setattr("beamsim.analyses.response.analysis.POINTS_OF_A_STOPPED_RESPONSE", 10)
+    """These alone: between them no maximum is sought."""
+    from beamsim.analyses.response import analysis
+
+    evaluations = []
+
+    def counted(*given, real=analysis.measured_orbit):
+        evaluations.append(0)
+        return real(*given)
+
+    monkeypatch.setattr(analysis, "POINTS_OF_A_STOPPED_RESPONSE", 10)
+    monkeypatch.setattr(analysis, "measured_orbit", counted)
     request = After(20)
     part = frequency_response(load_scenario(RESPONSE), request, request.stop)
     (branch,), whole = part.branches, response.branches[0]
     kept = np.flatnonzero(np.isin(whole.parameter, branch.parameter))
-    assert 8 <= kept.size == branch.parameter.size <= 11
+    assert 8 <= kept.size == branch.parameter.size == len(evaluations) <= 11
     assert set(np.diff(kept)[:-1]) == {3}
     np.testing.assert_array_equal(branch.coordinates, whole.coordinates[kept])
     assert part.warnings[-1] == "interrupted: of 3 points of a branch one is kept"
@@ -104,7 +115,12 @@ def test_a_response_that_is_stopped_while_it_is_evaluated_evaluates_few_points_o
 
     monkeypatch.setattr(analysis, "POINTS_OF_A_STOPPED_RESPONSE", 10)
     evaluated = []
-    monkeypatch.setattr(analysis, "_response", lambda model, branch, *_: evaluated.append(len(branch.points)))
+
+    def response(model, branch, *_):
+        evaluated.append(len(branch.points))
+        return SimpleNamespace(parameter=np.array(branch.points))
+
+    monkeypatch.setattr(analysis, "_response", response)
     traced = [Branch(tuple(range(100)))] * 4
     assert analysis._responses(None, traced, 1.0, lambda: len(evaluated) >= 2)[1:] == (
         ("interrupted: of 20 points of a branch one is kept",), True,
@@ -112,6 +128,24 @@ def test_a_response_that_is_stopped_while_it_is_evaluated_evaluates_few_points_o
     assert evaluated == [100, 100, 6, 6]
     assert analysis._responses(None, traced, 1.0, lambda: False)[1:] == ((), False)
     assert evaluated[4:] == [100] * 4
+
+
+def test_a_branch_that_is_being_evaluated_is_evaluated_at_few_more_points(monkeypatch):
+    from beamsim.analyses.response import analysis, refinement
+
+    evaluations = []
+
+    def counted(*given, real=analysis.measured_orbit):
+        evaluations.append(0)
+        return real(*given)
+
+    monkeypatch.setattr(analysis, "measured_orbit", counted)
+    monkeypatch.setattr(refinement, "POINTS_AFTER_A_STOP", 4)
+    part = frequency_response(load_scenario(RESPONSE), stop=lambda: len(evaluations) >= 5)
+    assert 5 + 2 <= part.branches[0].parameter.size <= 5 + 4 + 1
+    assert sum(branch.parameter.size for branch in part.branches) == len(evaluations)
+    assert part.outcome.interrupted
+    assert "interrupted: of the rest of a branch few points are kept" in part.warnings
 
 
 @pytest.mark.parametrize("stage", ["spectra_of", "_with_impacts", "summary_of_run", "convergence_of"])

@@ -159,7 +159,12 @@ def _responses(
             halted = True
             traced, left_out = _few(traced)
         results.append(_response(model, traced[0], level, stop))
+        cut = not halted and results[-1].parameter.size < len(traced[0].points)
         traced = traced[1:]
+        if cut:
+            halted = True
+            traced, left_out = _few(traced)
+            left_out = ("interrupted: of the rest of a branch few points are kept", *left_out)
     return results, left_out, halted
 
 
