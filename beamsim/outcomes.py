@@ -395,12 +395,30 @@ class Outcome:
     @property
     def text(self) -> str:
         """Message and remedy, followed by those of the parts."""
-        message = self.message
-        if self.kind is OutcomeKind.COMPLETE and "text" not in self.numbers:
-            message = f"complete: {message}" if message else "complete"
-        if "prefix" in self.numbers:
-            message = f"{self.numbers['prefix']}: {message}"
-        return "; ".join(text for text in (message, self.remedy, *(part.text for part in self.parts)) if text)
+        own = self._own_text
+        if self._says_complete:
+            own = f"complete: {own}" if own else "complete"
+        return "; ".join(text for text in (self._prefix + own, *(part.text for part in self.parts)) if text)
+
+    @property
+    def statements(self) -> tuple[str, ...]:
+        """What `text` says, one text for each outcome, the first one ``complete`` where everything was computed."""
+        own = self._own_text
+        own = self._prefix + (own or "complete") if self._prefix else own
+        of_parts = [text for part in self.parts for text in part.statements[part._says_complete :]]
+        return tuple(text for text in ("complete" * self._says_complete, own, *of_parts) if text)
+
+    @property
+    def _says_complete(self) -> bool:
+        return self.kind is OutcomeKind.COMPLETE and "text" not in self.numbers
+
+    @property
+    def _prefix(self) -> str:
+        return f"{self.numbers['prefix']}: " if "prefix" in self.numbers else ""
+
+    @property
+    def _own_text(self) -> str:
+        return "; ".join(text for text in (self.message, self.remedy) if text)
 
     def __str__(self) -> str:
         return self.text

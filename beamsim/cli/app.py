@@ -139,7 +139,7 @@ def validate(
 @app.command()
 @guarded
 def schema(output: Output = None, json: Json = False, debug: Debug = False) -> None:
-    """Print the JSON Schema of scenario files, for completion and checks in editors."""
+    """Print the JSON Schema of scenario files. Editors complete and check them by it."""
     from beamsim.cli.output import output_file
     from beamsim.cli.validation import schema_text
 
@@ -161,7 +161,7 @@ def new(
     json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Write a commented scenario to start from, and the schema by which editors check and complete it."""
+    """Write a commented scenario to start from. The schema by which editors check and complete it is put beside it."""
     from beamsim.cli.printing import print_json
     from beamsim.cli.template import write_template
 

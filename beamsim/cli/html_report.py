@@ -33,7 +33,7 @@ def report(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Write one HTML file about a result: verdict, model, numbers, plots, animation, checks, scenario."""
+    """Write one HTML file about a result. It has verdict, model, numbers, plots, animation, checks and scenario."""
     from beamsim.cli.output import output_file
     from beamsim.cli.printing import print_files
     from beamsim.files import check_writable
@@ -81,7 +81,7 @@ def animate(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Write the motion of a result as a GIF and as an HTML file; slow around contact."""
+    """Write the motion of a result as a GIF and as HTML. It is slow around contact."""
     from beamsim.cli.output import output_file, output_folder
     from beamsim.cli.printing import print_files
     from beamsim.cli.progress import progress_of

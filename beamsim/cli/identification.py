@@ -36,7 +36,7 @@ def identify_stiffness(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Find a snubber's stiffness, damping and the structure's own parameters from measurements."""
+    """Find stiffness and damping of stops from tests. Parameters of the structure itself can be found with them."""
     from beamsim.cli.conclusion import Reporting, conclude, keep, prepared
     from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_of

@@ -40,7 +40,7 @@ def compare_modes(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Pair measured with computed modes by the MAC of their shapes. Prints frequencies, differences and MAC."""
+    """Pair measured with computed modes by their MAC. Prints frequencies, differences and MAC."""
     from beamsim.analyses.compare_modes.analysis import compare_modes as compare_with
     from beamsim.cli.conclusion import Reporting, conclude, keep, located
     from beamsim.cli.interruption import interruptible

@@ -38,7 +38,7 @@ def nnm(
     ] = None,
     debug: Debug = False,
 ) -> None:
-    """Follow a nonlinear normal mode in stiffness factor, energy or frequency. Writes a result file and plots."""
+    """Follow a nonlinear normal mode. In stiffness factor, energy or frequency. Writes a file and plots."""
     from beamsim.cli.conclusion import Reporting, conclude, keep, located, prepared
     from beamsim.cli.interruption import interruptible
     from beamsim.cli.progress import progress_of

@@ -59,7 +59,7 @@ def pad(
     json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Find a snubber's stiffness and damping from a material, a measured curve or an impact. Prints its YAML."""
+    """Find stiffness and damping of a snubber's pad. From a material, a measured curve or an impact; prints YAML."""
     from beamsim.analyses.pad.analysis import PadInput
     from beamsim.analyses.pad.analysis import pad as designed
     from beamsim.cli.pad_numbers import check_found, check_written, read_numbers

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
+import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+LEAST_WIDTH = 40  # of the texts of a table; narrower terminals wrap by themselves
 
 
 def print_json(values: Mapping[str, Any]) -> None:
@@ -24,8 +29,16 @@ def print_files(files: Sequence[Path], *, as_json: bool) -> None:
 
 
 def print_table(title: str, rows: Sequence[tuple[str, str]]) -> None:
-    """A title and aligned rows on standard output."""
+    """A title and aligned rows on standard output, wrapped to the width of a terminal."""
     width = max((len(label) for label, _ in rows), default=0)
     print(title)
+    terminal = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     for label, text in rows:
-        print(f"  {label:<{width}}  {text}".rstrip())
+        print("\n".join(_wrapped(f"  {label:<{width}}  {text}".rstrip(), width + 4, terminal)))
+
+
+def _wrapped(row: str, indent: int, width: int | None) -> list[str]:
+    """A row in lines of at most ``width`` characters, those after the first indented, where there is room for text."""
+    if width is None or len(row) <= width or width - indent < LEAST_WIDTH:
+        return [row]
+    return textwrap.wrap(row, width, subsequent_indent=" " * (indent + 2), break_long_words=False)

@@ -30,7 +30,7 @@ Texts = Mapping[str, Callable[[Any, Any], str | Mapping[str, str] | Rows]]
 def table_rows(kind: str, result: Result) -> Iterator[Row]:
     """Label and text of every row of a result's table: first the status if there is more to say than complete."""
     if result.outcome.message or result.outcome.parts:
-        yield "status", result.status
+        yield from _labelled("status", [("", text) for text in result.outcome.statements])
     texts = named(KINDS[kind].texts) if KINDS[kind].texts else {}
     for entry in type(result).SUMMARY:
         if entry.label and entry.name in result.summary:

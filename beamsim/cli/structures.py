@@ -18,7 +18,7 @@ def register(app: typer.Typer) -> None:
 
 @guarded
 def check(case: Case, set_: Overrides = None, json: Json = False, debug: Debug = False) -> None:
-    """Check the matrices of each body: mass, rigid motions, symmetry, frequencies. Exit code 3 if a check fails."""
+    """Check the matrices of each body. Mass, rigid motions, symmetry, frequencies. Exit code 3 if a check fails."""
     from beamsim.analyses.check.analysis import FAILS
     from beamsim.analyses.check.analysis import check as check_bodies
     from beamsim.cli.conclusion import located
@@ -66,7 +66,7 @@ def export_structure(
     json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Write matrices of the structure as OP4 (default), MATLAB, MatrixMarket or NumPy files, and a table of nodes."""
+    """Write the matrices of the structure. OP4 (default), MATLAB, MatrixMarket or NumPy files, and a table of nodes."""
     from beamsim.cli.conclusion import located
     from beamsim.cli.output import output_file
     from beamsim.cli.printing import print_json

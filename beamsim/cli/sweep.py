@@ -71,7 +71,7 @@ def sweep(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Sweep the frequency of the excitation, up and down, at several levels. Writes a result file and plots."""
+    """Sweep the frequency, or vary numbers of the case. Writes a result file and plots."""
     from beamsim.cli.conclusion import Reporting, prepared
 
     scenario, target = prepared("sweep", case, set_, output, check=check)

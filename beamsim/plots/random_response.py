@@ -70,10 +70,11 @@ def _driven(response: RandomResponse) -> Bools:
 
 
 def plot_transmissibility(response: RandomResponse, ax: Axes) -> Axes:
-    """Magnitude of response over input, shown where the input has power."""
-    shown = _driven(response)
+    """Magnitude of response over input, with gaps where the input has no power."""
+    driven = _driven(response)
     for k, (name, value) in enumerate(list(response.transmissibility.items())[:MOST_CURVES]):
-        ax.plot(response.frequency_hz[shown], np.abs(value[shown]), label=name, **curve_style(k))
+        shown = np.where(driven, np.abs(value), np.nan)
+        ax.plot(response.frequency_hz[1:], shown[1:], label=name, **curve_style(k))
     ax.set_xscale("log")
     ax.set_yscale("log")
     finish(ax, "Frequency (Hz)", "Transmissibility" if response.input.unit == "m/s^2" else "Displacement / force (m/N)")

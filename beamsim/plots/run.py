@@ -74,7 +74,7 @@ def _doubts(result: RunResult, ax: Axes, figure: str, called: str = "peaks", of:
     doubtful = [name for name in changes if f"{figure}.{name}" in listed and name.endswith(of)]
     if doubtful:
         texts = [
-            f"{name.removesuffix(of).replace('_', ' ').strip()} {100 * changes[name]:.2g} %"
+            f"{name.removesuffix(of).replace('_', ' ').strip()} {100 * changes[name]:.2g}\N{NO-BREAK SPACE}%"
             for name in doubtful[:MOST_DOUBTS]
         ]
         more = ", …" if len(doubtful) > MOST_DOUBTS else ""
@@ -357,6 +357,8 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
             axes[0].set_ylim(low, ROOM_FOR_DOUBTS * high)
         if both:
             plot_transmissibility(result.random, axes[1])
+            axes[1].set_xlim(axes[0].get_xlim())
+            axes[0].set_xlabel("")
         figures["random"] = figure
         if result.random.level is not None:
             figure, (ax,) = panels(1, height=4.4)

@@ -104,7 +104,8 @@ def test_status_table_file_and_pictures_say_so(damped, tmp_path):
     assert "run.low_pass" in damped.outcome.remedy
     assert "dashpot" in damped.outcome.remedy
     rows = list(table_rows("run", damped))
-    assert rows[0] == ("status", damped.status)
+    assert rows[0] == ("status", "complete")
+    assert rows[1] == ("", damped.status.removeprefix("complete: "))
     assert sum("NOT CONVERGED" in text for _, text in rows) == 4
     path = beamsim.write_result(damped, tmp_path / "run.h5")
     stored = beamsim.open_run(path)

@@ -61,8 +61,11 @@ def test_both_directions():
     two = both_directions(reached, STOPPED)
     assert two.code is OutcomeCode.STEP_TOO_SMALL
     assert two.text == f"{STOPPED.text}; in the other direction: complete: reached 3 Hz"
+    assert two.statements == (STOPPED.text, "in the other direction: reached 3 Hz")
     assert not two.complete
     assert not both_directions(STOPPED, reached).complete
+    assert COMPLETE.statements == ("complete",)
+    assert reached.but(STOPPED).statements == ("complete", "reached 3 Hz", STOPPED.text)
 
 
 def test_trust():
