@@ -32,6 +32,9 @@ def main() -> None:
 
     signal.signal(signal.SIGTERM, stop)
     show_notices()
+    from beamsim.cli.rarely_used import prepare_import_of_scipy
+
+    prepare_import_of_scipy()
     warnings.showwarning = show_warning
     if sys.platform == "win32":
         use_utf8(sys.stdout, sys.stderr)

@@ -369,6 +369,7 @@ except SystemExit as end:
 gc.callbacks.clear()
 from beamsim.scenario import base
 heavy = ("numba", "pint", "h5py", "matplotlib", "rich", "scipy.signal", "scipy.stats", "beamsim.analyses")
+heavy += ("numpy.f2py.f2py2e", "numpy.testing._private.utils")  # scipy copies the names of NumPy
 print("loaded", [name for name in heavy if name in sys.modules])
 pending, parts = [], [base.Schema]
 while parts:
