@@ -32,9 +32,9 @@ def main() -> None:
 
     signal.signal(signal.SIGTERM, stop)
     show_notices()
-    from beamsim.cli.rarely_used import prepare_import_of_scipy
+    from beamsim.cli.lighter_imports import lighten_imports
 
-    prepare_import_of_scipy()
+    lighten_imports()
     warnings.showwarning = show_warning
     if sys.platform == "win32":
         use_utf8(sys.stdout, sys.stderr)
