@@ -1,8 +1,8 @@
 """Imports of SciPy and Matplotlib without what no command uses.
 
-SciPy copies every name of NumPy when it is imported. NumPy itself imports some of its parts only when they are asked for,
-so that the copy costs a third of SciPy's import: `numpy.f2py` alone compiles the patterns of a parser of Fortran. A lazy
-module (`importlib.util.LazyLoader`) is a name that can be copied; whoever reads an attribute of it has the whole module.
+SciPy copies every name of NumPy when it is imported. NumPy itself imports some of its parts only when they are asked
+for, so that the copy costs a third of SciPy's import: `numpy.f2py` alone compiles the patterns of a parser of Fortran.
+A lazy module (`importlib.util.LazyLoader`) is a name that can be copied; who reads an attribute of it has all of it.
 
 Matplotlib writes the properties of every class of artists into docstrings, a quarter of its import. They are left out.
 

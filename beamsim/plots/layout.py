@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox, BboxBase
 
 PAD = 0.04  # in, at the edges of a figure and between its panels
 FIRST_GUESS = {"left": 0.1, "right": 0.98, "bottom": 0.1, "top": 0.9, "hspace": 0.3, "wspace": 0.3}
@@ -67,8 +69,7 @@ def _place(figure: Figure, renderer: Any) -> None:
     left, right, bottom, top = np.zeros(columns), np.zeros(columns), np.zeros(rows), np.zeros(rows)
     for ax, cell in zip(figure.axes, cells, strict=True):
         if ax.get_visible():
-            frame, whole = ax.get_window_extent(renderer), ax.get_tightbbox(renderer, for_layout_only=True)
-            assert whole is not None  # it is visible
+            frame, whole = ax.get_window_extent(renderer), _extent(ax, renderer)
             row, column = cell.rowspan.start, cell.colspan.start
             left[column] = max(left[column], frame.x0 - whole.x0)
             right[column] = max(right[column], whole.x1 - frame.x1)
@@ -84,3 +85,55 @@ def _place(figure: Figure, renderer: Any) -> None:
     y = ceiling - np.cumsum(bottom + top + height + pad) + bottom
     for ax, cell in zip(figure.axes, cells, strict=True):
         ax.set_position(tuple(np.array([x[cell.colspan.start], y[cell.rowspan.start], width, height]) / [*size, *size]))
+
+
+def _extent(ax: Axes, renderer: Any) -> Bbox:
+    """Extent of a visible panel with all that belongs to it, in pixels."""
+    from matplotlib.transforms import Bbox
+
+    shown = ax.axison
+    boxes = [_axis_extent(ax, side, renderer) for side in ("bottom", "left")] if shown else []
+    ax.set_axis_off()  # the axes are measured
+    try:
+        boxes.append(ax.get_tightbbox(renderer, for_layout_only=True))
+    finally:
+        if shown:
+            ax.set_axis_on()
+    return Bbox.union([box for box in boxes if box is not None])
+
+
+def _axis_extent(ax: Axes, side: str, renderer: Any) -> BboxBase | None:
+    """Extent of the labels of an axis, of which its own is put where Matplotlib would put it.
+
+    Left to Matplotlib, the place of that label takes two more measurements of all others, now and when it is drawn.
+    """
+    from matplotlib.transforms import Bbox, ScaledTranslation
+
+    axis, across = (ax.xaxis, 1) if side == "bottom" else (ax.yaxis, 0)
+    label, offset, figure = axis.label, axis.get_offset_text(), ax.get_figure(root=True)
+    if not axis.get_visible() or figure is None:
+        return None
+    if axis.get_label_position() != side:
+        return axis.get_tightbbox(renderer, for_layout_only=True)
+    place, shift = list(label.get_position()), [0.0, 0.0]
+    axis.set_label_coords(0.0, 0.0)  # anywhere: it is not measured
+    if not label.get_text():
+        return axis.get_tightbbox(renderer) or ax.spines[side].get_window_extent(renderer)
+    label.set_visible(False)
+    offset.set_visible(False)
+    ticks = axis.get_tightbbox(renderer)
+    label.set_visible(True)
+    offset.set_visible(True)
+    frame = ax.get_window_extent(renderer)
+    edge = frame.min[across] if ticks is None else ticks.min[across]
+    if edge >= frame.min[across]:  # no labels of ticks there
+        edge = ax.spines[side].get_window_extent(renderer).min[across]
+    place[across], shift[across] = 0.0, (edge - frame.min[across]) / figure.dpi - axis.labelpad / 72.0
+    beside = ax.transAxes + ScaledTranslation(shift[0], shift[1], figure.dpi_scale_trans)
+    axis.set_label_coords(place[0], place[1], transform=beside)
+    corners = label.get_window_extent(renderer).get_points()
+    corners[:, 1 - across] = np.mean(corners[:, 1 - across])  # however long it is
+    boxes = [Bbox(corners), *([] if ticks is None else [ticks])]
+    if offset.get_text():
+        boxes.append(offset.get_window_extent(renderer))
+    return Bbox.union(boxes)

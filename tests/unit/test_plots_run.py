@@ -10,6 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import Formatter
 from PIL import Image
 from sampling import slow_after
 
@@ -114,24 +115,27 @@ def test_interrupted_plot_leaves_no_file(fabricated_run, tmp_path, monkeypatch):
 
 
 def test_every_panel_is_measured_once_and_drawn_once(fabricated_run, tmp_path, monkeypatch):
-    counts = Counter()
+    counts, labels = Counter(), Counter()
 
-    def counting(name):
-        original = getattr(Axes, name)
+    def counting(of, name, counts):
+        original = getattr(of, name)
 
-        def counted(ax, *arguments, **options):
-            counts[name, ax] += 1
-            return original(ax, *arguments, **options)
+        def counted(which, *arguments, **options):
+            counts[name, which] += 1
+            return original(which, *arguments, **options)
 
-        monkeypatch.setattr(Axes, name, counted)
+        monkeypatch.setattr(of, name, counted)
 
-    counting("draw")
-    counting("get_tightbbox")
+    counting(Axes, "draw", counts)
+    counting(Axes, "get_tightbbox", counts)
+    counting(Formatter, "format_ticks", labels)
     save_figures(plots.run_figures(fabricated_run()), tmp_path, "case")
     panels = {ax for _, ax in counts}
     assert len(panels) == 11
     assert set(counts.values()) == {1}
     assert {name for name, _ in counts} == {"draw", "get_tightbbox"}
+    assert len(labels) == 2 * len(panels)
+    assert set(labels.values()) == {2}  # once measured and once drawn
 
 
 def test_wider_tick_labels_of_the_final_size_have_room():
