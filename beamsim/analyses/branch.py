@@ -31,7 +31,7 @@ _COORDINATES = (*_POINT, "coordinate")
 class SpecialPointResult:
     """A special point of a branch."""
 
-    kind: str = dataset("1", "kind of special point")  # fold, period_doubling, neimark_sacker, branch_point, grazing, …
+    kind: str = dataset("1", "kind of special point")  # fold, nonsmooth_fold, period_doubling, branch_point, grazing, …
     parameter: float = dataset("{unit}", "parameter of the branch")
     frequency_hz: float = dataset("Hz", "frequency")
     snubber: str = dataset("1", "snubber that grazes", default="")

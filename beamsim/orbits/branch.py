@@ -13,7 +13,9 @@ import numpy as np
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Complexes, Floats
 
-SpecialKind = Literal["fold", "period_doubling", "neimark_sacker", "branch_point", "grazing", "symmetry_breaking"]
+SpecialKind = Literal[
+    "fold", "nonsmooth_fold", "period_doubling", "neimark_sacker", "branch_point", "grazing", "symmetry_breaking"
+]
 BranchKind = Literal["response", "backbone", "tongue", "non_brake"]
 
 NOT_BEGUN = Outcome.of(OutcomeCode.NOT_BEGUN)
@@ -71,7 +73,7 @@ class SpecialPoint:
     kind: SpecialKind
     parameter: float
     point: BranchPoint
-    contact: int = -1  # for a grazing: which contact
+    contact: int = -1  # for a grazing, or a nonsmooth fold, which is one at which the branch turns: which contact
     time: float = np.nan  # s, for a grazing: when in the period
     top: bool = True  # the penetration just reaches the border from below (else from above)
     level: float = 0.0  # m, penetration at the border of two phases of the contact's law

@@ -24,6 +24,7 @@ UNTOUCHED = 0.01  # of the tolerance, at which a first guess needs no correction
 SETTLED = 1e-13  # a Newton step shorter than this is round-off
 STIFF = 1e3  # times the tolerance, up to which a residual may then be round-off
 SAME_SCALE = 0.05  # a Newton step shorter than this leaves the residuals' scale as it is
+LEAST_ALONG = 0.1  # cosine of a tangent and the chord, below which the tangent is no guess of what lies ahead
 CLOSE = 1e-6  # shares of a chord below which a cubic between two points is a straight line
 ROUND_OFF = 1e-14  # smallest change of a share that means anything
 MOST_BISECTIONS = 60
@@ -295,11 +296,21 @@ def between(
     share = (s - sl) / (sr - sl)
     straight = left.u + share * (right.u - left.u)
     guesses = [straight] if sr - sl < CLOSE else [interpolated(left, right, share), straight]
-    for guess in guesses:
+    nearest_first = (left, right) if share < 0.5 else (right, left)
+    for guess in (*guesses, *(_ahead(end, row, target, a.scale) for end in nearest_first)):
         point = correct(problem, guess, row, target, a.scale, settings, a.tangent)
         if point is not None:
             return point
     return None
+
+
+def _ahead(point: BranchPoint, row: Floats, target: float, scale: Floats) -> Floats:
+    """A guess on a point's tangent, at ``row . (u / scale) = target``; beside a corner it is closer than the chord."""
+    t = point.tangent * point.scale / scale
+    w, along = point.u / scale, float(row @ t)
+    if abs(along) < LEAST_ALONG * float(np.linalg.norm(t)):
+        return point.u
+    return np.asarray((w + (target - float(row @ w)) / along * t) * scale)
 
 
 def at_parameter(

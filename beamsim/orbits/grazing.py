@@ -7,7 +7,8 @@ side, so that its root is found to round-off, whatever corner the branch itself 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -141,6 +142,27 @@ def extremum(
 def grazings(problem: ContactProblem, a: BranchPoint, b: BranchPoint, settings: Settings) -> Iterator[SpecialPoint]:
     """Grazing points between two neighbours of a branch whose events differ, in the order of the branch."""
     yield from _within(problem, a, b, settings, 0, iter(range(MOST_MIDDLES)))
+
+
+def smooth_pieces(a: BranchPoint, b: BranchPoint, corners: list[SpecialPoint]) -> list[tuple[BranchPoint, BranchPoint]]:
+    """The step from a to b in pieces without a corner inside."""
+    w0 = a.u / a.scale
+    chord = b.u / a.scale - w0
+    inner = sorted(corners, key=lambda g: float((g.point.u / a.scale - w0) @ chord))
+    return list(pairwise([a, *[g.point for g in inner], b]))
+
+
+def turned_at(special: list[SpecialPoint], piece: tuple[BranchPoint, BranchPoint], near: BranchPoint) -> bool:
+    """Whether a piece of a step, which turns back without a fold inside, has a grazing at an end.
+
+    The one nearer to where the turn was sought is then called a nonsmooth fold.
+    """
+    ends = [k for k, event in enumerate(special) if any(event.point is end for end in piece)]
+    if not ends:
+        return False
+    at = min(ends, key=lambda k: float(np.linalg.norm((special[k].point.u - near.u) / near.scale)))
+    special[at] = replace(special[at], kind="nonsmooth_fold")
+    return True
 
 
 def _within(

@@ -23,7 +23,7 @@ from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, FailedSearch, Orbit, SpecialPoint, recorded
 from beamsim.orbits.continuation import Settings, branch_point_between, locate
-from beamsim.orbits.grazing import grazings
+from beamsim.orbits.grazing import grazings, smooth_pieces, turned_at
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.typing import Complexes, Floats
 
@@ -232,11 +232,14 @@ def mode_points(
     if not smooth:
         with recorded("grazing", a, failed):
             special.extend(grazings(orbits, a, b, settings))
-    if a.tangent[-1] * b.tangent[-1] < 0:
-        with recorded("fold", a, failed):
-            fold = locate(orbits, a, b, lambda p: float(p.tangent[-1]), settings)
-            if fold is not None and abs(fold.tangent[-1]) < 1e-6:
-                special.append(SpecialPoint("fold", fold.parameter, fold))
+    for left, right in smooth_pieces(a, b, special):
+        if left.tangent[-1] * right.tangent[-1] < 0:
+            with recorded("fold", a, failed):
+                fold = locate(orbits, left, right, lambda p: float(p.tangent[-1]), settings)
+                if fold is not None and abs(fold.tangent[-1]) < 1e-6:
+                    special.append(SpecialPoint("fold", fold.parameter, fold))
+                elif fold is not None:
+                    turned_at(special, (left, right), fold)
     if smooth:
         with recorded("branch_point", a, failed):
             crossing = branch_point_between(orbits, a, b, settings)

@@ -7,7 +7,6 @@ with the contacts' internal states. The Jacobian is the monodromy matrix less on
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator, MutableMapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -31,7 +30,7 @@ from beamsim.orbits.continuation import (
     newton,
     solve_at,
 )
-from beamsim.orbits.grazing import cyclic, grazings
+from beamsim.orbits.grazing import cyclic, grazings, smooth_pieces, turned_at
 from beamsim.orbits.paths import DampingPath
 from beamsim.typing import Complexes, Floats
 
@@ -304,36 +303,30 @@ def special_points(
     """Folds, period doublings, Neimark–Sacker points, branch points and grazings between two neighbours.
 
     A change of stability at a corner of the branch (grazing) is no bifurcation of a smooth family and is left to the
-    grazing point. A search that ends in a numerical error is appended to ``failed``, and the others go on; without a
-    list the error is raised.
+    grazing point. A grazing at which the branch turns back, without a multiplier 1, is a nonsmooth fold. A search that
+    ends in a numerical error is appended to ``failed``, and the others go on; without a list the error is raised.
     """
     special: list[SpecialPoint] = []
     smooth = problem.same_events(a, b)
-    pieces = [(a, b)]
     if not smooth:
         with recorded("grazing", a, failed):
             special.extend(grazings(problem, a, b, settings))
             if _in_one_alone(problem, a, b) - {point.contact for point in special}:
                 raise ArithmeticError("a contact begins between two neighbours, and no grazing was found")
-        # between the corners the branch is smooth again
-        w0 = a.u / a.scale
-        chord = b.u / a.scale - w0
-        inner = sorted(special, key=lambda g: float((g.point.u / a.scale - w0) @ chord))
-        pieces = list(itertools.pairwise([a, *[g.point for g in inner], b]))
-    corners = bool(special)  # where the branch may turn back without a smooth fold
-    parts: list[tuple[BranchPoint, BranchPoint]] = []
-    for x, y in pieces:
+    parts: list[tuple[tuple[BranchPoint, BranchPoint], BranchPoint, BranchPoint]] = []
+    for x, y in smooth_pieces(a, b, special):
         with recorded("neimark_sacker", a, failed):
-            parts += _parts(problem, x, y, settings, (x is not a, y is not b))
-    for left, right in parts:
+            parts += [((x, y), *part) for part in _parts(problem, x, y, settings, (x is not a, y is not b))]
+    for piece, left, right in parts:
         if left.tangent[-1] * right.tangent[-1] < 0:
             with recorded("fold", a, failed):
                 fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
                 if fold is not None:
                     ends = min(abs(float(left.tangent[-1])), abs(float(right.tangent[-1])))
-                    if not corners and abs(float(fold.tangent[-1])) > AT_FOLD * ends:
+                    if abs(float(fold.tangent[-1])) <= AT_FOLD * ends:
+                        special.append(SpecialPoint("fold", fold.parameter, fold))
+                    elif not turned_at(special, piece, fold):
                         raise ArithmeticError("the branch turns back at a corner that was not found")
-                    special.append(SpecialPoint("fold", fold.parameter, fold))
         if smooth:
             with recorded("branch_point", a, failed):
                 crossing = branch_point_between(problem, left, right, settings)

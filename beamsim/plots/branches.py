@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MARKS = {"fold": "s", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P", "grazing": "x",
-         "symmetry_breaking": "*"}  # fmt: skip
+MARKS = {"fold": "s", "nonsmooth_fold": "X", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P",
+         "grazing": "x", "symmetry_breaking": "*"}  # fmt: skip
 DASHES = (0, (3, 1.5))  # of what is unstable
 THINNER = 0.8
 

@@ -139,7 +139,7 @@ def _point(compared, case, rows, branch, k, special):
     shares = [values[k] for values in branch.contact_share.values()]
     compared("contact share", shares, figures.share, 1.0, CLOSE * grows)
     kind = "" if special is None else special.kind
-    if kind != "grazing":  # where multipliers jump
+    if kind not in ("grazing", "nonsmooth_fold"):  # where multipliers jump
         compared("multiplier", np.abs(branch.floquet_multipliers[k]).max(), largest, grows, 1e-4)
         if abs(largest - 1) > MARGIN:
             compared("stable", branch.stable[k], largest < 1)

@@ -120,26 +120,57 @@ def test_maxima_are_those_of_the_continuous_curve():
         assert branch.peak_displacement["tip"][k] <= peak["value_m"]
 
 
-def test_a_corner_that_is_passed_over_is_named(tmp_path):
-    """A contact ends at a corner near 1.07 Hz, which no search finds; a fold could be reported 2 % before the stop."""
-    (tmp_path / "case.yaml").write_text("""
+CHAIN = """
 chain:
-  masses: [1.3751852637136908, 1.0143135162621095]
-  springs: [79.53955065865617, 135.43627647893888]
-  dashpots: [1.1009153961729687, 0.44795080528009634]
-  snubbers: [{name: stop, mass: 2, side: above, gap: 0.001011371564876997, stiffness: 98271.6200108873}]
-excitation: {kind: harmonic, frequency: 1, applied_to: base, quantity: acceleration, level: 0.013978230787015065}
-probes: [{name: second, mass: 2}]
-sweep: {kind: continuation, from: 1.06, to: 1.2, seek_at: 0, side_branches: none}
-""")
-    result = curve(tmp_path / "case.yaml")
+  masses: {masses}
+  springs: {springs}
+  dashpots: {dashpots}
+  snubbers:
+    - {{name: stop, mass: 2, side: {side}, gap: {gap}, stiffness: {stiffness}}}
+excitation: {{kind: harmonic, frequency: 1, applied_to: base, quantity: acceleration, level: {level}}}
+probes: [{{name: second, mass: 2}}]
+sweep: {{kind: continuation, from: {low}, to: {high}, seek_at: 0, {more}}}
+"""
+
+
+def corner_case(folder, **values):
+    (folder / "case.yaml").write_text(CHAIN.format(**values))
+    return curve(folder / "case.yaml")
+
+
+def test_a_corner_far_from_the_chord_is_found(tmp_path):
+    """The contact ends at 1.07045 Hz, outside the step from 1.0812 to 1.0844 Hz that turns round it; the fold is beside
+    it.
+    """
+    result = corner_case(
+        tmp_path, masses=[1.3751852637136908, 1.0143135162621095], springs=[79.53955065865617, 135.43627647893888],
+        dashpots=[1.1009153961729687, 0.44795080528009634], side="above", gap=0.001011371564876997,
+        stiffness=98271.6200108873, level=0.013978230787015065, low=1.06, high=1.2, more="side_branches: none",
+    )  # fmt: skip
     branch = result.branches[0]
-    touching = branch.contact_share["stop"] > 0
-    grazed = [e.parameter for e in branch.special if e.kind == "grazing"]
-    assert np.count_nonzero(np.diff(touching)) > len(grazed)  # the twin: where all are found, nothing is named
-    codes = [part.code for part in (result.outcome, *result.outcome.parts)]
-    assert OutcomeCode.SEARCH_FAILED in codes
-    assert not result.complete
+    assert result.complete
+    grazed = [e for e in branch.special if e.kind == "grazing"]
+    assert np.count_nonzero(np.diff(branch.contact_share["stop"] > 0)) == len(grazed) == 1
+    assert grazed[0].parameter == pytest.approx(1.0704510935, abs=1e-9)
+    fold = min((e for e in branch.special if e.kind == "fold"), key=lambda e: e.parameter)
+    k = int(np.argmin(np.abs(branch.parameter - fold.parameter)))
+    assert np.abs(branch.floquet_multipliers[k] - 1).min() < 1e-6
+
+
+@pytest.mark.slow
+def test_a_branch_of_doubled_period_ends_where_it_meets_its_own(tmp_path):
+    """A step from it passed a grazing and landed on the motions of one period: a fold was reported in between."""
+    result = corner_case(
+        tmp_path, masses=[0.4075611911579825, 0.9190551567531231], springs=[477.55488638150933, 95.1032419462012],
+        dashpots=[1.6035518230200898, 0.9991350082724817], side="below", gap=0.0011031774983679033,
+        stiffness=23721.52005076963, level=0.03038011134004967, low=1.192, high=1.42, more="longest_period: 2",
+    )  # fmt: skip
+    _, doubled = result.branches
+    assert result.complete
+    assert doubled.outcome.code is OutcomeCode.BACK_TO_PERIOD
+    assert doubled.parameter.min() == pytest.approx(1.19697, abs=5e-5)
+    folds = [e.parameter for e in doubled.special if e.kind in ("fold", "nonsmooth_fold")]
+    assert folds == [pytest.approx(1.4190664, abs=1e-6)]
 
 
 def test_harmonics_are_stored_as_many_as_asked_for():

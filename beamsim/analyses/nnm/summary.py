@@ -37,11 +37,11 @@ def nnm_summary(
         "jumps": [
             {"start": j.start, "end": j.end, "mode": j.mode or None, "ratio": j.ratio or None} for j in result.jumps
         ],
-        "grazings": sum(1 for event in backbone.special if event.kind == "grazing"),
+        "grazings": sum(1 for event in backbone.special if event.kind in ("grazing", "nonsmooth_fold")),
         "special_points": [
             {"kind": e.kind, "parameter": e.parameter, "frequency_hz": e.frequency_hz}
             for e in backbone.special
-            if e.kind in ("fold", "branch_point")
+            if e.kind in ("fold", "nonsmooth_fold", "branch_point")
         ],
         "requested_points": [dict(point) for point in requested] or None,
         "linear_frequency_hz": linear_frequency_hz,

@@ -33,10 +33,10 @@ def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, 
     for index, branch in enumerate(traced):
         if branch.problem.multiple != 1:
             continue
-        for fold in (s for s in branch.special if s.kind == "fold"):
+        for fold in (s for s in branch.special if s.kind in ("fold", "nonsmooth_fold")):
             if budget.spent() or any(_holds(curve, fold.parameter, _present(model, level)) for curve in curves):
                 continue
-            touching = _grazing_at(branch, fold)
+            touching = fold if fold.kind == "nonsmooth_fold" else _grazing_at(branch, fold)
             curves.append(_curve(model, branch.problem, fold, touching, level, index, budget))
     return curves
 

@@ -26,6 +26,7 @@ from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 SAME_PARAMETER = 1e-4  # relative distance within which a bifurcation belongs to a branch that is known
+ALIKE = 1e-7  # difference of a motion's halves, against the motion, below which it has the shorter period
 FEWEST_POINTS = 30  # that a branch gets where many share what is left
 
 
@@ -138,10 +139,10 @@ def _followed(
     apart, close = False, 0
 
     def halves_alike(point: BranchPoint) -> Outcome | None:
-        """Beyond such a motion every one comes again, half its period later."""
+        """Beyond such a motion every one comes again, half its period later; or a step went over to those it left."""
         nonlocal last
         unlike = _unlike(problem, point)
-        if last is not None and float(last @ unlike) < 0:
+        if last is not None and (float(last @ unlike) < 0 or float(np.linalg.norm(unlike)) < ALIKE):
             return Outcome.of(OutcomeCode.BACK_TO_PERIOD, multiple=problem.multiple // 2)
         last = unlike
         return None
