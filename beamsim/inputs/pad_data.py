@@ -52,9 +52,9 @@ def read_pad_data(file: Path, per_modulus: float | None) -> tuple[str, Floats]:
 
 
 def _kind_of(unit: str, column: int) -> tuple[str, float]:
-    for kind, dimension in _DIMENSIONS.items():
-        try:
-            return kind, units.read_quantity(f"1 {unit}", dimension)
-        except units.UnitError:
-            continue
-    raise ValueError(f"column {column + 1} is in {unit}, which is no unit of frequency, time, stiffness or modulus")
+    try:
+        factor, dimension = units.read_level(f"1 {unit}", tuple(_DIMENSIONS.values()))
+    except units.UnitError:
+        problem = f"column {column + 1} is in {unit}, which is no unit of frequency, time, stiffness or modulus"
+        raise ValueError(problem) from None
+    return next(kind for kind, known in _DIMENSIONS.items() if known is dimension), factor

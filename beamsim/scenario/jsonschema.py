@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from beamsim.scenario.base import Schema
+from beamsim.scenario.examples import example_of
 from beamsim.scenario.merge import REPLACED_WHOLE
 from beamsim.scenario.messages import members
 from beamsim.scenario.scenario import Scenario
@@ -54,24 +55,6 @@ def json_schema() -> dict[str, Any]:
 
 _CHANGES = "Changes"
 
-_EXAMPLES = {
-    "m": {
-        "width": "50 mm", "thickness": "5 mm", "diameter": "20 mm", "outer_diameter": "20 mm", "wall_thickness": "2 mm",
-        "web_thickness": "3 mm", "flange_thickness": "4 mm", "extreme_fibre": "6 mm", "height": "20 mm",
-        "gap": "0.1 mm", "peak_displacement": "1 mm", "side": "30 mm", "y": "100 mm",
-    },
-    "s": {
-        "rise": "0.5 ms", "fall": "0.5 ms", "minimum_rest": "1 ms", "longest_time": "1 s", "period": "0.1 s",
-        "relaxation_time": "40 ms", "time": "5 ms",
-    },
-    "Hz": {
-        "sample_rate": "20 kHz", "history_rate": "1 kHz", "resample": "2 kHz", "low_pass": "2 kHz",
-        "highest_frequency": "2 kHz",
-    },
-    "N": {"preload": "5 N", "peak_force": "50 N", "force_threshold": "1 N"},
-}  # fmt: skip
-"""What an editor proposes for a key, by its SI unit, where the example of its dimension would mislead."""
-
 
 def _fit_examples(schema: Any, key: str = "") -> None:
     """Give each quantity an example of a size that is usual for its key."""
@@ -79,8 +62,8 @@ def _fit_examples(schema: Any, key: str = "") -> None:
         for item in schema:
             _fit_examples(item, key)
     elif isinstance(schema, dict):
-        if key in _EXAMPLES.get(schema.get("x-unit", ""), {}):
-            schema["examples"] = [_EXAMPLES[schema["x-unit"]][key]]
+        if (example := example_of(key, schema.get("x-unit", ""))) is not None:
+            schema["examples"] = [example]
         for name, item in schema.items():
             if name == "properties":
                 for inner in item:

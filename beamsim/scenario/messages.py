@@ -93,8 +93,8 @@ def _how_to_give(key: str, schema: type[Schema], field: FieldInfo | None) -> str
     if field is None:
         return ""
     for item in field.metadata:
-        if isinstance(item, FieldType) and item.example:
-            return f"give for example {key}: {item.example}"
+        if isinstance(item, FieldType) and (example := item.example_for(key)):
+            return f"give for example {key}: {example}"
     if get_origin(field.annotation) is Literal:
         return f"give {key}: " + " or ".join(str(choice) for choice in get_args(field.annotation))
     described = schema.descriptions().get(schema.keys().get(key, key), "")

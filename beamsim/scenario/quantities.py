@@ -13,6 +13,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from beamsim.scenario import units
 from beamsim.scenario.base import fail
+from beamsim.scenario.examples import example_of
 from beamsim.scenario.units import Dimension, UnitError
 
 LARGEST_COUNT = 10**15
@@ -26,6 +27,10 @@ class FieldType:
     def example(self) -> str:
         """How to write one; empty if anything goes."""
         return ""
+
+    def example_for(self, key: str) -> str:
+        """How to write one of a size that is usual for this key."""
+        return self.example
 
     def read(self, value: Any) -> Any:
         """Return the value; raises `UnitError`."""
@@ -65,6 +70,10 @@ class Quantity(FieldType):
     def example(self) -> str:
         """How to write one."""
         return self.dimension.example
+
+    def example_for(self, key: str) -> str:
+        """How to write one of a size that is usual for this key."""
+        return example_of(key, self.dimension.unit) or self.example
 
     def read(self, value: Any) -> float:
         """Return the SI number."""

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 _UNITS_OF = {"deflection": "length", "force": "force"}
+_DIMENSIONS = {units.LENGTH: "deflection", units.FORCE: "force", units.TIME: "time"}
 WIDE = 0.02  # of the largest force: loops wider than this are remarked on
 
 
@@ -132,15 +133,13 @@ def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
             kinds["time"] = column
         if not unit:
             continue
-        for kind, dimension in (("deflection", units.LENGTH), ("force", units.FORCE), ("time", units.TIME)):
-            try:
-                factors[column] = units.read_quantity(f"1 {unit}", dimension)
-            except units.UnitError:
-                continue
-            kinds.setdefault(kind, column)
-            break
-        else:
-            raise ValueError(f"column {column + 1} is in {unit}, which is not a unit of length, force or time")
+        try:
+            factors[column], dimension = units.read_level(f"1 {unit}", tuple(_DIMENSIONS))
+        except units.UnitError:
+            problem = f"column {column + 1} is in {unit}, which is not a unit of length, force or time"
+            raise ValueError(problem) from None
+        assert dimension is not None
+        kinds.setdefault(_DIMENSIONS[dimension], column)
     missing = [kind for kind in ("deflection", "force") if kind not in kinds]
     if missing or ("time" in kinds and not table.units[kinds["time"]]):
         what = f"no column has a unit of {_UNITS_OF[missing[0]]}" if missing else "its times have no unit"

@@ -69,6 +69,40 @@ def test_one_segment_is_a_stiffness():
     np.testing.assert_array_equal(table.probes["tip"].displacement, linear.probes["tip"].displacement)
 
 
+def beyond(result):
+    return [text for text in result.warnings if "its table ends at" in text]
+
+
+def test_a_stop_pressed_further_than_its_table_goes():
+    short = {"name": "pad", "force_deflection": POINTS[:2]}
+    run = beamsim.run(case(short))
+    (warning,) = beyond(run)
+    force = run.summary["peak_force_n"]["pad"]
+    assert f"compressed by up to {force / 80:.4g} mm, its table ends at 0.1 mm, 8 N" in warning  # 8 N over 0.1 mm
+    assert not beyond(beamsim.run(case({"name": "pad", "force_deflection": POINTS})))
+    chain = {
+        "chain": {"masses": [1.0], "springs": [1e4], "damping": {"kind": "modal", "ratio": 0.05}},
+        "snubbers": [
+            {"name": "pad", "mass": 1, "side": "above", "force_deflection": [[0, 0], [1e-3, 20]], "gap": 1e-3}
+        ],
+        "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": "5 N", "frequency": "16 Hz"},
+        "run": {"duration": 0.5, "sample_rate": 1000, "convergence": "off"},
+    }  # fmt: skip
+    swept = {"kind": "swept_sine", "from": 15, "to": 18, "rate": "2 Hz/s"}
+    levels, scales = (
+        {"kind": "grid", "parameters": [{"path": path, "values": values}]}
+        for path, values in (("excitation.level", [1.0, 5.0]), ("snubbers.pad.force_deflection.scale", [1.0, 2.0]))
+    )
+    points = [{**chain["snubbers"][0], "force_deflection": {"points": [[0, 0], [1e-3, 20]]}}]
+    results = [
+        beamsim.sweep(load_scenario(chain | {"sweep": swept})),
+        beamsim.frequency_response(load_scenario(chain | {"sweep": {"kind": "continuation", "from": 15, "to": 18}})),
+        beamsim.design_study(load_scenario(chain | {"vary": levels})),
+    ]
+    assert [len([w for w in beyond(result) if "its table ends at 1 mm, 20 N" in w]) for result in results] == [1, 1, 1]
+    assert not beyond(beamsim.design_study(load_scenario(chain | {"vary": scales, "snubbers": points})))
+
+
 def test_a_preload_on_a_table():
     run = beamsim.run(
         case({"name": "pad", "force_deflection": POINTS, "preload": 0.4}, excitation={"kind": "none"})

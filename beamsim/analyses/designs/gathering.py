@@ -26,6 +26,7 @@ from beamsim.analyses.designs.result import (
 from beamsim.analyses.designs.sensitivity import sensitivities
 from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.limits import margin_of
+from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.designs import Value
 from beamsim.system.outputs import output_units
@@ -78,6 +79,7 @@ def gather(plan: DesignPlan, table: CaseTable, wall_time_s: float = 0.0) -> Desi
         warnings=(
             *plan.scenario.warnings, *_about_seeds(plan),
             *_about_choice(plan, objective, responses, gaps, limits, unknown=unknown),
+            *_about_tables(plan, realised),
         ),
         wall_time_s=wall_time_s,
         fingerprint=plan.fingerprint,
@@ -108,6 +110,15 @@ def _responses(plan: DesignPlan, table: CaseTable) -> dict[str, Response]:
         name: Response(name, column.reshape(shape + column.shape[1:]), *describe(name, units))
         for name, column in table.columns.items()
     }
+
+
+def _about_tables(plan: DesignPlan, responses: Mapping[str, Response]) -> list[str]:
+    """Stops that some case presses further than their tables go, where all cases have the same tables."""
+    varied = [*(c.path for c in plan.coordinates), *(p.number.path for p in plan.realisations.further)]
+    if any("force_deflection" in path for path in varied):
+        return []
+    forces = [{r.name.split("/")[-2]: r.values} for r in responses_of(responses, "peak_force")]
+    return forces_beyond_tables(plan.scenario, forces)
 
 
 def _failures(plan: DesignPlan, table: CaseTable) -> tuple[CaseFailure, ...]:

@@ -34,6 +34,7 @@ from beamsim.analyses.response.refinement import ReportedMaximum, cut, with_maxi
 from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.analyses.response.side_branches import leavings, side_branches
 from beamsim.analyses.run.orbit_energy import balanced, energy_error, largest_error
+from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.shooting import STABLE
@@ -132,6 +133,7 @@ def frequency_response(
             *model.system.certificate_warnings(found_on),
             *left_out,
             *deflection_warnings(scenario, model.system.modes, (branch.peak_displacement for branch in branches)),
+            *forces_beyond_tables(scenario, (branch.peak_force for branch in branches)),
         ),
         wall_time_s=clock.perf_counter() - begin,
         parameter=f.kind,

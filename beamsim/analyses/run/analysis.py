@@ -37,6 +37,7 @@ from beamsim.analyses.run.spectra import folding_doubts
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.stretches import BYTES_A_PIECE
 from beamsim.analyses.run.summary import spectral_lines, summary_of_run
+from beamsim.analyses.table_reach import compressed_beyond_tables
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import changed, rows_of
 from beamsim.flow.stopping import Stopped, heeding, never
@@ -115,6 +116,10 @@ def run(
             *system.warnings,
             *motion.warnings,
             *pull_warnings(system, motion),
+            *compressed_beyond_tables(
+                scenario,
+                dict(zip((s.name for s in system.snubbers), motion.extremes["penetration"][2].tolist(), strict=False)),
+            ),
             *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
             *(folding_doubts(spectra) if motion.trajectory is None else ()),  # else a bound, and lines are free of it
         ),

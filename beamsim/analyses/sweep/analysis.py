@@ -25,6 +25,7 @@ from beamsim.analyses.sweep.result import (
     SweepResult,
     SweepWork,
 )
+from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import never
 from beamsim.inputs.profile_file import read_profile
@@ -200,6 +201,9 @@ class _LevelsDone:
                     scenario,
                     system.modes,
                     ({name: x.peak for name, x in curve.displacement.items()} for curve in curves.values()),
+                ),
+                *forces_beyond_tables(
+                    scenario, ({name: x.peak for name, x in curve.force.items()} for curve in curves.values())
                 ),
             ),
             wall_time_s=clock.perf_counter() - self.begin,
