@@ -88,7 +88,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("run.extends=x", "extends must be at the top level of a file"),
         ("excitation={kind: none, level: 1}", "excitation.level is not a known key; this kind has no other keys"),
         ("beam.length=null", "beam.length is missing; give for example length: 270 mm"),
-        ("beam.thickness=null", "beam.thickness is missing; give for example thickness: 5 mm"),
+        ("beam.section={kind: tube, outer_diameter: 0.02}", "give for example wall_thickness: 2 mm"),
         ("snubbers=[{position: 0.1, stiffness: 1}]", "snubbers[0].side is missing; give side: below or above"),
         ("probes=[{position: 0.1}]", "probes[0].name is missing"),
         ("nnm={mode: 1, continue_in: {kind: energy, to: 2}}", "nnm.continue_in.from is missing"),
