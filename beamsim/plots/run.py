@@ -176,8 +176,10 @@ def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> A
 def plot_force_deflection(result: RunResult, ax: Axes) -> Axes:
     """Contact force over penetration of the snubbers: loops enclose the work that they lose.
 
-    Of a long run the last part is drawn.
+    Of a long run the last part is drawn. Stops without losses follow one line: theirs is drawn in order of penetration,
+    as lines between samples would cut its corners and look like loops.
     """
+    lossy = {stop.name for _, _, stop in result.scenario.located_snubbers if stop.maxwell or stop.hardening}
     snubbers = list(result.snubbers.values())[:MOST_CURVES]
     shown = slice(max(rows_of(result, "time").size - MOST_STATES, 0), None)
     loops = []
@@ -187,7 +189,11 @@ def plot_force_deflection(result: RunResult, ax: Axes) -> Axes:
         drawn[1:] |= closed[:-1]
         drawn[:-1] |= closed[1:]
         values = [rows_of(snubber, name)[shown] for name in ("penetration", "force")]
-        loops.append([np.where(drawn, value, np.nan) for value in values])
+        if snubber.dashpot or snubber.name in lossy:
+            loops.append([np.where(drawn, value, np.nan) for value in values])
+        else:
+            rising = np.argsort(values[0][drawn], kind="stable")
+            loops.append([value[drawn][rising] for value in values])
     length, newton = (scale_for(unit, *(loop[k] for loop in loops)) for k, unit in enumerate(("m", "N")))
     for k, (snubber, (penetration, force)) in enumerate(zip(snubbers, loops, strict=True)):
         style = {**curve_style(k), "linewidth": 0.8}

@@ -71,6 +71,18 @@ def test_curves_are_the_result_with_units(ax, fabricated_run):
     assert len({line.get_linestyle() for line in ax.lines}) == 2  # told apart without colour
 
 
+def test_force_over_penetration_has_loops_where_a_stop_loses_energy_alone(fabricated_run):
+    result = fabricated_run()
+    for damping, is_line in ((0.0, True), (1.0, False)):
+        axes = Figure().subplots()
+        stops = {name: changed(snubber, dashpot=damping) for name, snubber in result.snubbers.items()}
+        plots.plot_force_deflection(changed(result, snubbers=stops), axes)
+        penetration = axes.lines[0].get_xdata()
+        steps = np.diff(penetration[np.isfinite(penetration)])
+        assert steps.size > 10
+        assert bool(np.all(steps >= 0.0)) is is_line
+
+
 def test_acceleration_is_in_g(ax, fabricated_run):
     result = fabricated_run()
     plots.plot_absolute_acceleration(result, ax, last_part=True)
