@@ -19,6 +19,7 @@ from beamsim.analyses.run.result import (
 )
 from beamsim.analyses.run.spectrum import spectrum
 from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.scenario.body import Located
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.structures.stations import ALONG, MASSES, Stations
 
@@ -40,6 +41,7 @@ class FabricatedScenario:
     bodies_of_places: dict[str, dict[str, str]] = field(default_factory=dict)
     display_scales: dict[str, tuple[float, str]] = field(default_factory=dict)
     excitation: NoExcitation = field(default_factory=NoExcitation)
+    located_snubbers: tuple[Located, ...] = ()
 
     def to_yaml(self) -> str:
         return YAML
