@@ -205,7 +205,10 @@ def plot(
 @guarded
 def export(
     result: Stored,
-    form: Annotated[ExportFormat, typer.Option("--format", help="csv (a folder of tables), uff or mat.")],
+    form: Annotated[
+        ExportFormat | None,
+        typer.Option("--format", help="csv (mostly a folder of tables), uff or mat; default: by the name after -o."),
+    ] = None,
     output: Output = None,
     json: Json = False,
     debug: Debug = False,
@@ -213,10 +216,11 @@ def export(
     """Write a result file in another format."""
     from beamsim.cli.printing import print_files
     from beamsim.cli.progress import progress_of
-    from beamsim.cli.stored import export_stored
+    from beamsim.cli.stored import export_format, export_stored
 
+    chosen = export_format(output, form and form.value)
     with progress_of(f"exporting {result.name}", shown=not json):
-        files = export_stored(result, output, form.value)
+        files = export_stored(result, output, chosen)
     print_files(files, as_json=json)
 
 

@@ -100,18 +100,18 @@ def animate(
         targets = [folder / f"{result.stem}_animation{suffix}" for suffix in (".gif", ".html")]
     shown = not (json or quiet)
     stored: Any = open_consistent(result)
-    with damage_of(result), shown_in(stored.scenario.display_scales):
-        scene = scene_of(stored, shown=shown)
-    if scene is None:
-        raise ResultFileError(f"{result}: holds no motion; animate the result of `beamsim run` or `beamsim nnm`")
-    for target in targets:
-        if target.suffix.lower() == ".gif":
-            drawing = f"drawing {target.name}"
-            with shown_in(stored.scenario.display_scales), progress_of(drawing, shown=shown) as progress:
-                save_gif(scene, target, progress)
-        else:
-            with replacing(target) as temporary:
-                temporary.write_text(animation_page(scene), encoding="utf-8")
+    with shown_in(stored.scenario.display_scales):
+        with damage_of(result):
+            scene = scene_of(stored, shown=shown)
+        if scene is None:
+            raise ResultFileError(f"{result}: holds no motion; animate the result of `beamsim run` or `beamsim nnm`")
+        for target in targets:
+            if target.suffix.lower() == ".gif":
+                with progress_of(f"drawing {target.name}", shown=shown) as progress:
+                    save_gif(scene, target, progress)
+            else:
+                with replacing(target) as temporary:
+                    temporary.write_text(animation_page(scene), encoding="utf-8")
     print_files(targets, as_json=json)
 
 

@@ -63,8 +63,32 @@ def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:
         return save_figures(figures(result), folder, path.stem, form)
 
 
+def export_format(output: Path | None, form: str | None) -> str:
+    """The format of an export: that given, or that of the suffix of the file named by ``-o``.
+
+    Raises
+    ------
+    ScenarioError
+        If there is none, or the two contradict.
+    """
+    from beamsim.errors import Problem, ScenarioError
+    from beamsim.store.export import FORMATS
+
+    suffix = "" if output is None or output.is_dir() else output.suffix.lower().removeprefix(".")
+    named = suffix if suffix in FORMATS else None
+    if form is None and named is None:
+        remedy = f"give one of {', '.join(FORMATS)}, or a file with such a suffix after -o"
+        raise ScenarioError(Problem("--format", "is missing", remedy))
+    if form is not None and named not in (None, form):
+        remedy = f"leave out --format, or name a file that ends with .{form}"
+        raise ScenarioError(Problem("--format", f"{form} contradicts -o {output}", remedy))
+    return form or named or ""
+
+
 def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
     """Write a result file of any kind in another format; returns the files.
+
+    Where CSV needs several tables, ``-o tables.csv`` names the folder ``tables_csv``.
 
     Raises
     ------
@@ -77,7 +101,10 @@ def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
     from beamsim.store.stored import damage_of, kind_of
 
     if is_folder(kind_of(path), form):
-        target = export_target(output_folder(output, path.stem), path.stem, form)
+        folder, stem = output, path.stem
+        if output is not None and output.suffix.lower() == f".{form}" and not output.is_dir():
+            folder, stem = output.parent, output.stem
+        target = export_target(output_folder(folder, stem), stem, form)
     else:
         target = output_file(output, path.stem, f".{form}")
     with damage_of(path):

@@ -156,6 +156,17 @@ def test_export(form, file, call, here, stored):
     assert (here / file).exists()
     assert json.loads(call("export", "stored.h5", "--format", form, "--json", "-o", "x").stdout)["files"]
     assert (here / "x" / file).exists()
+    assert call("export", "stored.h5", "-o", f"y/{file.replace('_csv', '.csv')}").exit_code == 0
+    assert os.listdir(here / "y") == [file]
+
+
+def test_a_name_and_a_format_that_contradict_are_refused(call, here, stored):
+    done = call("export", "stored.h5", "--format", "mat", "-o", "x.csv")
+    assert (done.exit_code, set(os.listdir(here))) == (2, {"case.yaml", "stored.h5"})
+    assert "--format mat contradicts -o x.csv; leave out --format" in done.stderr
+    done = call("export", "stored.h5", "-o", "x.xlsx")
+    assert done.exit_code == 2
+    assert "--format is missing; give one of csv, uff, mat, or a file with such a suffix after -o" in done.stderr
 
 
 def test_validate(call):
