@@ -41,6 +41,9 @@ class FabricatedScenario:
     bodies_of_places: dict[str, dict[str, str]] = field(default_factory=dict)
     display_scales: dict[str, tuple[float, str]] = field(default_factory=dict)
     excitation: NoExcitation = field(default_factory=NoExcitation)
+    limits: None = None
+    all_bodies: dict[str, object] = field(default_factory=dict)
+    effective_probes: tuple[object, ...] = ()
     located_snubbers: tuple[Located, ...] = ()
 
     def to_yaml(self) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, SweptComparison
-from beamsim.plots.style import acceleration_scale, dashed_line, finish, put_title, scale_for, thinned, time_scale
+from beamsim.plots.style import dashed_line, finish, put_title, scale_for, thinned, time_scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,10 +21,7 @@ _DEEPEST_DB = 100.0
 
 def plot_histories(c: ChannelComparison, ax: Axes) -> Axes:
     """Both time histories, aligned in phase, over the time of the prediction."""
-    if c.quantity == "absolute_acceleration":
-        factor, unit = acceleration_scale()
-    else:
-        factor, unit = scale_for(c.unit, c.predicted_history, c.measured_history)
+    factor, unit = scale_for(c.unit, c.predicted_history, c.measured_history)
     clock = time_scale()
     ax.plot(*thinned(c.predicted_time * clock.factor, c.predicted_history * factor), label="predicted", **_PREDICTED)
     if c.measured_time.size:
@@ -54,10 +51,7 @@ def plot_spectra(c: ChannelComparison, ax: Axes) -> Axes:
 
 def plot_swept(c: SweptComparison, ax: Axes) -> Axes:
     """Response over frequency, with the peaks that are compared."""
-    if c.quantity == "absolute_acceleration":
-        factor, unit = acceleration_scale()
-    else:
-        factor, unit = scale_for(c.unit, np.abs(c.predicted), np.abs(c.measured))
+    factor, unit = scale_for(c.unit, c.predicted, c.measured)
     ax.plot(c.frequency_hz, np.abs(c.predicted) * factor, label="predicted", **_PREDICTED)
     ax.plot(c.frequency_hz, np.abs(c.measured) * factor, label="measured", **_MEASURED)
     for marker, whose, style in (("o", "predicted", _PREDICTED), ("s", "measured", _MEASURED)):

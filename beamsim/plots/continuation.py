@@ -10,19 +10,20 @@ import numpy as np
 
 from beamsim.analyses.branch import BranchResult
 from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
+from beamsim.plots.bounds import draw_limit
 from beamsim.plots.branches import MARKS, explain_dashes, figure_of, mark_special, plot_branch
-from beamsim.plots.outputs import draw_limit, output_label, output_scale
+from beamsim.plots.labels import put_beside
+from beamsim.plots.outputs import output_label
 from beamsim.plots.style import (
     MOST_CURVES,
     Scale,
-    acceleration_scale,
     curve_style,
     finish,
     legend_columns,
-    length_scale,
     level_text,
     scale_for,
 )
+from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ def plot_response_curve(result: FrequencyResponse, ax: Axes, probe: str) -> Axes
     scale = scale_for("m", *(b.peak_displacement[probe] for b in result.branches), *(peak for _, peak in overlaid))
     _overlay(result, ax, overlaid, scale)
     _curves(result, ax, lambda b: b.peak_displacement[probe], scale)
+    draw_limit(ax, result.scenario.limits, "peak_displacement", scale)
     finish(ax, _axis(result), f"Peak displacement of {probe} ({scale.unit})")
     _legend(ax)
     return ax
@@ -52,6 +54,7 @@ def plot_force_curve(result: FrequencyResponse, ax: Axes, snubber: str) -> Axes:
     scale = scale_for("N", *(b.peak_force[snubber] for b in result.branches))
     _overlay(result, ax, [(o, o.force[snubber].peak) for o in result.overlay.values() if snubber in o.force], scale)
     _curves(result, ax, lambda b: b.peak_force[snubber], scale, logarithmic=False)
+    draw_limit(ax, result.scenario.limits, "peak_force", scale)
     finish(ax, _axis(result), f"Peak contact force of {snubber} ({scale.unit})")
     _legend(ax)
     return ax
@@ -60,9 +63,9 @@ def plot_force_curve(result: FrequencyResponse, ax: Axes, snubber: str) -> Axes:
 def plot_output_curve(result: FrequencyResponse, ax: Axes, output: str) -> Axes:
     """Largest magnitude of an output, as :func:`plot_response_curve`, with its limit."""
     peaks = [b.outputs[output].peak for b in result.branches]
-    scale = output_scale(result.branches[0].outputs[output].unit, *peaks)
+    scale = scale_for(result.branches[0].outputs[output].unit, *peaks)
     _curves(result, ax, lambda b: b.outputs[output].peak, scale)
-    draw_limit(ax, result.scenario.limits, output, scale)
+    draw_limit(ax, result.scenario.limits, OF_OUTPUTS + output, scale)
     finish(ax, _axis(result), output_label("Peak of", output, scale))
     _legend(ax)
     return ax
@@ -91,6 +94,7 @@ def plot_harmonics(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
     scale = scale_for("m", *values)
     x = _parameter_scale(result)
     top = max(float(v.max(initial=0.0)) for v in values)
+    ends: dict[str, tuple[float, float]] = {}
     for order in range(min(first.harmonics[probe].shape[1], MOST_CURVES)):
         style = curve_style(order)
         for k, (branch, amplitude) in enumerate(zip(alike, values, strict=True)):
@@ -98,31 +102,30 @@ def plot_harmonics(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
             at = branch.parameter * x.factor
             label = None if k else f"order {order}" if order else "mean"
             plot_branch(ax, at, y, branch.stable, color=style["color"], width=1.3, label=label)
-        _number(
-            ax,
-            order,
+        ends |= _end(
+            str(order),
             [(b.parameter * x.factor, v[:, order] * scale.factor) for b, v in zip(alike, values, strict=True)],
         )
     _explain_dashes(ax, alike)
     if top > 0:
         ax.set_yscale("log")
         ax.set_ylim(1e-4 * top * scale.factor, 2.0 * top * scale.factor)
+    put_beside(ax, ends)
     finish(ax, _axis(result), f"Amplitude of {probe} ({scale.unit})")
     _legend(ax)
     return ax
 
 
-def _number(ax: Axes, order: int, curves: Sequence[tuple[Floats, Floats]]) -> None:
-    """The order at the right end of its curve, which is found without colour then."""
-    ends = [(at[k], y[k]) for at, y in curves if at.size for k in [int(np.argmax(at))] if y[k] > 0.0]
-    if ends:
-        ax.annotate(str(order), max(ends), xytext=(4, 0), textcoords="offset points", va="center", fontsize="x-small")
+def _end(name: str, curves: Sequence[tuple[Floats, Floats]]) -> dict[str, tuple[float, float]]:
+    """The right end of a curve, by its name."""
+    ends = [(float(at[k]), float(y[k])) for at, y in curves if at.size for k in [int(np.argmax(at))] if y[k] > 0.0]
+    return {name: max(ends)} if ends else {}
 
 
 def plot_fold_curves(result: FrequencyResponse, ax: Axes) -> Axes:
     """Folds in the plane of frequency and second parameter: between two of them there are several motions."""
     curves = [c for c in result.fold_curves if c.parameter.size]
-    y = _unit_scale(result.second_unit, *(c.parameter for c in curves))
+    y = scale_for(result.second_unit, *(c.parameter for c in curves))
     for k, curve in enumerate(curves):
         style = {**curve_style(k), "linewidth": 1.4}
         ax.plot(curve.frequency_hz, curve.parameter * y.factor, label=f"fold at {curve.start_hz:.5g} Hz", **style)
@@ -229,17 +232,8 @@ def _same(a: float, b: float) -> bool:
     return a == b or (np.isnan(a) and np.isnan(b))
 
 
-def _unit_scale(unit: str, *values: Floats) -> Scale:
-    """That chosen for lengths and accelerations, a prefix for forces and stiffnesses; frequencies stay as they are."""
-    if unit == "m":
-        return length_scale()
-    if unit == "m/s^2":
-        return acceleration_scale()
-    return scale_for(unit, *values) if unit in ("N", "N/m") else Scale(1.0, unit.replace("^2", "²"))
-
-
 def _parameter_scale(result: FrequencyResponse) -> Scale:
-    return _unit_scale(result.unit, *(b.parameter for b in result.branches))
+    return scale_for(result.unit, *(b.parameter for b in result.branches))
 
 
 def _axis(result: FrequencyResponse) -> str:

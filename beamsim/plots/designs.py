@@ -11,11 +11,10 @@ import numpy as np
 from beamsim.analyses.designs.choice import Objective
 from beamsim.analyses.designs.realisations import judged
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response, SobolIndices, responses_of
-from beamsim.plots.outputs import output_label, output_scale
+from beamsim.plots.outputs import output_label
 from beamsim.plots.style import (
     MOST_CURVES,
     Scale,
-    acceleration_scale,
     curve_style,
     finish,
     legend,
@@ -39,6 +38,9 @@ MOST_SLICES = 4  # maps of one response of three or more parameters
 MOST_SLICED = 3  # responses
 CONTOURS = 5
 BESIDE_LIMIT = 0.05  # of the range of values; a contour that is closer to that of the limit is left out
+MOST_TICKS = 6  # values of an axis that are all written out
+LIGHT = 0.55  # of the range of colours
+MOST_NUMBERED = (12, 6)  # rows and columns of a map whose cells have room for numbers
 FEWEST_ALONG = 3  # cases along both axes of a map with contours: between fewer they would show the interpolation alone
 MOST_PARAMETERS = 6  # columns of a matrix
 NAMED = {
@@ -69,7 +71,7 @@ def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes
     x, ticks, label = _axis(coordinate)
     order = np.argsort(x, kind="stable")
     curves = list(_curves(_of(result, quantity)))
-    scale = _scale(result, quantity, [values for _, values in curves])
+    scale = scale_for(_of(result, quantity)[0].unit, *(values for _, values in curves))
     for k, (name, values) in enumerate(curves[:MOST_CURVES]):
         style = curve_style(k)
         band = _band(result, quantity, name)
@@ -103,6 +105,9 @@ def plot_response_map(
 ) -> Axes:
     """One response over the first two parameters of a grid, with labelled contours, its limit and the best case.
 
+    The cells of small maps have numbers instead, and those beyond the limit an outline: contours would show the
+    interpolation alone.
+
     Parameters
     ----------
     at : numbers of the values of all further parameters.
@@ -110,26 +115,32 @@ def plot_response_map(
     """
     (x, xticks, xlabel), (y, yticks, ylabel) = (_axis(c) for c in result.coordinates[:2])
     quantity = _quantity(response)
-    scale = _scale(result, quantity, [response.values])
+    scale = scale_for(response.unit, response.values)
     every: Any = np.ma.masked_invalid(response.values * scale.factor)
     values = every[(slice(None), slice(None), *at)].T
-    mesh = ax.pcolormesh(
-        _edges(x, result.coordinates[0]), _edges(y, result.coordinates[1]), values, cmap="cividis",
-        vmin=every.min(), vmax=every.max(),
-    )  # fmt: skip
+    edges = _edges(x, result.coordinates[0]), _edges(y, result.coordinates[1])
+    mesh = ax.pcolormesh(*edges, values, cmap="cividis", vmin=every.min(), vmax=every.max())
     where = f", {response.place}" if response.place else ""
     assert ax.figure is not None
     bar = ax.figure.colorbar(mesh, ax=ax)
     bar.set_label(_label(result, quantity, scale) + where)
     limit = _limit(result, quantity)
-    if min(values.shape) > 1 and values.count():
-        _draw_contours(ax, x, y, values, None if limit is None else limit * scale.factor)
-    if limit is not None:
-        bar.ax.axhline(limit * scale.factor, color=_LIMIT, linewidth=1.8)
-    if best is not None:
-        i, j, *others = np.unravel_index(best, result.shape)
-        if tuple(others) == at:
+    shown_limit = None if limit is None else limit * scale.factor
+    starred = None if best is None else tuple(int(k) for k in np.unravel_index(best, result.shape))
+    if starred is not None and starred[2:] != at:
+        starred = None
+    if all(size <= most for size, most in zip(values.shape, MOST_NUMBERED, strict=True)):
+        _write_cells(ax, x, y, values, mesh.norm, starred)
+        if shown_limit is not None:
+            _outline_beyond(ax, *edges, values > shown_limit)
+    else:
+        if min(values.shape) > 1 and values.count():
+            _draw_contours(ax, x, y, values, shown_limit)
+        if starred is not None:
+            i, j = starred[:2]
             ax.plot(x[i], y[j], marker="*", markersize=11, color="white", markeredgecolor="black", clip_on=False)
+    if shown_limit is not None:
+        bar.ax.axhline(shown_limit, color=_LIMIT, linewidth=1.8)
     for axis, ticks, coordinate in (
         (ax.xaxis, xticks, result.coordinates[0]),
         (ax.yaxis, yticks, result.coordinates[1]),
@@ -166,15 +177,43 @@ def _draw_contours(ax: Axes, x: Floats, y: Floats, values: Any, limit: float | N
         line.set_path_effects(edge)
 
 
+def _write_cells(ax: Axes, x: Floats, y: Floats, values: Any, norm: Any, starred: tuple[int, ...] | None) -> None:
+    """The number in every cell, black on light ones, with a star in the best case."""
+    for j, i in zip(*np.nonzero(~np.ma.getmaskarray(values)), strict=True):
+        value = values[j, i]
+        star = "★ " if starred is not None and (i, j) == starred[:2] else ""
+        ax.text(
+            x[i], y[j], f"{star}{value:.3g}", ha="center", va="center", clip_on=True,
+            fontsize="small" if star else "x-small", fontweight="bold" if star else "normal",
+            color="black" if norm(value) > LIGHT else "white",
+        )  # fmt: skip
+
+
+def _outline_beyond(ax: Axes, x: Floats, y: Floats, beyond: Any) -> None:
+    """A line between the cells (edges ``x`` and ``y``) beyond the limit and the others, white beside it for grey."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.patheffects import withStroke
+
+    cells = np.ma.filled(beyond, False)
+    rows, columns = (np.nonzero(np.diff(cells, axis=axis)) for axis in (0, 1))
+    sides = [[(x[i], y[j + 1]), (x[i + 1], y[j + 1])] for j, i in zip(*rows, strict=True)]
+    sides += [[(x[i + 1], y[j]), (x[i + 1], y[j + 1])] for j, i in zip(*columns, strict=True)]
+    edge: Any = [withStroke(linewidth=3.8, foreground="white")]
+    ax.add_collection(LineCollection(sides, colors=_LIMIT, linewidths=2.0, path_effects=edge), autolim=False)
+
+
 def _ticks_along(axis: Any, ticks: list[str] | None, coordinate: Coordinate) -> None:
     from matplotlib.ticker import MaxNLocator
 
+    values = np.unique(_axis(coordinate)[0])
     if ticks is not None:
         axis.set_ticks(np.arange(len(ticks)), ticks)
     elif _logarithmic(coordinate):
         _logarithmic_axis(axis)
     else:
         axis.set_major_locator(MaxNLocator(5))
+    if ticks is None and values.size <= MOST_TICKS:
+        axis.set_ticks(values, [f"{value:.4g}" for value in values])
 
 
 def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> Axes:
@@ -204,7 +243,7 @@ def plot_response_scatter(result: DesignsResult, ax: Axes, coordinate: int, quan
     x, ticks, label = _axis(result.coordinates[coordinate])
     along = _cases(result, coordinate, x)
     values = _worst(result, quantity)
-    scale = _scale(result, quantity, [values])
+    scale = scale_for(_of(result, quantity)[0].unit, values)
     limit = _limit(result, quantity)
     beyond = np.zeros(values.size, dtype=bool) if limit is None else values > limit
     ax.plot(along[~beyond], values[~beyond] * scale.factor, ".", color="#0b3c5d", markersize=3)
@@ -385,24 +424,16 @@ def _axis(coordinate: Coordinate) -> tuple[Floats, list[str] | None, str]:
     if not coordinate.numeric:
         words = list(dict.fromkeys(str(v) for v in coordinate.values))
         return np.array([words.index(str(v)) for v in coordinate.values], dtype=float), words, name
-    values, scale = coordinate.values.astype(float), _unit_scale(coordinate)
+    values = coordinate.values.astype(float)
+    scale = scale_for(coordinate.unit, values)
     return values * scale.factor, None, f"{name} ({scale.unit})" if scale.unit else name
-
-
-def _unit_scale(coordinate: Coordinate) -> Scale:
-    """The scale of numbers along the axis."""
-    if coordinate.unit == "1":
-        return Scale(1.0, "")
-    if " " in coordinate.unit:
-        return Scale(1.0, coordinate.unit)
-    return scale_for(coordinate.unit, coordinate.values.astype(float))
 
 
 def _value_text(coordinate: Coordinate, k: int) -> str:
     """``tip gap = 0.1 mm`` for value k of the axis."""
     if not coordinate.numeric:
         return f"{coordinate.label} = {coordinate.values[k]}"
-    scale = _unit_scale(coordinate)
+    scale = scale_for(coordinate.unit, coordinate.values.astype(float))
     return f"{coordinate.label} = {coordinate.values[k] * scale.factor:.4g} {scale.unit}".rstrip()
 
 
@@ -439,15 +470,6 @@ def _limit(result: DesignsResult, quantity: str) -> float | None:
     if quantity.endswith(_PEAK):
         return result.limits.get(OF_OUTPUTS + quantity.removesuffix(_PEAK))
     return result.limits.get(LIMITING.get(quantity, quantity))
-
-
-def _scale(result: DesignsResult, quantity: str, values: Sequence[Any]) -> Scale:
-    unit = _of(result, quantity)[0].unit
-    if unit == "m/s^2":
-        return output_scale(unit) if quantity.endswith(_PEAK) else acceleration_scale()
-    if unit in ("1", "Hz"):
-        return Scale(1.0, "" if unit == "1" else unit)
-    return scale_for(unit, *[np.asarray(v)[np.isfinite(v)] for v in values])
 
 
 def _label(result: DesignsResult, quantity: str, scale: Scale) -> str:

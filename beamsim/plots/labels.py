@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -55,6 +55,25 @@ def put_names(
             text, place, xytext=best[1:3], textcoords="offset points", ha=best[3], va="center", fontsize=SIZE,
             color="0.25", arrowprops=leader, zorder=6,
         )  # fmt: skip
+
+
+def put_beside(ax: Axes, ends: Mapping[str, tuple[float, float]]) -> None:
+    """Write names beside the right ends of curves (data coordinates), by which they are found without colour.
+
+    Names that would overlap are moved apart. Limits of the axes must be set before; ends outside have no name.
+    """
+    low, high = sorted(ax.get_ylim())
+    points = 72.0 / ax.figure.dpi
+    heights = {
+        name: float(ax.transData.transform(end)[1]) * points for name, end in ends.items() if low <= end[1] <= high
+    }
+    free = -np.inf
+    for name in sorted(heights, key=lambda name: heights[name]):
+        at = max(heights[name], free)
+        free = at + LINE * SIZE
+        ax.annotate(
+            name, ends[name], xytext=(4, at - heights[name]), textcoords="offset points", va="center", fontsize=SIZE
+        )
 
 
 def _cost(

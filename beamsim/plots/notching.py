@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve
-from beamsim.plots.outputs import output_scale
-from beamsim.plots.style import finish, put_title
+from beamsim.plots.style import finish, put_title, scale_for
 from beamsim.scenario.notching import limited_quantity
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ def plot_notched_level(curve: SweepCurve, ax: Axes) -> Axes:
     """The level with and without notches, and the ranges in which it is lowered."""
     notching = curve.notching
     assert notching is not None
-    scale = output_scale(notching.unit, notching.level)
+    scale = scale_for(notching.unit, notching.level)
     ax.plot(notching.frequency_hz, notching.specified * scale.factor, color="0.5", linestyle="--", label="specified")
     ax.plot(notching.frequency_hz, notching.level * scale.factor, color=_LEVEL, linewidth=1.4, label="notched")
     ax.set_yscale("log")
@@ -42,7 +41,7 @@ def plot_limited_response(curve: SweepCurve, limit: NotchLimit, ax: Axes) -> Axe
     assert curve.notching is not None
     order = np.argsort(curve.frequency_hz)
     peak = limited_peak(curve, limit.name)[order]
-    scale = output_scale(limit.unit, np.append(peak, limit.limit))
+    scale = scale_for(limit.unit, np.append(peak, limit.limit))
     ax.plot(curve.frequency_hz[order], peak * scale.factor, color=_RESPONSE, linewidth=1.0)
     ax.axhline(limit.limit * scale.factor, color=_LIMIT, linestyle=(0, (5, 1.5)), linewidth=1.4, label="limit")
     governed = [part for part in curve.notching.ranges if part.limit == limit.name]

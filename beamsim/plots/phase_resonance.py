@@ -9,7 +9,7 @@ import numpy as np
 from beamsim.plots.branches import explain_dashes, figure_of, plot_branch
 from beamsim.plots.labels import put_names
 from beamsim.plots.stations import finish_along, plot_along
-from beamsim.plots.style import MOST_CURVES, Scale, acceleration_scale, curve_style, finish, scale_for, thinned
+from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, scale_for, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,9 +25,7 @@ _RIDGE: dict[str, Any] = {"color": "0.55", "linewidth": 2.6, "solid_capstyle": "
 
 def _level_scale(result: PhaseResonanceResult) -> Scale:
     """Levels of acceleration in g, others with an SI prefix."""
-    if result.quantity == "acceleration":
-        return acceleration_scale()
-    return scale_for(result.unit, np.array([m.level for m in result.motions]))
+    return scale_for(result.unit, [m.level for m in result.motions])
 
 
 def plot_resonances(result: PhaseResonanceResult, ax: Axes) -> Axes:

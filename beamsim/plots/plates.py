@@ -39,11 +39,14 @@ def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, unit: str = "")
     smooth[np.abs(smooth) < _ROUND_OFF * largest] = 0.0
     seen = across * metres.factor, up * metres.factor, smooth
     drawn = ax.contourf(*seen, levels=levels, cmap="RdBu_r", extend="both")
-    ax.contour(*seen, levels=levels[levels != 0], colors="0.45", linewidths=0.4, linestyles="solid")
+    beside = levels[levels != 0]
+    lines_beside = ax.contour(  # dashed where it is negative, which is not seen in grey otherwise
+        *seen, levels=beside, colors="0.3", linewidths=0.5, linestyles=["--" if z < 0 else "-" for z in beside]
+    )
     if shape.min() < -_ZERO * largest and shape.max() > _ZERO * largest:
         ax.contour(*seen, levels=[0.0], colors="black", linewidths=1.4)
     if unit and ax.figure is not None:
-        ax.figure.colorbar(drawn, ax=ax, label=f"Relative deflection ({unit})")
+        ax.figure.colorbar(drawn, ax=ax, label=f"Relative deflection ({unit})").add_lines(lines_beside, erase=False)
     ax.set_aspect("equal")
     ax.set_xlabel(f"x ({metres.unit})")
     ax.set_ylabel(f"y ({metres.unit})")

@@ -13,6 +13,7 @@ from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult,
 from beamsim.analyses.run.windows import Window
 from beamsim.fields import rows_of
 from beamsim.plots.assembly import assembly_figures
+from beamsim.plots.bounds import draw_faces, draw_limit
 from beamsim.plots.impacts import impact_figures
 from beamsim.plots.outputs import plot_output
 from beamsim.plots.plates import plate_figures
@@ -54,7 +55,7 @@ _FREE, _CLOSED = "0.62", "#a3263d"  # apart in grey print, too
 def plot_displacement(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
     """Time history of the probe displacements relative to the base."""
     names = dict.fromkeys(result.probes, "displacement")
-    _histories(result, ax, result.probes, names, "Relative displacement", "m", last_part)
+    _histories(result, ax, result.probes, names, "Relative displacement", "m", last_part, "peak_displacement")
     return ax if last_part else _doubts(result, ax, "peak_displacement_m")
 
 
@@ -63,7 +64,7 @@ def plot_absolute_acceleration(result: RunResult, ax: Axes, *, last_part: bool =
     label = "Absolute acceleration" if result.low_pass_hz is None else f"Acceleration below {result.low_pass_hz:g} Hz"
     kind = "absolute" if result.low_pass_hz is None else "low_passed"
     names = dict.fromkeys(result.probes, f"{kind}_acceleration")
-    _histories(result, ax, result.probes, names, label, "g", last_part)
+    _histories(result, ax, result.probes, names, label, "m/s^2", last_part, "peak_acceleration")
     return ax if last_part else _doubts(result, ax, "peak_acceleration_g")
 
 
@@ -95,7 +96,7 @@ def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) 
     }
     strongest = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CURVES]
     names = {name: "force" for name in result.snubbers if name in strongest}
-    _histories(result, ax, result.snubbers, names, "Contact force", "N", last_part)
+    _histories(result, ax, result.snubbers, names, "Contact force", "N", last_part, "peak_force")
     if ax.lines and not any(np.any(line.get_ydata()) for line in ax.lines):
         ax.set_ylim(-0.05, 1.0)
         ax.text(0.5, 0.5, "no contact", transform=ax.transAxes, ha="center", color="0.5")
@@ -138,8 +139,7 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
     named = quantity.replace("_", " ").capitalize()
     axis = "Frequency / excitation frequency" if forced else "Frequency (Hz)"
     finish(ax, axis, f"{named} (dB re max)")
-    boxes = sum(line.get_label() in (DOUBTFUL_LINES, DECAYING_LINES) for line in ax.lines)
-    legend(ax, min(len(spectra), MOST_CURVES) + boxes, len(spectra) + boxes, "probes")
+    legend(ax, min(len(spectra), MOST_CURVES), len(spectra), "probes")
     return _doubts(result, ax, "spectral_lines", "lines", f" {quantity}")
 
 
@@ -277,8 +277,10 @@ def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
     if snubbers:  # in the legend a mark that is drawn around its place: below it, it seemed another snubber
         mark = "^" if snubbers[0].side == "below" else "v"
         ax.plot([], [], marker=mark, markersize=7, color=_CLOSED, linestyle="none", label="snubber")
-    finish(ax, f"Position along the beam ({along.unit})", f"Relative deflection ({length.unit})")
-    ax.legend(loc="best", frameon=False, fontsize="small", handlelength=2.6)
+    what = body if len(result.bodies) > 1 else "the beam"
+    finish(ax, f"Position along {what} ({along.unit})", f"Relative deflection ({length.unit})")
+    shown = len(ax.get_legend_handles_labels()[1])
+    legend(ax, shown, shown, "shapes")
     return ax
 
 
@@ -379,8 +381,6 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
         figure, axes = panels(len(beams), height=4.4 if len(beams) == 1 else 3.2 * len(beams))
         for ax, body in zip(axes, beams, strict=True):
             plot_deflected_shapes(result, ax, body)
-            if len(beams) > 1:
-                ax.set_title(body, fontsize="medium", loc="left")
         figures["deflected_shapes"] = figure
     return figures | impact_figures(result, panels) | plate_figures(result) | assembly_figures(result)
 
@@ -403,18 +403,22 @@ def _histories(
     label: str,
     unit: str,
     last_part: bool,
+    limit: str,
 ) -> Axes:
-    """Draw one field of each of some places; accelerations are shown in g."""
+    """Draw one field of each of some places, with its limit; displacements with the faces of stops."""
     time, names = rows_of(result, "time"), list(fields)[:MOST_CURVES]
     begin, end = _ends(result)
     if last_part:
         begin = _last_part(result)
     first = _first_from(time, begin)
     curves = [thinned(time, rows_of(places[name], fields[name]), begin=first) for name in names]
-    scale = scale_for(unit, *(x for _, x in curves)) if unit != "g" else acceleration_scale()
+    scale = scale_for(unit, *(x for _, x in curves))
     clock = time_scale()
     for k, (name, (t, x)) in enumerate(zip(names, curves, strict=True)):
         ax.plot(t * clock.factor, x * scale.factor, label=name, **curve_style(k))
+    draw_limit(ax, result.scenario.limits, limit, scale, both_signs=limit != "peak_force")
+    if limit == "peak_displacement":
+        draw_faces(result, ax, scale)
     ax.set_xlim(begin * clock.factor, (end if end > begin else begin + 1.0) * clock.factor)
     finish(ax, f"Time ({clock.unit})", f"{label} ({scale.unit})")
     legend(ax, len(names), len(places), "probes" if places is result.probes else "snubbers")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -39,6 +40,7 @@ _DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
 _LONG_TIMES = (("years", 365.25 * 86400.0, 1.0), ("days", 86400.0, 2.0), ("h", 3600.0, 2.0), ("min", 60.0, 10.0))
 _MOST_CHOSEN = 1e5  # of a chosen unit of time, above which a time is shown in a longer one
 
+_FIRST_UNIT = re.compile(r"[^\W\d_]+(?:\^(\d+))?")  # with its power; 1/s has none
 _PREFIXES = (("G", 1e9), ("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9), ("p", 1e-12))
 
 
@@ -72,39 +74,44 @@ def time_scale() -> Scale:
     return Scale(*_chosen.get().get("s", (1.0, "s")))
 
 
-def length_scale() -> Scale:
-    """Positions and gaps are in mm if no other unit is chosen."""
-    return Scale(*_chosen.get().get("m", (1e3, "mm")))
+def scale_for(unit: str, *values: ArrayLike) -> Scale:
+    """The chosen unit, else the SI prefix that brings the largest finite value to 1 to 1000.
 
+    Accelerations are in g. Lengths are brought to 0.1 to 100, and have no prefix above metres; in ``m^2`` the prefix is
+    squared. Times below a minute are not shown in minutes, and those above ten minutes in minutes, hours, days or
+    years. Frequencies, which are compared, and numbers without a unit (``1``) are shown as they are.
 
-def scale_for(unit: str, *values: Floats) -> Scale:
-    """The chosen unit, else the SI prefix that brings the largest value to 1 to 1000.
-
-    Lengths are brought to 0.1 to 100, and have no prefix above metres. Times below a minute are not shown in minutes,
-    and those above ten minutes in minutes, hours, days or years.
+    >>> scale_for("N/m", [151e3, 2e4]), scale_for("m^2", 2.5e-4), scale_for("1")
+    (Scale(factor=0.001, unit='kN/m'), Scale(factor=1000000.0, unit='mm^2'), Scale(factor=1.0, unit=''))
     """
-    largest = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in values), default=0.0)
+    if unit == "m/s^2":
+        return acceleration_scale()
+    if unit in ("", "1"):
+        return Scale(1.0, "")
+    sizes = (np.abs(np.asarray(v)) for v in values)
+    largest = max((float(np.max(v, initial=0.0, where=np.isfinite(v))) for v in sizes), default=0.0)
     if unit in _chosen.get():
         chosen = Scale(*_chosen.get()[unit])
         shown = largest * chosen.factor
         if unit != "s" or ((chosen.factor >= 1.0 or shown >= 1.0) and shown < _MOST_CHOSEN):
             return chosen
-    if not np.isfinite(largest) or largest == 0.0:
+    first = _FIRST_UNIT.match(unit)
+    if largest == 0.0 or first is None or first[0] == "Hz":
         return Scale(1.0, unit)
     if unit.startswith("kg"):  # not mkg but g
         if largest >= 1.0:
             return Scale(1.0, unit)
-        grams = scale_for(unit[1:], np.array([1e3 * largest]))
+        grams = scale_for(unit[1:], 1e3 * largest)
         return Scale(1e3 * grams.factor, grams.unit)
     if unit == "s":
         for name, size, least in _LONG_TIMES:
             if largest >= least * size:
                 return Scale(1.0 / size, name)
-    metres = unit.startswith("m")
-    for prefix, size in _PREFIXES:
-        if largest >= (0.1 if metres else 1.0) * size and not (metres and size > 1.0):
-            return Scale(1.0 / size, prefix + unit)
-    return Scale(1e12, f"p{unit}")
+    metres, power = unit.startswith("m"), int(first[1] or 1)
+    allowed = [(prefix, size) for prefix, size in _PREFIXES if not (metres and size > 1.0)]
+    smallest = 0.1 if metres else 1.0
+    prefix, size = next((p for p in allowed if largest >= smallest * p[1] ** power), allowed[-1])
+    return Scale(1.0 / size**power, prefix + unit)
 
 
 def where_other(first: Floats, second: Floats) -> Floats:
@@ -121,10 +128,7 @@ def level_text(level: float, unit: str) -> str:
     >>> level_text(19.6133, "m/s^2"), level_text(0.1, "N"), level_text(0.5, "")
     ('level 2 g', 'level 100 mN', 'level 0.5')
     """
-    if unit == "m/s^2":
-        scale = acceleration_scale()
-        return f"level {level * scale.factor:.4g} {scale.unit}"
-    scale = scale_for(unit, np.array([level])) if unit not in ("", "1") else Scale(1.0, "")
+    scale = scale_for(unit, level)
     return f"level {level * scale.factor:.4g} {scale.unit}".rstrip()
 
 
@@ -164,7 +168,7 @@ def amount(value: float | None, unit: str, digits: int = 4) -> str:
         return f"{value * (STANDARD_GRAVITY if unit == 'g' else 1.0) * scale.factor:.{digits}g} {scale.unit}"
     if abs(value) < ROUND_OFF:
         return f"0 {unit}"
-    scale = scale_for(unit, np.array([value]))
+    scale = scale_for(unit, value)
     return f"{value * scale.factor + 0.0:.{digits}g} {scale.unit}"  # no minus sign before zero
 
 
@@ -224,10 +228,16 @@ def legend_columns(ax: Axes, most: int) -> int:
 
 
 def legend(ax: Axes, shown: int, known: int, what: str) -> None:
-    """A legend if there is more than one curve; its title states how many are shown if some are omitted."""
-    if shown > 1 or known > shown:
+    """A legend if there is more than one labelled line; its title states how many curves are shown if some are omitted.
+
+    Parameters
+    ----------
+    shown, known : curves of ``what`` that are drawn, and how many there are.
+    """
+    entries = len(ax.get_legend_handles_labels()[1])
+    if entries > 1 or known > shown:
         title = f"{shown} of {known} {what}" if known > shown else None
-        columns = legend_columns(ax, min(shown, 6))
+        columns = legend_columns(ax, min(entries, 6))
         ax.legend(
             title=title, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, frameon=False,
             fontsize="small", title_fontsize="small", borderaxespad=0.1, handlelength=2.6,

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.sweep.result import SweepResult
+from beamsim.plots.bounds import draw_limit
 from beamsim.plots.notching import notching_figure
-from beamsim.plots.outputs import draw_limit, output_label, output_scale
+from beamsim.plots.outputs import output_label
 from beamsim.plots.style import (
     MOST_CURVES,
-    Scale,
-    acceleration_scale,
     curve_style,
     finish,
     legend,
@@ -23,7 +22,7 @@ from beamsim.plots.style import (
     scale_for,
     where_other,
 )
-from beamsim.plots.sweep_axes import by_frequency, envelope, frequency_axis
+from beamsim.plots.sweep_axes import by_frequency, envelope, frequency_axis, name_level
 from beamsim.plots.sweep_responses import (
     has_spectrogram,
     has_transmissibility,
@@ -31,6 +30,7 @@ from beamsim.plots.sweep_responses import (
     plot_spectrogram,
     plot_transmissibility,
 )
+from beamsim.scenario.limits import OF_OUTPUTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,8 +78,10 @@ def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 
             color="0.2",
             label=kind,
         )
+    draw_limit(ax, result.scenario.limits, "peak_displacement", scale)
     frequency_axis(result, ax)
     ax.set_yscale("log")
+    name_level(result, ax, level_index)
     finish(ax, "Excitation frequency (Hz)", f"Peak displacement of {probe} ({scale.unit})")
     ax.legend(loc="best", frameon=False, fontsize="small", handlelength=2.6)
     return ax
@@ -93,7 +95,9 @@ def plot_contact_force_curve(result: SweepResult, ax: Axes, level_index: int = 0
     for k, (curve, name) in enumerate(drawn[:6]):
         f, peak = envelope(curve, curve.force[name].peak)
         ax.plot(f, peak * scale.factor, label=f"{name}, {curve.direction}", **curve_style(k))
+    draw_limit(ax, result.scenario.limits, "peak_force", scale)
     frequency_axis(result, ax)
+    name_level(result, ax, level_index)
     finish(ax, "Excitation frequency (Hz)", f"Peak contact force ({scale.unit})")
     legend(ax, min(len(drawn), 6), len(drawn), "curves")
     return ax
@@ -102,13 +106,13 @@ def plot_contact_force_curve(result: SweepResult, ax: Axes, level_index: int = 0
 def plot_output_peaks(result: SweepResult, ax: Axes, name: str) -> Axes:
     """Peaks of an output over frequency, by direction and level, with its limit."""
     curves = list(result.curves.values())
-    scale = output_scale(curves[0].outputs[name].unit, *(curve.outputs[name].peak for curve in curves))
+    scale = scale_for(curves[0].outputs[name].unit, *(curve.outputs[name].peak for curve in curves))
     several = len({curve.level_index for curve in curves}) > 1
     for k, curve in enumerate(curves[:MOST_CURVES]):
         f, peak = envelope(curve, curve.outputs[name].peak)
         level = f", {level_text(curve.level, result.scenario.level_unit)}" if several else ""
         ax.plot(f, peak * scale.factor, label=f"{curve.direction}{level}", **curve_style(k))
-    draw_limit(ax, result.scenario.limits, name, scale)
+    draw_limit(ax, result.scenario.limits, OF_OUTPUTS + name, scale)
     frequency_axis(result, ax)
     finish(ax, "Excitation frequency (Hz)", output_label("Peak of", name, scale))
     ax.set_ylim(bottom=0.0)
@@ -192,27 +196,35 @@ def plot_harmonic_energy(result: SweepResult, axes: list[Axes], probe: str, dire
 def _per_level(curves: list[SweepCurve], *ratios: Floats) -> tuple[float, str]:
     """Factor and unit in which displacements divided by the excitation, in SI units, are shown."""
     excitation = curves[0].excitation_unit if curves else "m/s^2"
-    level = acceleration_scale() if excitation == "m/s^2" else Scale(1.0, excitation)
+    level = scale_for(excitation)
     length = scale_for("m", *(ratio / level.factor for ratio in ratios))
     return length.factor / level.factor, f"{length.unit} per {level.unit.replace('^2', '²')}"
 
 
 def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
-    """Fraction of time in contact over frequency: 0 without contact, 1 where contact is never lost."""
+    """Fraction of time in contact over frequency: 0 without contact, 1 where contact is never lost.
+
+    Further levels are drawn where they differ from the first by 1 %.
+    """
     curves = [c for c in result.curves.values() if c.direction == direction]
     drawn = [(c, name) for c in curves for name in c.contact_share]
-    for k, (curve, name) in enumerate(drawn[:6]):
+    first: dict[str, tuple[Floats, Floats]] = {}
+    for k, (curve, name) in enumerate(drawn[:MOST_CURVES]):
         cycles = max(1, curve.frequency_hz.size // 600)  # averaged for one point
         whole = curve.frequency_hz.size // cycles * cycles
         f = curve.frequency_hz[:whole].reshape(-1, cycles).mean(axis=1)
-        share = curve.contact_share[name][:whole].reshape(-1, cycles).mean(axis=1)
-        ax.plot(
-            f, 100 * share, label=f"{name}, {level_text(curve.level, result.scenario.level_unit)}", **curve_style(k)
-        )
+        order = np.argsort(f)
+        f, share = f[order], curve.contact_share[name][:whole].reshape(-1, cycles).mean(axis=1)[order]
+        label = f"{name}, {level_text(curve.level, result.scenario.level_unit)}"
+        if name in first:
+            share = where_other(np.interp(f, *first[name]), share)
+            label += "" if np.any(np.isfinite(share)) else " (the same)"
+        first.setdefault(name, (f, share))
+        ax.plot(f, 100 * share, label=label, **curve_style(k))
     frequency_axis(result, ax)
     ax.set_ylim(-2, 102)
     finish(ax, f"Excitation frequency (Hz), {direction}", "Time in contact (%)")
-    legend(ax, min(len(drawn), 6), len(drawn), "curves")
+    legend(ax, min(len(drawn), MOST_CURVES), len(drawn), "curves")
     return ax
 
 
@@ -220,7 +232,7 @@ def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
     """Level at which contact begins or is lost, over frequency, with the levels of the sweep."""
     linear = result.linear
     unit = next((c.excitation_unit for c in result.curves.values()), "m/s^2")
-    scale = acceleration_scale() if unit == "m/s^2" else Scale(1.0, unit)
+    scale = scale_for(unit)
     for k, (name, levels) in enumerate(list(linear.contact.items())[:MOST_CURVES]):
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
         level = levels.changing * scale.factor

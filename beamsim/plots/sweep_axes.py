@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
+from beamsim.plots.style import level_text
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -31,6 +32,14 @@ def envelope(curve: SweepCurve, values: Floats, *, mean: bool = False) -> tuple[
     count = np.diff(np.append(first, f.size))
     middle = np.add.reduceat(f, first) / count
     return middle, np.add.reduceat(v, first) / count if mean else np.maximum.reduceat(v, first)
+
+
+def name_level(result: SweepResult, ax: Axes, level_index: int) -> None:
+    """Say of which level a panel is, where there are several."""
+    levels = {c.level_index: c.level for c in result.curves.values()}
+    if len(levels) > 1:
+        text = level_text(levels[level_index], result.scenario.level_unit)
+        ax.set_title(text, loc="left", fontsize="small")
 
 
 def frequency_axis(result: SweepResult, ax: Axes) -> None:

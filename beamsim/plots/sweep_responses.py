@@ -8,8 +8,9 @@ import numpy as np
 
 from beamsim.analyses.compare.sweeps import peaks_of
 from beamsim.analyses.sweep.result import SweepResult
+from beamsim.plots.bounds import draw_limit
 from beamsim.plots.style import MOST_CURVES, acceleration_scale, curve_style, dashed_line, finish, legend
-from beamsim.plots.sweep_axes import by_frequency, envelope, frequency_axis
+from beamsim.plots.sweep_axes import by_frequency, envelope, frequency_axis, name_level
 from beamsim.scenario.quantities import amplitude_unit
 
 if TYPE_CHECKING:
@@ -31,8 +32,10 @@ def plot_acceleration(result: SweepResult, ax: Axes, level_index: int) -> Axes:
     for k, (curve, name) in enumerate(drawn[:MOST_CURVES]):
         f, peak = envelope(curve, curve.acceleration[name].peak)
         ax.plot(f, peak * scale.factor, label=f"{name}, {curve.direction}", **curve_style(k))
+    draw_limit(ax, result.scenario.limits, "peak_acceleration", scale)
     frequency_axis(result, ax)
     ax.set_yscale("log")
+    name_level(result, ax, level_index)
     finish(ax, "Excitation frequency (Hz)", f"Peak absolute acceleration ({scale.unit})")
     legend(ax, min(len(drawn), MOST_CURVES), len(drawn), "curves")
     return ax
@@ -61,6 +64,7 @@ def plot_transmissibility(result: SweepResult, ax: Axes, level_index: int) -> Ax
         ax.plot(*envelope(curve, ratio), label=f"{name}, {curve.direction}{quality}", **curve_style(k))
     frequency_axis(result, ax)
     ax.set_yscale("log")
+    name_level(result, ax, level_index)
     finish(ax, "Excitation frequency (Hz)", "Transmissibility (g per g)")
     legend(ax, min(len(drawn), MOST_CURVES), len(drawn), "curves")
     return ax

@@ -215,6 +215,16 @@ def test_limited_quantities_come_first_and_their_limit_is_drawn():
     assert ax.get_xscale() == "log"
 
 
+def test_cells_of_small_maps_are_numbered():
+    result = fabricated("map")
+    ax = design_figures(result)["maps"].axes[0]
+    force = result.responses["snubbers/tip/peak_force"].values
+    assert {text.get_text().removeprefix("★ ") for text in ax.texts} == {f"{value:.3g}" for value in force.ravel()}
+    beyond = (force > 30.0).astype(int)
+    (outline,) = (c for c in ax.collections if c.get_paths()[0].vertices.shape == (2, 2))
+    assert len(outline.get_paths()) == np.abs(np.diff(beyond, axis=0)).sum() + np.abs(np.diff(beyond, axis=1)).sum()
+
+
 def test_cases_beyond_the_limit_are_marked():
     result = fabricated("sample")
     ax = design_figures(result)["scatter"].axes[0]

@@ -10,7 +10,7 @@ from matplotlib.text import Text
 
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.report import table_rows
-from beamsim.plots.labels import put_names
+from beamsim.plots.labels import LINE, SIZE, put_beside, put_names
 from beamsim.plots.mode_branches import plot_backbone, plot_frequency_energy
 from beamsim.plots.nnm import plot_configuration
 from beamsim.scenario import load_scenario
@@ -37,6 +37,17 @@ def drawn(names, curve):
         text.update_positions(canvas.get_renderer())
     # the name alone, without its leader
     return [Text.get_window_extent(text) for text in ax.texts], ax.transData.transform(np.transpose(curve)), ax
+
+
+def test_names_at_the_ends_of_curves_are_moved_apart():
+    ax = Figure().add_subplot()
+    ax.set(xlim=(0.0, 1.0), ylim=(0.0, 100.0))
+    put_beside(ax, {"0": (1.0, 50.0), "1": (1.0, 51.0), "2": (1.0, 90.0), "3": (1.0, 120.0)})
+    assert [(text.get_text(), round(float(text.xyann[1]), 1)) for text in ax.texts][::2] == [("0", 0.0), ("2", 0.0)]
+    above = ax.texts[1]
+    apart = ax.transData.transform((1.0, 51.0)) - ax.transData.transform((1.0, 50.0))
+    assert above.get_text() == "1"
+    assert above.xyann[1] + apart[1] * 72.0 / ax.figure.dpi == pytest.approx(LINE * SIZE)
 
 
 def test_names_stay_clear_of_each_other_and_of_curves():

@@ -24,11 +24,25 @@ def labels(figure):
 
 
 def test_of_a_run():
-    result = beamsim.run(load_scenario(CASE, {"run": RUN}))
-    figure = run_figures(result)["outputs"]
+    """With limits on both sides, as far as they leave room, and the faces of stops where a probe is."""
+    stops = [
+        {"name": name, "mass": 1, "side": side, "stiffness": 1e3, "gap": gap}
+        for name, side, gap in (("near", "above", 1.25), ("far", "below", 50.0))
+    ]
+    limits = {**CASE["limits"], "peak_displacement": 1.5, "peak_force": 1e6}
+    result = beamsim.run(load_scenario(CASE, {"run": RUN, "snubbers": stops, "limits": limits}))
+    figures = run_figures(result)
+    figure = figures["outputs"]
     assert labels(figure) == ["wall (kN)", "mass (g)"]
-    drawn = figure.axes[0].lines[0].get_ydata()
+    drawn, *bounds = (line.get_ydata() for line in figure.axes[0].lines)
     assert np.abs(drawn).max() * 1e3 == np.abs(result.outputs["wall"].value).max()
+    assert [list(y) for y in bounds] == [[2.0, 2.0], [-2.0, -2.0]]
+    assert figure.axes[0].get_xlim() == (0.0, 1.0)
+    lines = {line.get_label(): line.get_ydata()[0] for line in figures["displacement"].axes[0].lines}
+    assert lines["limit"] == 1.5
+    assert lines["face of near"] == 1.25
+    assert "face of far" not in lines
+    assert "limit" not in {line.get_label() for line in figures["contact_force"].axes[0].lines}
 
 
 def test_of_a_sweep():

@@ -85,9 +85,15 @@ def test_levels_are_compared_in_the_units_that_are_shown(swept):
 
 
 def test_a_stop_that_just_touches_has_no_line_on_a_logarithmic_axis():
-    touching = result({"snubbers": [{**STOP, "gap": 0.0}]}, rate="20 oct/min")
-    above = sweep_figures(touching)["contact_levels"].axes[0]
-    touched, level = above.lines
+    """Its share of contact is that of any level, which is drawn once."""
+    figures = sweep_figures(result({"snubbers": [{**STOP, "gap": 0.0}]}, rate="20 oct/min", levels=[0.5, 9.80665]))
+    touched, *levels = figures["contact_levels"].axes[0].lines
     assert touched.get_label() == "stop: contact begins at any level"
     assert touched.get_linestyle() == "None"
-    assert np.all(level.get_ydata() > 0.0)
+    assert all(np.all(level.get_ydata() > 0.0) for level in levels)
+    force, share = figures["contact"].axes
+    assert force.get_title("left") == "level 1 g"
+    first, second = share.lines
+    assert np.all(np.isfinite(first.get_ydata()))
+    assert not np.any(np.isfinite(second.get_ydata()))
+    assert second.get_label() == "stop, level 1 g (the same)"

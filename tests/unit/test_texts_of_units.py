@@ -20,6 +20,9 @@ CHAIN = "chain: {masses: [1, 1], springs: [1, 1]}\n"
         (0.05, "kg/m", "50 g/m"),
         (0.0123, "m", "12.3 mm"),
         (151100.0, "N/m", "151.1 kN/m"),
+        (2.5e-4, "m^2", "250 mm^2"),  # was 250 µm^2, and the next 520.8 pm^4
+        (520.8e-12, "m^4", "520.8 mm^4"),
+        (2000.0, "1/s", "2000 1/s"),  # was 2 k1/s
     ],
 )
 def test_prefixes(value, unit, text):
