@@ -77,21 +77,21 @@ def _crossings(passage: Passage) -> dict[tuple[int, int, int], list[tuple[float,
     return crossings
 
 
-def _shortest_stay(contacts: Contacts, passage: Passage, few: Passage) -> _Stay | None:
-    """The shortest stay of a contact beyond a border that it crosses less often in the other motion."""
-    shortest, best = np.inf, None
+def _stays(contacts: Contacts, passage: Passage, few: Passage) -> list[_Stay]:
+    """By border crossed less often in the other motion the shortest stay beyond it, the shortest of all first."""
+    found: list[tuple[float, _Stay]] = []
     others = _crossings(few)
     without = _without_borders(contacts)
     for border, events in _crossings(passage).items():
         if border[0] in without or len(events) <= len(others.get(border, ())):
             continue
         ends = [t for t, _, _ in events[1:]] + [events[0][0] + passage.duration]
-        for (t, before, after), e in zip(events, ends, strict=True):
-            if e - t < shortest and before != after:
-                shortest = e - t
-                level, top = contacts.border(border[0], before, after)
-                best = _Stay(border[0], level, top, 0.5 * (t + e) % passage.duration)
-    return best
+        of_border = [(e - t, t, b, a) for (t, b, a), e in zip(events, ends, strict=True) if b != a]
+        if of_border:
+            length, begin, before, after = min(of_border)
+            middle = (begin + 0.5 * length) % passage.duration
+            found.append((length, _Stay(border[0], *contacts.border(border[0], before, after), middle)))
+    return [stay for _, stay in sorted(found, key=lambda item: item[0])]
 
 
 def extremum(
@@ -148,8 +148,8 @@ def smooth_pieces(a: BranchPoint, b: BranchPoint, corners: list[SpecialPoint]) -
     """The step from a to b in pieces without a corner inside."""
     w0 = a.u / a.scale
     chord = b.u / a.scale - w0
-    inner = sorted(corners, key=lambda g: float((g.point.u / a.scale - w0) @ chord))
-    return list(pairwise([a, *[g.point for g in inner], b]))
+    inner = {id(corner.point): corner.point for corner in corners}.values()
+    return list(pairwise([a, *sorted(inner, key=lambda p: float((p.u / a.scale - w0) @ chord)), b]))
 
 
 def turned_at(special: list[SpecialPoint], piece: tuple[BranchPoint, BranchPoint], near: BranchPoint) -> bool:
@@ -183,23 +183,28 @@ def _within(
         ea, eb = cycle_a.event_time.size, cycle_b.event_time.size
     if 0 < abs(ea - eb) <= ONE_PHASE or (ea != eb and depth > MOST_HALVINGS // 2):
         more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
-        stay = _shortest_stay(contacts, more, few)
-        if stay is not None:
-            contact, top, share = stay.contact, stay.top, stay.middle / more.duration
+        stays = _stays(contacts, more, few)
 
-            def penetration(point: BranchPoint) -> float:
-                flow, cycle = problem.cycle(point)
-                return extremum(flow, cycle, contact, top, share * cycle.duration, stay.level)[0]
+        def nearest(point: BranchPoint, stay: _Stay) -> tuple[float, float]:
+            flow, cycle = problem.cycle(point)
+            near = stay.middle / more.duration * cycle.duration
+            return extremum(flow, cycle, stay.contact, stay.top, near, stay.level)
 
-            values = penetration(a), penetration(b)
-            graze = locate(problem, a, b, penetration, settings, values)
-            if graze is not None:
-                flow, cycle = problem.cycle(graze)
-                value, time = extremum(flow, cycle, contact, top, share * cycle.duration, stay.level)
-                touching = abs(value) <= TOUCHING * max(abs(values[0]), abs(values[1]))
-                if touching and (depth > MOST_HALVINGS // 2 or _explains(problem, a, graze, b, settings)):
-                    yield SpecialPoint("grazing", graze.parameter, graze, contact, time, top, stay.level)
-                    return
+        values = [(nearest(a, stay)[0], nearest(b, stay)[0]) for stay in stays]
+        graze = locate(problem, a, b, lambda p: nearest(p, stays[0])[0], settings, values[0]) if stays else None
+        if graze is not None:
+            points = [nearest(graze, stay) for stay in stays]
+            sizes = [max((abs(v) for v in ends if np.isfinite(v)), default=0.0) for ends in values]
+            touching = [abs(value) <= TOUCHING * size for (value, _), size in zip(points, sizes, strict=True)]
+            late = depth > MOST_HALVINGS // 2
+            # several touch at once where the structure is symmetric
+            if touching[0] and (late or (all(touching) and _explains(problem, a, graze, b, settings))):
+                for stay, (_, time), touches in zip(stays, points, touching, strict=True):
+                    if touches:
+                        yield SpecialPoint(
+                            "grazing", graze.parameter, graze, stay.contact, time, stay.top, stay.level
+                        )  # fmt: skip
+                return
     middle = None if next(budget, None) is None else between(problem, a, b, 0.5, settings)
     if middle is None:
         return

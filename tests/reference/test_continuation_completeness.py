@@ -157,6 +157,27 @@ def test_a_corner_far_from_the_chord_is_found(tmp_path):
     assert np.abs(branch.floquet_multipliers[k] - 1).min() < 1e-6
 
 
+@pytest.mark.parametrize("apart", [0.0, 1e-7])  # m
+def test_stops_of_a_symmetric_structure_that_graze_at_once(apart):
+    stop = {"mass": 1, "force_deflection": [[0, 0], [1e-3, 20], [2e-3, 80]]}
+    stops = [{**stop, "name": side, "side": side, "gap": 1e-3 + k * apart} for k, side in enumerate(("above", "below"))]
+    case = {
+        "chain": {"masses": [1.0], "springs": [1e4], "damping": {"kind": "modal", "ratio": 0.05}},
+        "snubbers": stops,
+        "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": "2 N", "frequency": "16 Hz"},
+        "sweep": {"kind": "continuation", "from": 10, "to": 25, "side_branches": "none"},
+    }
+    result = frequency_response(load_scenario(case))
+    assert result.outcome.complete, result.status
+    grazings = sorted((p.frequency_hz, p.snubber) for b in result.branches for p in b.special if p.kind == "grazing")
+    falling = ["above", "below"] if apart == 0.0 else ["below", "above"]
+    assert [name for _, name in grazings] == ["above", "below", *falling]
+    # the motion is linear until its amplitude is the smaller gap
+    squares = np.roots([1.0, -2 * 1e4 * (1 - 2 * 0.05**2), 1e8 - (2.0 / 1e-3) ** 2])
+    first = [f for f, name in grazings if name == "above"]
+    np.testing.assert_allclose(first, np.sort(np.sqrt(squares)) / (2 * np.pi), rtol=1e-9)
+
+
 @pytest.mark.slow
 def test_a_branch_of_doubled_period_ends_where_it_meets_its_own(tmp_path):
     """A step from it passed a grazing and landed on the motions of one period: a fold was reported in between."""

@@ -61,7 +61,7 @@ def test_work_between_two_neighbours_is_bounded(monkeypatch):
         def cycle(self, point):
             return SEPARATE, Passage(next(events))
 
-    monkeypatch.setattr(grazing, "_shortest_stay", lambda contacts, more, few: None)
+    monkeypatch.setattr(grazing, "_stays", lambda contacts, more, few: [])
     monkeypatch.setattr(grazing, "between", lambda *arguments: looked.append(0) or object())
     assert list(grazing.grazings(Unruly(), object(), object(), Settings())) == []
     assert len(looked) == grazing.MOST_MIDDLES
