@@ -110,6 +110,13 @@ def _reach(result: IdentificationResult, ranges: Sequence[Sequence[float]]) -> I
         yield "", f"mode {mode}: {low:.5g} Hz (free) {upwards}"
 
 
+def _table_slope(result: IdentificationResult, slope: float) -> Iterator[Row]:
+    at = result.table_slope
+    assert at is not None
+    yield "", f"{_newtons(slope)} on segment {at.segment} of {at.segments}, under {amount(at.force, 'N', 4)}"
+    yield "", f"identified: {at.factor:.4g} of it; all forces so with force_deflection.scale times {at.factor:.4g}"
+
+
 def _sensitivities(result: IdentificationResult, _: Any) -> Iterator[Row]:
     for s in result.sensitivities[:SENSITIVITIES_SHOWN]:
         part = f", uncertainty of k {percent(s.contribution, 2)}" if math.isfinite(s.contribution) else ""
@@ -142,6 +149,7 @@ TEXTS: Texts = {
     "total_standard_deviation_n_per_m": _total,
     "stiffness_by_mode_n_per_m": _each_mode,
     "reachable_hz": _reach,
+    "table_slope_n_per_m": _table_slope,
     "pad_youngs_modulus_pa": lambda _, modulus: "" if math.isnan(modulus) else amount(modulus, "Pa", 5),
     "pad_stiffness_n_per_m": lambda _, stiffness: _newtons(stiffness),
     "pad_branch_stiffness_n_per_m": _pad_branches,

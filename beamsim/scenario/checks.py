@@ -437,13 +437,6 @@ def _identification(scenario: _Checked) -> Problems:
     if section.snubber not in names:
         known = suggestion(section.snubber, names, "the snubbers are") if names else "give the snubber in snubbers"
         yield _problem(("identify_stiffness", "snubber"), f"= {section.snubber} is not the name of a snubber", known)
-    elif section.measured_with and scenario.all_snubbers[names.index(section.snubber)].force_deflection is not None:
-        yield _problem(
-            ("identify_stiffness", "measured_with"),
-            f"gives one stiffness, and {section.snubber} has a force_deflection table, whose slope varies",
-            f"measure vibrations, and give nonlinear: {{estimate: [snubbers.{section.snubber}.force_deflection.scale], "
-            "tests: [...]}, or give the snubber a stiffness, that about the preload, in place of the table",
-        )  # fmt: skip
     yield from identification_problems(scenario, scenario.whole, section)
 
 

@@ -35,6 +35,9 @@ class MeasuredForces(Schema):
     """Fit the rising piecewise-linear curve through zero with so many segments; by default the points are the curve."""
     scale: PositiveNumber = 1.0
     """Factor of all forces; studies vary it, and identify_stiffness.nonlinear finds it from measured vibrations."""
+    segment_factors: tuple[PositiveNumber, ...] = ()
+    """Factor of the stiffness of each segment, from the first; 1 by default. Studies vary them, and
+    identify_stiffness.nonlinear finds them from vibrations at several levels."""
 
     def settle(self) -> None:
         """Demand a file or points, and of points that are not fitted that they are a curve."""

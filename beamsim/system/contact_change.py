@@ -15,7 +15,7 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-_FREE = ("stiffness", "damping", "gap", "preload")
+_FREE = ("stiffness", "force_deflection", "damping", "gap", "preload")
 
 
 def with_changed_contacts(system: StructuralSystem, before: Scenario, after: Scenario) -> StructuralSystem | None:
@@ -41,7 +41,7 @@ def with_changed_contacts(system: StructuralSystem, before: Scenario, after: Sce
 
 
 def _same_structure(before: Scenario, after: Scenario) -> bool:
-    """Whether nothing differs but the bodies' damping and the snubbers' stiffness, damping, gap and preload."""
+    """Whether nothing differs but the bodies' damping and the snubbers' stiffness, table, damping, gap and preload."""
     old_bodies, new_bodies = before.all_bodies, after.all_bodies
     if old_bodies.keys() != new_bodies.keys():
         return False
@@ -58,7 +58,7 @@ def _same_structure(before: Scenario, after: Scenario) -> bool:
 
 
 def _same_places(old: Any, new: Any) -> bool:
-    """Whether snubbers differ in stiffness, damping, gap and preload only."""
+    """Whether snubbers differ in stiffness, table, damping, gap and preload only."""
     return len(old) == len(new) and all(
         a is b
         or (type(a) is type(b) and all(getattr(a, f) == getattr(b, f) for f in type(a).model_fields if f not in _FREE))

@@ -17,7 +17,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.csv_table import read_csv
 from beamsim.inputs.headings import TIME_NAMES, split_heading
 from beamsim.scenario import units
-from beamsim.scenario.base import path_text
+from beamsim.scenario.base import counted, path_text
 from beamsim.scenario.force_table import MeasuredForces, check_points
 from beamsim.typing import Floats
 
@@ -37,12 +37,15 @@ class TableOfStop:
     misfit: float  # N, root mean square; 0 where the points are the curve
     remark: str = ""
 
-    def scaled(self, factor: float) -> TableOfStop:
-        """All forces multiplied by a factor."""
-        if factor == 1.0:
+    def scaled(self, factor: float, of_segments: Sequence[float]) -> TableOfStop:
+        """All forces multiplied by a factor, and the stiffness of each segment by one of its own, where these are
+        given."""
+        if factor == 1.0 and not of_segments:
             return self
-        curve = ForceCurve(self.curve.deflection, factor * self.curve.force)
-        return TableOfStop(curve, factor * self.misfit, self.remark)
+        force = factor * self.curve.force
+        if of_segments:
+            force = np.concatenate([[0.0], np.cumsum(np.array(of_segments) * np.diff(force))])
+        return TableOfStop(ForceCurve(self.curve.deflection, force), factor * self.misfit, self.remark)
 
 
 def curves_of(scenario: Scenario) -> tuple[ForceCurve | None, ...]:
@@ -73,8 +76,8 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
                 raise ScenarioError(Problem(path_text(at), f"= {table.file} does not exist", remedy))
             changed = file.stat().st_mtime_ns
         try:
-            measured = _table(table.model_copy(update={"scale": 1.0}), file, changed)  # is fitted once for all scales
-            tables.append(measured.scaled(table.scale))
+            as_given = table.model_copy(update={"scale": 1.0, "segment_factors": ()})
+            measured = _table(as_given, file, changed)  # is fitted once for all factors
         except PydanticCustomError as error:
             context = error.context or {}
             where = at if file is not None else (*at, *context["at"])
@@ -86,6 +89,17 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
                 Problem(path_text(at), f"{_of_file(file, ())}cannot be used: {str(error).splitlines()[0]}",
                         "it needs a column of deflections and one of forces, from zero on")
             ) from None  # fmt: skip
+        segments = measured.curve.slopes.size
+        if len(table.segment_factors) not in (0, segments):
+            raise ScenarioError(
+                Problem(
+                    f"{path_text(at)}.segment_factors",
+                    f"has {counted(len(table.segment_factors), 'value')}, and the curve has "
+                    f"{counted(segments, 'segment')}",
+                    "give one factor for each segment, [1, 1, ...] to begin with",
+                )
+            )
+        tables.append(measured.scaled(table.scale, table.segment_factors))
     return tuple(tables)
 
 

@@ -217,6 +217,7 @@ def test_a_curve_without_a_loop_is_not_remarked_on():
         ({"force_deflection": {"fit": {"segments": 3}}}, "force_deflection needs file or points"),
         ({"force_deflection": {"points": POINTS, "fit": {"segments": 51}}}, "force_deflection.fit.segments = 51"),
         ({"force_deflection": "nowhere.csv"}, "= nowhere.csv does not exist"),
+        ({"force_deflection": {"points": POINTS, "segment_factors": [1, 1]}}, "has 2 values, and the curve has 3 segm"),
     ],
 )  # fmt: skip
 def test_bad_tables_are_refused(stop, says):
@@ -259,12 +260,38 @@ def test_the_path_is_relative_to_the_scenario(tmp_path, monkeypatch):
     assert build_system(load_scenario(tmp_path / "case.yaml")).snubbers[0].stiffness == pytest.approx(9000)
 
 
-def test_natural_frequencies_give_no_table():
-    with pytest.raises(ScenarioError, match=r"identify_stiffness.measured_with gives one stiffness, and pad has a"):
-        case(
-            {"name": "pad", "force_deflection": POINTS},
-            identify_stiffness={"snubber": "pad", "measured_with": [100.0]},
-        )
+def pressed(preload, frequencies, **others):
+    """Two masses, the first pressed against a pad whose table has slopes of 300 and 600 N/m, which meet at 0.6 N."""
+    pad = {"name": "pad", "mass": 1, "side": "below", "force_deflection": [[0, 0], [2e-3, 0.6], [1e-2, 5.4]], **others}
+    pad |= {} if preload is None else {"preload": preload}
+    chain = {"masses": [1.0, 1.0], "springs": [400.0, 400.0], "snubbers": [pad]}
+    section = {"snubber": "pad", "measured_with": frequencies, "fit_to": [1, 2]}
+    return load_scenario({"chain": chain, "identify_stiffness": section})
+
+
+@pytest.mark.parametrize(("preload", "segment", "slope"), [(0.5, 1, 300.0), (2.0, 2, 600.0)])
+def test_natural_frequencies_give_the_slope_where_a_table_rests(preload, segment, slope):
+    """Of a structure whose spring there is 1.05 times as stiff as the table; eigenvalues of a matrix by hand."""
+    matrix = [[800.0 + 1.05 * slope, -400.0], [-400.0, 400.0]]
+    frequencies = (np.sqrt(np.linalg.eigvalsh(matrix)) / (2 * np.pi)).tolist()
+    found = beamsim.identify_stiffness(pressed(preload, frequencies))
+    assert found.estimate.stiffness == pytest.approx(1.05 * slope, rel=1e-9)
+    at = found.table_slope
+    assert (at.segment, at.segments) == (segment, 2)
+    numbers = [at.slope, at.factor, at.force, at.deflection]
+    deflection = 2e-3 + (preload - 0.6) / slope
+    np.testing.assert_allclose(numbers, [slope, 1.05, preload, deflection], rtol=1e-9)
+    assert not found.warnings
+
+
+def test_slopes_of_another_table_are_remarked_on():
+    frequencies = (np.sqrt(np.linalg.eigvalsh([[1600.0, -400.0], [-400.0, 400.0]])) / (2 * np.pi)).tolist()
+    stiffer = beamsim.identify_stiffness(pressed(0.7, frequencies))  # 800 N/m; 0.7 N is on the first segment then
+    assert ["would rest on another segment" in warning for warning in stiffer.warnings] == [True]
+    bend = beamsim.identify_stiffness(pressed(0.6, frequencies))
+    assert any("rests at a bend of its table, 2 mm" in warning for warning in bend.warnings)
+    with pytest.raises(ScenarioError, match=r"measured_with gives the slope.*open at rest; give chain.snubbers\[0\]"):
+        beamsim.identify_stiffness(pressed(None, frequencies, gap=1e-3))
 
 
 def test_the_scale_multiplies_the_forces():
@@ -298,3 +325,35 @@ def test_the_scale_of_a_table_from_a_measured_vibration(noise):
     assert found.value == pytest.approx(1.25, abs=max(3.0 * found.standard_deviation, 1e-6))
     if noise:
         assert 1e-4 < found.standard_deviation < 0.05
+
+
+def of_segments(*factors, **sections):
+    """Two masses against a pad of three segments, the last of which no motion of the tests reaches."""
+    table = {"points": [[0, 0], [2e-3, 0.8], [1e-2, 6.0], [1e-1, 90.0]], "segment_factors": factors}
+    pad = {"name": "pad", "mass": 1, "side": "below", "gap": 1e-3, "force_deflection": table}
+    chain = {"masses": [1.0, 1.0], "springs": [400.0, 400.0], "dashpots": [4.0, 4.0], "snubbers": [pad]}
+    shaken = {"kind": "harmonic", "applied_to": {"mass": 1}, "level": 2.0, "frequency": 2.2}
+    return load_scenario({"chain": chain, "probes": [{"name": "a", "mass": 1}], "excitation": shaken, **sections})
+
+
+def test_segments_of_a_table_from_vibrations_at_two_levels():
+    """The first from a weak vibration, the second from a strong one; the third keeps its value, with a warning."""
+    turning, signals, tests = np.exp(2j * np.pi * 2.2 * np.outer(np.arange(600) / 200.0, np.arange(1, 13))), [], []
+    generator = np.random.default_rng(2)
+    for level in (0.6, 2.0):
+        true = load_scenario(of_segments(0.8, 1.3, 1.0), {"excitation.level": level})
+        history = np.imag(turning @ steady_vibration(true).harmonics(0, "absolute_acceleration", 12))
+        scatter = 0.01 * history.std() * generator.standard_normal(history.size)
+        signals.append(MeasuredSignal("a", np.arange(600) / 200.0, history + scatter, unit="m/s^2"))
+        tests.append({"file": "a.csv", "harmonics": 5, "level": level})
+    sought = [f"chain.snubbers.pad.force_deflection.segment_factors[{k}]" for k in range(3)]
+    fit = {"estimate": sought, "tests": tests, "starts": 1, "profiles": False}
+    section = {"snubber": "pad", "nonlinear": fit}
+    found = beamsim.identify_stiffness(of_segments(1, 1, 1, identify_stiffness=section), signals).nonlinear
+    for parameter, true in zip(found.parameters[:2], (0.8, 1.3), strict=True):
+        assert parameter.value == pytest.approx(true, abs=3.0 * parameter.standard_deviation)
+        assert 1e-4 < parameter.standard_deviation < 0.05
+    assert found.parameters[2].value == 1.0
+    assert np.isnan(found.parameters[2].standard_deviation)
+    (warning,) = found.warnings
+    assert "segment_factors[2]: no test reaches segment 3, which begins at 10 mm" in warning

@@ -20,6 +20,7 @@ from beamsim.analyses.identify.result import (
     ProfileLikelihood,
     Sensitivity,
     StiffnessEstimate,
+    TableSlope,
 )
 from beamsim.analyses.identify.stiffness import (
     MeasuredModes,
@@ -28,6 +29,7 @@ from beamsim.analyses.identify.stiffness import (
     individual_stiffness,
     thesis_loop,
 )
+from beamsim.analyses.identify.table_slope import compared, table_slope, with_factor
 from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile
 from beamsim.contacts.contact_point import mode_shapes, snubber_point
 from beamsim.errors import Problem, ScenarioError
@@ -113,7 +115,9 @@ def _identify(
     sensitive: list[Sensitivity] = []
     curves: tuple[FrequencyCurve, ...] = ()
     profile: ProfileLikelihood | None = None
+    resting: TableSlope | None = None
     if section.measured_with:
+        resting = table_slope(current, section.snubber)
         measured = _measured(section, unconstrained)
         warnings += check_reach(point, measured, section.measured_without)
         estimate = _estimate(point, section, measured)
@@ -125,11 +129,16 @@ def _identify(
         curves = _curves(point, count, estimate.stiffness)
         profile = stiffness_profile(point, measured, estimate.stiffness, estimate.standard_deviation)
         warnings += _fit_warnings(table, section, estimate)
+        if resting is not None:
+            resting, remarks = compared(current, section.snubber, resting, estimate.stiffness)
+            warnings += remarks
     nonlinear: NonlinearEstimate | None = None
     if section.nonlinear is not None:
         from beamsim.analyses.identify.nonlinear_fit import fit_nonlinear
 
-        if estimate is not None:
+        if resting is not None:
+            current = with_factor(current, section.snubber, resting.factor)
+        elif estimate is not None:
             current = _with_stiffness(current, section.snubber, estimate.stiffness)
         nonlinear = fit_nonlinear(current, section, measurements, progress)
         warnings += nonlinear.warnings
@@ -145,6 +154,7 @@ def _identify(
         scenario=scenario,
         outcome=parts[0].but(*parts[1:]) if parts else COMPLETE,
         estimate=estimate,
+        table_slope=resting,
         with_snubber=table,
         without_snubber=without,
         sensitivities=tuple(sensitive),

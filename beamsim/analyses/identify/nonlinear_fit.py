@@ -24,10 +24,11 @@ from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_ph
 from beamsim.analyses.identify.model_updating import Sought, confounded, inverse_information, sought_numbers
 from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, ProfileLikelihood, TestFit
 from beamsim.analyses.identify.steady import NoSteadyVibrationError, SteadyVibration, steady_vibration
+from beamsim.analyses.identify.table_segments import SoughtSegment, segment_warnings, sought_segments, unreached
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.system.contact_change import with_changed_contacts
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Bools, Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
@@ -108,17 +109,22 @@ def fit_nonlinear(
     misfit = float(2 * best.cost)
     agreeing = sum(1 for r in solutions if 2 * r.cost <= misfit + max(0.5, 1e-3 * misfit))
     x = best.x
-    jacobian = fit.jacobian(x, central=True)
+    unknown = np.append(fit.unreached(x), np.zeros(x.size - len(numbers), dtype=bool))
+    x = np.where(unknown, 0.0, x)
+    jacobian = np.where(unknown, 0.0, fit.jacobian(x, central=True))
     fit.residuals(x)
-    freedom = measured + sum(1 for number in numbers if np.isfinite(number.prior)) - x.size
+    priors = sum(1 for number in numbers if np.isfinite(number.prior))
+    freedom = measured + priors - int(np.count_nonzero(~unknown))
     scale, warnings = _scatter(fit, misfit, freedom)
     covariance = inverse_information(_without_phases(jacobian, len(numbers))) * scale
     deviation = np.sqrt(np.diag(covariance))
     z = NormalDist().inv_cdf(0.5 + section.coverage / 2)
     parameters = tuple(_estimate(fit, i, float(x[i]), float(deviation[i]), z) for i in range(len(numbers)))
-    warnings += confounded([n.parameter for n in numbers], _without_phases(jacobian, len(numbers)), covariance)
+    known = ~unknown[: len(numbers)]
+    names = [n.parameter for n, ok in zip(numbers, known, strict=True) if ok]
+    warnings += confounded(names, _without_phases(jacobian, len(numbers))[:, known], covariance[np.ix_(known, known)])
     warnings += [f"{p.parameter} ended on its bound, {p.value:g}" for p in parameters if p.at_bound]
-    warnings += fit.test_warnings(x)
+    warnings += fit.test_warnings()
     if agreeing < len(solutions) and agreeing == 1 and len(solutions) > 1:
         warnings.append("only one start reached the lowest misfit: there are other minima; use better initial values")
     predicted = [h.copy() for h in fit.last]
@@ -254,6 +260,7 @@ class _NonlinearFit:
     _systems: list[StructuralSystem] = field(default_factory=list)  # with the scenario's own values
     _linear: list[bool] = field(default_factory=list)
     _scale: list[float] = field(default_factory=list)
+    _segments: tuple[SoughtSegment, ...] = ()
 
     def prepare(self) -> None:
         """A scenario for each test, and the scaling of every parameter: a factor, or a length if it may be zero."""
@@ -289,6 +296,7 @@ class _NonlinearFit:
         size = max(
             (v.largest_deflection(j) for v in self._vibrations for j in range(len(v.system.snubbers))), default=1e-3
         )
+        self._segments = sought_segments(self.scenario, self.numbers)
         for number in self.numbers:
             length = any(place[-1] == "gap" for place in number.places)
             self._linear.append(length or number.start <= 0)
@@ -429,9 +437,21 @@ class _NonlinearFit:
         self.last = base
         return out
 
-    def test_warnings(self, x: Floats) -> list[str]:
-        """Warnings about tests that contain no information on the contact."""
-        warnings = []
+    def unreached(self, x: Floats) -> Bools:
+        """Which parameters are the stiffness of a segment of a table that no test reaches with the parameters x."""
+        if not self._segments:
+            return np.zeros(len(self.numbers), dtype=bool)
+        self.residuals(x)
+        return unreached(self._segments, len(self.numbers), self._penetration)
+
+    @property
+    def _penetration(self) -> Floats:
+        """(tests, m) largest penetrations of the last vibrations, m."""
+        return np.array([vibration.penetration for vibration in self._vibrations])
+
+    def test_warnings(self) -> list[str]:
+        """Warnings about tests, and segments of tables, that contain no information on the contact."""
+        warnings = segment_warnings(self._segments, self._penetration)
         for test, vibration in zip(self.tests, self._vibrations, strict=True):
             if not vibration.touching and vibration.system.snubbers:
                 warnings.append(

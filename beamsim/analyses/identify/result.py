@@ -72,6 +72,19 @@ class StiffnessEstimate:
     outcome: Outcome = ending("how the search ended", default=COMPLETE)
 
 
+@declared
+class TableSlope:
+    """A force-deflection table where it rests, for comparison with the stiffness of permanent contact."""
+
+    force: float = attribute("N", "contact force at static equilibrium")
+    deflection: float = attribute("m", "deflection of the table there")
+    segment: int = attribute("1", "number of the segment of the table there, from 1")
+    segments: int = attribute("1", "number of segments")
+    slope: float = attribute("N/m", "slope of that segment in the scenario")
+    factor: float = attribute("1", "identified stiffness over that slope")
+    at_a_bend: bool = attribute("", "whether it rests where two segments meet")
+
+
 _BRANCHES = (Counter("branch", "number of the Maxwell branch, in the order of relaxation times"),)
 _CURVE = (Counter("pad_curve", "number of the point of the fitted curve"),)
 _SAMPLES = (Counter("pad_measurement", "number of the measurement of the pad"),)
@@ -248,6 +261,9 @@ _SUMMARY = (
     Entry("stiffness_by_mode_n_per_m", of="estimate.individual", label="each mode alone"),
     Entry("reachable_hz", of="estimate.reach_hz", label="reach"),
     Entry("residual", of="estimate.residual"),
+    Entry("table_slope_n_per_m", of="table_slope.slope", label="table at rest"),
+    Entry("table_force_n", of="table_slope.force"),
+    Entry("table_factor", of="table_slope.factor"),
     Entry("pad_youngs_modulus_pa", "Pa", "Young's modulus of the pad", "pad's Young's modulus"),
     Entry("pad_stiffness_n_per_m", of="pad.stiffness", label="pad after a long rest"),
     Entry("pad_branch_stiffness_n_per_m", of="pad.branch_stiffness", label="branches of the pad"),
@@ -277,6 +293,7 @@ class IdentificationResult(Result):
     SUMMARY = _SUMMARY
 
     estimate: StiffnessEstimate | None = group("", on="stiffness")
+    table_slope: TableSlope | None = group("table_slope")  # of a snubber with a force-deflection table
     with_snubber: FrequencyTable | None = group("modes")
     without_snubber: FrequencyTable = group("modes_without")
     sensitivities: tuple[Sensitivity, ...] = table("sensitivity", empty=False)

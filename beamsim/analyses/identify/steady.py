@@ -36,6 +36,7 @@ class SteadyVibration:
     coordinates: Complexes  # (h, n) harmonics 1 to h of q: q = Im sum c_k e^{i k omega t}
     touching: bool  # whether contact is made and lost
     residual: float  # of periodicity, against the motion's size
+    penetration: Floats  # (m,) largest one of each contact, at samples and events, m
 
     def harmonics(self, probe: int, quantity: str, count: int) -> Complexes:
         """(count,) harmonics of a quantity of a probe, as sines in the time of the excitation, zero to peak."""
@@ -106,7 +107,11 @@ def steady_vibration(
     n = system.dynamics.size
     # q = Re sum X e^{i k w t} = Im sum (i X) e^{i k w t}
     spectrum = 1j * np.fft.rfft(states[:, :n], axis=0)[1 : harmonics + 1] * (2.0 / _SAMPLES)
-    return SteadyVibration(system, omega, point.u[:-1], spectrum, passage.event_time.size > 0, point.residual)
+    at = np.concatenate([times, passage.time])
+    penetration = flow.penetration_of(np.concatenate([states, passage.y]), at)[0].max(axis=0)
+    return SteadyVibration(
+        system, omega, point.u[:-1], spectrum, passage.event_time.size > 0, point.residual, penetration
+    )
 
 
 def _periodic(system: StructuralSystem, omega: float) -> PeriodicForcing:
