@@ -22,6 +22,7 @@ COMMANDS = {
 """Section -> command."""
 
 SHORTENED: dict[str, tuple[str, ...]] = {
+    "continuation_friction sweep": ("sweep.from=4.95 Hz", "sweep.to=5.05 Hz", "sweep.levels=[6 N]"),
     "continuation_overlay sweep": ("sweep.from=80 Hz", "sweep.to=86 Hz"),
     "design_stiffness_gap sweep": (
         "run.duration=0.45 s",
@@ -132,7 +133,8 @@ SLOW = (
     *("continuation_* run", "identify_snubber run", "nnm_first run", "nnm_forced_backbone run", "spring_position run"),
     *("sweep_* run", "backlash_* run", "random_vibration run", "* reference", "* sweep stepped", "* sweep overlay"),
     *("design_* sweep", "spring_position sweep", "* sweep zip", "* sweep varied", "sweep_* sweep", "* sweep regular"),
-    *("continuation_60_120hz sweep", "continuation_overlay sweep", "chain_two_dof sweep harmonic_balance"),
+    *("continuation_60_120hz sweep", "continuation_overlay sweep", "continuation_friction sweep"),
+    *("chain_two_dof sweep harmonic_balance"),
     *("continuation_position sweep", "continuation_folds sweep", "continuation_stiffness sweep", "two_panels *"),
     *("continuation_level sweep", "chain_bumpers sweep", "nnm_energy nnm", "nnm_chain_mass_5 nnm compare", "ms_beam_*"),
     *("identify_nonlinear *", "nnm_forced_* nnm", "nnm_thesis_mode_* nnm", "nnm_first nnm*"),
