@@ -452,6 +452,13 @@ class _NonlinearFit:
     def test_warnings(self) -> list[str]:
         """Warnings about tests, and segments of tables, that contain no information on the contact."""
         warnings = segment_warnings(self._segments, self._penetration)
+        sought = {place[:-1] for number in self.numbers for place in number.places if place[-1] in ("gap", "preload")}
+        warnings += [
+            f"{located.item.name} yields: a steady vibration with any residual crush repeats, so that the gap or preload "
+            "that was found is that beside an uncrushed stop; take the crush of the test (residual_crush_m of a run) off"
+            for located in self.scenario.located_snubbers
+            if located.item.hardening is not None and located.path in sought
+        ]
         for test, vibration in zip(self.tests, self._vibrations, strict=True):
             if not vibration.touching and vibration.system.snubbers:
                 warnings.append(
