@@ -454,8 +454,8 @@ class _NonlinearFit:
         warnings = segment_warnings(self._segments, self._penetration)
         sought = {place[:-1] for number in self.numbers for place in number.places if place[-1] in ("gap", "preload")}
         warnings += [
-            f"{located.item.name} yields: a steady vibration with any residual crush repeats, so that the gap or preload "
-            "that was found is that beside an uncrushed stop; take the crush of the test (residual_crush_m of a run) off"
+            f"{located.item.name} yields: a steady vibration repeats with any residual crush, so that gap and crush "
+            "together are found, not the gap or preload of the new stop; measure one of them"
             for located in self.scenario.located_snubbers
             if located.item.hardening is not None and located.path in sought
         ]
