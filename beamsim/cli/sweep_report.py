@@ -25,9 +25,10 @@ def _curves(result: SweepResult, peaks: list[dict[str, Any]]) -> Iterator[Row]:
             steady = "; " + ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
         points = f"{curve.frequency_hz.size} points{steady}"
         level = level_text(curve.level, result.scenario.level_unit)
-        yield "", f"{curve.name}: {curve.direction}, {level}, {points}; peaks of {first}:"
-        for peak in [p for p in peaks if p["curve"] == curve.name and p["probe"] == first][:PEAKS_SHOWN]:
-            yield "", f"  {_peak(peak)}"
+        shown = [p for p in peaks if p["curve"] == curve.name and p["probe"] == first][:PEAKS_SHOWN]
+        told = f"peaks of {first}:" if shown else f"no peak of {first} within the range"
+        yield "", f"{curve.name}: {curve.direction}, {level}, {points}; {told}"
+        yield from (("", f"  {_peak(peak)}") for peak in shown)
 
 
 def _peak(peak: Mapping[str, Any]) -> str:
