@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -95,7 +96,10 @@ def _best(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> Iterator[
     asked = next((response.unit for response in responses_of(result.responses, objective.response)), "1")
     for k, item in enumerate(best[:MOST_BEST]):
         value = f"{objective.text.partition(' ')[2]} {amount(item['value'], asked)}, " if objective.response else ""
-        margin = f"margin {margin_text(item['margin'], 1.0)} ({limit_label(item['limit'])})" if "limit" in item else ""
+        margin = ""
+        if "limit" in item:  # it is known, since the case passes: what is not finite is that of a value of zero
+            share = margin_text(item["margin"], 1.0 if math.isfinite(item["margin"]) else 0.0)
+            margin = f"margin {share} ({limit_label(item['limit'])})"
         about = f"{value}{margin}".removesuffix(", ")
         yield f"best, {objective.text}" if k == 0 else "", f"{_parameters(units, item['parameters'])}: {about}"
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 3000  # of a curve
 PANEL, SINGLE = 270, 380  # px, height of one of several panels and of one alone
+MOST_DECADES, MOST_POWERS = 3.0, 8  # of an axis with digits between powers of ten; labelled powers
 _BARRED = 0.2  # share of the width between panels with colour bars
 _GAP = (0.09, 70)  # between panels: share of the width, px
 _MARKERS = {
@@ -48,7 +49,7 @@ def plotly_of(figure: Figure) -> dict[str, Any] | None:
         "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.01, "yanchor": "bottom",
                    "font": {"size": 11}},
     }  # fmt: skip
-    if any(ax.get_title() for ax in panels):
+    if any(_title(ax) for ax in panels):
         layout["legend"]["y"] = 1.0 + 20 / (height - 95)  # above the titles
     data: list[dict[str, Any]] = []
     for number, ax in enumerate(panels, 1):
@@ -102,14 +103,26 @@ def _place(layout: dict[str, Any], ax: Axes, suffix: str, rows: int, columns: in
             "type": "log" if logarithmic else "linear",
             "range": [math.log10(end) if logarithmic else end for end in limits],
             "showline": True, "linecolor": "#444", "gridcolor": "#e4e4e4", "zeroline": False, "ticks": "outside",
-            "exponentformat": "power", **_ticks(axis),
+            "exponentformat": "power", "automargin": letter == "y",
+            **(_decades(*limits) if logarithmic else {}), **_ticks(axis),
         }  # fmt: skip
-    title = ax.get_title() or ax.get_title(loc="left")
-    if title:
+    if title := _title(ax):
         layout["annotations"].append(
             {"text": plain(title), "xref": f"x{suffix} domain", "yref": f"y{suffix} domain", "x": 0.5, "y": 1.0,
              "yanchor": "bottom", "showarrow": False, "font": {"size": 12}}
         )  # fmt: skip
+
+
+def _title(ax: Axes) -> str:
+    return str(ax.get_title() or ax.get_title(loc="left"))
+
+
+def _decades(low: float, high: float) -> dict[str, Any]:
+    """Numbers on a logarithmic axis: 1, 2, 5 or all digits written out, powers of ten alone over many decades."""
+    decades = math.log10(high / low)
+    if decades > MOST_DECADES:
+        return {"dtick": math.ceil(decades / MOST_POWERS)}
+    return {"dtick": "D2" if decades > 1.0 else "D1", "tickformat": "~g"}
 
 
 def _fit_bar(trace: dict[str, Any], across: Sequence[float], upright: Sequence[float]) -> None:
@@ -323,9 +336,11 @@ def _shapes(ax: Axes, suffix: str) -> Iterator[dict[str, Any]]:
         }  # fmt: skip
         if line:
             shape["line"] = {"color": _colour(artist.get_color(), artist.get_alpha()), "width": artist.get_linewidth()}
-            shape["line"]["dash"] = "solid" if artist.get_linestyle() in ("-", "solid") else "dash"
+            shape["line"]["dash"] = {"-": "solid", ":": "dot"}.get(artist.get_linestyle(), "dash")
         else:
             shape |= {"fillcolor": _colour(artist.get_facecolor()), "line": {"width": 0}}
+        if ax.get_legend() is not None and not str(artist.get_label()).startswith("_"):
+            shape |= {"name": plain(str(artist.get_label())), "showlegend": True}
         yield shape
 
 

@@ -1,6 +1,7 @@
 """Result file, journal, tables and pictures of design studies, from outcomes that no solver made."""
 
 import csv
+import math
 
 import h5py
 import numpy as np
@@ -11,6 +12,7 @@ from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.table import CaseTable
+from beamsim.cli.designs_report import TEXTS
 from beamsim.errors import ResultFileError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.plots.designs import design_figures, shown_quantities
@@ -223,6 +225,13 @@ def test_cells_of_small_maps_are_numbered():
     beyond = (force > 30.0).astype(int)
     (outline,) = (c for c in ax.collections if c.get_paths()[0].vertices.shape == (2, 2))
     assert len(outline.get_paths()) == np.abs(np.diff(beyond, axis=0)).sum() + np.abs(np.diff(beyond, axis=1)).sum()
+
+
+@pytest.mark.parametrize("margin", [math.inf, math.nan])  # as it is computed, and as files hold it
+def test_the_margin_of_a_force_of_zero_has_no_bound(margin):
+    best = [{"case": 0, "parameters": {}, "margin": margin, "limit": "peak_force"}]
+    ((_, text),) = TEXTS["best"](fabricated("map"), best)
+    assert text.endswith("margin without bound (peak force)")
 
 
 def test_cases_beyond_the_limit_are_marked():

@@ -12,7 +12,8 @@ def test_curves_keep_data_style_and_scales():
     above, below = figure.subplots(2)
     above.plot([1.0, 10.0, 100.0], [1.0, np.nan, 3.0], color="#123456", linestyle="--", marker="o", label="one")
     above.set(xscale="log", xlim=(1.0, 100.0), xlabel="Frequency (Hz)", ylabel="Level (g)")
-    above.axhline(2.0, color="red")
+    above.axhline(2.0, color="red", linestyle=":", label="limit")
+    above.set_title("level 1 g", loc="left")
     above.legend()
     below.bar([1.0, 2.0], [3.0, -4.0], width=0.5, color="#abcdef")
     below.annotate("here", (1.0, 3.0), xytext=(5, 6), textcoords="offset points")
@@ -27,7 +28,11 @@ def test_curves_keep_data_style_and_scales():
     assert layout["xaxis"]["type"] == "log"
     np.testing.assert_allclose(layout["xaxis"]["range"], [0.0, 2.0])
     assert layout["xaxis"]["title"]["text"] == "Frequency (Hz)"
-    assert (layout["shapes"][0]["y0"], layout["shapes"][0]["xref"]) == (2.0, "x domain")
+    assert (layout["xaxis"]["dtick"], layout["xaxis"]["tickformat"]) == ("D2", "~g")  # 20, not a small 2 beside 10
+    limit = layout["shapes"][0]
+    assert (limit["y0"], limit["xref"], limit["name"], limit["line"]["dash"]) == (2.0, "x domain", "limit", "dot")
+    assert limit["showlegend"]
+    assert layout["legend"]["y"] > 1.02  # above the title
     assert layout["yaxis"]["domain"][0] > layout["yaxis2"]["domain"][1]
     assert bars["fillcolor"] == "rgb(171,205,239)"
     assert bars["xaxis"] == "x2"
