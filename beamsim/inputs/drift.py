@@ -13,6 +13,10 @@ decays. With :math:`p = \\dot f / (2\\pi f^2)` and the amplitude :math:`\\alpha 
 with :math:`g = (1 + ipy)^s e^{-ipy^2/2}`, :math:`h = y` for a linear sweep and :math:`g = (1 + ipy)^{s-1}`,
 :math:`h = \\log(1 + ipy) / (ip)` for a logarithmic one. Both factors tend to 1 in slow sweeps.
 
+Where the level itself changes within a radian, as on the steep line of a log-log table that stands for a step, g grows
+faster than the exponential decays. There the acceleration is integrated along the time, from the quieter end of the
+stretch, where the motion is the one that belongs to a constant level.
+
 Where two stretches meet, at a corner or step of the profile or at a turn, v and d jump by :math:`J_v` and
 :math:`J_d`. The jumps are impulses :math:`J_v \\delta + J_d \\delta'` of the acceleration; they are replaced by
 :math:`J_v w + J_d w'`, where w is a smooth pulse of unit area a few cycles long. Outside the pulse the motion is not
@@ -41,6 +45,10 @@ SAME_TURNS = 1e-9  # cycles that are not told apart
 SAMPLES = 201  # of a pulse, to find its largest value
 WORTH_SAYING = 0.01  # share of the level
 HALF_WIDTH = 2.0  # of a correction, in cycles
+LARGE_POWER = 4.0  # up to which the factors are accurate in a sweep of any rate
+STEEP = 0.5  # change of the logarithm of the level per radian, above which a large power is integrated in time
+PANEL = 1.0  # radians, and change of the logarithm of the level, on a panel of the Gauss-Legendre rule
+LEGENDRE_NODES = 16
 
 _PULSE = 35 / 32 * Polynomial([1.0, 0.0, -1.0]) ** 3  # unit area on [-1, 1]
 _RISE = _PULSE.integ(lbnd=-1)
@@ -50,8 +58,9 @@ _RAMP = _RISE.integ(lbnd=-1)
 def drift_free(leg: Leg, power: float, frequency_hz: Floats) -> tuple[Complexes, Complexes]:
     """Factors (K_v, K_d) of the velocity and the displacement without drift, at frequencies (F,) of a leg.
 
-    Accurate to about 1e-14. In slow sweeps by Gauss-Laguerre quadrature, which is exact for the first terms of the
-    asymptotic series; else by double-exponential quadrature (H. Takahasi and M. Mori, 1974) on a path turned by 45
+    Accurate to about 1e-14 for powers up to `LARGE_POWER`, and for others in sweeps in which the level does not change
+    by more than `STEEP` in a radian. In slow sweeps by Gauss-Laguerre quadrature, which is exact for the first terms of
+    the asymptotic series; else by double-exponential quadrature (H. Takahasi and M. Mori, 1974) on a path turned by 45
     degrees, on which the integrands neither oscillate fast nor come near their branch points.
     """
     change = leg.change_per_radian(frequency_hz)
@@ -100,6 +109,71 @@ def _integrals(
         velocity += value
         displacement += value * arm
     return velocity, displacement
+
+
+@cache
+def _legendre_rule() -> tuple[Floats, Floats]:
+    node, weight = np.polynomial.legendre.leggauss(LEGENDRE_NODES)
+    return node, weight
+
+
+def motion_without_drift(
+    leg: Leg, profile: Profile, piece: int, frequency_hz: Floats, alpha: Complexes
+) -> tuple[Complexes, Complexes]:
+    """Complex velocity and displacement (F,) that belong to accelerations ``alpha`` (F,) on one piece of a profile."""
+    power = float(profile.power[piece])
+    low, high = sorted((leg.first_hz, leg.last_hz))
+    if piece > 0:
+        low = max(low, float(profile.edge[piece]))
+    if piece + 1 < profile.edge.size:
+        high = min(high, float(profile.edge[piece + 1]))
+    fastest = abs(float(leg.change_per_radian(np.array(low))))
+    if abs(power) > LARGE_POWER and abs(power) * fastest > STEEP:
+        return _from_the_quiet_end(leg, profile, piece, (low, high) if power > 0 else (high, low), frequency_hz, alpha)
+    K_v, K_d = drift_free(leg, power, frequency_hz)
+    nu = 2j * np.pi * frequency_hz
+    return alpha / nu * K_v, alpha / nu**2 * K_d
+
+
+def _from_the_quiet_end(
+    leg: Leg, profile: Profile, piece: int, ends: tuple[float, float], frequency_hz: Floats, alpha: Complexes
+) -> tuple[Complexes, Complexes]:
+    """The same by Gauss-Legendre quadrature in time, from the first of the two ``ends`` of the piece, Hz."""
+    quiet = np.array(ends[0])
+    power, rate = float(profile.power[piece]), leg.signed_rate
+    amplitude = float(profile.amplitude[piece] * (ends[0] / profile.edge[piece]) ** power)
+
+    def time_to(frequency: Floats) -> Floats:
+        return np.asarray((np.log(frequency / quiet) if leg.logarithmic else frequency - quiet) / rate)
+
+    def turning(time: Floats) -> Complexes:
+        return np.asarray(np.exp(2j * np.pi * leg.turns_after(quiet, time)))
+
+    time = time_to(frequency_hz)
+    order = np.argsort(np.abs(time), kind="stable")
+    stops = np.concatenate([[0.0], time[order]])
+    swing = 2 * np.pi * leg.turns_after(quiet, stops)
+    growth = power * np.log(leg.frequency_after(quiet, stops) / quiet)
+    panels = np.ceil(np.maximum(np.abs(np.diff(swing)), np.abs(np.diff(growth))) / PANEL).astype(int).clip(1)
+    gap = np.repeat(np.arange(panels.size), panels)
+    within = np.arange(gap.size) - np.repeat(np.cumsum(panels) - panels, panels)
+    length = (np.diff(stops) / panels)[gap]
+    begin = stops[gap] + within * length
+    node, weight = _legendre_rule()
+    to_end = 0.5 * np.outer(length, 1.0 - node)  # s, from a node to the end of its panel
+    at = (begin + length)[:, None] - to_end
+    level = amplitude * (leg.frequency_after(quiet, at) / quiet) ** power
+    sine = 0.5 * length[:, None] * weight * level * turning(at)
+    nu = 2j * np.pi * ends[0]
+    K_v, K_d = drift_free(leg, 0.0, quiet[None])
+    velocity = amplitude / nu * K_v[0] + np.concatenate([[0.0], np.cumsum(sine.sum(axis=1))])
+    gain = velocity[:-1] * length + (sine * to_end).sum(axis=1)
+    displacement = amplitude / nu**2 * K_d[0] + np.cumsum(gain)
+    last = np.cumsum(panels) - 1
+    out = np.empty((2, time.size), dtype=complex)
+    out[:, order] = velocity[last + 1], displacement[last]
+    out *= alpha / np.abs(alpha) / turning(time)
+    return out[0], out[1]
 
 
 @dataclass(frozen=True)
@@ -176,8 +250,8 @@ class CorrectionSize:
             return []
         return [
             f"the base's acceleration is corrected by up to {self.acceleration:.3g} m/s^2 ({self.share:.1%} of the "
-            f"level) near {self.time:.4g} s, where its velocity would jump otherwise: let the level change gradually "
-            "(between: log_log), or sweep more slowly"
+            f"level) near {self.time:.4g} s, where its velocity would jump otherwise: let the level change over "
+            "several cycles (between: log_log), or sweep more slowly"
         ]
 
 
@@ -218,15 +292,14 @@ def leg_pieces(leg: Leg, profile: Profile, fraction: float) -> tuple[Floats, Int
 def _correction(
     before: tuple[Leg, int], after: tuple[Leg, int], frequency_hz: float, profile: Profile, time: float, angle: float
 ) -> Correction:
-    omega = 2 * np.pi * frequency_hz
     levels, velocities, displacements = [], [], []
     for leg, piece in (before, after):
         level = float(profile.amplitude[piece] * (frequency_hz / profile.edge[piece]) ** profile.power[piece])
-        K_v, K_d = drift_free(leg, float(profile.power[piece]), np.array([frequency_hz]))
-        alpha = -1j * level * np.exp(1j * angle)  # Re[-i e^{i phi}] = sin phi
+        alpha = np.array([-1j * level * np.exp(1j * angle)])  # Re[-i e^{i phi}] = sin phi
+        velocity, displacement = motion_without_drift(leg, profile, piece, np.array([frequency_hz]), alpha)
         levels.append(level)
-        velocities.append(float((alpha / (1j * omega) * K_v[0]).real))
-        displacements.append(float((-alpha / omega**2 * K_d[0]).real))
+        velocities.append(float(velocity[0].real))
+        displacements.append(float(displacement[0].real))
     return Correction(
         time, HALF_WIDTH / frequency_hz, velocities[1] - velocities[0], displacements[1] - displacements[0], max(levels)
     )

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.inputs.drift import SAME_TURNS, Correction, drift_free, leg_pieces
+from beamsim.inputs.drift import SAME_TURNS, Correction, leg_pieces, motion_without_drift
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.signal import Signal
@@ -244,11 +244,11 @@ class _LegExpansion:
     def _without_drift(self, alpha: Complexes, frequency_hz: Floats, piece: Ints) -> tuple[Complexes, Complexes]:
         """Complex velocity and displacement that belong to an acceleration alpha in the middle of each window."""
         velocity, displacement = np.empty_like(alpha), np.empty_like(alpha)
-        for power in np.unique(self.profile.power[piece]):
-            part = self.profile.power[piece] == power
-            K_v, K_d = drift_free(self.leg, float(power), frequency_hz[part])
-            nu = 2j * np.pi * frequency_hz[part]
-            velocity[part], displacement[part] = alpha[part] / nu * K_v, alpha[part] / nu**2 * K_d
+        for p in np.unique(piece):
+            here = piece == p
+            velocity[here], displacement[here] = motion_without_drift(
+                self.leg, self.profile, int(p), frequency_hz[here], alpha[here]
+            )
         return velocity, displacement
 
 

@@ -21,6 +21,10 @@ PROFILES = {
     "table": HELD,
     "table and notch": HELD.notched(17.0, 30.0, 0.4, "acceleration"),
     "log-log": Profile.interpolated([(5, 1.0, "acceleration"), (12, 9.0, "acceleration"), (60, 2.0, "acceleration")]),
+    # steps as log-log tables have them: powers of -8, -135, 37 and 1,610
+    "steep lines": Profile.through(
+        np.array([5, 8, 10, 12, 12.2, 30, 31, 60, 60.06]), np.array([5.0, 5.0, 0.8, 0.8, 0.086, 0.3, 1.0, 1.0, 5.0])
+    ),
 }
 SWEEPS = {
     f"{rate} Hz/s, {name}": legs
