@@ -76,8 +76,7 @@ def run(
     debug: Debug = False,
 ) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
-    from beamsim.cli.conclusion import Reporting, conclude, keep, located, prepared
-    from beamsim.cli.interruption import interruptible
+    from beamsim.cli.conclusion import Reporting, concluded, located, prepared
     from beamsim.cli.progress import progress_of
 
     if against is not None:
@@ -90,15 +89,13 @@ def run(
     bar = progress_of(
         f"simulating {case.name}", shown=reporting.progress, afterwards=f"evaluating the motion of {case.name}"
     )
-    with interruptible() as interrupted:
-        with bar as progress, located(scenario):
-            from beamsim.analyses.run.analysis import run as simulate
+    with concluded("run", target, reporting) as computation, bar as progress, located(scenario):
+        from beamsim.analyses.run.analysis import run as simulate
 
-            result = simulate(scenario, progress, interrupted)
-            if against is not None and not result.outcome.interrupted:
-                result = compare_with(result, stepper, interrupted)
-        result = keep("run", result, target, reporting, interrupted)
-    conclude("run", result, target, reporting, interrupted.signal)
+        result = simulate(scenario, progress, computation.stop)
+        if against is not None and not result.outcome.interrupted:
+            result = compare_with(result, stepper, computation.stop)
+        computation.result = result
 
 
 @app.command()

@@ -68,6 +68,30 @@ def prepared(
     return scenario, output_file(output, case.stem, ".h5", ".hdf5")
 
 
+@dataclass
+class Computation:
+    """What a command computes, and whether a signal asks it to end."""
+
+    stop: Interruption
+    result: Result | None = None
+
+
+@contextmanager
+def concluded(kind: str, target: Path, reporting: Reporting) -> Iterator[Computation]:
+    """A block that computes a result under signals; at its end the result is written, plotted and printed.
+
+    The block assigns ``result``. Parameters and errors are those of `keep` and `conclude`.
+    """
+    from beamsim.cli.interruption import interruptible
+
+    with interruptible() as interrupted:
+        computation = Computation(interrupted)
+        yield computation
+        assert computation.result is not None
+        result = keep(kind, computation.result, target, reporting, interrupted)
+    conclude(kind, result, target, reporting, interrupted.signal)
+
+
 @contextmanager
 def located(scenario: Scenario) -> Iterator[None]:
     """Add file and line to problems that only the analysis detects."""

@@ -25,27 +25,23 @@ def continue_response(
     LimitExceededError
         With ``--check``.
     """
-    from beamsim.cli.conclusion import conclude, keep
-    from beamsim.cli.interruption import interruptible
+    from beamsim.cli.conclusion import concluded, located
     from beamsim.cli.progress import progress_of
     from beamsim.store.results import open_sweep
 
     stored = [(path, open_sweep(path)) for path in overlay]
     bar = progress_of("following the response", shown=reporting.progress)
-    with interruptible() as interrupted:
-        with bar as progress:
-            from beamsim.analyses.response.analysis import frequency_response
+    with concluded("continuation", target, reporting) as computation, bar as progress:
+        from beamsim.analyses.response.analysis import frequency_response
 
-            result = frequency_response(scenario, progress, interrupted)
-            for path, sweep in stored:
-                from beamsim.analyses.response.overlay import with_overlay
+        result = frequency_response(scenario, progress, computation.stop)
+        for path, sweep in stored:
+            from beamsim.analyses.response.overlay import with_overlay
 
-                result = with_overlay(result, sweep, path.name)
-            if expansion and not result.outcome.interrupted:
-                from beamsim.analyses.response.forced_expansion import with_forced_expansion
-                from beamsim.cli.conclusion import located
+            result = with_overlay(result, sweep, path.name)
+        if expansion and not result.outcome.interrupted:
+            from beamsim.analyses.response.forced_expansion import with_forced_expansion
 
-                with located(scenario):
-                    result = with_forced_expansion(result, interrupted)
-        result = keep("continuation", result, target, reporting, interrupted)
-    conclude("continuation", result, target, reporting, interrupted.signal)
+            with located(scenario):
+                result = with_forced_expansion(result, computation.stop)
+        computation.result = result

@@ -37,20 +37,17 @@ def identify_stiffness(
     debug: Debug = False,
 ) -> None:
     """Find stiffness and damping of stops from tests. Parameters of the structure itself can be found with them."""
-    from beamsim.cli.conclusion import Reporting, conclude, keep, prepared
-    from beamsim.cli.interruption import interruptible
+    from beamsim.cli.conclusion import Reporting, concluded, prepared
     from beamsim.cli.progress import progress_of
     from beamsim.store.measurement import read_tests
 
     scenario, target = prepared("identify-stiffness", case, set_, output)
     reporting = Reporting(not no_plots, json, quiet)
-    with interruptible() as interrupted:
-        with progress_of(f"identifying {case.name}", shown=reporting.progress) as progress:
-            from beamsim.analyses.identify.analysis import identify_stiffness as identify
+    bar = progress_of(f"identifying {case.name}", shown=reporting.progress)
+    with concluded("identify-stiffness", target, reporting) as computation, bar as progress:
+        from beamsim.analyses.identify.analysis import identify_stiffness as identify
 
-            result = identify(scenario, read_tests(scenario, case.parent), progress)
-        result = keep("identify-stiffness", result, target, reporting, interrupted)
-    conclude("identify-stiffness", result, target, reporting, interrupted.signal)
+        computation.result = identify(scenario, read_tests(scenario, case.parent), progress)
 
 
 @guarded
@@ -92,8 +89,7 @@ def compare(
     from beamsim.analyses.compare.analysis import compare as compare_with
     from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
     from beamsim.analyses.run.result import RunResult
-    from beamsim.cli.conclusion import Reporting, conclude, keep
-    from beamsim.cli.interruption import interruptible
+    from beamsim.cli.conclusion import Reporting, concluded
     from beamsim.cli.output import output_file
     from beamsim.cli.progress import progress_of
     from beamsim.store.measurement import history_named
@@ -108,20 +104,18 @@ def compare(
         stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit, axis_unit=axis_unit
     )
     reporting = Reporting(not no_plots, json)
-    with interruptible() as interrupted:
-        with damage_of(result), progress_of(f"comparing with {measured.name}", shown=not json):
-            if swept is not None:
-                excitation = None if reference is None else history_named(measured, reference, axis_unit)
-                comparison = compare_sweep(
-                    swept, pairs, curve=curve, detector=None if detector is None else detector.value,
-                    tracking=Tracking(begin, excitation, cycles),
-                )  # fmt: skip
-            else:
-                assert isinstance(stored, RunResult)
-                _refuse_of_sweeps(curve=curve, detector=detector, reference=reference, begin=begin)
-                comparison = compare_with(stored, pairs, harmonics=harmonics, last=last)
-        kept = keep("compare", comparison, target, reporting, interrupted)
-    conclude("compare", kept, target, reporting, interrupted.signal)
+    bar = progress_of(f"comparing with {measured.name}", shown=not json)
+    with concluded("compare", target, reporting) as computation, damage_of(result), bar:
+        if swept is not None:
+            excitation = None if reference is None else history_named(measured, reference, axis_unit)
+            computation.result = compare_sweep(
+                swept, pairs, curve=curve, detector=None if detector is None else detector.value,
+                tracking=Tracking(begin, excitation, cycles),
+            )  # fmt: skip
+        else:
+            assert isinstance(stored, RunResult)
+            _refuse_of_sweeps(curve=curve, detector=detector, reference=reference, begin=begin)
+            computation.result = compare_with(stored, pairs, harmonics=harmonics, last=last)
 
 
 def _refuse_of_sweeps(**options: object) -> None:

@@ -42,8 +42,7 @@ def compare_modes(
 ) -> None:
     """Pair measured with computed modes by their MAC. Prints frequencies, differences and MAC."""
     from beamsim.analyses.compare_modes.analysis import compare_modes as compare_with
-    from beamsim.cli.conclusion import Reporting, conclude, keep, located
-    from beamsim.cli.interruption import interruptible
+    from beamsim.cli.conclusion import Reporting, concluded, located
     from beamsim.cli.output import output_file
     from beamsim.errors import LimitExceededError
     from beamsim.scenario import load_scenario
@@ -53,12 +52,9 @@ def compare_modes(
     target = output_file(output, f"{case.stem}_modes", ".h5", ".hdf5")
     state: Literal["open", "closed"] = "closed" if closed else "open"
     reporting = Reporting(not no_plots, json, quiet)
-    with interruptible() as interrupted:
-        with located(scenario):
-            result = compare_with(scenario, read_shapes(measured, scenario), contacts=state)
-        kept = keep("compare-modes", result, target, reporting, interrupted)
-    conclude("compare-modes", kept, target, reporting, interrupted.signal)
-    beyond = list(_beyond(kept.summary["pairs"], least_mac, most_difference))
+    with concluded("compare-modes", target, reporting) as computation, located(scenario):
+        computation.result = result = compare_with(scenario, read_shapes(measured, scenario), contacts=state)
+    beyond = list(_beyond(result.summary["pairs"], least_mac, most_difference))
     if beyond:
         raise LimitExceededError("; ".join(beyond))
 

@@ -39,17 +39,13 @@ def nnm(
     debug: Debug = False,
 ) -> None:
     """Follow a nonlinear normal mode. In stiffness factor, energy or frequency. Writes a file and plots."""
-    from beamsim.cli.conclusion import Reporting, conclude, keep, located, prepared
-    from beamsim.cli.interruption import interruptible
+    from beamsim.cli.conclusion import Reporting, concluded, located, prepared
     from beamsim.cli.progress import progress_of
 
     scenario, target = prepared("nnm", case, set_, output)
     reporting = Reporting(not no_plots, json, quiet)
     bar = progress_of(f"following the mode of {case.name}", shown=reporting.progress)
-    with interruptible() as interrupted:
-        with bar as progress, located(scenario):
-            from beamsim.analyses.nnm.analysis import nnm as follow
+    with concluded("nnm", target, reporting) as computation, bar as progress, located(scenario):
+        from beamsim.analyses.nnm.analysis import nnm as follow
 
-            result = follow(scenario, progress, [c.value for c in compare_with or ()], interrupted)
-        result = keep("nnm", result, target, reporting, interrupted)
-    conclude("nnm", result, target, reporting, interrupted.signal)
+        computation.result = follow(scenario, progress, [c.value for c in compare_with or ()], computation.stop)

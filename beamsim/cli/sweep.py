@@ -113,20 +113,16 @@ def _refuse_others(kind: str, options: Mapping[str, object]) -> None:
 
 def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool) -> None:
     """Compute a swept or stepped sine, saving partial results."""
-    from beamsim.cli.conclusion import conclude, keep, located
-    from beamsim.cli.interruption import interruptible
+    from beamsim.cli.conclusion import concluded, located
     from beamsim.cli.progress import progress_of
 
     bar = progress_of("sweeping", shown=reporting.progress)
-    with interruptible() as interrupted:
-        with bar as progress, located(scenario):
-            from beamsim.analyses.sweep.analysis import sweep as compute
-            from beamsim.store.results import write_sweep
-            from beamsim.store.sweep import earlier_sweep
+    with concluded("sweep", target, reporting) as computation, bar as progress, located(scenario):
+        from beamsim.analyses.sweep.analysis import sweep as compute
+        from beamsim.store.results import write_sweep
+        from beamsim.store.sweep import earlier_sweep
 
-            earlier = earlier_sweep(target, scenario) if resume else None
-            result = compute(
-                scenario, progress, stop=interrupted, save=lambda part: write_sweep(part, target), resume=earlier
-            )
-        result = keep("sweep", result, target, reporting, interrupted)
-    conclude("sweep", result, target, reporting, interrupted.signal)
+        computation.result = compute(
+            scenario, progress, stop=computation.stop, save=lambda part: write_sweep(part, target),
+            resume=earlier_sweep(target, scenario) if resume else None,
+        )  # fmt: skip
