@@ -82,6 +82,7 @@ def concluded(kind: str, target: Path, reporting: Reporting) -> Iterator[Computa
 
     The block assigns ``result``. Parameters and errors are those of `keep` and `conclude`.
     """
+    import beamsim.store.results  # noqa: F401 - here, since after a signal its import would take a tenth of a second
     from beamsim.cli.interruption import interruptible
 
     with interruptible() as interrupted:

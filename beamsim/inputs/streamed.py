@@ -36,6 +36,7 @@ class CubicRecord:
         self.samples_at, self.step, self.pieces = samples_at, step, pieces
         self._at_start = [integrals_at_0]  # of each block that was reached
         self._at_hand: dict[int, tuple[Signal, Signal, Signal]] = {}
+        self._few: tuple[Floats, Floats] | None = None  # times in many blocks, and the values there
 
     def start(self, first: int, last: int) -> Floats:
         """(last - first,) s, where pieces begin."""
@@ -57,6 +58,27 @@ class CubicRecord:
                 del self._at_hand[next(iter(self._at_hand))]
             self._at_hand[number] = self._make(number)
         return self._at_hand[number]
+
+    def at(self, t: Floats, integral: int) -> Floats:
+        """The record, or one of its integrals, at times t (any shape).
+
+        At a few times in many blocks all of them are computed, and kept until other times are asked for, so that the
+        blocks are made once.
+        """
+        if self._few is not None and np.array_equal(self._few[0], t):
+            return np.asarray(self._few[1][integral])
+        block = np.clip(np.floor(t / self.step + 1e-6), 0, self.pieces - 1).astype(np.int64) // PIECES_OF_A_BLOCK
+        numbers = np.unique(block)
+        together = numbers.size > _BLOCKS_AT_HAND and t.size <= PIECES_OF_A_BLOCK
+        wanted = (0, 1, 2) if together else (integral,)
+        out = np.empty((3, *t.shape))
+        for number in numbers:
+            here, parts = block == number, self.block(int(number))
+            for k in wanted:
+                out[k, here] = parts[k](t[here])
+        if together:
+            self._few = t.copy(), out
+        return np.asarray(out[integral])
 
     def _make(self, number: int) -> tuple[Signal, Signal, Signal]:
         first = number * PIECES_OF_A_BLOCK
@@ -112,14 +134,7 @@ class StreamedSignal(Signal):
 
     def __call__(self, t: ArrayLike) -> Floats:
         """Values at times t (any shape)."""
-        t = np.asarray(t, dtype=float)
-        last = self.record.pieces - 1
-        block = np.clip(np.floor(t / self.record.step + 1e-6), 0, last).astype(np.int64) // PIECES_OF_A_BLOCK
-        out = np.empty(t.shape)
-        for number in np.unique(block):
-            here = block == number
-            out[here] = self.factor * self.record.block(int(number))[self.integral](t[here])
-        return out
+        return self.factor * self.record.at(np.asarray(t, dtype=float), self.integral)
 
     def __mul__(self, factor: float) -> Signal:
         return StreamedSignal(self.record, self.integral, self.factor * factor)

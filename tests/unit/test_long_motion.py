@@ -227,28 +227,40 @@ def test_an_interruption_evaluates_nothing_again(monkeypatch, pieces_made):
 
 @pytest.mark.parametrize("memory", [64e6, 1e9], ids=["in stretches", "kept"])
 def test_an_interruption_of_the_spectra_samples_few_times(monkeypatch, memory):
-    """All samples were computed for spectra of samples: 17 s at 200 kHz over 40 s."""
+    """All samples were computed for spectra of samples, 17 s at 200 kHz over 40 s; the input was made four times and
+    the largest stress searched, another second, where the motion is kept."""
+    reached = []
 
     def interrupted(*arguments):
+        reached.append(True)
         raise Stopped
 
-    sampled, sample = [], Trajectory.sample
+    sampled, sample, made, make = [], Trajectory.sample, [], streamed.CubicRecord._make
 
     def counted(motion, times, output_of):
         sampled.append(times.size)
         return sample(motion, times, output_of)
 
+    def counted_block(record, number):
+        made.extend([number] * bool(reached))
+        return make(record, number)
+
     monkeypatch.setattr(run_motion, "SAMPLES_OF_A_STOPPED_RUN", 100)
     monkeypatch.setattr(stretches, "FEW_SAMPLES", 100)
     monkeypatch.setattr(run_motion, "spectra_of_motion", interrupted)
     monkeypatch.setattr(Trajectory, "sample", counted)
-    result = beamsim.run(scenario(memory=memory, sample_rate=20000.0))
+    monkeypatch.setattr(streamed.CubicRecord, "_make", counted_block)
+    monkeypatch.delattr("beamsim.analyses.run.histories.refine_extremes")
+    result = beamsim.run(scenario(memory=memory, sample_rate=20000.0), stop=lambda: bool(reached))
     assert result.outcome.code is OutcomeCode.INTERRUPTED
     assert 50 < result.time.size <= 101
     assert np.isfinite(result.probes["tip"].displacement).all()
     assert np.isfinite(result.base_acceleration).all()
+    assert np.isfinite(result.probes["tip"].absolute_displacement).all()
+    assert sorted(made) == sorted(set(made))
     assert max(sampled) < 600  # of 2801
     assert any("output times one is kept" in warning for warning in result.warnings)
+    assert result.bodies["beam"].peak_bending_stress.max() > 0.0
 
 
 def test_an_interruption_in_the_first_stretch_keeps_samples(monkeypatch):

@@ -63,7 +63,7 @@ def run(
     progress : called from time to time with the fraction of the duration that is done.
     stop : asked several times a second whether to end; the result then holds the motion up to there. Where
         there are many output times, evenly spaced ones of them are kept. What of its evaluation takes longer than a
-        third of a second is left out: energies are nan and peaks those of the samples.
+        fifth of a second is left out: energies are nan and peaks those of the samples.
 
     Raises
     ------

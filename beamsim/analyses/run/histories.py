@@ -21,11 +21,11 @@ from beamsim.analyses.run.result import EnergyHistory
 from beamsim.fields import by_rows, later
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.long_motion import LongMotion
-from beamsim.flow.stopping import Stopped, heeding
+from beamsim.flow.stopping import Stopped, check_stop, heeding
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Bools, Floats
 
-GRACE_S = 0.3  # of processor time, for the evaluation of a motion that is stopped
+GRACE_S = 0.2  # of processor time, for the evaluation of a motion that is stopped
 ENERGIES = tuple(field.name for field in fields(EnergyHistory))
 VALUES_A_BLOCK = 2**20  # outputs and states of all times of a block
 COMPONENTS = 3  # of the stress at the surface of a plate: sigma_x, sigma_y, tau_xy
@@ -140,9 +140,7 @@ class ExactHistories:
     stop : asked several times a second whether to give up the energies and peaks.
     """
 
-    def __init__(
-        self, trajectory: Trajectory | LongMotion, groups: OutputSet, times: OutputTimes, stop: Callable[[], bool]
-    ) -> None:
+    def __init__(self, trajectory: Trajectory | LongMotion, groups: OutputSet, times: OutputTimes, stop: Grace) -> None:
         self._trajectory, self._groups, self._stop, self.times = trajectory, groups, stop, times
         columns = groups(trajectory.flow.system.contacts.start).row.shape[0] + trajectory.flow.size
         most = VALUES_A_BLOCK // columns
@@ -301,11 +299,13 @@ class ExactHistories:
         return np.sqrt(largest)
 
     def station_extremes(self, stress_of: OutputOf) -> Extreme:
-        """Extremes of the stress at every station; those of samples where the search was interrupted."""
-        few = self.times.every(max(1, self.count // SAMPLES_TO_SEED_STRESS)).all
+        """Extremes of the stress at every station; those of samples where a stop is requested before they are found."""
         assert isinstance(self._trajectory, Trajectory)
         try:
-            with heeding(self._stop):
+            with heeding(self._stop.requested):
+                check_stop()
+                few = self.times.every(max(1, self.count // SAMPLES_TO_SEED_STRESS)).all
                 return refine_extremes(self._trajectory, {"stress": stress_of}, few, one_figure=())["stress"]
         except Stopped:
+            few = self.times.every(max(1, self.count // MOST_STRESSES)).all
             return sampled_extremes(few, self._trajectory.sample(few, stress_of))
