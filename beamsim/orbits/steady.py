@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput, OutputOf
-from beamsim.flow.march import Motion, carry
+from beamsim.flow.march import Log, Motion, carry
+from beamsim.flow.slide_starts import pressing_where_sliding_begins
 from beamsim.flow.stopping import never
 from beamsim.flow.swept_sine import CycleMarch, SweptFlow
 from beamsim.inputs.swept import SweepWindows
@@ -53,9 +54,17 @@ class CycleStepper:
         self.flow.channel = self.channels_of(windows)
 
     def carry(
-        self, motion: Motion, cycles: int, output_of: OutputOf | None = None, orders: Floats | None = None
+        self,
+        motion: Motion,
+        cycles: int,
+        output_of: OutputOf | None = None,
+        orders: Floats | None = None,
+        *,
+        slides: bool = False,
     ) -> tuple[Floats, MeasuredCycles | None]:
         """Carry ``motion`` on, in place, from a phase of 0; returns the state (cycles, 2n) after every cycle.
+
+        ``slides`` asks for the forces that press contacts where sliding begins, with the outputs.
 
         Raises
         ------
@@ -69,9 +78,10 @@ class CycleStepper:
         march = CycleMarch(flow, output_of if output_of is not None else self._nothing, order, cycles)
         states = np.empty((cycles, motion.y.size))
         motion.piece, motion.time = 0, 0.0
+        logs: list[Log] = []
         for k in range(cycles):
             carried = carry(
-                march, motion, (k + 1,), keep=False, max_events=MOST_EVENTS,
+                march, motion, (k + 1,), keep=slides, max_events=MOST_EVENTS,
                 max_evaluations=self.most_evaluations - self.evaluations, stop=self.stop,
             )  # fmt: skip
             self.events, self.segments = self.events + carried.events, self.segments + carried.segments
@@ -81,6 +91,8 @@ class CycleStepper:
             if not carried.outcome.complete:
                 raise ArithmeticError(f"{self.evaluations} evaluations of the contact gaps were not enough")
             states[k] = motion.y
+            if carried.log is not None:
+                logs.append(carried.log)
         self.cycles += cycles
         if output_of is None:
             return states, None
@@ -89,6 +101,7 @@ class CycleStepper:
         return states, MeasuredCycles(
             record.high, record.low, record.square / period, harmonic, record.closed_time / period, record.closings,
             record.imbalance, record.energy,
+            pressing_where_sliding_begins(flow, Log.join(logs))[:cycles] if logs else None,
         )  # fmt: skip
 
     def _nothing(self, phases: Ints) -> LinearOutput:
@@ -107,6 +120,7 @@ class MeasuredCycles:
     closings: Ints  # (cycles, m)
     imbalance: Floats  # (cycles,) J, see `beamsim.flow.swept_sine.CycleRecord`
     energy: Floats  # (cycles,) J
+    pressing: Floats | None = None  # (cycles, 2, p) see `beamsim.flow.slide_starts`, where asked for
 
 
 @dataclass(frozen=True)
@@ -168,9 +182,15 @@ def _unweighted(section: list[Floats], weight: Floats) -> Floats:
 
 
 def measure(
-    stepper: CycleStepper, motion: Motion, cycles: int, output_of: OutputOf, orders: Floats
+    stepper: CycleStepper,
+    motion: Motion,
+    cycles: int,
+    output_of: OutputOf,
+    orders: Floats,
+    *,
+    slides: bool = False,
 ) -> tuple[Floats, MeasuredCycles]:
     """Carry a motion on for some cycles, keeping envelopes and harmonics; returns the section too."""
-    states, measured = stepper.carry(motion, cycles, output_of, orders)
+    states, measured = stepper.carry(motion, cycles, output_of, orders, slides=slides)
     assert measured is not None
     return states, measured

@@ -480,14 +480,6 @@ def _pressed_friction(scenario: _Checked) -> Problems:
                 where, f"= the force of {name} is followed in closed form alone, not by run.method: reference",
                 "leave run.method out, or give a constant force, for example the snubber's mean force in contact",
             )  # fmt: skip
-        snaps = contact.stiffness is not None and contact.static_coefficient > contact.sliding_coefficient
-        if snaps and not isinstance(scenario.sweep, Continuation | None) and scenario.sweep.impacts:
-            yield _problem(
-                ("sweep", "impacts"),
-                f"= true asks for what {contact.name} loses per cycle, of which a part is lost at once where sliding "
-                f"begins, under whatever force of {name}",
-                "give the contact one coefficient, leave its stiffness out, or leave sweep.impacts out",
-            )  # fmt: skip
         damped = snubbers[name].damping is not None
         if damped and snubbers[name].law != "no_tension":
             remedy = (

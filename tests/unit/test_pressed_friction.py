@@ -270,8 +270,6 @@ def test_intervals_of_random_input(force):
          "friction[0].stiffness does not go with the force of guide"),
         ({}, MAXWELL, {}, "friction[0].stiffness is missing, and guide relaxes"),
         ({}, {}, {"run": {"duration": 1.0, "sample_rate": 1e3, "method": "reference"}}, "not by run.method"),
-        ({"stiffness": 1e5}, {}, {"sweep": {"kind": "stepped", "from": 4.0, "to": 8.0, "impacts": True}},
-         "sweep.impacts = true asks for what pad loses per cycle"),
         ({}, {}, {"friction": [PAD, {**PAD, "name": "other", "normal_force": 1.0}]}, "and other sticks without"),
     ],
 )  # fmt: skip
@@ -282,7 +280,7 @@ def test_what_is_not_followed_is_refused(pad, guide, others, says):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pad", [{}, {"stiffness": 2e5, "coefficient": 0.25}])
+@pytest.mark.parametrize("pad", [{}, {"stiffness": 2e4}])
 def test_sliding_of_a_stepped_sine_is_that_of_a_run(pad):
     """Distance, energy lost and wear per cycle; the energy balances."""
     damped = {"masses": [2, 2, 1], "springs": [2000, 5000, 8000], "damping": {"kind": "modal", "ratio": 0.2}}
@@ -299,6 +297,23 @@ def test_sliding_of_a_stepped_sine_is_that_of_a_run(pad):
     wear = 3.5 * late.wear_power - 3.0 * early.wear_power
     np.testing.assert_allclose([cycle.distance[0], cycle.energy_lost[0]], np.array(of_run) / 3, rtol=1e-6)
     assert cycle.wear_power[0] == pytest.approx(wear / 0.5, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_sliding_of_a_swept_sine_adds_up_to_that_of_a_run():
+    """What the spring springs back where sliding begins follows the snubber's force there, which is on the ground."""
+    sine = {"kind": "swept_sine", "from": 6.0, "to": 7.0, "rate": "2 Hz/s"}
+    stop = {"stiffness": 2e4, "mounted_on": "ground"}
+    (curve,) = beamsim.sweep(
+        scenario({"stiffness": 2e4}, stop, run=None, sweep={**sine, "impacts": True})
+    ).curves.values()
+    of_run = {**sine, "applied_to": "base", "level": 20.0}
+    run = {"duration": float(curve.time[-1]), "sample_rate": 200.0, "convergence": "off"}
+    pad = beamsim.run(scenario({"stiffness": 2e4}, stop, excitation=of_run, run=run)).friction["pad"]
+    before, cycles = curve.time < run["duration"] - 1e-9, curve.sliding["pad"]
+    assert pad.slides >= 3
+    assert cycles.distance[before].sum() == pytest.approx(pad.sliding_distance, rel=1e-6)
+    assert cycles.energy_lost[before].sum() == pytest.approx(pad.dissipated_energy, rel=1e-6)
 
 
 # -- shooting --------------------------------------------------------------------------------------------------------

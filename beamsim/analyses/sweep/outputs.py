@@ -22,7 +22,7 @@ from beamsim.analyses.sweep.result import (
     SweepHistory,
 )
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.friction import DIRECTION, FORWARDS
+from beamsim.contacts.friction import DIRECTION, FORWARDS, STICK
 from beamsim.contacts.springs import FRICTION
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
@@ -51,6 +51,7 @@ class CycleValues:
     contact_share: Floats  # (C, m)
     closings: Ints  # (C, m)
     period: Floats  # (C,) s, of the time that each covers: a cycle
+    pressing: Floats | None = None  # (C, 2, p) per cycle, see `beamsim.flow.slide_starts`; where something snaps
     cycles: Ints | int = 1  # (C,) over which the values are taken at each frequency
 
     def columns(self, which: slice) -> CycleValues:
@@ -77,6 +78,7 @@ class CycleValues:
             harmonics=self.harmonics[:, :-1],
             contact_share=merged(self.contact_share, weight @ self.contact_share[-2:]),
             closings=merged(self.closings, self.closings[-2:].sum(axis=0)),
+            pressing=None if self.pressing is None else merged(self.pressing, self.pressing[-2:].sum(axis=0)),
             period=merged(self.period, np.asarray(one + rest)),
         )
 
@@ -99,6 +101,12 @@ class SweepOutputs:
     with_accelerations: bool
     limited: Collection[str] = ()
     with_impacts: bool = False
+
+    @property
+    def snaps(self) -> bool:
+        """Whether the sliding asked for has contacts that lose energy at once where it begins, by a snubber's force."""
+        laws = [self._contacts.laws[j] for j in self._contacts.pressed]
+        return self.with_impacts and any(guard.pressing_loss for law in laws for guard in law.phases[STICK].guards)
 
     def rows(self, template: ExactFlow) -> OutputOf:
         """The outputs by the phases of the contacts, written for a flow."""
@@ -227,8 +235,8 @@ class SweepOutputs:
     def _sliding(self, values: CycleValues) -> dict[str, CycleSliding]:
         """Sliding by friction contact, from mean speeds of sliding and from how often it ends.
 
-        Under the force of a snubber from the mean of that force times the speed; there nothing springs back where
-        sliding begins (see `beamsim.scenario.checks`).
+        Under the force of a snubber from the mean of that force times the speed, and from that force where sliding
+        begins.
         """
         if not self.with_impacts:
             return {}
@@ -236,15 +244,26 @@ class SweepOutputs:
         springs = [spring for spring in self.system.springs if spring.kind == FRICTION]
         of_wear = values.mean_square[:, self._groups()["wear"]]
         wear = dict(zip(contacts.pressed.tolist(), (of_wear[:, ::2] - of_wear[:, 1::2]).T, strict=True))
+        pressing = values.pressing
+        if pressing is None:
+            pressing = np.zeros((values.period.size, 2, contacts.pressed.size))
+        begun = dict(zip(contacts.pressed.tolist(), np.moveaxis(pressing, 2, 0), strict=True))
         out = {}
         for column, j, spring in zip(range(columns.start, columns.stop), which.tolist(), springs, strict=True):
             name, forces = spring.name, spring.friction
             slides = values.closings[:, j] / values.cycles
             moved = values.mean[:, column] * values.period
             if forces is None:
-                coefficient = contacts.laws[j].phases[FORWARDS].pressing
-                lost = coefficient * wear[j] * values.period
-                out[name] = CycleSliding(per_cycle=slides, distance=moved, energy_lost=lost, wear_power=wear[j])
+                stick, slide = contacts.laws[j].phases[STICK], contacts.laws[j].phases[FORWARDS]
+                breaks_away = stick.guards[FORWARDS - 1]
+                snap = (breaks_away.pressing - slide.pressing) * slide.compliance  # of a unit of the force, m/N
+                force, square = begun[j].T
+                out[name] = CycleSliding(
+                    per_cycle=slides,
+                    distance=moved + snap * force,
+                    energy_lost=slide.pressing * wear[j] * values.period + breaks_away.pressing_loss * square,
+                    wear_power=wear[j] + snap * square / values.period,
+                )
                 continue
             distance = moved + slides * forces.snap
             out[name] = CycleSliding(

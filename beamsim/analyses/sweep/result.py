@@ -124,7 +124,8 @@ class CycleImpacts:
 @declared
 class CycleSliding:
     """Sliding of one friction contact, cycle by cycle; at each frequency of a stepped sweep means over the cycles
-    measured. What the tangential spring springs back where sliding begins counts in the cycle in which that slide ends.
+    measured. What the tangential spring springs back where sliding begins counts in the cycle in which that slide ends,
+    under the force of a snubber in that in which it begins.
     """
 
     per_cycle: Floats = dataset("1", "slides per cycle that end in sticking", along=_FREQUENCY, name="slides_per_cycle")

@@ -86,7 +86,9 @@ def step_level(
             if motion.state < 0:
                 motion.state = flow.state_index(flow.starting_state(motion.y))
             try:
-                points.append(_point(stepper, motion, settings, float(f), amplitude, output_of, orders))
+                points.append(
+                    _point(stepper, motion, settings, float(f), amplitude, output_of, orders, slides=outputs.snaps)
+                )
             except MotionStopped:
                 outcome = Outcome.of(OutcomeCode.INTERRUPTED, before=f"{f:.6g} Hz")
                 break
@@ -133,6 +135,8 @@ def _point(
     amplitude: float,
     output_of: Callable,  # type: ignore[type-arg]
     orders: Floats,
+    *,
+    slides: bool,
 ) -> _Point:
     settled = settle(
         stepper, motion, tolerance=settings.steady_to, longest_period=settings.longest_period,
@@ -143,7 +147,7 @@ def _point(
     if not settled.period:
         lyapunov = largest_exponent(stepper, motion, min(EXPONENT_CYCLES, settings.most_cycles))
         kind, exponent, section = lyapunov.kind, lyapunov.value, settled.section
-    _, measured = measure(stepper, motion, cycles, output_of, orders)
+    _, measured = measure(stepper, motion, cycles, output_of, orders, slides=slides)
     return _Point(frequency, amplitude, settled, kind, exponent, measured, section)
 
 
@@ -166,6 +170,9 @@ def _curve(
         harmonics=np.ascontiguousarray(np.moveaxis(harmonic[:, :, 1:], 2, 0)),
         contact_share=np.array([p.measured.contact_share.mean(axis=0) for p in points]),
         closings=np.array([p.measured.closings.sum(axis=0) for p in points]),
+        pressing=np.array([p.measured.pressing.mean(axis=0) for p in points if p.measured.pressing is not None])
+        if outputs.snaps
+        else None,
         period=np.array([1.0 / p.frequency_hz for p in points]),
         cycles=np.array([p.measured.closings.shape[0] for p in points], dtype=np.int64),
     )

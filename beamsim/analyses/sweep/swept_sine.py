@@ -13,6 +13,7 @@ from beamsim.analyses.sweep.notching import Limited, compared, limited_of, not_h
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, SweepWork
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.slide_starts import pressing_where_sliding_begins
 from beamsim.flow.stopping import never
 from beamsim.flow.swept_sine import CycleRecord, SweptFlow, sweep
 from beamsim.inputs.broadband import make_leg, make_profile, phase_of_acceleration
@@ -116,7 +117,7 @@ def sweep_level(
     output_of = outputs.rows(flow.template)
     record = sweep(
         flow, system.initial_state, output_of, orders=(0.0, *settings.orders),
-        keep_history=settings.history_rate is not None, progress=progress, stop=stop,
+        keep_history=settings.history_rate is not None or outputs.snaps, progress=progress, stop=stop,
     )  # fmt: skip
     curves = _curves(outputs, settings, excitation, level, level_index, legs, profile, record)
     history = None
@@ -181,6 +182,10 @@ def _curves(
     tracked = np.stack([record.tracked(order) for order in (0.0, *settings.orders)])  # (1 + R, C, K)
     quantity = excitation.quantity or "acceleration"
     unit = "" if settings.profile else level_unit(quantity)
+    pressing = None
+    if outputs.snaps:
+        assert record.log is not None
+        pressing = pressing_where_sliding_begins(record.flow, record.log)
     period = np.asarray(np.bincount(windows.cycle, windows.length, minlength=windows.cycles), dtype=float)
     curves = []
     for index, leg in enumerate(legs):
@@ -193,6 +198,7 @@ def _curves(
         values = CycleValues(
             record.high[computed], record.low[computed], record.mean_square[computed], tracked[0, computed].real,
             tracked[1:, computed], record.contact_share[computed], record.closings[computed], period[computed],
+            None if pressing is None else pressing[computed],
         )  # fmt: skip
         if not complete[-1]:
             values = values.with_rest_in_last()
