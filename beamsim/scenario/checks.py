@@ -126,7 +126,9 @@ def _directions(scenario: _Checked) -> Problems:
 def _structure(scenario: _Checked) -> Problems:
     given = [name for name in ("beam", "chain") if getattr(scenario, name) is not None]
     if not given and not scenario.bodies:
-        yield _problem((), "the scenario has no structure", "give beam: or chain: (beamsim new writes a template)")
+        yield _problem(
+            (), "the scenario has no structure", "give beam:, chain: or bodies: (beamsim new writes a template)"
+        )
     elif len(given) == 2:
         yield _problem(("chain",), "and beam exclude each other", "keep one of the two (null removes an inherited one)")
     elif given and scenario.bodies:

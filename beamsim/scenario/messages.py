@@ -11,6 +11,8 @@ from pydantic_core import ErrorDetails
 from beamsim.scenario.base import Path, Schema, single_line, tag_of
 from beamsim.scenario.quantities import FieldType
 
+MOST_HOMES = 3  # sections that a remedy names
+
 
 def members(annotation: Any, tag: str = "") -> dict[str, type[Schema]]:
     """Return the classes a field may hold, by the tag that tells them apart (`""` where there is none)."""
@@ -113,10 +115,27 @@ def _known_keys(key: str, path: Path, schema: type[Schema]) -> str:
     keys = list(schema.keys())
     if keys == ["kind"]:
         return "this kind has no other keys; remove it"
+    if home := _where_it_belongs(key, schema):
+        return home
     close = get_close_matches(key.lower(), keys, n=1)
     if not close:  # thickness_mm, e_modulus, Length
-        close = [known for known in keys if len(known) > 3 and (known in key.lower() or key.lower() in known)][:1]
+        long = [known for known in keys if min(len(known), len(key)) > 3]
+        close = [known for known in long if known in key.lower() or key.lower() in known][:1]
     return f"did you mean {close[0]}?" if close else "known keys: " + ", ".join(keys)
+
+
+def _where_it_belongs(key: str, schema: type[Schema]) -> str:
+    """Of a key that stands too far out: the section that has it, or in which it is a kind."""
+    homes = []
+    for section, attribute in schema.keys().items():
+        annotation = schema.model_fields[attribute].annotation
+        classes = members(annotation)
+        if f"<{key}>" in classes:
+            named = get_origin(annotation) is dict
+            return f"write {section}: " + ("{NAME: {kind: %s, ...}}" if named else "{kind: %s, ...}") % key
+        if any(key in part.keys() for part in classes.values()):  # noqa: SIM118
+            homes.append(section)
+    return "it belongs in " + " or ".join(homes[:MOST_HOMES]) if homes else ""
 
 
 def _kind(path: Path, value: Any, field: FieldInfo | None) -> tuple[Path, str, str]:
