@@ -31,6 +31,7 @@ _CANCELLED = 1e-13  # of the stiffnesses of a law's parts: a slope that is zero
 _PENALTIES = (*(10.0**p for p in range(3, 11)), *(1e10,) * 20)
 
 _REFINEMENTS, _REFINES = 3, 1e-2  # steps of the refinement, and the largest share that one changes
+_SETTLED = 1e-16  # of each coordinate: a step that ends the refinement
 _REFINED = 1e-11  # of each coordinate: less than this was round-off already
 
 UNBALANCED = "the loads are not in balance: no support or snubber can hold the structure against them"
@@ -160,6 +161,8 @@ def _refined(
         if not np.linalg.norm(step / scale) <= _REFINES * np.linalg.norm(exact.astype(float) / scale):
             return equilibrium
         exact += step
+        if np.all(np.abs(step) <= _SETTLED * np.abs(exact)):
+            break
     if np.any(exact[n:] * springs.stiffness[closed] <= 0):
         return equilibrium
     if np.all(np.abs(exact[:n] - equilibrium.q) <= _REFINED * np.abs(exact[:n])):
@@ -236,8 +239,8 @@ def _contact_forces(compliance: Floats, clearance: Floats, away: Floats, push: F
     solve for this set then meets all conditions to round-off, which ends the iteration.
     """
     m, rigid = away.shape
-    if m == 0:
-        return np.zeros(0), np.zeros(rigid)
+    if m == 0 or (rigid == 0 and np.all(clearance >= 0.0)):
+        return np.zeros(m), np.zeros(rigid)
     # Forces are scaled by the compliance of each contact, rigid-body coordinates by the deflection at the contacts.
     s = 1.0 / np.sqrt(np.diag(compliance))
     t = np.linalg.norm(away * s[:, None], axis=0)

@@ -12,6 +12,8 @@ eigenvalues of K lose accuracy with the fourth power of the number of elements.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -51,7 +53,7 @@ def shape_functions(xi: ArrayLike, h: ArrayLike, derivative: int = 0) -> Floats:
     xi, h = np.broadcast_arrays(np.asarray(xi, dtype=float), np.asarray(h, dtype=float))
     powers = np.zeros((*xi.shape, 4))
     for p in range(derivative, 4):
-        factor = float(np.prod(np.arange(p - derivative + 1, p + 1)))
+        factor = float(math.prod(range(p - derivative + 1, p + 1)))
         powers[..., p] = factor * xi ** (p - derivative)
     return np.asarray(powers @ _CUBIC * _per_dof(h) / h[..., None] ** derivative)
 

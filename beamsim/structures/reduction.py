@@ -71,11 +71,10 @@ def _independent(energy_vectors: Floats, reference: Floats) -> tuple[Floats, lis
         q, t = work[:, j] / norm, transform[:, j] / norm
         columns.append(t)
         kept.append(j)
-        for i in remaining:
-            for _ in range(2):
-                along = float(q @ work[:, i])
-                work[:, i] -= q * along
-                transform[:, i] -= t * along
+        for _ in range(2):
+            along = q @ work[:, remaining]
+            work[:, remaining] -= np.outer(q, along)
+            transform[:, remaining] -= np.outer(t, along)
     return np.array(columns).reshape(len(columns), count).T, kept
 
 

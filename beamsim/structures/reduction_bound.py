@@ -76,8 +76,9 @@ def receptance_bound(
         errors, present = np.zeros((2, moved.size, moved.size))
         for part in truncations:
             scaled = omega / part.model.frequency_scale
-            errors += part.errors(scaled) / part.model.stiffness_scale
-            present += np.abs(part.receptance(scaled)) / part.model.stiffness_scale
+            response = part.response(scaled)
+            errors += part.errors(scaled, response) / part.model.stiffness_scale
+            present += np.abs(part.shapes @ response) / part.model.stiffness_scale
         errors[~moved], errors[:, ~moved] = 0.0, 0.0
         size = np.where(moved, np.sqrt(np.maximum(static, np.diag(present))), 1.0)
         largest = np.maximum(largest, (errors / np.outer(size, size))[:, :acting].max(axis=1))
@@ -185,15 +186,19 @@ class LeftOut:
         upper = np.diag(self.basis.omega[self.basis.modes :])
         return (vectors / np.sqrt(np.maximum(values, np.finfo(float).tiny))) @ vectors.T, upper
 
-    def errors(self, s: float) -> Floats:
-        """(m, m) bounds of the error of the receptance between the loads at scaled frequency s."""
+    @cached_property
+    def shapes(self) -> Floats:
+        """(m, n) work of each load for a unit of each coordinate."""
+        return np.asarray(self.loads @ self.basis.vectors)
+
+    def errors(self, s: float, y: Complexes) -> Floats:
+        """(m, m) bounds of the error of the receptance between the loads at scaled frequency s; y is the `response`."""
         if self.complete:
             return np.zeros((self.loads.shape[0],) * 2)
         stated, kept, beyond = self.stated, self.basis.modes, self.beyond
         if beyond <= s:
             return np.full((self.loads.shape[0],) * 2, np.inf)
-        y = self._coordinates(s)
-        size = np.linalg.norm(self.strains @ self._residual_weights(s, y), axis=0)
+        size = self._residual_sizes(s, y)
         coupling = self._known_share
         deviation: Floats | float = 0.0
         if stated.on_coordinates:
@@ -207,26 +212,27 @@ class LeftOut:
         divisor = open_share**2 / (np.hypot(open_share, half) + half)
         return np.asarray(np.outer(size, size) / divisor + deviation)
 
-    def receptance(self, s: float) -> Complexes:
-        """(m, m) of the reduced model, between the loads, at scaled frequency s."""
-        return np.asarray((self.loads @ self.basis.vectors) @ self._coordinates(s))
-
-    def _coordinates(self, s: float) -> Complexes:
-        """(n, m) response of the reduced model, just beside the resonances of undamped modes."""
+    def response(self, s: float) -> Complexes:
+        """(n, m) of the reduced model to the loads at scaled frequency s, just beside undamped modes' resonances."""
         omega = self.basis.omega
         impedance = np.diag(omega**2 - s**2) + 1j * s * self.damping / self.model.frequency_scale
         at = np.abs(np.diag(impedance)) <= 1e-12 * s**2
         np.fill_diagonal(impedance, np.where(at, 1e-12 * s**2 + (s == 0.0), np.diag(impedance)))
-        return np.asarray(np.linalg.solve(impedance, self.basis.vectors.T @ self.loads.T))
+        return np.asarray(np.linalg.solve(impedance, self.shapes.T))
 
-    def _residual_weights(self, s: float, y: Complexes) -> Complexes:
-        """(m + 2 k [+ n], m) of the columns of `strains`: deflections under the residuals of the loads."""
-        static = y[self.basis.modes :]
+    def _residual_sizes(self, s: float, y: Complexes) -> Floats:
+        """(m,) norms of the strains under the residuals of the loads, from the columns of `strains`."""
+        count, static = self.loads.shape[0], y[self.basis.modes :]
         inertia = s**2 * static
         if self.stated.on_coordinates:
             inertia = inertia - 1j * s * (self.modal_damping @ y)[self.basis.modes :]
-        rows = [np.eye(self.loads.shape[0]), -static, inertia]
-        return np.vstack([*rows, -1j * s * y] if self.stated.known is not None else rows)
+        rows = [-static, inertia]
+        weights = np.vstack([*rows, -1j * s * y] if self.stated.known is not None else rows)
+        # real and imaginary parts of all in one real product: a complex one would take the zeros of the strains as well
+        parts = self.strains[:, count:] @ np.hstack([weights.real, weights.imag])
+        parts[:, :count] += self.strains[:, :count]
+        squares = np.sum(parts**2, axis=0)
+        return np.asarray(np.sqrt(squares[:count] + squares[count:]))
 
     def _deviation(self, static: Complexes) -> Floats:
         """(m, m) bound of what the damping of the static vectors differs by from that of the modes they stand for."""
@@ -237,5 +243,8 @@ class LeftOut:
         given = self.modal_damping[kept:, kept:]
         largest, least = given - 2 * self.stated.lowest * lower, given - 2 * self.stated.highest * upper
         middle, radius = (largest + least) / 2, (largest - least) / 2
-        size = np.sqrt(np.maximum(np.einsum("im,ij,jm->m", static.conj(), radius, static).real, 0.0))
-        return np.asarray(np.abs(static.T @ middle @ static) + np.outer(size, size))
+        both = np.hstack([static.real, static.imag])
+        within = np.sum(both * (radius @ both), axis=0).reshape(2, -1)  # radius is symmetric
+        size = np.sqrt(np.maximum(within.sum(axis=0), 0.0))
+        real, imag = np.hsplit(middle @ both, 2)
+        return np.asarray(np.abs(static.T @ (real + 1j * imag)) + np.outer(size, size))
