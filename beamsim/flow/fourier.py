@@ -53,7 +53,8 @@ class MotionPart:
     whole: MotionPart | None = None
     index: int = 0
     bounds: dict[tuple[float, float, bool], Floats] = field(default_factory=dict)  # known so far, see `folded`
-    transforms: dict[bytes, Complexes | None] = field(default_factory=dict)  # of frequencies asked for, see `integrals`
+    # (k,) by frequency, rad/s, of those asked for; see `integrals`
+    transforms: dict[float, Complexes | None] = field(default_factory=dict)
 
     @classmethod
     def of(cls, trajectory: Trajectory, output_of: OutputOf, begin: float, end: float, cut: float) -> MotionPart:
@@ -73,12 +74,8 @@ class MotionPart:
         """The output with this number alone."""
         column = slice(index, index + 1)
         return replace(
-            self,
-            table=np.ascontiguousarray(self.table[:, :, column]),
-            dropped=np.ascontiguousarray(self.dropped[:, :, column]),
-            whole=self,
-            index=index,
-        )
+            self, table=self.table[:, :, column], dropped=self.dropped[:, :, column], whole=self, index=index
+        )  # fmt: skip
 
     def between(self, begin: float, end: float) -> MotionPart:
         """A shorter part."""
@@ -120,14 +117,14 @@ class MotionPart:
         """
         if self.whole is None:
             return self._integrals(omega)
-        known, asked = self.whole.transforms, omega.tobytes()
-        if asked not in known and not self.motion.exponentials:
-            known[asked] = None
+        known, asked = self.whole.transforms, omega.tolist()
+        if not all(w in known for w in asked) and not self.motion.exponentials:
+            known.update(dict.fromkeys(asked))
             return self._integrals(omega)
-        transforms = known.get(asked)
-        if transforms is None:
-            transforms = known[asked] = self.whole._integrals(omega)
-        return transforms[self.index : self.index + 1]
+        missing = [w for w in dict.fromkeys(asked) if known.get(w) is None]
+        if missing:
+            known.update(zip(missing, self.whole._integrals(np.array(missing)).T, strict=True))
+        return np.array([[known[w][self.index] for w in asked]])  # type: ignore[index]
 
     def _integrals(self, omega: Floats) -> Complexes:
         """The same of the outputs of this part alone."""
@@ -136,7 +133,8 @@ class MotionPart:
         from beamsim.flow.fourier_kernels import fourier_integrals
 
         m, out = self.motion, np.zeros((self.table.shape[2], omega.size), dtype=complex)
-        logged = (m.flow.tables(), m.flow.inputs(), self.table, m.time, m.length, m.state, m.piece, m.y)
+        table = np.ascontiguousarray(self.table)
+        logged = (m.flow.tables(), m.flow.inputs(), table, m.time, m.length, m.state, m.piece, m.y)
         columns = max(EXPONENTIALS_A_CALL // self._terms, FEWEST_FREQUENCIES)
         for begin in range(0, omega.size, columns):
             some = np.ascontiguousarray(omega[begin : begin + columns])

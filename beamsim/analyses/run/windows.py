@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -61,12 +61,7 @@ class Window:
 
     def amplitudes(self, x: Floats) -> Complexes:
         r"""(N // 2 + 1,) single-sided amplitudes of N samples, the weighted mean first; see `spectrum_of`."""
-        window = self.values(np.arange(x.size) / x.size)
-        if self.one_sided:
-            window[0] *= 0.5  # the beginning is a jump
-        total = float(np.sum(window))
-        if total <= 0:  # a window of one or two samples may be nothing but its zero
-            window, total = np.ones(x.size), float(x.size)
+        window, total = _sampled(self, x.size)
         mean = float(window @ x) / total
         out = np.fft.rfft(window * (x - mean)) * (2.0 / total)
         out[0] = mean
@@ -88,3 +83,16 @@ class Window:
             return np.asarray(duration * np.exp(-1j * half) * np.sinc(half / np.pi))
 
         return self.weigh(rectangle, omega, duration)
+
+
+@lru_cache(maxsize=4)
+def _sampled(window: Window, size: int) -> tuple[Floats, float]:
+    """A window at equal steps, and the sum of its values; the records of one part of a motion share them."""
+    values = window.values(np.arange(size) / size)
+    if window.one_sided:
+        values[0] *= 0.5  # the beginning is a jump
+    total = float(np.sum(values))
+    if total <= 0:  # a window of one or two samples may be nothing but its zero
+        values, total = np.ones(size), float(size)
+    values.flags.writeable = False
+    return values, total
