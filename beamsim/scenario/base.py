@@ -221,16 +221,17 @@ def key_of(schema: type[Schema], name: str) -> str:
 
 def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
     """Yield every part of a scenario with its path."""
+    parts: Iterable[tuple[Any, object]] = ()
     if isinstance(value, Schema):
         yield path, value
-        for key, name in type(value).keys().items():
-            yield from walk(value.__dict__.get(name), (*path, key))
+        parts = ((key, value.__dict__.get(name)) for key, name in type(value).keys().items())
     elif isinstance(value, tuple):
-        for index, item in enumerate(value):
-            yield from walk(item, (*path, index))
+        parts = enumerate(value)
     elif isinstance(value, dict):
-        for name, item in value.items():
-            yield from walk(item, (*path, name))
+        parts = value.items()
+    for key, part in parts:
+        if isinstance(part, (Schema, tuple, dict)):
+            yield from walk(part, (*path, key))
 
 
 def tag_of(member: Any) -> str:

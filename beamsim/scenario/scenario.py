@@ -399,6 +399,8 @@ def _snapped(value: object, bodies: dict[str, Body], default: str) -> object:
     changed: dict[str, object] = {}
     name = getattr(value, "body", None) or default
     for key, old in value.__dict__.items():
+        if old is None or (isinstance(old, (float, str, int)) and key != "position"):
+            continue
         new = _snapped(old, bodies, default)
         point = isinstance(old, tuple) and key in ("position", "from_", "to")  # [x, y] on a plate
         if (point or (key == "position" and isinstance(old, float))) and isinstance(name, str) and name in bodies:
