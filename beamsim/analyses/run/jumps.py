@@ -36,12 +36,13 @@ def jump_warnings(
         return []
     largest = None
     order = np.argsort(system.dynamics.stiffness, kind="stable")
+    damped = [(j, snubber) for j, snubber in enumerate(system.snubbers) if snubber.dashpot > 0.0]
+    shapes = np.array([snubber.shape for _, snubber in damped]).reshape(len(damped), order.size)
     warnings = []
     for probe in system.probes:
-        for j, snubber in enumerate(system.snubbers):
-            apart = min(float(np.abs(probe.shape - side * snubber.shape).max()) for side in (-1.0, 1.0))
-            if snubber.dashpot <= 0.0 or apart > SAME_PLACE * np.abs(probe.shape).max():
-                continue
+        apart = np.minimum(np.abs(probe.shape - shapes).max(axis=1), np.abs(probe.shape + shapes).max(axis=1))
+        for row in np.flatnonzero(apart <= SAME_PLACE * np.abs(probe.shape).max()):
+            j, snubber = damped[row]
             reached = np.cumsum(probe.shape[order] ** 2)
             if reached[reached.size // 2 - 1] >= SETTLED * reached[-1]:
                 continue
