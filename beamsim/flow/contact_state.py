@@ -103,16 +103,17 @@ class ContactState:
         """(T, k) factor of ``zeta * basis`` of every term in every output, in an array that is made or given."""
         if table is None:
             table = np.empty((self.term_vector.shape[0], output.row.shape[0]), dtype=complex)
-        n = (self.term_vector.shape[1] - self.internal_states) // 2
-        moving = np.any(output.row[:, n:], axis=1)
-        if np.all(moving):
-            table.real, table.imag = self.term_vector.real @ output.row.T, self.term_vector.imag @ output.row.T
+        count, n = table.shape[0], (self.term_vector.shape[1] - self.internal_states) // 2
+        vectors = np.concatenate([self.term_vector.real, self.term_vector.imag])
+        placed, moving = np.any(output.row[:, :n], axis=1), np.any(output.row[:, n:], axis=1)
+        if np.all(placed) and np.all(moving):
+            parts = vectors @ output.row.T
         else:
-            placed, rest = output.row[:, :n].T, output.row[moving, n:].T
-            table.real, table.imag = self.term_vector[:, :n].real @ placed, self.term_vector[:, :n].imag @ placed
-            if rest.size:
-                table.real[:, moving] += self.term_vector[:, n:].real @ rest
-                table.imag[:, moving] += self.term_vector[:, n:].imag @ rest
+            parts = np.zeros((2 * count, placed.size))
+            parts[:, placed] = vectors[:, :n] @ output.row[placed, :n].T
+            if np.any(moving):
+                parts[:, moving] += vectors[:, n:] @ output.row[moving, n:].T
+        table.real, table.imag = parts[:count], parts[count:]
         driven, lowered = self.terms_of_sources
         table[driven] += (output.direct + sources.exponent * output.direct_slope).T
         rising = sources.power > 0

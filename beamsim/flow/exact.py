@@ -262,10 +262,14 @@ class ExactFlow:
 
     def output_table(self, output_of: OutputOf) -> Complexes:
         """(S, T, k) coefficients of outputs that may depend on the contact state."""
-        count = output_of(self.states[0].phases).row.shape[0] if self.states else 0
-        table = np.zeros((len(self.states), max((s.term_basis.size for s in self.states), default=0), count), complex)
-        for row, state in zip(table, self.states, strict=True):
-            state.coefficients(output_of(state.phases), self.sources, row[: state.term_basis.size])
+        if not self.states:
+            return np.zeros((0, 0, 0), dtype=complex)
+        output = output_of(self.states[0].phases)
+        terms = max(state.term_basis.size for state in self.states)
+        table = np.zeros((len(self.states), terms, output.row.shape[0]), dtype=complex)
+        for number, state in enumerate(self.states):
+            output = output_of(state.phases) if number else output
+            state.coefficients(output, self.sources, table[number, : state.term_basis.size])
         return table
 
     def empty_output(self, count: int) -> LinearOutput:

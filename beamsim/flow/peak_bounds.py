@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -100,12 +100,14 @@ def _pairs(
     exponent, count = state.exponent[state.term_basis], table.shape[1]
     step = motion.length[segments] / INTERVALS
     tau = step[:, None] * np.arange(INTERVALS + 1)
-    terms = begin[:, None] * np.exp(tau[:, :, None] * exponent)  # (n, points, T)
+    rate = step[:, None] * exponent
+    turn = np.exp(rate)
+    terms = _powers(begin, turn)  # (n, points, T)
     parts = np.stack([table.real, -table.imag], axis=1).reshape(-1, count)
     values = (terms.view(float).reshape(-1, 2 * exponent.size) @ parts).reshape(*tau.shape, count)
-    size = np.abs(terms)
-    bend = np.minimum((np.abs(exponent) * step[:, None]) ** 2 / 8.0, 2.0)
-    bent = np.maximum(size[:, :-1], size[:, 1:]) * bend[:, None]
+    growth = np.exp(rate.real)
+    bend = np.minimum((rate.real**2 + rate.imag**2) / 8.0, 2.0) * np.maximum(growth, 1.0)
+    bent = _powers(np.abs(begin) * bend, growth)[:, :-1]
     over = (bent.reshape(-1, exponent.size) @ np.abs(table)).reshape(segments.size, INTERVALS, count)
     time = (motion.time[segments, None] + tau).ravel()
     pairs = []
@@ -122,3 +124,15 @@ def _pairs(
     none = np.zeros(0, dtype=np.int64)
     segment, output, bounds = (np.concatenate(x) for x in zip((none, none, np.zeros(0)), *pairs, strict=True))
     return segment, output, bounds
+
+
+def _powers(begin: Any, factor: Any) -> Any:
+    """(n, points, T) of ``begin`` (n, T) times the powers of a factor (n, T), at the ends of the intervals."""
+    out = np.empty((begin.shape[0], INTERVALS + 1, begin.shape[1]), dtype=begin.dtype)
+    out[:, 0] = begin
+    known = 1
+    while known <= INTERVALS:
+        more = min(known, INTERVALS + 1 - known)
+        np.multiply(out[:, :more], factor[:, None], out=out[:, known : known + more])
+        known, factor = known + more, factor * factor
+    return out

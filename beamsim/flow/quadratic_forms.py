@@ -8,16 +8,33 @@ many segments, :func:`beamsim.flow.integral_kernels.form_integrals` on the few o
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 
-from beamsim.typing import Complexes
+from beamsim.typing import Complexes, Floats
 
 
 def forms(products: Iterable[tuple[Complexes, Complexes]]) -> tuple[Complexes, Complexes]:
     """The two forms (..., T, T) of a sum of products, whose factors are coefficients (..., T, k) of k outputs each."""
-    left, right = (np.concatenate(factors, axis=-1) for factors in zip(*products, strict=True))
-    plus, minus = left @ right.swapaxes(-1, -2), left @ right.conj().swapaxes(-1, -2)
-    once = np.full(plus.shape[-2:], 0.5)  # each pair of terms counts once
-    np.fill_diagonal(once, 0.25)
+    left, right = (_parts(np.concatenate(factors, axis=-1)) for factors in zip(*products, strict=True))
+    count = left.shape[-2] // 2
+    both = left @ right.swapaxes(-1, -2)  # of real and imaginary parts, in one real product
+    one, two = both[..., :count, :count], both[..., count:, count:]
+    across, back = both[..., :count, count:], both[..., count:, :count]
+    plus, minus = (one - two) + 1j * (across + back), (one + two) + 1j * (back - across)
+    once = _once(count)
     return once * (plus + plus.swapaxes(-1, -2)), once * (minus + minus.conj().swapaxes(-1, -2))
+
+
+def _parts(factor: Complexes) -> Floats:
+    """(..., 2 T, k) real parts, then imaginary parts."""
+    return np.concatenate([factor.real, factor.imag], axis=-2)
+
+
+@lru_cache(maxsize=8)
+def _once(count: int) -> Floats:
+    """(T, T) so that each pair of terms counts once."""
+    once = np.full((count, count), 0.5)
+    np.fill_diagonal(once, 0.25)
+    return once

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -45,8 +46,7 @@ class IntegratedForm:
         count, outputs = exponent.size, plus.shape[0]
         rates = np.stack([exponent[:, None] + exponent, exponent[:, None] + exponent.conj()])
         slow = _slow(rates, exponent, longest)
-        pairs = np.triu(np.ones((count, count), dtype=bool))
-        both = np.where(pairs, np.stack([plus, minus]), 0.0)  # (2, Q, T, T)
+        both = np.where(_upper(count), np.stack([plus, minus]), 0.0)  # (2, Q, T, T)
         alone = np.nonzero(slow & np.any(both != 0.0, axis=1))
         fast = np.where(slow, 0.0, 1.0 / np.where(slow, 1.0, rates))
         a, b = both * fast[:, None]
@@ -131,6 +131,12 @@ def summed_integrals(
         grown = length if rate[i, w] == 0.0 else np.expm1(rate[i, w] * length) / rate[i, w]
         sums[i, w] = (begin[:, i] * turned[:, w]) @ grown
     return np.asarray(sums)
+
+
+@lru_cache(maxsize=8)
+def _upper(count: int) -> Bools:
+    """(T, T) pairs of which the first comes not after the second."""
+    return np.triu(np.ones((count, count), dtype=bool))
 
 
 def _slow(rate: Complexes, exponent: Complexes, longest: float) -> Bools:

@@ -306,6 +306,12 @@ class Trajectory:
             return self
         return self.only(np.flatnonzero(lasts))
 
+    @property
+    def bounded(self) -> bool:
+        """Whether `maxima` looks at every segment before it searches, so that values known before save no work."""
+        plain = self.segments > 0 and not self.flow.dropped and not many_pieces(self)
+        return plain and self.exponentials
+
     def maxima(
         self,
         output_of: OutputOf,
@@ -315,9 +321,9 @@ class Trajectory:
         """Largest values (k,) of outputs over the whole continuous motion, with their times.
 
         With seeds (2, k), those of the outputs and of their negatives. ``seed`` and ``when`` are values that are known
-        to be reached; the better they are, the less the work. The result is within 1e-10 of the true maximum,
-        relatively: the search skips only what a curvature bound proves to be lower. Also returned: the number of
-        evaluations of that search.
+        to be reached, or -inf; the better they are, the less the work where the motion is not `bounded`. The result is
+        within 1e-10 of the true maximum, relatively: the search skips only what a curvature bound proves to be lower.
+        Also returned: the number of evaluations of that search.
         """
         highest, at = (np.atleast_2d(np.array(values, dtype=float)) for values in (seed, when))
         evaluations = 0
@@ -439,10 +445,11 @@ class Trajectory:
             begin = self.amplitudes(state, visits)
             left, right = np.split(table[number, : state.term_basis.size], 2, axis=1)
             acting = np.any(left, axis=0) & np.any(right, axis=0)  # open contacts have no force
-            left, right = left[:, acting] * weight.T[:, None, acting], right[:, acting]
-            of_sums = forms([(left, np.broadcast_to(right, left.shape))])
+            columns = (np.flatnonzero(acting & (w != 0.0)) for w in weight.T)
+            of_sums = [forms([(left[:, c] * w[c], right[:, c])]) for c, w in zip(columns, weight.T, strict=True)]
+            plus, minus = (np.stack(each) for each in zip(*of_sums, strict=True))
             longest = float(tau[entries].max())
-            form = IntegratedForm.of(state.exponent[state.term_basis], *of_sums, longest)
+            form = IntegratedForm.of(state.exponent[state.term_basis], plus, minus, longest)
             out[entries] = form(begin, at, tau[entries])
         return np.zeros(0, dtype=np.int64)
 

@@ -181,13 +181,17 @@ def _extremes(system: StructuralSystem, trajectory: Trajectory, asked: Collectio
     sizes = [search.group.size for search in searches.values()]
     offsets = np.cumsum([0, *(int(search.group.max(initial=-1)) + 1 for search in searches.values())])
     group = np.concatenate([search.group + first for search, first in zip(searches.values(), offsets, strict=False)])
-    times = np.linspace(0.0, trajectory.end, SEEDS)
-    values = trajectory.sample(times, every_output)
-    sampled = values.max(axis=0)
-    largest = np.full(int(offsets[-1]), -np.inf)
-    np.maximum.at(largest, group, sampled)
-    highest, _, _ = trajectory.maxima(every_output, largest[group], times[values.argmax(axis=0)])
-    highest = np.where(highest > largest[group], highest, sampled)
+    if trajectory.bounded and group.size == offsets[-1]:
+        unknown = np.full(group.size, -np.inf)
+        highest, _, _ = trajectory.maxima(every_output, unknown, np.zeros(group.size))
+    else:
+        times = np.linspace(0.0, trajectory.end, SEEDS)
+        values = trajectory.sample(times, every_output)
+        sampled = values.max(axis=0)
+        largest = np.full(int(offsets[-1]), -np.inf)
+        np.maximum.at(largest, group, sampled)
+        highest, _, _ = trajectory.maxima(every_output, largest[group], times[values.argmax(axis=0)])
+        highest = np.where(highest > largest[group], highest, sampled)
     parts = np.split(highest, np.cumsum(sizes)[:-1])
     return _named(system, asked, dict(zip(searches, parts, strict=True)))
 

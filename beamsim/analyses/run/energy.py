@@ -7,6 +7,7 @@ the motion. Relative frame; what the motion of a ground-mounted snubber does to 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -199,13 +200,17 @@ def power_factors(flow: ExactFlow) -> PowerFactors:
     base_rate = _base_rate(flow)
     driven = 0 if base_rate is None else m
 
+    @lru_cache(maxsize=1)  # both factors of one state are asked for in turn
+    def losses(phases: bytes) -> tuple[LinearOutput, LinearOutput]:
+        return contact_losses(flow, np.frombuffer(phases, dtype=np.int64))
+
     def left(phases: Ints) -> LinearOutput:
         forces = () if base_rate is None else (flow.contact_forces(phases),)
-        return stack(moving, contact_losses(flow, phases)[0], signals, *forces)
+        return stack(moving, losses(phases.tobytes())[0], signals, *forces)
 
     def right(phases: Ints) -> LinearOutput:
         rates = () if base_rate is None else (base_rate,)
-        return stack(moving, contact_losses(flow, phases)[1], loaded, *rates)
+        return stack(moving, losses(phases.tobytes())[1], loaded, *rates)
 
     inside = m + contacts.internal_states
     weight = np.zeros((used.size + inside + loads.shape[0] + 1 + driven, 2))
