@@ -85,6 +85,14 @@ class OutcomeCode(Enum):
         "stopped[ at {place}] after {points} points: no solution even with the smallest step of {step}",
         "try a smaller step or another starting point",
     )
+    STICKING_JUMPS = (
+        OutcomeKind.STOPPED,
+        "stopped[ at {place}] after {points} points: where a friction contact with a static coefficient above the "
+        "sliding one begins to stick or to slide, it does so at once for a time that is not short, and the motions "
+        "beyond are not neighbours of these",
+        "follow the range beyond with a stepped sine, begin the continuation there, or give the contact one "
+        "coefficient",
+    )
     ORBIT_NOT_FINITE = (
         OutcomeKind.STOPPED,
         "stopped[ at {place}] after {points} points: beyond it the motion leaves the range of floating-point numbers",

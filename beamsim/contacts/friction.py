@@ -58,6 +58,21 @@ def _written(static: float, sliding: float) -> float:
     return static if static == sliding else 2.0 * static
 
 
+def drops(law: ContactLaw) -> bool:
+    """Whether a friction force falls where sliding begins: the static limit is above the sliding one.
+
+    Examples
+    --------
+    >>> [drops(friction_law(1e4, 3.0, 2.0)), drops(rigid_friction_law(3.0, 2.0)), drops(rigid_friction_law(2.0, 2.0))]
+    [True, True, False]
+    """
+    stick = law.phases[STICK]
+    if not stick.holds:
+        return any(guard.loss > 0.0 or guard.pressing_loss > 0.0 for guard in stick.guards)
+    slide = law.phases[FORWARDS]
+    return any(abs(guard.reaction) * (slide.friction + slide.pressing) < 1.0 - 1e-12 for guard in stick.guards)
+
+
 @lru_cache(maxsize=1024)
 def friction_law(stiffness: float, static: float, sliding: float, start: float = 0.0) -> ContactLaw:
     """Dry friction behind a tangential spring.

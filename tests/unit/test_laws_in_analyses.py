@@ -1,12 +1,16 @@
 """Every contact law in every analysis: it is taken, or refused with the reason and a remedy."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import beamsim
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.identify.steady import steady_vibration
+from beamsim.contacts.friction import drops
 from beamsim.errors import ScenarioError
+from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import with_values
 from beamsim.system.build import build_system
@@ -143,6 +147,18 @@ def test_yielding_or_sliding_that_ends_at_phase_zero(law, changed, ends):
     assert branch.outcome.complete
     slider = branch.internal_states[np.argsort(branch.frequency_hz), 0]
     assert np.abs(np.diff(slider)).max() < 0.05 * np.abs(slider).max()
+
+
+@pytest.mark.slow
+def test_where_sliding_begins_at_once_a_branch_ends_and_says_why():
+    """The force of the damper reaches its static limit of 35 N while it sticks; it then falls to 25 N."""
+    sweep = {"kind": "continuation", "from": 3.505, "to": 3.53, "side_branches": "none", "seek_at": 0}
+    damper = Path(__file__).parents[2] / "configs" / "friction_damper.yaml"
+    branch, *_ = beamsim.frequency_response(load_scenario(damper, {"run": None, "sweep": sweep})).branches
+    assert branch.outcome.code is OutcomeCode.STICKING_JUMPS
+    assert branch.frequency_hz.max() == pytest.approx(3.523498, abs=1e-5)
+    one = load_scenario(damper, {"run": None, "sweep": sweep, "friction[0].coefficient": 0.35})
+    assert not any(drops(law) for law in build_system(one).dynamics.contacts.laws)
 
 
 def test_a_contact_that_sticks_throughout():
