@@ -331,6 +331,8 @@ class OutcomeCode(Enum):
         return frozenset(name.replace("place", "parameter") for name in names)
 
 
+_IN_UNITS = {"unit": ("parameter", "beyond", "ranges", "levels", "missed"), "level_unit": ("level",)}
+"""Names of units among the numbers of an outcome, and the numbers that are in them."""
 _OPTIONAL = re.compile(r"\[([^\]]*)\]")
 
 
@@ -452,6 +454,21 @@ class Outcome:
             place["beyond"] = float(convert(beyond))
         return replace(self, numbers={**self.numbers, **place}, parts=parts)
 
+    def displayed(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Self:
+        """A copy in the units of tables, for people.
+
+        Parameters
+        ----------
+        scale : the factor and the unit in which some numbers of a unit are shown.
+        """
+        numbers = dict(self.numbers)
+        for of, names in _IN_UNITS.items():
+            held = {name: numbers[name] for name in names if isinstance(numbers.get(name), (int, float, tuple))}
+            if numbers.get(of) and held:
+                factor, unit = scale(str(numbers[of]), [x for value in held.values() for x in _each(value)])
+                numbers |= {name: _times(value, factor) for name, value in held.items()} | {of: unit}
+        return replace(self, numbers=numbers, parts=tuple(part.displayed(scale) for part in self.parts))
+
     def as_dict(self) -> dict[str, Any]:
         """Values that JSON can hold."""
         values: dict[str, Any] = {"code": self.code.label, "numbers": dict(self.numbers)}
@@ -492,6 +509,15 @@ def _plain(value: Any) -> Number:
         items = value.tolist() if hasattr(value, "tolist") else value
         return tuple(_plain(item) for item in items) if isinstance(items, Sequence) else items
     return value  # type: ignore[no-any-return]
+
+
+def _each(value: Any) -> list[float]:
+    """The numbers of nested tuples."""
+    return [x for item in value for x in _each(item)] if isinstance(value, tuple) else [float(value)]
+
+
+def _times(value: Any, factor: float) -> Number:
+    return tuple(_times(item, factor) for item in value) if isinstance(value, tuple) else float(value) * factor
 
 
 def _names(template: str) -> set[str]:

@@ -164,7 +164,9 @@ def _conclude(kind: str, result: Result, target: Path, reporting: Reporting, sig
         text = f"interrupted; the {what} result is in {target}; `beamsim plot {target}` plots it"
         raise StoppedEarlyError(text, code)
     if code != ExitCode.SUCCESS:
-        raise StoppedEarlyError(f"{result.status}; the partial result is in {target}", code)
+        from beamsim.plots.style import scale_for
+
+        raise StoppedEarlyError(f"{result.outcome.displayed(scale_for)}; the partial result is in {target}", code)
     if reporting.check:
         from beamsim.analyses.limits import exceeded_limits
 

@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.cli.report import Row, Texts, counted, few, pair, percent
 from beamsim.orbits.branch import special_name
-from beamsim.plots.style import amount
+from beamsim.plots.style import amount, scale_for
 
 SMALL_SHARE = 0.5  # of the energy in the mode, below which the smallest is reported
 SMALL_DRIFT = 1e-6  # drift over the periods of the spectrum that is not reported
@@ -159,15 +159,15 @@ def _phase_resonance(result: NormalModeResult, summary: Mapping[str, Any]) -> It
     unit = summary["unit"]
     for k, s in enumerate(summary["levels"]):
         head = f"{_level(s['level'], unit)}: "
-        predicted = f"predicted {s['predicted_frequency_hz']:.6g} Hz, {s['predicted_amplitude_m']:.4g} m"
+        predicted = f"predicted {s['predicted_frequency_hz']:.6g} Hz, {amount(s['predicted_amplitude_m'], 'm')}"
         if not s["found"]:
             yield "", f"{head}{predicted}; no exact motion found"
             continue
         kind = "stable" if s["stable"] else "unstable"
         yield (
             "",
-            f"{head}{predicted}; found {s['frequency_hz']:.6g} Hz, {s['amplitude_m']:.4g} m at {summary['probe']} "
-            f"({kind})",
+            f"{head}{predicted}; found {s['frequency_hz']:.6g} Hz, {amount(s['amplitude_m'], 'm')} at "
+            f"{summary['probe']} ({kind})",
         )
         if math.isfinite(s["level_for_amplitude"]):
             off = s["level_for_amplitude"] / s["level"] - 1.0
@@ -175,10 +175,10 @@ def _phase_resonance(result: NormalModeResult, summary: Mapping[str, Any]) -> It
                 "",
                 f"level predicted for the computed amplitude {_level(s['level_for_amplitude'], unit)} ({off:+.2%})",
             )
-        yield "", f"peak of the response {s['peak_amplitude_m']:.4g} m at {s['peak_frequency_hz']:.6g} Hz"
+        yield "", f"peak of the response {amount(s['peak_amplitude_m'], 'm')} at {s['peak_frequency_hz']:.6g} Hz"
         curve = None if result.phase_resonance is None else result.phase_resonance.motions[k].curve
         if curve is not None and not curve.outcome.complete:
-            yield "", f"response curve {curve.outcome}"
+            yield "", f"response curve {curve.outcome.displayed(scale_for)}"
     for k, s in enumerate(summary["levels"]):
         if s["periods"]:
             yield (

@@ -15,7 +15,7 @@ from beamsim.analyses.limits import limit_label, limit_unit
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.kinds import KINDS, named
-from beamsim.plots.style import amount, is_known, level_text, margin_text, shown_in
+from beamsim.plots.style import amount, is_known, level_text, margin_text, scale_for, shown_in
 from beamsim.scenario.quantities import amplitude_unit
 
 VALUES_SHOWN = 6  # of a list
@@ -30,7 +30,7 @@ Texts = Mapping[str, Callable[[Any, Any], str | Mapping[str, str] | Rows]]
 def table_rows(kind: str, result: Result) -> Iterator[Row]:
     """Label and text of every row of a result's table: first the status if there is more to say than complete."""
     if result.outcome.message or result.outcome.parts:
-        yield from _labelled("status", [("", text) for text in result.outcome.statements])
+        yield from _labelled("status", [("", text) for text in result.outcome.displayed(scale_for).statements])
     texts = named(KINDS[kind].texts) if KINDS[kind].texts else {}
     for entry in type(result).SUMMARY:
         if entry.label and entry.name in result.summary:

@@ -10,7 +10,7 @@ import numpy as np
 from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.cli.report import SHARED, Row, Texts, pair, percent
 from beamsim.orbits.branch import special_name
-from beamsim.plots.style import amount, level_text
+from beamsim.plots.style import amount, level_text, scale_for
 
 SHOWN = 12  # special points of a branch
 MOST_BRANCHES = 12
@@ -23,7 +23,8 @@ def _branches(result: FrequencyResponse, count: int) -> Iterator[Row]:
         broken = (
             "" if off is None else f"; its symmetry is broken, the mean of {off[0]} reaches {amount(off[1], 'm', 3)}"
         )
-        yield "", f"{_branch(b.level, result.level_unit, b.period_multiple)}: {points}; {b.status}{broken}"
+        status = b.outcome.displayed(scale_for)
+        yield "", f"{_branch(b.level, result.level_unit, b.period_multiple)}: {points}; {status}{broken}"
     if count > MOST_BRANCHES:
         yield "", f"and {count - MOST_BRANCHES} more in the file"
 
@@ -37,7 +38,8 @@ def _special_points(result: FrequencyResponse, points: Sequence[dict[str, Any]])
     """Those of motions of the excitation's own period."""
     own_period = [point for point in points if point["period_multiple"] == 1]
     for event in own_period[:SHOWN]:
-        yield "", f"{_special_point(event)} {result.unit}{_at_level(event, result.level_unit)}"
+        place = _parameter(event["parameter"], result.unit, 8)
+        yield "", f"{_special_point(event)} at {place}{_at_level(event, result.level_unit)}"
     if len(own_period) > SHOWN:
         yield "", f"and {len(own_period) - SHOWN} more in the file"
 
@@ -48,12 +50,17 @@ def _at_level(item: dict[str, Any], unit: str) -> str:
 
 def _special_point(event: dict[str, Any]) -> str:
     snubber = f" of {event['snubber']}" if event["snubber"] else ""
-    return f"{special_name(event['kind'])}{snubber} at {event['parameter']:.8g}"
+    return f"{special_name(event['kind'])}{snubber}"
+
+
+def _parameter(value: float, unit: str, digits: int = 6) -> str:
+    """A value of what is varied: frequencies, which are compared, to all digits asked for."""
+    return f"{value:.{digits}g} Hz" if unit == "Hz" else amount(value, unit, digits)
 
 
 def _peaks(result: FrequencyResponse, peaks: Sequence[dict[str, Any]]) -> Iterator[Row]:
     for peak in peaks:
-        at = f"{peak['parameter']:.6g} {result.unit}{_at_level(peak, result.level_unit)}"
+        at = f"{_parameter(peak['parameter'], result.unit)}{_at_level(peak, result.level_unit)}"
         multiple = peak.get("period_multiple", 1)  # files of earlier versions have only motions of period 1
         kind = peak["kind"] if multiple == 1 else f"{peak['kind']}, period {multiple}"
         yield "", f"{peak['probe']}  {amount(peak['value_m'], 'm', 5)} at {at} ({kind})"
@@ -69,7 +76,8 @@ def _folds(result: FrequencyResponse, curves: Sequence[dict[str, Any]]) -> Itera
     for curve in curves:
         reach = curve["status"]
         if curve["points"]:
-            extent = f"{curve['smallest_parameter']:.5g} to {curve['largest_parameter']:.5g} {result.second_unit}"
+            ends = curve["smallest_parameter"], curve["largest_parameter"]
+            extent = " to ".join(_parameter(end, result.second_unit, 5) for end in ends)
             grazing = f", {curve['touching']} grazing" if curve["touching"] else ""
             reach = (
                 f"{result.second_parameter} {extent}, {curve['smallest_hz']:.5g} to {curve['largest_hz']:.5g} Hz, "
@@ -103,7 +111,8 @@ def _outputs(result: FrequencyResponse, peaks: Mapping[str, Mapping[str, float]]
     for name, peak in peaks.items():
         output = result.branches[0].outputs[name]
         what = f"{output.quantity.replace('_', ' ')}, {output.at}"
-        texts[name] = f"{amount(peak['value'], output.unit)} at {peak['parameter']:.6g} {result.unit} (stable), {what}"
+        at = _parameter(peak["parameter"], result.unit)
+        texts[name] = f"{amount(peak['value'], output.unit)} at {at} (stable), {what}"
     return texts
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from beamsim.analyses.result import Result
 from beamsim.outcomes import OutcomeKind
+from beamsim.plots.style import scale_for
 
 METHODS = {
     "reference": "time stepping with located events; contacts are not certified",
@@ -22,7 +23,7 @@ Row = tuple[str, str, str]  # what was checked, what came out, what that means
 
 def doubts(result: Result) -> list[str]:
     """Sentences that a reader must see before any number: what is incomplete or can't be trusted."""
-    texts = [] if result.complete or not result.status else [result.status]
+    texts = [] if result.complete or not result.status else [str(result.outcome.displayed(scale_for))]
     doubtful = result.summary.get("doubtful") or []
     if doubtful:
         named = ", ".join(" of ".join(map(words, each.split(".", 1))) for each in doubtful[:6])
@@ -39,7 +40,7 @@ def untrusted(result: Result) -> bool:
 def checks(result: Result) -> Iterator[Row]:
     """What was checked."""
     summary = result.summary
-    yield "outcome", result.status or "complete", "how the computation ended"
+    yield "outcome", str(result.outcome.displayed(scale_for)) or "complete", "how the computation ended"
     method = summary.get("method") or getattr(result, "method", "")
     if method == "exact":
         yield (

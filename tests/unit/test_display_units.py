@@ -3,13 +3,16 @@
 import gzip
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from beamsim.cli.app import app
+from beamsim.cli.response_report import TEXTS
 from beamsim.errors import ScenarioError
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.plots.run import run_figures
 from beamsim.plots.style import acceleration_scale, amount, level_text, scale_for, shown_in
 from beamsim.scenario import load_scenario
@@ -41,6 +44,24 @@ def test_amounts_are_shown_in_the_units_chosen():
     assert amount(851.8, "N") == "851.8 N"
     assert amount(1.5, "s") == "1.5 s"  # times over a second are in seconds
     assert acceleration_scale().unit == "g"
+
+
+def test_continuations_and_outcomes_use_them():
+    """They were in SI units alone, whatever the scenario is written in."""
+    grazing = {"kind": "grazing", "snubber": "tip", "parameter": 19.6133, "period_multiple": 1, "level": float("nan")}
+    result = SimpleNamespace(unit="m/s^2", level_unit="m/s^2")
+    assert list(TEXTS["special_points"](result, [grazing])) == [("", "grazing of tip at 2 g")]
+    missing = Outcome.of(OutcomeCode.NO_STABLE_MOTION, ranges=((9.80665, 19.6133),), unit="m/s^2")
+    whole = Outcome.of(OutcomeCode.REACHED_END, missing, parameter=0.0012, unit="m", level=4.903325, level_unit="m/s^2")
+    assert whole.displayed(scale_for).text == "complete: reached 1.2 mm; no stable motion found: 1 to 2 g"
+    assert (
+        missing.but(level=4.903325, level_unit="m/s^2")
+        .displayed(scale_for)
+        .message.startswith("no stable motion found at level 0.5 g: 1 to 2 g")
+    )
+    with shown_in(chosen(**CHOSEN)):
+        assert missing.displayed(scale_for).message == "no stable motion found: 9.80665 to 19.6133 m/s^2"
+    assert Outcome.of(OutcomeCode.REACHED_END, parameter=65.5, unit="Hz").displayed(scale_for).text.endswith("65.5 Hz")
 
 
 def test_g_is_gravity_in_an_acceleration_and_gram_in_a_mass():
