@@ -135,7 +135,7 @@ def test_a_changed_system_differs(tmp_path, monkeypatch):
 
 
 def test_mutated_scenarios():
-    codes, faults = yaml_mutants.attack(120, 8)
+    codes, faults = yaml_mutants.attack(90, 8)
     assert faults == []
     assert codes[2] > 20
     assert codes[0] + codes[3] > 20

@@ -173,7 +173,7 @@ def test_laws_and_profiles(make_system, legs):
     "legs",
     [
         pytest.param(
-            [Leg(0.05, 1.0, 0.1, False), Leg(1.0, 0.05, 0.05, False)], id="up and down", marks=pytest.mark.slow
+            [Leg(0.05, 1.0, 0.3, False), Leg(1.0, 0.05, 0.15, False)], id="up and down", marks=pytest.mark.slow
         ),
         pytest.param([Leg(1.0, 0.05, 0.2, False)], id="down, fast", marks=pytest.mark.slow),
     ],

@@ -230,7 +230,7 @@ def test_a_continuation_goes_on_where_the_stop_begins_to_yield():
             "snubbers": [{"name": "stop", "at": {"mass": 1}, "side": "above", "gap": 1e-3, "stiffness": 5e3,
                           "hardening": {"yield_force": 5.0, "stiffness": 1e3}}],
             "excitation": {"kind": "harmonic", "applied_to": "base", "level": 3.0, "frequency": 3.0},
-            "sweep": {"kind": "continuation", "from": 4.7, "to": 5.0},
+            "sweep": {"kind": "continuation", "from": 4.7, "to": 5.0, "side_branches": "none"},
         }
     )  # fmt: skip
     (branch, *_) = beamsim.frequency_response(case).branches
