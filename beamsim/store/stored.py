@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 
+MOST_OF_STRUCTURE = 2**20  # bytes HDF5 writes at once of what it may read again: headers, names, heaps
+
+
 class LazyScenario:
     """Mixin of results read from a file: the scenario is parsed on first use."""
 
@@ -53,16 +56,19 @@ class LazyScenario:
 class _Sink:
     """A file object for HDF5 whose methods never raise.
 
-    The HDF5 library crashes on a full disk: it repeats failed writes when the file is closed and when the process ends.
-    The first exception, also an interrupt, is therefore stored and raised by `creating`.
+    The HDF5 library crashes on a full disk: it repeats failed writes when the file is closed and when the process ends,
+    and reads again what it has written. The first exception, also an interrupt, is therefore stored and raised by
+    `creating`; what HDF5 may read again is kept in memory.
     """
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self.error: BaseException | None = None
+        self._lost: list[tuple[int, bytes]] = []  # places and contents of what could not be written
 
     def write(self, data: memoryview) -> int:
-        """Write the data; after a failure they are discarded."""
+        """Write the data; from a failure on they are kept in memory, or discarded if they are histories."""
+        place = self._file.tell()
         if self.error is None:
             remaining = memoryview(data).cast("B")
             try:
@@ -70,7 +76,22 @@ class _Sink:
                     remaining = remaining[self._file.write(remaining) :]
             except BaseException as error:
                 self.error = error
+        if self.error is not None and len(data) <= MOST_OF_STRUCTURE:
+            self._lost.append((place, bytes(data)))
         return len(data)
+
+    def readinto(self, buffer: memoryview) -> int:
+        """Read what was written, on the disk or not."""
+        place, view = self._file.tell(), memoryview(buffer).cast("B")
+        count = int(self._file.readinto(view))  # type: ignore[attr-defined]
+        if self.error is None:
+            return count
+        view[count:] = bytes(len(view) - count)
+        for begin, data in self._lost:
+            first, last = max(begin, place), min(begin + len(data), place + len(view))
+            if first < last:
+                view[first - place : last - place] = data[first - begin : last - begin]
+        return len(view)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._file, name)
