@@ -2,7 +2,7 @@
 
 At touch-down a dashpot's force jumps to F = c v, and the acceleration of its place by F times the sum of the squares of
 the mass-normalised shapes there. At a point without mass that sum grows with every mode that is kept: the continuous
-structure has no largest acceleration there, only one within a band.
+structure has no largest acceleration there, only one within a band. A point mass m there bounds it by F / m.
 """
 
 from __future__ import annotations
@@ -51,8 +51,9 @@ def jump_warnings(
             if jump > NOTED * peak_g[probe.name]:
                 warnings.append(
                     f"probes.{probe.name}: its acceleration jumps by up to {jump:.3g} g where the dashpot of "
-                    f"{snubber.name} meets the structure, and by more in a model of more modes, since the point has no "
-                    "mass: give the band of the accelerometer (run.low_pass: 2 kHz) or a point mass at the contact"
+                    f"{snubber.name} meets the structure, and by more in a model of more modes, since the point has "
+                    "little or no mass of its own: give the band of the accelerometer (run.low_pass: 2 kHz) or the "
+                    "whole mass at the contact as a point mass"
                 )
     return warnings
 
