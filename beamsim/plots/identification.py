@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.analyses.designs.result import parameter_label
 from beamsim.analyses.identify.result import (
     FrequencyTable,
     IdentificationResult,
@@ -16,7 +17,7 @@ from beamsim.analyses.identify.result import (
     ProfileLikelihood,
     TestFit,
 )
-from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, put_title, scale_for
+from beamsim.plots.style import MOST_CURVES, curve_style, finish, put_title, scale_for
 from beamsim.scenario.parameters import field_type_at, find_parameters
 from beamsim.scenario.quantities import Quantity
 from beamsim.typing import Floats
@@ -100,7 +101,7 @@ def plot_pad(pad: PadFit, axes: Sequence[Axes]) -> None:
 
 def plot_profile(profile: ProfileLikelihood, ax: Axes, coverage: float, unit: str = "") -> Axes:
     """Profile likelihood: misfit above its minimum, with the level that bounds the confidence interval."""
-    scale = scale_for(unit, profile.value) if unit else Scale(1.0, "")
+    scale = scale_for(unit, profile.value)
     x = profile.value * scale.factor
     ax.plot(x, profile.misfit, color="#0b3c5d", linewidth=1.2, marker="." if x.size < 40 else "")
     level = NormalDist().inv_cdf(0.5 + coverage / 2) ** 2
@@ -108,7 +109,9 @@ def plot_profile(profile: ProfileLikelihood, ax: Axes, coverage: float, unit: st
     ax.annotate(f"{100 * coverage:g} %", (1.0, level), xycoords=("axes fraction", "data"), ha="right", va="bottom",
                 fontsize="small", color="0.3")  # fmt: skip
     ax.set_ylim(0.0, max(3 * level, 1e-12))
-    finish(ax, f"{profile.parameter}{f' ({scale.unit})' if scale.unit else ''}", "Misfit above its minimum")
+    words = parameter_label(profile.parameter)
+    unit = f" ({scale.unit})" if scale.unit else ""
+    finish(ax, f"{words[:1].upper()}{words[1:]}{unit}", "Misfit above its minimum")
     return ax
 
 

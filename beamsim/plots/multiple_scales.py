@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from beamsim.analyses.nnm.result import ExpansionComparison
-    from beamsim.analyses.response.result import ForcedExpansionComparison, FrequencyResponse
+    from beamsim.analyses.response.result import FrequencyResponse
     from beamsim.structures.stations import Stations
 
 ROUND_OFF = 1e-14  # differences below it are not drawn
@@ -114,12 +114,13 @@ def plot_expanded_response(result: FrequencyResponse, ax: Axes, probe: str) -> A
     return ax
 
 
-def plot_forced_orders(comparisons: tuple[ForcedExpansionComparison, ...], ax: Axes) -> Axes:
+def plot_forced_orders(result: FrequencyResponse, ax: Axes) -> Axes:
     """Difference from the exact motion while springs, damping and force are made smaller together."""
-    for k, c in enumerate(comparisons):
+    for k, c in enumerate(result.expansion):
+        level = level_text(c.level, result.level_unit)
         for order, (name, dashes) in enumerate((("leading order", (0, (4, 2))), ("first order", "-"))):
             slopes = c.orders[np.isfinite(c.orders[:, order]), order]
-            label = f"level {c.level:.4g}, {name}" + (f": observed order {slopes[-1]:.2f}" if slopes.size else "")
+            label = f"{level}, {name}" + (f": observed order {slopes[-1]:.2f}" if slopes.size else "")
             style = {"color": curve_style(k)["color"], "linestyle": dashes, "linewidth": 1.1}
             ax.plot(c.factor, c.difference[:, order], marker=".", label=label, **style)
     ax.set_xscale("log")
@@ -137,5 +138,5 @@ def forced_expansion_figures(result: FrequencyResponse) -> dict[str, Figure]:
         )
         for name in list(result.expansion[0].first)[:MOST_CURVES]
     }
-    figures["multiple_scales_orders"] = figure_of(result.title, lambda ax: plot_forced_orders(result.expansion, ax))
+    figures["multiple_scales_orders"] = figure_of(result.title, lambda ax: plot_forced_orders(result, ax))
     return figures
