@@ -58,8 +58,7 @@ class OutcomeCode(Enum):
 
     FIGURES_DOUBTFUL = (
         OutcomeKind.COMPLETE,
-        "figures change by more than {percent:g} % with half as many modes more and twice the elements of every mesh: "
-        "{figures}",
+        "figures change by more than {percent:g} % with half as many modes more[ and {elements}]: {figures}",
         "[{remedy}]",
     )
 
@@ -308,7 +307,7 @@ class OutcomeCode(Enum):
     )
     FIGURES_WORTHLESS = (
         OutcomeKind.UNTRUSTED,
-        "not reliable: with half as many modes more and twice the elements of every mesh figures change, displacements "
+        "not reliable: with half as many modes more[ and {elements}] figures change, displacements "
         "among them: {figures}",
         "[{remedy}]",
     )

@@ -71,9 +71,8 @@ def checks(result: Result) -> Iterator[Row]:
     if model:
         reason = model.get("reason")
         parted = model.get("sequences_part_s")
-        text = (
-            f"not compared: {reason}" if reason else "solved again with half as many modes more and twice the elements"
-        )
+        elements = " and twice the elements" if result.scenario.has_mesh else ""
+        text = f"not compared: {reason}" if reason else f"solved again with half as many modes more{elements}"
         if not model.get("modes") and not reason:
             text = "nothing is left out: the model has all its modes and no mesh"
         if parted is not None and math.isfinite(parted):

@@ -55,6 +55,13 @@ def test_combined():
     assert combined([]) is COMPLETE
 
 
+def test_a_model_without_a_mesh_has_no_elements():
+    given = {"percent": 2.0, "figures": ["rms by 3 %"], "remedy": ""}
+    with_mesh, without = (Outcome.of(OutcomeCode.FIGURES_DOUBTFUL, elements=e, **given) for e in ("more elements", ""))
+    assert "half as many modes more and more elements: rms" in with_mesh.text
+    assert "half as many modes more: rms" in without.text
+
+
 def test_both_directions():
     reached = Outcome.of(OutcomeCode.REACHED_END, parameter=3.0, unit="Hz")
     assert both_directions(reached, reached) is reached

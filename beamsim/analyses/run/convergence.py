@@ -413,6 +413,7 @@ def with_convergence(result: RunResult, checked: Convergence) -> RunResult:
     outcome = Outcome.of(
         code, *parted, percent=100 * ALLOWED_CHANGE, figures=[f"{name} by {100 * sizes[name]:.2g} %" for name in worst],
         remedy=_remedy(result, checked.doubtful),
+        elements="twice the elements of every mesh" if result.scenario.has_mesh else "",
     )  # fmt: skip
     return changed(result, outcome=outcome)
 
