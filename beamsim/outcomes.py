@@ -103,6 +103,12 @@ class OutcomeCode(Enum):
         "is not smooth there (grazing, or a fold close to it)",
         "follow it from its other end, or look at the motion there with a stepped sine",
     )
+    JUST_YIELDS = (
+        OutcomeKind.STOPPED,
+        "stopped[ at {place}]: the motion just reaches the yield force of a stop; with any larger crush it is periodic "
+        "as well, so that no single branch goes on",
+        "follow the range beyond with a stepped sine or a study of runs, where the crush is that of their past",
+    )
     POINT_LIMIT = (
         OutcomeKind.STOPPED,
         "stopped[ at {place}] after {points} points, the maximum number",

@@ -86,6 +86,17 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
     )
 
 
+def yields(law: ContactLaw) -> bool:
+    """Whether a law is that of a stop that yields: it loses work in phases in which its force still rises.
+
+    Examples
+    --------
+    >>> yields(hardening_law(1e5, 100.0, 2e4))
+    True
+    """
+    return any(phase.friction != 0.0 and phase.stiffness != 0.0 for phase in law.phases)
+
+
 def residual_crush(law: ContactLaw, phase: int, penetration: float, slider: float) -> float:
     """How far the face of a stop is from where it was when new, m, in a motion at a penetration, m."""
     (face,) = law.phases[OPEN].guards[0].internal

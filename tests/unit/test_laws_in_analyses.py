@@ -8,9 +8,14 @@ import pytest
 import beamsim
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.identify.steady import steady_vibration
+from beamsim.analyses.response.stopping_contacts import explained
 from beamsim.contacts.friction import drops
 from beamsim.errors import ScenarioError
-from beamsim.outcomes import OutcomeCode
+from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.variational import VariationalFlow
+from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import with_values
 from beamsim.system.build import build_system
@@ -159,6 +164,30 @@ def test_where_sliding_begins_at_once_a_branch_ends_and_says_why():
     assert branch.frequency_hz.max() == pytest.approx(3.523498, abs=1e-5)
     one = load_scenario(damper, {"run": None, "sweep": sweep, "friction[0].coefficient": 0.35})
     assert not any(drops(law) for law in build_system(one).dynamics.contacts.laws)
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.00001, OutcomeCode.JUST_YIELDS), (1.1, OutcomeCode.NOT_SMOOTH),
+                                              (0.9, OutcomeCode.NOT_SMOOTH)])  # fmt: skip
+def test_a_stalled_branch_says_what_a_stop_that_yields_has_to_do_with_it(share, said):
+    """With a yield force of about the peak of an elastic motion; not well above or below."""
+
+    def stalled(yield_force):
+        system = build_system(case("hardening", f"chain.snubbers[0].hardening.yield_force={yield_force} N"))
+        loads = PeriodicForcing.harmonic(3.0 * system.forcing.load[0])
+        flow = VariationalFlow(system.dynamics, loads, 2 * np.pi * 4.5, 1.0)
+        start = np.zeros(flow.size)
+        start[system.dynamics.size] = -0.2
+        passage, one = flow.carry(start, 1.0 / 4.5), np.ones(flow.size + 1)
+        point = BranchPoint(np.append(start, flow.omega), one, one, 0.0, 1.0, 0, passage)
+        return ForcedOrbits(flow, "frequency"), point
+
+    problem, point = stalled(50.0)
+    times = np.linspace(0.0, point.data.duration, 4000)
+    penetration, _ = problem.flow.penetration(point.data, times)
+    reason = Outcome.of(OutcomeCode.NOT_SMOOTH, parameter=3.0, steps=150, step=0.1)
+    outcome = explained(reason, *stalled(share * 300.0 * penetration.max()))
+    assert outcome.code is said
+    assert outcome.numbers["parameter"] == 3.0
 
 
 def test_a_contact_that_sticks_throughout():

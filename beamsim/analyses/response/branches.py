@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from beamsim.analyses.interruption import Stop, Stopped, heeding, never, until
-from beamsim.contacts.friction import drops
+from beamsim.analyses.response.stopping_contacts import explained
 from beamsim.orbits.branch import (
     INTERRUPTED,
     BranchPoint,
@@ -348,14 +348,9 @@ def walk(
     if outcome.code is OutcomeCode.POINT_LIMIT and "limit" not in outcome.numbers:
         outcome = outcome.but(limit=limit)
         budget.cut(outcome)
-    if outcome.code is OutcomeCode.STEP_TOO_SMALL and _has_friction_that_drops(branch.problem):
-        where = {name: outcome.numbers[name] for name in ("parameter", "points")}
-        outcome = Outcome.of(OutcomeCode.STICKING_JUMPS, **where)
+    if points:
+        outcome = explained(outcome, branch.problem, points[-1])
     return points, with_failed_searches(outcome, failed), special
-
-
-def _has_friction_that_drops(problem: Any) -> bool:
-    return isinstance(problem, ForcedOrbits) and any(drops(law) for law in problem.flow.system.contacts.laws)
 
 
 def along(a: BranchPoint, b: BranchPoint, special: list[SpecialPoint]) -> list[SpecialPoint]:
