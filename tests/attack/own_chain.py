@@ -113,7 +113,7 @@ class OwnChain:
                 self.load, self.base = -self.m, 1.0
             else:
                 self.load[sine["applied_to"]["mass"] - 1] = 1.0
-        self._known = {}
+        self.probes, self._known = np.eye(self.n), {}
 
     def state(self, x, v):
         """State at phase zero of the load."""
@@ -245,7 +245,8 @@ class OwnChain:
             on * (k * self.penetration(i, z) + c * self.rate(i, z))
             for i, (on, (*_, k, c)) in enumerate(zip(closed, self.stops, strict=True))
         ]
-        return {"displacement": z[:, :n], "acceleration": (z @ A.T)[:, n : 2 * n] + base, "force": np.array(force).T}
+        acceleration = (z @ A.T)[:, n : 2 * n] @ self.probes.T + base
+        return {"displacement": z[:, :n] @ self.probes.T, "acceleration": acceleration, "force": np.array(force).T}
 
     def monodromy(self, z, duration):
         """(2 n, 2 n) derivative of the state at the end by that at the begin, jumps at contacts included."""
@@ -259,8 +260,8 @@ class OwnChain:
                 (i,) = (i for i, on in enumerate(segment.closed) if on != after.closed[i])
                 normal = np.zeros(z.size)
                 normal[: self.n] = -self.stops[i][1] * self.stops[i][0]
-                jump = (self.matrix(after.closed)[0] - A) @ at
-                M = M + np.outer(jump, normal @ M) / (normal @ A @ at)
+                jump, speed = (self.matrix(after.closed)[0] - A) @ at, normal @ A @ at
+                M = M if speed == 0.0 else M + np.outer(jump, normal @ M) / speed  # at a grazing nothing jumps
         return M[: 2 * self.n, : 2 * self.n]
 
 

@@ -8,83 +8,12 @@ one.
 import copy
 
 import numpy as np
+from figure_comparison import CLOSE, JUMPY, Compared
 from own_chain import OwnChain, natural_frequencies, random_chain
 from scipy.optimize import brentq
+from sweep_figures import levels, linear_response, notching, profile, random_response, stepped_sine, structure
 
-CYCLES, NEWTON = 300, 12  # until a motion is nearly steady; steps from there
-CLOSE = 1e-6  # of the largest value of the quantity
-JUMPY = 3e-6  # the same of accelerations, whose parabolas are coarser
 MARGIN = 1e-5  # multipliers closer to the unit circle are neither stable nor unstable
-
-
-class _Compared:
-    """Collects what differs."""
-
-    def __init__(self, what=""):
-        self.count, self.differences, self.what = 0, [], what
-
-    def __call__(self, name, theirs, ours, scale=None, close=CLOSE):
-        theirs, ours = np.asarray(theirs, dtype=float), np.asarray(ours, dtype=float)
-        scale = np.abs(ours).max(initial=0.0) if scale is None else scale
-        self.count += theirs.size
-        if not np.all(np.abs(theirs - ours) <= close * max(scale, 1e-300)):
-            self.differences.append(f"{self.what} {name}: {theirs} instead of {ours}")
-
-
-def stepped_sine(seed):
-    """Envelopes, means, rms and contact shares at six frequencies of a stepped sine."""
-    import beamsim
-
-    case, rng = random_chain(seed), np.random.default_rng([seed, 5])
-    first = case["excitation"]["frequency"]
-    low, high = first * rng.uniform(0.4, 0.9), first * rng.uniform(1.1, 3)
-    direction = str(rng.choice(["up", "down"]))
-    case["sweep"] = {
-        "kind": "stepped", "from": low, "to": high, "points": 6, "steady_to": 1e-11, "most_cycles": 5000,
-        "direction": direction,
-    }  # fmt: skip
-    (curve,) = beamsim.sweep(beamsim.Scenario.model_validate(case)).curves.values()
-    compared, state = _Compared(), None
-    for k, frequency in enumerate(curve.frequency_hz):
-        if curve.steady.kind[k] != "periodic":
-            continue
-        own = OwnChain(case, 2 * np.pi * frequency)
-        period = int(curve.steady.period_cycles[k]) / frequency
-        state = _steady(own, np.zeros(2 * own.n) if state is None else state, period)
-        z = own.state(*np.split(state, 2))
-        if np.abs(np.linalg.eigvals(own.monodromy(z, period))).max() > 1:
-            continue  # Newton's method has left the motion that the sweep settled on
-        figures = own.figures(z, period)
-        compared.what = f"{frequency:.6g} Hz"
-        for name, envelopes in (
-            ("displacement", curve.displacement),
-            ("acceleration", curve.acceleration),
-            ("force", curve.force),
-        ):
-            scale, close = figures.peak(name).max(), JUMPY if name == "acceleration" else CLOSE
-            rows = list(envelopes.values())
-            compared(f"largest {name}", [row.maximum[k] for row in rows], figures.high[name], scale, close)
-            compared(f"smallest {name}", [row.minimum[k] for row in rows], figures.low[name], scale, close)
-            compared(f"mean {name}", [row.mean[k] for row in rows], figures.mean[name], scale)
-            compared(f"rms {name}", [row.rms[k] for row in rows], figures.rms[name], scale)
-        compared("contact share", [share[k] for share in curve.contact_share.values()], figures.share, 1.0)
-    return compared.count, compared.differences
-
-
-def _steady(own, y, period):
-    """(2 n,) state at phase zero of the motion on which y settles."""
-    z = own.state(*np.split(y, 2))
-    for _ in range(CYCLES):
-        _, z = own.move(z, period)
-        z[-2:] = 0.0, 1.0
-    y, size = z[: 2 * own.n], np.repeat([1.0, 1.0 / own.omega], own.n)
-    for _ in range(NEWTON):
-        z = own.state(*np.split(y, 2))
-        error = own.move(z, period)[1][: 2 * own.n] - y
-        if np.abs(error * size).max() < 1e-13 * np.abs(y * size).max():
-            break
-        y = y - np.linalg.solve(own.monodromy(z, period) - np.eye(2 * own.n), error)
-    return y
 
 
 def continuation(seed):
@@ -98,7 +27,7 @@ def continuation(seed):
     case["sweep"] = {"kind": "continuation", "from": low, "to": high, "seek_at": 1, "most_points": 600}
     scenario = beamsim.Scenario.model_validate(case)
     result, rows = frequency_response(scenario), _rows(scenario)
-    compared = _Compared()
+    compared = Compared()
     for branch in result.branches:
         special = {int(np.argmin(np.abs(branch.parameter - e.parameter))): e for e in branch.special}
         for k in sorted({*np.linspace(0, branch.parameter.size - 1, 8).astype(int).tolist(), *special}):
@@ -134,12 +63,16 @@ def _point(compared, case, rows, branch, k, special):
     accelerations = [values[k] for values in branch.peak_acceleration.values()]
     compared("acceleration", accelerations, figures.peak("acceleration"), close=JUMPY * grows)
     forces, stiffest = [values[k] for values in branch.peak_force.values()], max(stop[3] for stop in own.stops)
-    scale = max(figures.peak("force").max(), 1e-3 * size * stiffest)
+    kind = "" if special is None else special.kind
+    touches = kind in (
+        "grazing",
+        "nonsmooth_fold",
+    )  # where force is what is left of a penetration, and multipliers jump
+    scale = max(figures.peak("force").max(), (1.0 if touches else 1e-3) * size * stiffest)
     compared("force", forces, np.maximum(figures.high["force"], 0.0), scale, CLOSE * grows)
     shares = [values[k] for values in branch.contact_share.values()]
     compared("contact share", shares, figures.share, 1.0, CLOSE * grows)
-    kind = "" if special is None else special.kind
-    if kind not in ("grazing", "nonsmooth_fold"):  # where multipliers jump
+    if not touches:
         compared("multiplier", np.abs(branch.floquet_multipliers[k]).max(), largest, grows, 1e-4)
         if abs(largest - 1) > MARGIN:
             compared("stable", branch.stable[k], largest < 1)
@@ -167,7 +100,7 @@ def nonlinear_mode(seed):
         result = nnm(scenario)
     except ScenarioError as error:
         return 0, [] if "with every gap zero" in str(error) else [str(error)]
-    compared, rows = _Compared(), _rows(scenario)
+    compared, rows = Compared(), _rows(scenario)
     for branch in result.branches:
         for k in {*np.linspace(0, branch.frequency_hz.size - 1, 10).astype(int).tolist()}:
             own = OwnChain(case, 2 * np.pi * branch.frequency_hz[k], free=True)
@@ -197,7 +130,7 @@ def study(seed):
     places = [{"path": f"chain.snubbers.{stop['name']}.{key}", "values": list(v)} for key, v in values.items()]
     varied = {**case, "vary": {"kind": "grid", "parameters": places}}
     result = design_study(plan_designs(beamsim.Scenario.model_validate(varied)), workers=1)
-    compared = _Compared()
+    compared = Compared()
     for number in range(6):
         stop["stiffness"], stop["gap"] = values["stiffness"][number // 2], values["gap"][number % 2]
         summary = beamsim.run(beamsim.Scenario.model_validate(case)).summary
@@ -237,7 +170,7 @@ def identification(seed):
     guessed["chain"]["snubbers"][0]["stiffness"] = 3.7 * true
     scenario = beamsim.Scenario.model_validate({**guessed, "identify_stiffness": section})
     summary = identify_stiffness(scenario).summary
-    compared = _Compared()
+    compared = Compared()
     compared("stiffness", summary["stiffness_n_per_m"], true, close=1e-8)
     slope = np.diff([natural_frequencies(case, [true * (1 + s)])[mode] for s in (-step, step)])[0] / (2 * step * true)
     compared("deviation", summary["standard_deviation_n_per_m"], spread * measured[mode] / slope, close=1e-4)
@@ -257,7 +190,10 @@ def identification(seed):
     return compared.count, compared.differences
 
 
-CHECKS = (stepped_sine, continuation, nonlinear_mode, study, identification)
+CHECKS = (
+    stepped_sine, levels, structure, profile, notching, linear_response, random_response, continuation, nonlinear_mode,
+    study, identification,
+)  # fmt: skip
 
 
 def attack(count, seed, say=lambda *_: None):
