@@ -30,7 +30,7 @@ ENERGIES = tuple(field.name for field in fields(EnergyHistory))
 VALUES_A_BLOCK = 2**20  # outputs and states of all times of a block
 COMPONENTS = 3  # of the stress at the surface of a plate: sigma_x, sigma_y, tau_xy
 _STRESSES_AT_ONCE = 256  # samples
-MOST_STRESSES = 20_000  # samples of the stress of a motion that was stopped
+MOST_STRESSES = 5_000  # samples of the stress of a motion that was stopped
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress of every station starts
 
 
@@ -224,6 +224,7 @@ class ExactHistories:
         if not self._energies_given_up:
             try:
                 with heeding(self._stop):
+                    check_stop()
                     history = energies(motion, times, self._power_factors, begin, self._work[number])
             except Stopped:
                 self._energies_given_up = True
