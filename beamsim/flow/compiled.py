@@ -22,6 +22,7 @@ import numba
 from numba.core.runtime.nrt import rtsys
 
 from beamsim.errors import CacheWarning
+from beamsim.flow.inner_code import InnerCompiler, prepare_to_save
 from beamsim.flow.stopping import check_compilation
 
 _LOG = logging.getLogger(__name__)
@@ -56,14 +57,18 @@ def kernel(function: Callable[..., Any]) -> Any:
     return njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
 
 
-WITHIN: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
+WITHIN: dict[str, Any] = {
+    "cache": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True,
+    "pipeline_class": InnerCompiler,
+}  # fmt: skip
 
 
 def inner(function: Callable[..., Any]) -> Any:
     """A compiled function that only compiled functions call, and that neither makes nor returns arrays.
 
-    It has no entry from Python, which would take a third of the compilation: called from there it crashes. References
-    to arrays are not counted in it, which took a third of a swept sine: the caller holds them.
+    It has no entry from Python, which would take a third of the compilation, nor machine code of its own: called from
+    there it crashes. References to arrays are not counted in it, which took a third of a swept sine: the caller holds
+    them.
     """
     return njit(**WITHIN, _nrt=False)(function)
 
@@ -124,7 +129,8 @@ def _warn_once(reason: str) -> None:
 def _search_no_garbage(dispatcher: Any) -> None:
     """Compile without searching for garbage: the many objects of a compilation stay until it ends.
 
-    The searches took a sixth of its time.
+    The searches took a sixth of its time. One at its end, among all that is new by then, took a fortieth: freezing and
+    thawing makes it old, so that it is searched when old objects are.
     """
     compiler: Any = dispatcher._compiler
     compile_types = compiler.compile
@@ -136,6 +142,9 @@ def _search_no_garbage(dispatcher: Any) -> None:
         try:
             return compile_types(arguments, returned)
         finally:
+            if not gc.get_freeze_count():  # what others have frozen is left alone
+                gc.freeze()
+                gc.unfreeze()
             gc.enable()
 
     compiler.compile = compile_at_once
@@ -165,10 +174,10 @@ def _know_all_sources(dispatcher: Any) -> None:
 
 @cache
 def _hash_of_kernels() -> str:
-    """Hash of the sources of all kernels."""
+    """Hash of the sources of all kernels, and of how they are compiled."""
     digest = hashlib.sha256()
     for file in sorted(Path(__file__).parent.glob("*.py")):
-        if file.stem.endswith("kernels") or file.name == Path(__file__).name:
+        if file.stem.endswith("kernels") or file.stem in ("compiled", "inner_code"):
             digest.update(file.read_bytes())
     return digest.hexdigest()
 
@@ -199,9 +208,10 @@ def _tolerate_failures(dispatcher: Any) -> None:
             check_compilation()
         return loaded
 
-    def save_overload(*arguments: Any) -> None:
+    def save_overload(signature: Any, compiled: Any) -> None:
         try:
-            save(*arguments)
+            prepare_to_save(compiled.library)
+            save(signature, compiled)
         except Exception as error:  # what is on the disk may be damaged, too
             _warn_once(str(getattr(error, "strerror", "") or error or type(error).__name__))
         check_compilation()
