@@ -67,6 +67,8 @@ def test_a_mode_keeps_the_points_it_has(mode, points):
     assert part.summary["status"] == part.status
     assert part.backbone.parameter.size == points < mode.backbone.parameter.size
     np.testing.assert_array_equal(part.backbone.initial_displacement, mode.backbone.initial_displacement[:points])
+    (motion,) = (branch.motion for branch in part.branches if branch.motion is not None)
+    assert motion.periods == 5  # not 50: a command ends within a second
     nnm_figures(part)
 
 

@@ -20,6 +20,8 @@ from beamsim.analyses.nnm.multiple_scales import (
     modes_of,
 )
 from beamsim.analyses.nnm.orbits import (
+    PERIODS,
+    PERIODS_AFTER_A_STOP,
     branch_result,
     mode_shape,
     orbit_motion,
@@ -119,7 +121,10 @@ def nnm(
     shown, point = _shown(branches)
     branch = branches[shown]
     state = np.concatenate([branch.coordinates[point], branch.coordinate_velocities[point]])
-    motion = orbit_motion(system, work.flow_of(shown, point), state, 1.0 / float(branch.frequency_hz[point]))
+    motion = orbit_motion(
+        system, work.flow_of(shown, point), state, 1.0 / float(branch.frequency_hz[point]),
+        PERIODS_AFTER_A_STOP if stop() else PERIODS,
+    )  # fmt: skip
     branches = (*branches[:shown], replace(branch, motion=motion), *branches[shown + 1 :])
     resonance = None
     if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance", stop):

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 SAMPLES = 1024  # of a period, in the stored motion
 HARMONICS = 20
 PERIODS = 50  # of the spectrum, as in the thesis
+PERIODS_AFTER_A_STOP = 5
 RATE = 512  # samples a period of the spectrum
 
 
@@ -113,8 +114,10 @@ def special_points(
     return tuple(special), failed, False
 
 
-def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: float) -> OrbitMotion:
-    """One motion over a period from a state, and its spectrum over 50 periods of the exact flow.
+def orbit_motion(
+    system: StructuralSystem, flow: Any, state: Floats, period: float, periods: int = PERIODS
+) -> OrbitMotion:
+    """One motion over a period from a state, and its spectrum over 50 or other periods of the exact flow.
 
     ``state`` is (2n,). The flow is carried on from period to period without being put back on the periodic motion: an
     unstable one drifts away, and the spectrum then shows it.
@@ -133,7 +136,7 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
         c = 2.0 * np.fft.rfft(q[:-1] @ shape)[: HARMONICS + 1] / SAMPLES
         c[0] *= 0.5
         harmonics[name] = c
-    frequency, lines, drift = _spectrum(flow, start, period, probes, n)
+    frequency, lines, drift = _spectrum(flow, start, period, periods, probes, n)
     return OrbitMotion(
         time=time,
         displacement={name: q @ shape for name, shape in probes.items()},
@@ -141,7 +144,7 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
         force={s.name: flow.system.contacts.laws[i].static_force(delta[:, i]) for i, s in enumerate(system.snubbers)},
         stations=q @ system.deflection.T,
         harmonics=harmonics,
-        periods=PERIODS,
+        periods=periods,
         spectrum_frequency_hz=frequency,
         spectrum=lines,
         drift=drift,
@@ -149,13 +152,13 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
 
 
 def _spectrum(
-    flow: Any, start: Floats, period: float, probes: dict[str, Floats], n: int
+    flow: Any, start: Floats, period: float, periods: int, probes: dict[str, Floats], n: int
 ) -> tuple[Floats, dict[str, Floats], float]:
-    """Frequencies, amplitudes (zero to peak) and the drift of the state, relative, over 50 periods."""
+    """Frequencies, amplitudes (zero to peak) and the drift of the state, relative, over so many periods."""
     times = period * np.arange(RATE) / RATE
-    history = {name: np.empty(PERIODS * RATE) for name in probes}
+    history = {name: np.empty(periods * RATE) for name in probes}
     z = start.copy()
-    for k in range(PERIODS):
+    for k in range(periods):
         passage = flow.carry(z, period)
         q = flow.states_at(passage, times)[:, :n]
         for name, shape in probes.items():
@@ -166,7 +169,7 @@ def _spectrum(
         a = 2.0 * np.abs(np.fft.rfft(x)) / x.size
         a[0] *= 0.5
         lines[name] = a
-    frequency = np.arange(PERIODS * RATE // 2 + 1) / (PERIODS * period)
+    frequency = np.arange(periods * RATE // 2 + 1) / (periods * period)
     w = np.concatenate([np.maximum(np.sqrt(flow.system.stiffness), 0.2 * np.pi / period), np.ones(n)])
     off = np.linalg.norm(w * (z - start)[: 2 * n]) / np.linalg.norm(w * start[: 2 * n])
     return frequency, lines, float(off)
