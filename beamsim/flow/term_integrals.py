@@ -26,11 +26,11 @@ AT_ONCE = 8192  # times of one product of matrices, which stay in the processor'
 class IntegratedForm:
     """Integrals of Q quadratic forms of T terms from the start of a segment on.
 
-    Real parts and imaginary parts of the terms alternate in the rows and columns of ``form``.
+    Rows and columns of ``form`` are those of the terms' real parts, then of their imaginary parts.
     """
 
     exponent: Complexes  # (T,)
-    form: Floats  # (2 T, Q, 2 T) the antiderivative
+    form: Floats  # (Q, 2 T, 2 T) the antiderivative
     first: Ints  # (P,) first term of each pair that is taken by itself
     second: Ints  # (P,)
     conjugate: Ints  # (P,) 1 where the second term is conjugate
@@ -50,16 +50,12 @@ class IntegratedForm:
         alone = np.nonzero(slow & np.any(both != 0.0, axis=1))
         fast = np.where(slow, 0.0, 1.0 / np.where(slow, 1.0, rates))
         a, b = both * fast[:, None]
-        form = np.empty((count, 2, outputs, count, 2))
-        for i, j, values in (
-            (0, 0, a.real + b.real), (1, 1, b.real - a.real), (0, 1, b.imag - a.imag), (1, 0, -a.imag - b.imag),
-        ):  # fmt: skip
-            form[:, i, :, :, j] = values.transpose(1, 0, 2)
+        form = np.empty((outputs, 2 * count, 2 * count))
+        form[:, :count, :count], form[:, count:, count:] = a.real + b.real, b.real - a.real
+        form[:, :count, count:], form[:, count:, :count] = b.imag - a.imag, -a.imag - b.imag
         conjugate, first, second = alone
         factor = both[conjugate, :, first, second]
-        return cls(
-            exponent, form.reshape(2 * count, outputs, 2 * count), first, second, conjugate, rates[alone], factor
-        )  # fmt: skip
+        return cls(exponent, form, first, second, conjugate, rates[alone], factor)
 
     def __call__(self, amplitude: Complexes, segment: Ints, tau: Floats) -> Floats:
         """(nt, Q) integrals at times tau after the starts of segments, whose terms begin with amplitudes (S, T)."""
@@ -81,10 +77,8 @@ class IntegratedForm:
 
     def _value(self, terms: Complexes) -> Floats:
         """(nt, Q) the antiderivative at terms (nt, T)."""
-        x = np.ascontiguousarray(terms).view(float)
-        count, outputs, _ = self.form.shape
-        products = (x @ self.form.reshape(count, -1)).reshape(-1, outputs, count)
-        return np.asarray(np.einsum("nqi,ni->nq", products, x))
+        x = np.concatenate([terms.real, terms.imag], axis=1)
+        return np.stack([np.einsum("ni,ni->n", x @ form, x) for form in self.form], axis=1)
 
 
 def summed_products(exponent: Complexes, amplitude: Complexes, length: Floats) -> tuple[Complexes, Complexes]:
