@@ -277,7 +277,7 @@ def _attach(group: h5py.Group, dataset: h5py.Dataset, along: Along, names: Seque
         along = _named_axes(dataset, along, names)
     for number, item in enumerate(along, first):
         scale = _counted(group, item, dataset.shape[number]) if isinstance(item, Counter) else _axis(dataset, item)
-        dataset.dims[number].attach_scale(scale)
+        h5py.h5ds.attach_scale(dataset.id, scale.id, number)
 
 
 def _named_axes(dataset: h5py.Dataset, axes: Axes, names: Sequence[Any]) -> tuple[str | Counter, ...]:
@@ -295,11 +295,17 @@ def _named_axes(dataset: h5py.Dataset, axes: Axes, names: Sequence[Any]) -> tupl
 
 def _counted(group: h5py.Group, counter: Counter, size: int) -> h5py.Dataset:
     """The axis of a counter in ``group``, created on first use."""
-    if counter.name in group:
-        return group[counter.name]
+    known, place = _axes.get({}), (group.name, counter.name)
+    if place not in known:
+        known[place] = group[counter.name] if counter.name in group else _count(group, counter, size)
+    return known[place]
+
+
+def _count(group: h5py.Group, counter: Counter, size: int) -> h5py.Dataset:
+    """A new axis of a counter."""
     labels = np.arange(counter.start, counter.start + size) if not counter.labels else counter.labels
     text = bool(counter.labels) and isinstance(counter.labels[0], str)
-    dataset = group.create_dataset(counter.name, data=np.array(labels, dtype=TEXT if text else None))
+    dataset = create_dataset(group, counter.name, np.array(labels, dtype=TEXT if text else None))
     set_text(dataset, "units", "1")
     set_text(dataset, "long_name", counter.meaning)
     _make_scale(dataset, counter.name)
