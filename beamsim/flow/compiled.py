@@ -22,7 +22,6 @@ import numba
 from numba.core.runtime.nrt import rtsys
 
 from beamsim.errors import CacheWarning
-from beamsim.flow.inner_code import InnerCompiler, prepare_to_save
 from beamsim.flow.stopping import check_compilation
 
 _LOG = logging.getLogger(__name__)
@@ -57,18 +56,14 @@ def kernel(function: Callable[..., Any]) -> Any:
     return njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
 
 
-WITHIN: dict[str, Any] = {
-    "cache": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True,
-    "pipeline_class": InnerCompiler,
-}  # fmt: skip
+WITHIN: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
 
 
 def inner(function: Callable[..., Any]) -> Any:
     """A compiled function that only compiled functions call, and that neither makes nor returns arrays.
 
-    It has no entry from Python, which would take a third of the compilation, nor machine code of its own: called from
-    there it crashes. References to arrays are not counted in it, which took a third of a swept sine: the caller holds
-    them.
+    It has no entry from Python, which would take a third of the compilation: called from there it crashes. References
+    to arrays are not counted in it, which took a third of a swept sine: the caller holds them.
     """
     return njit(**WITHIN, _nrt=False)(function)
 
@@ -177,7 +172,7 @@ def _hash_of_kernels() -> str:
     """Hash of the sources of all kernels, and of how they are compiled."""
     digest = hashlib.sha256()
     for file in sorted(Path(__file__).parent.glob("*.py")):
-        if file.stem.endswith("kernels") or file.stem in ("compiled", "inner_code"):
+        if file.stem.endswith("kernels") or file.name == Path(__file__).name:
             digest.update(file.read_bytes())
     return digest.hexdigest()
 
@@ -208,10 +203,9 @@ def _tolerate_failures(dispatcher: Any) -> None:
             check_compilation()
         return loaded
 
-    def save_overload(signature: Any, compiled: Any) -> None:
+    def save_overload(*arguments: Any) -> None:
         try:
-            prepare_to_save(compiled.library)
-            save(signature, compiled)
+            save(*arguments)
         except Exception as error:  # what is on the disk may be damaged, too
             _warn_once(str(getattr(error, "strerror", "") or error or type(error).__name__))
         check_compilation()
