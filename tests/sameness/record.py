@@ -52,10 +52,7 @@ OTHER_PROCESSOR = 10.0  # the same of changes by another processor
 RENAMED: dict[str, tuple[str, str]] = {}
 """Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
 
-MENDED: dict[str, str] = {
-    "pressure_on_plate run file/bodies/panel/extreme_shapes": "round-off, 1.8e-10 of a sum of cancelling deflections",
-    "one_sided_65hz run multi_tone file/work@evaluations": "round-off of products decides on one evaluation of 864",
-}
+MENDED: dict[str, str] = {}
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 
 ROUND_OFF = {"energy_error", "residual", "largest_residual", "drift", "motion_drift"}

@@ -26,6 +26,7 @@ class Walk:
     """A branch of given points."""
 
     settings = Settings()
+    problem = None
 
     def __init__(self, points, outcome):
         self.points, self.outcome = points, outcome

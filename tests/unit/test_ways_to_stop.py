@@ -42,10 +42,10 @@ def test_an_integrator_that_fails(monkeypatch):
 def test_a_stepped_sweep_that_costs_too_much(monkeypatch):
     from beamsim.orbits.steady import CycleStepper
 
-    def carry(self, motion, cycles, *_, go_on=CycleStepper.carry):
+    def carry(self, motion, cycles, *_, go_on=CycleStepper.carry, **options):
         if self.cycles > 300:
             raise ArithmeticError("too many evaluations")
-        return go_on(self, motion, cycles, *_)
+        return go_on(self, motion, cycles, *_, **options)
 
     monkeypatch.setattr(CycleStepper, "carry", carry)
     step = "sweep={kind: stepped, from: 78 Hz, to: 84 Hz, points: 4}"
