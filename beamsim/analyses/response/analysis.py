@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from beamsim.analyses.response.paths import FollowedParameter
     from beamsim.scenario import Scenario
 
-POINTS_OF_A_STOPPED_RESPONSE = 150  # evaluated in less than half a second
+POINTS_OF_A_STOPPED_RESPONSE = 100  # evaluated in a quarter of a second
 SHARE_OF_OVERLAY = 0.2  # of the progress bar
 
 
