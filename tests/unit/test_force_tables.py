@@ -98,8 +98,9 @@ def test_a_stop_pressed_further_than_its_table_goes():
         beamsim.sweep(load_scenario(chain | {"sweep": swept})),
         beamsim.frequency_response(load_scenario(chain | {"sweep": {"kind": "continuation", "from": 15, "to": 18}})),
         beamsim.design_study(load_scenario(chain | {"vary": levels})),
+        beamsim.nnm(load_scenario(chain | {"nnm": {"mode": 1, "energy": 0.06}, "excitation": {"kind": "none"}})),
     ]
-    assert [len([w for w in beyond(result) if "its table ends at 1 mm, 20 N" in w]) for result in results] == [1, 1, 1]
+    assert [len([w for w in beyond(result) if "its table ends at 1 mm, 20 N" in w]) for result in results] == [1] * 4
     assert not beyond(beamsim.design_study(load_scenario(chain | {"vary": scales, "snubbers": points})))
 
 

@@ -40,6 +40,7 @@ from beamsim.analyses.nnm.result import (
 from beamsim.analyses.nnm.summary import nnm_summary
 from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced
+from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
@@ -150,7 +151,12 @@ def nnm(
         phase_resonance=resonance,
         expansion=work.expansion,
         relaxed=work.relaxed,
-        warnings=(*scenario.warnings, *system.warnings, *system.certificate_warnings("Taylor series")),
+        warnings=(
+            *scenario.warnings,
+            *system.warnings,
+            *system.certificate_warnings("Taylor series"),
+            *forces_beyond_tables(scenario, [motion.force]),
+        ),
         wall_time_s=clock.perf_counter() - begin,
     )
     linear = float(followed.problem.omega[job.mode] / (2 * np.pi))
