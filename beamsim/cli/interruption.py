@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from beamsim.cli.failures import say
+from beamsim.cli.failures import interruption_behind, say
 from beamsim.errors import ExitCode
 from beamsim.flow.stopping import CompilationStopped, between_compilations, is_compiling, loses_exceptions
 
@@ -81,8 +81,9 @@ def interruptible() -> Iterator[Interruption]:
     between_compilations.append(interruption.raise_lost)
     try:
         yield interruption
-    except KeyboardInterrupt:  # nothing was found that could be kept
-        if interruption.signal == signal.SIGTERM:
+    except BaseException as error:  # nothing was found that could be kept
+        behind = error if isinstance(error, KeyboardInterrupt) else interruption_behind(error)
+        if isinstance(behind, KeyboardInterrupt) and interruption.signal == signal.SIGTERM:
             sys.exit(ExitCode.TERMINATED)
         raise
     finally:

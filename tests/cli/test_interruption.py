@@ -703,3 +703,16 @@ def test_a_signal_while_a_kernel_is_compiled_for_the_file_waits_for_both(heeded,
         assert compiling(signal.SIGINT) == 1
     assert interrupted.signal == signal.SIGINT
     assert capsys.readouterr().err == WAITS + "\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_a_termination_of_which_a_library_makes_an_error_of_its_own():
+    def compile_badly():
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise ValueError("not compiled") from None
+
+    with pytest.raises(SystemExit) as ended, interruptible():
+        compile_badly()
+    assert ended.value.code == 143
