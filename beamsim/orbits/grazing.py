@@ -170,10 +170,10 @@ def _within(
 ) -> Iterator[SpecialPoint]:
     if problem.same_events(a, b) or depth > MOST_HALVINGS:
         return
-    cycle_a, cycle_b = problem.cycle(a)[1], problem.cycle(b)[1]
+    flow, cycle_a = problem.cycle(a)
+    contacts, cycle_b = flow.system.contacts, problem.cycle(b)[1]
     if depth >= REORDERED and sorted(cycle_a.signature) == sorted(cycle_b.signature):
         return
-    contacts = problem.cycle(a)[0].system.contacts
     if contacts.jointly_acting:
         events_a, events_b = _with_borders(contacts, cycle_a), _with_borders(contacts, cycle_b)
         if events_a == events_b:
@@ -183,33 +183,55 @@ def _within(
         ea, eb = cycle_a.event_time.size, cycle_b.event_time.size
     if 0 < abs(ea - eb) <= ONE_PHASE or (ea != eb and depth > MOST_HALVINGS // 2):
         more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
-        stays = _stays(contacts, more, few)
-
-        def nearest(point: BranchPoint, stay: _Stay) -> tuple[float, float]:
-            flow, cycle = problem.cycle(point)
-            near = stay.middle / more.duration * cycle.duration
-            return extremum(flow, cycle, stay.contact, stay.top, near, stay.level)
-
-        values = [(nearest(a, stay)[0], nearest(b, stay)[0]) for stay in stays]
-        graze = locate(problem, a, b, lambda p: nearest(p, stays[0])[0], settings, values[0]) if stays else None
-        if graze is not None:
-            points = [nearest(graze, stay) for stay in stays]
-            sizes = [max((abs(v) for v in ends if np.isfinite(v)), default=0.0) for ends in values]
-            touching = [abs(value) <= TOUCHING * size for (value, _), size in zip(points, sizes, strict=True)]
-            late = depth > MOST_HALVINGS // 2
-            # several touch at once where the structure is symmetric
-            if touching[0] and (late or (all(touching) and _explains(problem, a, graze, b, settings))):
-                for stay, (_, time), touches in zip(stays, points, touching, strict=True):
-                    if touches:
-                        yield SpecialPoint(
-                            "grazing", graze.parameter, graze, stay.contact, time, stay.top, stay.level
-                        )  # fmt: skip
-                return
+        points = _at_one_point(problem, a, b, more, few, settings, late=depth > MOST_HALVINGS // 2)
+        if points:
+            yield from points
+            return
     middle = None if next(budget, None) is None else between(problem, a, b, 0.5, settings)
     if middle is None:
         return
     yield from _within(problem, a, middle, settings, depth + 1, budget)
     yield from _within(problem, middle, b, settings, depth + 1, budget)
+
+
+def _at_one_point(
+    problem: ContactProblem,
+    a: BranchPoint,
+    b: BranchPoint,
+    more: Passage,
+    few: Passage,
+    settings: Settings,
+    *,
+    late: bool,
+) -> list[SpecialPoint]:
+    """Grazings at one point by which one of two motions has more events than the other; none where it is not found.
+
+    Several contacts graze at once where the structure is symmetric. Unless it is ``late``, the point must explain the
+    whole difference.
+    """
+    stays = _stays(problem.cycle(a)[0].system.contacts, more, few)
+    if not stays:
+        return []
+
+    def nearest(point: BranchPoint, stay: _Stay) -> tuple[float, float]:
+        flow, cycle = problem.cycle(point)
+        near = stay.middle / more.duration * cycle.duration
+        return extremum(flow, cycle, stay.contact, stay.top, near, stay.level)
+
+    values = [(nearest(a, stay)[0], nearest(b, stay)[0]) for stay in stays]
+    graze = locate(problem, a, b, lambda p: nearest(p, stays[0])[0], settings, values[0])
+    if graze is None:
+        return []
+    found = [nearest(graze, stay) for stay in stays]
+    sizes = [max((abs(v) for v in ends if np.isfinite(v)), default=0.0) for ends in values]
+    touching = [abs(value) <= TOUCHING * size for (value, _), size in zip(found, sizes, strict=True)]
+    if not touching[0] or not (late or (all(touching) and _explains(problem, a, graze, b, settings))):
+        return []
+    return [
+        SpecialPoint("grazing", graze.parameter, graze, stay.contact, time, stay.top, stay.level)
+        for stay, (_, time), touches in zip(stays, found, touching, strict=True)
+        if touches
+    ]
 
 
 def _explains(problem: ContactProblem, a: BranchPoint, graze: BranchPoint, b: BranchPoint, settings: Settings) -> bool:

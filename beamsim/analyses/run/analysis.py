@@ -14,7 +14,7 @@ from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.convergence import resting, with_convergence
 from beamsim.analyses.run.derived import DerivedFigures
 from beamsim.analyses.run.exact_motion import exact_motion_of
-from beamsim.analyses.run.figures import largest
+from beamsim.analyses.run.figures import by_name, largest
 from beamsim.analyses.run.impacts import ImpactRecord, fatigue_doubts, fatigue_of
 from beamsim.analyses.run.jumps import jump_warnings
 from beamsim.analyses.run.long_run import check_stretches, checked_on_first_part, long_motion_of
@@ -97,6 +97,7 @@ def run(
         motion = replace(_with_few_times(motion), trajectory=None, outcome=outcome)
         spectra = spectra_of(scenario, system, motion)  # of the samples
     probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes["displacement"])
+    snubbers = [snubber.name for snubber in system.snubbers]
     with_inputs = (motion.few_inputs if motion.outcome.interrupted else None) or system
     result = RunResult(
         scenario=scenario,
@@ -116,10 +117,7 @@ def run(
             *system.warnings,
             *motion.warnings,
             *pull_warnings(system, motion),
-            *compressed_beyond_tables(
-                scenario,
-                dict(zip((s.name for s in system.snubbers), motion.extremes["penetration"][2].tolist(), strict=False)),
-            ),
+            *compressed_beyond_tables(scenario, by_name(snubbers, motion.extremes["penetration"][2][: len(snubbers)])),
             *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
             *(folding_doubts(spectra) if motion.trajectory is None else ()),  # else a bound, and lines are free of it
         ),
