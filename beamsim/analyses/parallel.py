@@ -7,19 +7,25 @@ thread for linear algebra.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+import time as clock
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from typing import Any, TypeVar
+from itertools import islice
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from beamsim.analyses.deferral import signals_deferred
 from beamsim.errors import NotTrustedError, ScenarioError
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor, Future
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 UNGUARDED = 97  # exit code of a worker that was about to start workers itself
-_ASKED_EVERY_S = 0.5  # whether the caller is interrupted, which Windows does not see while it waits
+_ASKED_EVERY_S = 0.05  # whether the caller is interrupted
 _AHEAD = 3  # tasks queued per worker, so that none is idle
 
 
@@ -39,29 +45,54 @@ def on_threads(
     ``function`` spends its time in compiled code that lets go of the interpreter. Where the caller is interrupted,
     ``stop`` tells the functions that are under way to end.
     """
-    from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+    from concurrent.futures import ThreadPoolExecutor
 
     workers = max(1, min(workers, len(items)))
     if workers == 1:
         yield from map(function, items)
         return
-    pool = ThreadPoolExecutor(workers)
-    done = False
-    try:
-        waiting: set[Future[Result]] = set()
-        for item in items:
-            waiting.add(pool.submit(function, item))
-            while len(waiting) >= _AHEAD * workers:
-                ready, waiting = wait(waiting, timeout=_ASKED_EVERY_S, return_when=FIRST_COMPLETED)
-                yield from (future.result() for future in ready)
-        while waiting:
-            ready, waiting = wait(waiting, timeout=_ASKED_EVERY_S, return_when=FIRST_COMPLETED)
-            yield from (future.result() for future in ready)
-        done = True
-    finally:
-        if not done:
-            stop()
-        pool.shutdown(wait=True, cancel_futures=True)
+    with signals_deferred() as take_effect:
+        pool = ThreadPoolExecutor(workers)
+        done = False
+        try:
+            yield from _completed(pool, function, items, _AHEAD * workers, take_effect)
+            done = True
+        finally:
+            if not done:
+                stop()
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _completed(
+    pool: Executor,
+    function: Callable[[Item], Result],
+    items: Iterable[Item],
+    most: int,
+    take_effect: Callable[[], None],
+) -> Iterator[Result]:
+    """Yield what the workers of a pool return, in the order of completion; at most `most` tasks are queued."""
+    remaining = iter(items)
+    queued: set[Future[Result]] = set()
+    while True:
+        take_effect()
+        queued.update(pool.submit(function, item) for item in islice(remaining, most - len(queued)))
+        if not queued:
+            return
+        ready, queued = _first_of(queued, take_effect)
+        yield from (future.result() for future in ready)
+
+
+def _first_of(
+    queued: set[Future[Result]], take_effect: Callable[[], None]
+) -> tuple[set[Future[Result]], set[Future[Result]]]:
+    """The tasks that are done, as soon as there is one, and the others."""
+    from concurrent.futures import FIRST_COMPLETED, wait
+
+    while True:
+        ready, others = wait(queued, timeout=_ASKED_EVERY_S, return_when=FIRST_COMPLETED)
+        if ready:
+            return ready, others
+        take_effect()
 
 
 def on_this_machine(
@@ -82,7 +113,7 @@ def on_this_machine(
     NotTrustedError
         If a worker process ends unexpectedly.
     """
-    from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+    from concurrent.futures import ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
     from multiprocessing import current_process, get_context
 
@@ -92,23 +123,17 @@ def on_this_machine(
         return
     if getattr(current_process(), "_inheriting", False):  # a worker importing a script without a guard
         raise SystemExit(UNGUARDED)
-    with _one_thread_each():
+    with _one_thread_each(), signals_deferred() as take_effect:
         pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
         done, processes = False, []
         try:
-            prepared = [pool.submit(prepare, items[0] if k == 0 else None) for k in range(workers)]
+            preparing = {pool.submit(prepare, items[0] if k == 0 else None) for k in range(workers)}
             processes = _processes(pool)
-            for future in prepared:
-                future.result()
-            waiting: set[Future[Result]] = set()
-            for item in items:
-                waiting.add(pool.submit(function, item))
-                if len(waiting) >= _AHEAD * workers:
-                    ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                    yield from (future.result() for future in ready)
-            while waiting:
-                ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                yield from (future.result() for future in ready)
+            while preparing:
+                ready, preparing = _first_of(preparing, take_effect)
+                for future in ready:
+                    future.result()
+            yield from _completed(pool, function, items, _AHEAD * workers, take_effect)
             done = True
         except BrokenProcessPool:
             processes = processes or _processes(pool)
@@ -165,17 +190,25 @@ def on_cluster(
         threads = sum(client.nthreads().values())
         if threads == 0:
             raise ScenarioError(f"--scheduler {address}: has no workers; start some with `dask worker {address}`")
-        client.submit(prepare, items[0], pure=False).result()
-        remaining = iter(items)
-        first = [item for _, item in zip(range(_AHEAD * threads), remaining, strict=False)]
-        queue = distributed.as_completed(
-            [client.submit(function, item, pure=False) for item in first], loop=client.loop
-        )
-        for future in queue:
-            yield future.result()
-            for item in remaining:
-                queue.add(client.submit(function, item, pure=False))
-                break
+        with signals_deferred() as take_effect:
+
+            def wait_for(ready: Callable[[], bool]) -> None:
+                while not ready():
+                    take_effect()
+                    clock.sleep(_ASKED_EVERY_S)
+
+            prepared = client.submit(prepare, items[0], pure=False)
+            wait_for(prepared.done)
+            prepared.result()
+            remaining = iter(items)
+            first = [client.submit(function, item, pure=False) for item in islice(remaining, _AHEAD * threads)]
+            queue = distributed.as_completed(first, loop=client.loop)
+            while not queue.is_empty():
+                take_effect()
+                wait_for(queue.has_ready)
+                yield next(queue).result()
+                for item in islice(remaining, 1):
+                    queue.add(client.submit(function, item, pure=False))
     except (OSError, TimeoutError) as error:
         raise NotTrustedError(
             f"lost the connection to the cluster at {address} ({error}); continue with --resume"
