@@ -49,6 +49,9 @@ class FabricatedScenario:
     def to_yaml(self) -> str:
         return YAML
 
+    def file_records(self, since: float) -> dict[str, object]:
+        return {}
+
 
 def fabricate(
     *,

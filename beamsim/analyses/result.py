@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from beamsim.scenario import Scenario
+    from beamsim.scenario.input_files import Record
 
 # entries that the summaries of several analyses share
 STATUS = Entry("status", "", "complete, or why the computation stopped early", of="status")
@@ -109,6 +110,18 @@ class Result:
     def title(self) -> str:
         """The scenario's title."""
         return self.scenario.title
+
+    @property
+    @stored(
+        attribute(
+            "", "JSON object: by key of the scenario the file that it names, the folder that this is relative to, size "
+            "and SHA-256 of the content; none where no file is named", codec="json",
+        )
+    )  # fmt: skip
+    def input_files(self) -> dict[str, Record] | None:
+        """What the files of the scenario held; None where it names none."""
+        began = datetime.fromisoformat(self.created).timestamp() - self.wall_time_s
+        return dict(self.scenario.file_records(since=began + 1.0)) or None  # times are kept in whole seconds
 
     def plot(self) -> dict[str, Figure]:
         """Return the figures that the command saves, by name; a notebook shows each."""

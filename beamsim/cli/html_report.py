@@ -14,6 +14,7 @@ from beamsim.kinds import KINDS, named
 if TYPE_CHECKING:
     from beamsim.analyses.animate.frames import BuiltModel
     from beamsim.plots.animation import Scene
+    from beamsim.report.contents import SketchedModel
 
 
 def register(app: typer.Typer) -> None:
@@ -66,8 +67,7 @@ def _write(path: Path, target: Path, *, shown: bool) -> Path:
         figures = named(KINDS[kind].figures)(result)
         rows = list(table_rows(kind, result))
         model = _model(result)
-        system = model.system if model else None
-        page = page_of(result, about, rows, figures, system, _scene(result, model, shown=shown))
+        page = page_of(result, about, rows, figures, _sketched(result, model), _scene(result, model, shown=shown))
     with replacing(target) as temporary:
         temporary.write_text(page.html(), encoding="utf-8")
     return target
@@ -126,9 +126,22 @@ def _scene(result: Any, model: BuiltModel | None, *, shown: bool) -> Scene | Non
         return None
 
 
+def _sketched(result: Any, model: BuiltModel | None) -> SketchedModel | None:
+    """What the sketch shows: of the model, or where that cannot be built of the result, if this is a run."""
+    from beamsim.analyses.run.result import RunResult
+    from beamsim.report.contents import SketchedModel
+
+    if model is not None:
+        return SketchedModel(model.system.stations, {stop.name: stop for stop in model.system.snubbers})
+    if isinstance(result, RunResult):
+        return SketchedModel(result.modes.stations, result.snubbers)
+    return None
+
+
 def _model(result: Any) -> BuiltModel | None:
     """The model of the result's scenario; None where it has no bodies or cannot be built."""
     from beamsim.analyses.animate.frames import model_of
+    from beamsim.analyses.run.result import RunResult
     from beamsim.errors import BeamsimError
 
     if not result.scenario.all_bodies:
@@ -136,7 +149,8 @@ def _model(result: Any) -> BuiltModel | None:
     try:
         return model_of(result.scenario)
     except BeamsimError as error:
-        say(f"beamsim: the report has no sketch of the model: {error}")
+        if not isinstance(result, RunResult):  # whose own numbers are sketched
+            say(f"beamsim: the report has no sketch of the model: {error}")
         return None
 
 

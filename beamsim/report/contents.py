@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from beamsim.analyses.limits import limit_label, limit_unit
 from beamsim.analyses.result import MARGINS
@@ -21,9 +21,17 @@ if TYPE_CHECKING:
     from beamsim.analyses.result import Result
     from beamsim.plots.animation import Scene
     from beamsim.scenario import Scenario
-    from beamsim.system.structural import SnubberNumbers, StructuralSystem
+    from beamsim.structures.stations import Stations
+    from beamsim.system.structural import SnubberNumbers
 
 CHANGES_SHOWN = 60
+
+
+class SketchedModel(NamedTuple):
+    """What the sketch and the table of stops show beside the scenario."""
+
+    stations: Stations
+    stops: Mapping[str, SnubberNumbers]
 
 
 def page_of(
@@ -31,7 +39,7 @@ def page_of(
     about: str,
     rows: Iterable[tuple[str, str]],
     figures: Mapping[str, Figure],
-    system: StructuralSystem | None,
+    model: SketchedModel | None,
     scene: Scene | None,
 ) -> Page:
     """The page of a result.
@@ -41,7 +49,7 @@ def page_of(
     about : which command made it, and when.
     rows : of its printed table.
     figures : its plots by name.
-    system : of its scenario, for the model; None where it has none.
+    model : of its scenario; None where it has none, or it is not known.
     scene : an animation of its motion.
     """
     page = Page(result.title or "beamsim", about, verdict_of(result))
@@ -50,8 +58,8 @@ def page_of(
         "Limits",
         table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_margins(result.scenario, margins)))),
     )
-    if system is not None:
-        page.add("Model", *_model(result.scenario, system))
+    if model is not None:
+        page.add("Model", *_model(result.scenario, model))
     page.add("Results", labelled(rows))
     page.add("Contact", *(table(cells) for cells in contact_tables(result)))
     if scene is not None:
@@ -98,12 +106,11 @@ def _margins(scenario: Scenario, margins: Mapping[str, Mapping[str, Any]]) -> It
         ]
 
 
-def _model(scenario: Scenario, system: StructuralSystem) -> Iterator[str]:
-    stops = {stop.name: stop for stop in system.snubbers}
-    yield f"<figure>{picture(model_figure(scenario, system.stations, stops), 'model')}</figure>"
+def _model(scenario: Scenario, model: SketchedModel) -> Iterator[str]:
+    yield f"<figure>{picture(model_figure(scenario, model.stations, model.stops), 'model')}</figure>"
     yield labelled([("excitation", excitation_text(scenario)), *_bodies(scenario)])
     sites = {located.item.name: snubber_site(located).label for located in scenario.located_snubbers}
-    rows = [[name, sites.get(name, ""), stop.side, *_stop(stop)] for name, stop in stops.items()]
+    rows = [[name, sites.get(name, ""), stop.side, *_stop(stop)] for name, stop in model.stops.items()]
     heading = ("stop", "at", "side", "stiffness", "dashpot", "gap", "force at rest", "k L^3 / E I")
     yield table(Cells(heading, rows, "Stops"))
 

@@ -13,6 +13,7 @@ from beamsim.scenario.quantities import (
     INTEGRALS,
     Angle,
     Duration,
+    FileName,
     Frequency,
     Level,
     NotNegativeWhole,
@@ -79,7 +80,7 @@ class SampledInput(Driven):
 
     kind: Literal["sampled"] = "sampled"
     """Samples read from a file."""
-    file: Text
+    file: FileName
     """CSV, HDF5 (.h5, .hdf5) or UFF 58 (.uff, .unv) file; its path is relative to the folder of the scenario."""
     column: Text | None = None
     """CSV: number (from 1) or heading of the column of values; HDF5: path of the dataset; UFF: number of the set."""

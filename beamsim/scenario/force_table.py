@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Tag
 
 from beamsim.scenario.base import Path, Schema, Variants, counted, fail
-from beamsim.scenario.quantities import Force, Gap, PositiveNumber, Text, Whole
+from beamsim.scenario.quantities import FileName, Force, Gap, PositiveNumber, Whole
 
 ForcePoint = tuple[Gap, Force]
 """Deflection and force."""
@@ -27,7 +27,7 @@ class SegmentFit(Schema):
 class MeasuredForces(Schema):
     """A force-deflection curve from a file, or one that is to be fitted."""
 
-    file: Text | None = None
+    file: FileName | None = None
     """CSV file, relative to the scenario's folder; headings state units: deflection (mm), force (N), time (s)."""
     points: ForcePoints | None = None
     """Pairs of deflection and force, instead of a file."""
@@ -74,7 +74,9 @@ def _form(value: Any) -> str:
 
 
 ForceDeflection = Annotated[
-    Annotated[ForcePoints, Tag("<list>")] | Annotated[Text, Tag("<text>")] | Annotated[MeasuredForces, Tag("<table>")],
+    Annotated[ForcePoints, Tag("<list>")]
+    | Annotated[FileName, Tag("<text>")]
+    | Annotated[MeasuredForces, Tag("<table>")],
     Variants(_form),
 ]
 """Pairs, the name of a file, or either with a fit."""

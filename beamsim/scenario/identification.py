@@ -16,6 +16,7 @@ from beamsim.scenario.quantities import (
     Coefficient,
     Count,
     Duration,
+    FileName,
     Frequency,
     Length,
     Level,
@@ -130,7 +131,7 @@ class MeasuredShapes(Schema):
 class MeasuredTest(Schema):
     """A measured steady vibration; anything not given is as in the excitation of the scenario."""
 
-    file: Text
+    file: FileName
     """Measured signal or spectrum: CSV, HDF5 (also a beamsim result) or UFF dataset 58; relative to the case."""
     channel: Text | None = None
     """Column, dataset or UFF label to read; by default the one named after the probe, or the only one."""

@@ -13,13 +13,13 @@ from beamsim.scenario.base import Path, Schema, Variants, fail, path_text
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
 from beamsim.scenario.place import NodeDirection, NodeNumber
-from beamsim.scenario.quantities import Frequency, Name, Text
+from beamsim.scenario.quantities import FileName, Frequency, Name, Text
 
 
 class MatrixSource(Schema):
     """A matrix in a file."""
 
-    file: Text
+    file: FileName
     """OP4, punched DMIG, MatrixMarket, Abaqus, Harwell-Boeing, MATLAB or NumPy; relative to the scenario's folder."""
     name: Text | None = None
     """Name of the matrix in the file, upper or lower case; not needed where the file holds one."""
@@ -41,7 +41,7 @@ class RecoverySource(MatrixSource):
 class StructuralDamping(Schema):
     """Structural damping (K4, or the imaginary part of K), taken as viscous damping: exact at one frequency alone."""
 
-    file: Text | None = None
+    file: FileName | None = None
     """File of the matrix K4; by default the imaginary part of the stiffness matrix is meant."""
     name: Text | None = None
     """Name of the matrix in the file."""
@@ -79,7 +79,7 @@ class MatricesBody(Body):
     """Structural damping as viscous damping at one frequency; without it such matrices are refused."""
     recovery: RecoverySource | None = None
     """Matrix that gives other quantities, which ``run.outputs`` of the kind ``recovered`` report."""
-    dofs: Text | None = None
+    dofs: FileName | None = None
     """CSV table node,direction[,x,y,z], a line a row of the matrices; not needed for DMIG and Abaqus files.
 
     Directions are x, y, z, rx, ry, rz and modal.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from beamsim.scenario.base import Schema, counted, fail
-from beamsim.scenario.quantities import Duration, Frequency, Ratio, Stiffness, Text, Time, Whole
+from beamsim.scenario.quantities import Duration, FileName, Frequency, Ratio, Stiffness, Time, Whole
 
 DynamicPoint = tuple[Frequency, Stiffness, Ratio]
 """Frequency, storage stiffness and loss factor."""
@@ -22,7 +22,7 @@ class PadData(Schema):
     """Time since the deflection began, and force over the deflection that is held: [[1 ms, 190 kN/m], ...]."""
     ramp: Duration | None = None
     """Time over which the deflection of a relaxation test rises evenly; by default it is sudden."""
-    file: Text | None = None
+    file: FileName | None = None
     """CSV file of either, relative to the scenario's folder; headings state units: frequency (Hz), storage (kN/m), loss
     factor, or time (s), stiffness (kN/m). A modulus in place of a stiffness takes height and area of the pad."""
     branches: Annotated[int, Whole(1, 8)] | None = None

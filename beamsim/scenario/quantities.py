@@ -377,6 +377,10 @@ class TextType(FieldType):
         return {"type": "string", "minLength": 1} if self.name else {"type": "string"}
 
 
+class FileType(TextType):
+    """Name of a file, relative to the folder of the scenario."""
+
+
 def _positive(dimension: Dimension) -> Quantity:
     return Quantity(dimension, above=0.0)
 
@@ -386,6 +390,7 @@ def _not_negative(dimension: Dimension) -> Quantity:
 
 
 Text = Annotated[str, TextType()]
+FileName = Annotated[str, FileType()]
 Name = Annotated[str, TextType(name=True)]
 Count = Annotated[int, Whole(1)]
 MassNumber = Annotated[int, Whole(1)]

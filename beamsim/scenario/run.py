@@ -16,13 +16,13 @@ from beamsim.scenario.quantities import (
     Coefficient,
     Count,
     Duration,
+    FileName,
     Frequency,
     Memory,
     Modes,
     Name,
     NotNegativeWhole,
     PositiveNumber,
-    Text,
 )
 from beamsim.scenario.ranges import FrequencyRange
 
@@ -72,7 +72,7 @@ class ReleasedForceStart(Schema):
 class OrbitStart(Schema):
     """Start on a periodic motion of a result file, with its excitation."""
 
-    orbit: Text
+    orbit: FileName
     """Result file of `sweep` (continuation); its path is relative to the folder of the scenario."""
     branch: NotNegativeWhole = 0
     """Number of the branch, from 0 as in the file."""

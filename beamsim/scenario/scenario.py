@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Annotated, Any, ClassVar
 
@@ -21,6 +22,7 @@ from beamsim.scenario.distributed import AnyDeadLoad
 from beamsim.scenario.excitation import Excitation, NoExcitation
 from beamsim.scenario.friction import AnyFriction
 from beamsim.scenario.identification import IdentifyStiffness
+from beamsim.scenario.input_files import Record, SolvedFiles, records_of
 from beamsim.scenario.joint import AnyJoint
 from beamsim.scenario.limits import Limits
 from beamsim.scenario.names import DEFAULT_NAMES, named
@@ -119,6 +121,7 @@ class Scenario(Schema):
     _source: str = "scenario"
     _text: Node | None = None
     _left_out: tuple[str, ...] = ()
+    _solved: SolvedFiles | None = None  # of a result
 
     @property
     def display_scales(self) -> dict[str, tuple[float, str]]:
@@ -138,15 +141,36 @@ class Scenario(Schema):
         copy._left_out = warnings
         return copy
 
+    def with_solved_files(self, files: SolvedFiles) -> Scenario:
+        """Return the same scenario as that of a result, whose files are looked for and compared."""
+        copy = self.model_copy()
+        copy._solved = files
+        return copy
+
+    def file_records(self, since: float) -> Mapping[str, Record]:
+        """What the files hold that the scenario names, see `beamsim.scenario.input_files.records_of`."""
+        return records_of(self, since) if self._solved is None else self._solved.records
+
     def located(self, error: ScenarioError) -> ScenarioError:
         """Return the error with the file and line of every path, for problems that only the model could find."""
-        if self._text is None:
+        if self._text is None or self._solved is not None:  # nobody has seen the text in a result file
             return error
         root = self._text
         return ScenarioError([located(root, path_parts(problem.path), problem) for problem in error.problems])
 
     def folder_of(self, *path: str | int) -> FilePath:
-        """Folder of the file in which a value is written; the current one where it was read from no file."""
+        """Folder that the name of a file at this path is relative to.
+
+        That of the scenario's file; of the scenario of a result the one in which the file is that was solved; else the
+        current one.
+
+        Raises
+        ------
+        ScenarioError
+            If the file that was solved is nowhere.
+        """
+        if self._solved is not None:
+            return self._solved.folder_of(path)
         file = None if self._text is None else locate(self._text, path)[0]
         return FilePath(file).parent if file else FilePath()
 

@@ -13,13 +13,13 @@ from beamsim.scenario.level_profile import Between, Notch, ProfilePoint, check_p
 from beamsim.scenario.limits import OutputLimitType
 from beamsim.scenario.quantities import (
     Count,
+    FileName,
     Frequency,
     Level,
     LevelValue,
     PositiveNumber,
     SteppedCount,
     SweepRate,
-    Text,
 )
 from beamsim.scenario.ranges import FrequencyRange
 
@@ -82,7 +82,7 @@ class SweptSine(_UpAndDown):
     """Between the points of the profile: each level held, or log-log interpolation."""
     notches: tuple[Notch, ...] = ()
     """Frequency ranges in which a level is not exceeded."""
-    profile_file: Text | None = None
+    profile_file: FileName | None = None
     """A CSV file with the table of levels: a frequency and a level in each row, interpolated log-log (`levels` are then
     factors on it). Its path is relative to the folder of the scenario."""
     notch_to: dict[str, Annotated[float, OutputLimitType()]] | None = Field(default=None, json_schema_extra=_NOTCHES)

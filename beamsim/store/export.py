@@ -126,7 +126,11 @@ def _export_mat(path: Path, target: Path) -> list[Path]:
     with reading(path) as file:
         variables = _struct(file)
         variables["info"] = {
-            **{name: value for name, value in _native(file).items() if name not in ("warnings", "provenance")},
+            **{
+                name: value
+                for name, value in _native(file).items()
+                if name not in ("warnings", "provenance", "input_files")
+            },
             "warnings": np.array(json.loads(file.attrs["warnings"]), dtype=object),
         }
         variables["summary"] = schema.decode_summary(dict(file["summary"].attrs))

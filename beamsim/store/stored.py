@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import threading
 from collections.abc import Iterator, Mapping
@@ -21,6 +22,7 @@ from beamsim.store import declared, schema
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
     from beamsim.scenario import Scenario
+    from beamsim.scenario.input_files import Record
 
 
 MOST_OF_STRUCTURE = 2**20  # bytes HDF5 writes at once of what it may read again: headers, names, heaps
@@ -32,13 +34,23 @@ class LazyScenario:
     scenario_yaml: str
     beamsim_version: str
     _title: str
+    _input_files: dict[str, Record] | None
+    _folder: Path  # of the result file
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The resolved scenario."""
+        """The resolved scenario; the files that it names are those that were solved."""
         from beamsim.scenario import load_scenario
+        from beamsim.scenario.input_files import SolvedFiles
 
-        return load_scenario(self.scenario_yaml)
+        scenario = load_scenario(self.scenario_yaml)
+        files = self._input_files
+        return scenario.with_solved_files(SolvedFiles(files, self._folder)) if files else scenario
+
+    @property
+    def input_files(self) -> dict[str, Record] | None:
+        """What the files of the scenario held; None where it names none, or an earlier version wrote the result."""
+        return self._input_files
 
     @property
     def title(self) -> str:
@@ -205,6 +217,8 @@ def root_fields(file: h5py.File) -> dict[str, Any]:
         "scenario_yaml": str(file.attrs["scenario"]),
         "beamsim_version": str(file.attrs["beamsim_version"]),
         "_title": str(file.attrs["title"]),
+        "_input_files": json.loads(file.attrs["input_files"]) if "input_files" in file.attrs else None,
+        "_folder": Path(file.filename).absolute().parent,
         "summary": schema.decode_summary(dict(file["summary"].attrs)),
         **declared.read(Result, file),
     }

@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 
 LEFT_OUT = {
-    *("files", "created", "provenance", "scenario", "schema_version", "beamsim_version", "json_encoded"),
+    *("files", "input_files", "created", "provenance", "scenario", "schema_version", "beamsim_version", "json_encoded"),
     *("wall_time_s", "processor_time_s", "shooting_processor_time_s", "cost_ratio"),
     *("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"),
 }

@@ -1,0 +1,91 @@
+"""Results whose scenario names files: where these are looked for, and that others are not taken for them."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.animate.frames import model_of
+from beamsim.cli.html_report import _model, _sketched
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.scenario.input_files import named_files
+from beamsim.store.results import open_result
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+SHORT = ["run.duration=1 ms", "run.convergence='off'", "reduction.modes=2", "reduction.highest_frequency=null"]
+KEYS = [("bodies", "panel", *key) for key in (("mass", "file"), ("stiffness", "file"), ("dofs",))]
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """A folder with a case and its matrices, a result in another one, and the result before it was written."""
+    case, results = tmp_path_factory.mktemp("case"), tmp_path_factory.mktemp("results")
+    shutil.copytree(CONFIGS / "matrices", case / "matrices")
+    shutil.copy(CONFIGS / "imported_panel.yaml", case)
+    result = beamsim.run(load_scenario(case / "imported_panel.yaml", SHORT))
+    beamsim.write_run(result, results / "panel.h5")
+    return case / "matrices", results / "panel.h5", result
+
+
+def test_files_are_found_where_they_were_beside_the_result_and_in_the_current_folder(solved, tmp_path, monkeypatch):
+    matrices, written, result = solved
+    file = tmp_path / "results" / "panel.h5"
+    for folder in (tmp_path, file.parent):
+        shutil.copytree(matrices, folder / "matrices")
+    shutil.copy(written, file)
+    monkeypatch.chdir(tmp_path)
+    scenario = open_result(file).scenario
+    for folder in (tmp_path, file.parent, matrices.parent):
+        assert {scenario.folder_of(*key).absolute() for key in KEYS} == {folder}
+        if folder != matrices.parent:
+            shutil.rmtree(folder / "matrices")
+    np.testing.assert_array_equal(model_of(scenario).system.modes.shapes, result.modes.shapes)
+
+
+def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_was_looked_for(
+    solved, tmp_path, monkeypatch
+):
+    matrices, file, result = solved
+    monkeypatch.chdir(tmp_path)
+    kept = matrices.rename(matrices.parent / "kept")
+    try:
+        with pytest.raises(ScenarioError) as caught:
+            model_of(open_result(file).scenario)
+        assert "bodies.panel.mass.file = matrices/panel.op4 is not found" in str(caught.value)
+        assert all(str(folder) in str(caught.value) for folder in (tmp_path, file.parent, matrices.parent))
+        sketched = _sketched(open_result(file), _model(open_result(file)))  # from the result's own numbers
+        np.testing.assert_array_equal(sketched.stations.points, result.modes.stations.points)
+        assert sketched.stops["corner"].gap == result.snubbers["corner"].gap
+        shutil.copytree(kept, tmp_path / "matrices")
+        matrix = tmp_path / "matrices" / "panel.op4"
+        matrix.write_text(matrix.read_text().replace("1", "2", 1))  # as long as it was
+        with pytest.raises(ScenarioError, match=r"panel\.op4 in the current folder, .*: its content is another"):
+            model_of(open_result(file).scenario)
+    finally:
+        kept.rename(matrices)
+
+
+def test_a_file_that_was_changed_during_the_run_is_not_taken_for_the_one_that_was_solved(solved, tmp_path):
+    matrices, _, result = solved
+    later = os.stat(matrices / "panel.op4").st_mtime + 1e4
+    os.utime(matrices / "panel.op4", (later, later))
+    beamsim.write_run(result, tmp_path / "again.h5")
+    scenario = open_result(tmp_path / "again.h5").scenario
+    assert scenario.folder_of(*KEYS[2]) == matrices.parent
+    with pytest.raises(ScenarioError, match="was changed while the case was solved"):
+        scenario.folder_of(*KEYS[0])
+
+
+def test_every_form_of_naming_a_file_is_known():
+    chain = {"masses": [1], "springs": [100]}
+    stops = [
+        {"mass": 1, "side": "below", "gap": 0.1, "force_deflection": table} for table in ("a.csv", {"file": "b.csv"})
+    ]
+    shaken = {"kind": "sampled", "file": "c.csv", "column": "force", "applied_to": {"mass": 1}}
+    found = named_files(load_scenario({"chain": chain, "snubbers": stops, "excitation": shaken}))
+    at = [("snubbers", 0, "force_deflection"), ("snubbers", 1, "force_deflection", "file"), ("excitation", "file")]
+    assert dict(found) == dict(zip(at, ("a.csv", "b.csv", "c.csv"), strict=True))
