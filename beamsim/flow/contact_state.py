@@ -24,7 +24,7 @@ from beamsim.flow.invariant_blocks import Block, SimpleModes, block_diagonalise,
 from beamsim.flow.neighbouring_modes import SMALLEST, can_update, neighbouring_modes
 from beamsim.flow.sources import Sources
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 RESONANCE = 0.02  # |nu - lambda| * window below which a forced response is written as a power series
 SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
@@ -52,9 +52,15 @@ class LinearOutput:
         """Sums of the outputs, weighted by the rows of a matrix (j, k)."""
         return LinearOutput(matrix @ self.row, matrix @ self.direct, matrix @ self.direct_slope)
 
-    def some(self, rows: Ints | slice) -> LinearOutput:
+    def some(self, rows: Ints | Bools | slice) -> LinearOutput:
         """Some of the outputs."""
         return LinearOutput(self.row[rows], self.direct[rows], self.direct_slope[rows])
+
+    @property
+    def acts(self) -> Bools:
+        """(k,) whether each output is not always zero, as the force of an open contact is."""
+        parts = self.row, self.direct, self.direct_slope
+        return np.asarray(np.logical_or.reduce([part.any(axis=1) for part in parts]))
 
     def values(self, y: Floats, inputs: Floats, slopes: Floats) -> Floats:
         """(n, k) outputs at states y (n, N), with the inputs and their time derivatives (n, F)."""
@@ -90,6 +96,11 @@ class ContactState:
     basis_of_source: Ints  # (F,) the basis function of each input
     basis_below_source: Ints  # (F,) the one a power lower (-1 where power is 0)
 
+    @cached_property
+    def exponential(self) -> bool:
+        """Whether no basis function has a power of time."""
+        return not self.power.any()
+
     @property
     def simple(self) -> SimpleModes:
         """Eigenvalues with blocks of their own, one of each conjugate pair."""
@@ -105,19 +116,20 @@ class ContactState:
             table = np.empty((self.term_vector.shape[0], output.row.shape[0]), dtype=complex)
         count, n = table.shape[0], (self.term_vector.shape[1] - self.internal_states) // 2
         vectors = np.concatenate([self.term_vector.real, self.term_vector.imag])
-        placed, moving = np.any(output.row[:, :n], axis=1), np.any(output.row[:, n:], axis=1)
-        if np.all(placed) and np.all(moving):
+        placed, moving = output.row[:, :n].any(axis=1), output.row[:, n:].any(axis=1)
+        if placed.all() and moving.all():
             parts = vectors @ output.row.T
         else:
             parts = np.zeros((2 * count, placed.size))
             parts[:, placed] = vectors[:, :n] @ output.row[placed, :n].T
-            if np.any(moving):
+            if moving.any():
                 parts[:, moving] += vectors[:, n:] @ output.row[moving, n:].T
         table.real, table.imag = parts[:count], parts[count:]
         driven, lowered = self.terms_of_sources
         table[driven] += (output.direct + sources.exponent * output.direct_slope).T
-        rising = sources.power > 0
-        table[lowered[rising]] += (sources.power * output.direct_slope)[:, rising].T
+        if sources.power.any():
+            rising = sources.power > 0
+            table[lowered[rising]] += (sources.power * output.direct_slope)[:, rising].T
         return table
 
     @cached_property

@@ -256,7 +256,7 @@ class ExactFlow:
 
             sources = self.sources
             self._inputs = Inputs(
-                sources.start, sources.amplitude, sources.exponent, sources.power, sources.group_last()
+                sources.start, sources.amplitude, sources.exponent, sources.power, sources.group_last
             )  # fmt: skip
         return self._inputs
 

@@ -16,8 +16,9 @@ import numpy as np
 
 from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.equal_pieces import Segments
+from beamsim.flow.state_tables import visited_states
 from beamsim.flow.stopping import check_stop
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 INTERVALS = 8  # of a segment; half as many leave three times as many outputs to the search of many snubbers
 LARGEST = 1e100  # amplitude; segments with larger ones are left to the search
@@ -40,7 +41,7 @@ class Candidates:
     output: Ints  # (n,) among the outputs, then their negatives
     bound: Floats  # (n,) no value on the segment is larger
     table: Complexes  # (T, u) coefficients of the outputs in `used`
-    used: Ints  # (u,)
+    used: Ints  # (u,) increasing
 
     def above(self, highest: Floats) -> Candidates:
         """Those that may still exceed ``highest`` (signs * k,)."""
@@ -64,22 +65,39 @@ def candidates(motion: Exponentials, output_of: OutputOf, highest: Floats, when:
     """
     flow, (signs, count) = motion.flow, highest.shape
     possible = []
-    for number in np.unique(motion.state):
+    for number in visited_states(motion.state):
         state, segments = flow.states[number], np.flatnonzero(motion.state == number)
-        table = state.coefficients(output_of(state.phases), flow.sources)
+        output, used = output_of(state.phases), np.arange(count)
+        acts = output.acts
+        if not acts.all():
+            _reach_zero(highest, when, ~acts, float(motion.time[segments[0]]))
+            output, used = output.some(acts), used[acts]
+        if not used.size:
+            continue
+        table = state.coefficients(output, flow.sources)
         pairs = []
         for part in _parts(segments, max(table.shape)):
             begin = motion.amplitudes(state, part)
             rising = np.maximum(state.exponent.real[state.term_basis], 0.0) * motion.length[part, None]
             moderate = np.all(np.log(LARGEST) - rising > np.log(np.abs(begin) + 1.0), axis=1)
-            pairs.append(_pairs(motion, state, part[moderate], begin[moderate], table, highest, when))
+            if moderate.any():
+                pairs.append(_pairs(motion, state, part[moderate], begin[moderate], table, used, highest, when))
             large = part[~moderate]
-            every = np.repeat(large, signs * count), np.tile(np.arange(signs * count), large.size)
-            pairs.append((*every, np.full(every[0].size, np.inf)))
-        segment, output, bound = (np.concatenate(values) for values in zip(*pairs, strict=True))
-        used = np.unique(output % count)
-        possible.append(Candidates(int(number), segment, output, bound, table[:, used], used))
+            if large.size:
+                every = (np.arange(signs)[:, None] * count + used).ravel()
+                each = np.repeat(large, every.size), np.tile(every, large.size)
+                pairs.append((*each, np.full(each[0].size, np.inf)))
+        segment, column, bound = (np.concatenate(values) for values in zip(*pairs, strict=True))
+        left = np.unique(column % count)
+        possible.append(Candidates(number, segment, column, bound, table[:, np.searchsorted(used, left)], left))
     return possible
+
+
+def _reach_zero(highest: Floats, when: Floats, outputs: Bools, time: float) -> None:
+    """Raise the largest values known of outputs (k,) that are zero in a contact state, begun at a time, s."""
+    for known, at in zip(highest, when, strict=True):
+        better = outputs & (known < 0.0)
+        known[better], at[better] = 0.0, time
 
 
 def _parts(segments: Ints, size: int) -> Iterator[Ints]:
@@ -90,12 +108,13 @@ def _parts(segments: Ints, size: int) -> Iterator[Ints]:
 
 
 def _pairs(
-    motion: Exponentials, state: ContactState, segments: Ints, begin: Complexes, table: Complexes, highest: Floats,
-    when: Floats,
+    motion: Exponentials, state: ContactState, segments: Ints, begin: Complexes, table: Complexes, used: Ints,
+    highest: Floats, when: Floats,
 ) -> tuple[Ints, Ints, Floats]:  # fmt: skip
     """Segments, outputs and bounds of the pairs that are not ruled out, of segments of one contact state.
 
-    ``begin`` (n, T) are the terms where the segments begin, ``table`` (T, k) their coefficients in the outputs.
+    ``begin`` (n, T) are the terms where the segments begin, ``table`` (T, u) their coefficients in the outputs, those
+    in ``used`` (u,).
     """
     exponent, count = state.exponent[state.term_basis], table.shape[1]
     step = motion.length[segments] / INTERVALS
@@ -111,18 +130,17 @@ def _pairs(
     over = (bent.reshape(-1, exponent.size) @ np.abs(table)).reshape(segments.size, INTERVALS, count)
     time = (motion.time[segments, None] + tau).ravel()
     pairs = []
-    for k in range(highest.shape[0] if segments.size else 0):
+    for k in range(highest.shape[0]):
         signed = -values if k else values
         flat = signed.reshape(-1, count)
         best = flat.argmax(axis=0)
         reached = flat[best, np.arange(count)]
-        better = reached > highest[k]
-        highest[k, better], when[k, better] = reached[better], time[best[better]]
+        better = reached > highest[k, used]
+        highest[k, used[better]], when[k, used[better]] = reached[better], time[best[better]]
         bound = (np.maximum(signed[:, :-1], signed[:, 1:]) + over).max(axis=1)
-        row, column = np.nonzero(bound > highest[k])
-        pairs.append((segments[row], column + k * count, bound[row, column]))
-    none = np.zeros(0, dtype=np.int64)
-    segment, output, bounds = (np.concatenate(x) for x in zip((none, none, np.zeros(0)), *pairs, strict=True))
+        row, column = np.nonzero(bound > highest[k, used])
+        pairs.append((segments[row], used[column] + k * highest.shape[1], bound[row, column]))
+    segment, output, bounds = (np.concatenate(x) for x in zip(*pairs, strict=True))
     return segment, output, bounds
 
 

@@ -15,16 +15,19 @@ import numpy as np
 from beamsim.typing import Complexes, Floats
 
 
-def forms(products: Iterable[tuple[Complexes, Complexes]]) -> tuple[Complexes, Complexes]:
-    """The two forms (..., T, T) of a sum of products, whose factors are coefficients (..., T, k) of k outputs each."""
+def forms(products: Iterable[tuple[Complexes, Complexes]]) -> Complexes:
+    """(2, ..., T, T) plus and minus of a sum of products, of coefficients (..., T, k) of k outputs each."""
     left, right = (_parts(np.concatenate(factors, axis=-1)) for factors in zip(*products, strict=True))
     count = left.shape[-2] // 2
     both = left @ right.swapaxes(-1, -2)  # of real and imaginary parts, in one real product
+    both = both + both.swapaxes(-1, -2)  # of i, j and of j, i
     one, two = both[..., :count, :count], both[..., count:, count:]
     across, back = both[..., :count, count:], both[..., count:, :count]
-    plus, minus = (one - two) + 1j * (across + back), (one + two) + 1j * (back - across)
-    once = _once(count)
-    return once * (plus + plus.swapaxes(-1, -2)), once * (minus + minus.conj().swapaxes(-1, -2))
+    out = np.empty((2, *one.shape), dtype=complex)
+    plus, minus = out
+    plus.real, plus.imag, minus.real, minus.imag = one - two, across + back, one + two, back - across
+    out *= _once(count)
+    return out
 
 
 def _parts(factor: Complexes) -> Floats:

@@ -8,6 +8,7 @@ Source 0 is the constant one, which carries dead loads and gaps.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -39,8 +40,8 @@ class Sources:
         amplitude, shift = self.amplitude[piece], (time - self.start[piece])[:, None]
         if not np.any(shift):
             return amplitude
-        last, out = self.group_last(), amplitude.copy()
-        for f in range(self.count):
+        last, out = self.group_last, amplitude.copy()
+        for f in np.flatnonzero(last > np.arange(self.count)):
             factor = np.ones(time.size)
             for q in range(f + 1, last[f] + 1):
                 factor = factor * shift[:, 0] * ((self.power[f] + q - f) / (q - f))
@@ -56,6 +57,7 @@ class Sources:
         lowered = self.power * tau[:, None] ** np.maximum(self.power - 1, 0)
         return (grown * basis).real, (grown * (self.exponent * basis + lowered)).real
 
+    @cached_property
     def group_last(self) -> Ints:
         """Index of the last source of the run (same channel and exponent) that each source belongs to."""
         last = np.arange(self.count)

@@ -167,6 +167,12 @@ class StateTables:
         return Tables(first=self.contacts.arrays.first, states=self.contacts.arrays.states, **rows)
 
 
+def visited_states(states: Ints) -> list[int]:
+    """The different numbers (of contact states) in an array, in order."""
+    seen: list[int] = np.bincount(states).nonzero()[0].tolist()
+    return seen
+
+
 def pad(arrays: list[NDArray[Number]]) -> NDArray[Number]:
     """Stack arrays of different sizes, filled up with zeros."""
     out = np.zeros((len(arrays), *np.max([a.shape for a in arrays], axis=0)), dtype=arrays[0].dtype)

@@ -38,17 +38,17 @@ class IntegratedForm:
     factor: Complexes  # (P, Q)
 
     @classmethod
-    def of(cls, exponent: Complexes, plus: Complexes, minus: Complexes, longest: float) -> IntegratedForm:
-        """Of forms (Q, T, T) as `beamsim.flow.quadratic_forms.forms` makes them, and the terms' exponents (T,).
+    def of(cls, exponent: Complexes, plus_minus: Complexes, longest: float) -> IntegratedForm:
+        """Of forms (2, Q, T, T) as `beamsim.flow.quadratic_forms.forms` makes them, and the terms' exponents (T,).
 
         ``longest`` is about the longest time that integrals are asked for, s.
         """
-        count, outputs = exponent.size, plus.shape[0]
-        rates = np.stack([exponent[:, None] + exponent, exponent[:, None] + exponent.conj()])
+        count, outputs = exponent.size, plus_minus.shape[1]
+        rates = exponent[:, None] + np.array([exponent, exponent.conj()])[:, None]
         slow = _slow(rates, exponent, longest)
-        both = np.where(_upper(count), np.stack([plus, minus]), 0.0)  # (2, Q, T, T)
-        alone = np.nonzero(slow & np.any(both != 0.0, axis=1))
-        fast = np.where(slow, 0.0, 1.0 / np.where(slow, 1.0, rates))
+        both = plus_minus * _upper(count)
+        alone = np.nonzero(slow & both.any(axis=1))
+        fast = np.divide(1.0, rates, out=np.zeros_like(rates), where=~slow)
         a, b = both * fast[:, None]
         form = np.empty((outputs, 2 * count, 2 * count))
         form[:, :count, :count], form[:, count:, count:] = a.real + b.real, b.real - a.real
@@ -78,7 +78,7 @@ class IntegratedForm:
     def _value(self, terms: Complexes) -> Floats:
         """(nt, Q) the antiderivative at terms (nt, T)."""
         x = np.concatenate([terms.real, terms.imag], axis=1)
-        return np.stack([np.einsum("ni,ni->n", x @ form, x) for form in self.form], axis=1)
+        return np.asarray(np.einsum("qni,ni->nq", x @ self.form, x))
 
 
 def summed_products(exponent: Complexes, amplitude: Complexes, length: Floats) -> tuple[Complexes, Complexes]:
@@ -128,9 +128,9 @@ def summed_integrals(
 
 
 @lru_cache(maxsize=8)
-def _upper(count: int) -> Bools:
-    """(T, T) pairs of which the first comes not after the second."""
-    return np.triu(np.ones((count, count), dtype=bool))
+def _upper(count: int) -> Floats:
+    """(T, T) 1 for pairs of which the first comes not after the second, else 0."""
+    return np.triu(np.ones((count, count)))
 
 
 def _slow(rate: Complexes, exponent: Complexes, longest: float) -> Bools:

@@ -14,7 +14,7 @@ from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, rule
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.peak_bounds import candidates
 from beamsim.flow.quadratic_forms import forms
-from beamsim.flow.state_tables import pad
+from beamsim.flow.state_tables import pad, visited_states
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.term_integrals import IntegratedForm, summed_products
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -431,7 +431,7 @@ class Trajectory:
     @property
     def exponentials(self) -> bool:
         """Whether no term of the motion has a power of time."""
-        return not any(np.any(state.power) for state in self.flow.states)
+        return all(state.exponential for state in self.flow.states)
 
     def _by_products(self, segment: Ints, tau: Floats, table: Complexes, weight: Floats, out: Floats) -> Ints:
         """Integrals over the first tau of segments into ``out`` (nt, Q); returns the entries outside of groups."""
@@ -439,17 +439,21 @@ class Trajectory:
             every = np.arange(tau.size)
             return integrals_alike(self, segment, tau, table, weight, out) if many_pieces(self) else every
         of_entry = self.state[segment]
-        for number in np.unique(of_entry):
+        for number in visited_states(of_entry):
             state, entries = self.flow.states[number], np.flatnonzero(of_entry == number)
-            visits, at = np.unique(segment[entries], return_inverse=True)
+            visits = segment[entries]
+            if np.all(visits[1:] > visits[:-1]):  # whole segments, one after the other
+                at = np.arange(visits.size)
+            else:
+                visits, at = np.unique(visits, return_inverse=True)
             begin = self.amplitudes(state, visits)
-            left, right = np.split(table[number, : state.term_basis.size], 2, axis=1)
-            acting = np.any(left, axis=0) & np.any(right, axis=0)  # open contacts have no force
-            columns = (np.flatnonzero(acting & (w != 0.0)) for w in weight.T)
+            factors = table[number, : state.term_basis.size]
+            left, right = factors[:, : weight.shape[0]], factors[:, weight.shape[0] :]
+            acting = left.any(axis=0) & right.any(axis=0)  # open contacts have no force
+            columns = ((acting & (w != 0.0)).nonzero()[0] for w in weight.T)
             of_sums = [forms([(left[:, c] * w[c], right[:, c])]) for c, w in zip(columns, weight.T, strict=True)]
-            plus, minus = (np.stack(each) for each in zip(*of_sums, strict=True))
             longest = float(tau[entries].max())
-            form = IntegratedForm.of(state.exponent[state.term_basis], plus, minus, longest)
+            form = IntegratedForm.of(state.exponent[state.term_basis], np.stack(of_sums, axis=1), longest)
             out[entries] = form(begin, at, tau[entries])
         return np.zeros(0, dtype=np.int64)
 

@@ -41,8 +41,16 @@ def seeds(motion):
     return seed, np.stack([times[values.argmax(axis=0)], times[values.argmin(axis=0)]])
 
 
-def test_few_pairs_are_searched(motion, seeds):
+def test_few_pairs_are_searched(motion, seeds, monkeypatch):
     whole, outputs = motion
+    bounded, pairs_of = [], peak_bounds._pairs
+    monkeypatch.setattr(peak_bounds, "_pairs", lambda *of: bounded.append(of[4].shape[1]) or pairs_of(*of))
+    unknown = np.full((2, SNUBBERS), -np.inf)
+    peak_bounds.candidates(whole, outputs.groups["force"], unknown, np.zeros((2, SNUBBERS)))
+    closed = [int(np.count_nonzero(state.phases)) for state in whole.flow.states]
+    assert bounded == [count for count in closed if count]  # forces of open snubbers are zero
+    assert np.all(unknown >= 0.0)
+    monkeypatch.undo()
     highest, _, _ = whole.maxima(outputs, *seeds)
     pairs = whole.time.size * highest.size
     known, at = (values.copy() for values in seeds)

@@ -47,8 +47,8 @@ def test_a_form_is_integrated_however_slow_a_pair_is(size):
     left, right = rng.normal(size=(2, 6, 3, 2)) @ [1.0, 1.0j]
     amplitude = rng.normal(size=(4, 6, 2)) @ [1.0, 1.0j]
     segment, tau = np.array([0, 3, 1, 2, 2]), np.array([0.3, 1e-7, 0.0, 0.2, 0.7])
-    plus, minus = forms([(left, right)])
-    integrals = IntegratedForm.of(exponent, plus[None], minus[None], 0.7)(amplitude, segment, tau)
+    of_product = forms([(left, right)])[:, None]
+    integrals = IntegratedForm.of(exponent, of_product, 0.7)(amplitude, segment, tau)
     point, gauss = np.polynomial.legendre.leggauss(200)
     for g, t, integral in zip(segment, tau, integrals[:, 0], strict=True):
         at = 0.5 * t * (1.0 + point)

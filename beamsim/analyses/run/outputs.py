@@ -108,9 +108,9 @@ def energies_of_rows(rows: Sequence[OutputRows], values: Floats) -> Floats:
 def stack(*outputs: LinearOutput) -> LinearOutput:
     """One output with the rows of several."""
     return LinearOutput(
-        np.vstack([o.row for o in outputs]),
-        np.vstack([o.direct for o in outputs]),
-        np.vstack([o.direct_slope for o in outputs]),
+        np.concatenate([o.row for o in outputs]),
+        np.concatenate([o.direct for o in outputs]),
+        np.concatenate([o.direct_slope for o in outputs]),
     )
 
 
