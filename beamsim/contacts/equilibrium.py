@@ -130,9 +130,9 @@ def _refined(
     they feel. Newton's method on coordinates and forces of closed springs together, residuals in extended precision:
     deflections of stiff springs do not have to be differences of others.
     """
-    if equilibrium.q is None:
-        return equilibrium
     closed = equilibrium.force != 0.0
+    if equilibrium.q is None or not (equilibrium.q.any() or closed.any() or load.any()):
+        return equilibrium
     normal = springs.sign[closed, None] * springs.shape[closed]
     n = stiffness.size
     exact = np.concatenate([equilibrium.q, equilibrium.force[closed]]).astype(np.longdouble)
@@ -144,7 +144,9 @@ def _refined(
     if not np.all(size > 0):
         return equilibrium
     scale = np.sqrt(np.concatenate([1.0 / size, 1.0 / np.abs(compliance)]))
-    matrix = np.block([[tangent, -normal.T], [normal, np.diag(compliance)]]) * np.outer(scale, scale)
+    matrix = np.diag(np.concatenate([np.zeros(n), compliance]))
+    matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = tangent, -normal.T, normal
+    matrix *= scale * scale[:, None]
     for _ in range(_REFINEMENTS):
         q, force = exact[:n], exact[n:]
         bent = wide[3] @ q

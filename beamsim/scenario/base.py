@@ -224,7 +224,8 @@ def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
     parts: Iterable[tuple[Any, object]] = ()
     if isinstance(value, Schema):
         yield path, value
-        parts = ((key, value.__dict__.get(name)) for key, name in type(value).keys().items())
+        held = value.__dict__
+        parts = [(key, held.get(name)) for key, name in _keys(type(value)).items()]
     elif isinstance(value, tuple):
         parts = enumerate(value)
     elif isinstance(value, dict):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, Tag
@@ -19,6 +20,11 @@ from beamsim.scenario.quantities import (
     PositionOrShare,
 )
 from beamsim.scenario.sections import RectangleSection, SandwichSection, Section, SolidSection
+
+
+@lru_cache(maxsize=64)
+def _rectangle(width: float, thickness: float) -> RectangleSection:
+    return RectangleSection(width=width, thickness=thickness)
 
 
 class Bending(Schema):
@@ -86,7 +92,7 @@ class SolidBending(Bending):
             return self.section
         assert self.width is not None
         assert self.thickness is not None
-        return RectangleSection(width=self.width, thickness=self.thickness)
+        return _rectangle(self.width, self.thickness)
 
     @property
     def area(self) -> float:

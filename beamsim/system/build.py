@@ -143,12 +143,12 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     scenario, basis = parts.scenario, parts.basis
     damping = parts.reduced.damping
 
-    snubbers = scenario.located_snubbers
+    snubbers = parts.located_snubbers
     tables = force_tables(scenario)
     curves = [None if table is None else table.curve for table in tables]
     stops = build_contacts(snubbers, curves, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
     stops = replace(stops, lever=_levers(parts, parts.snubber_sites))
-    nonlinear = scenario.nonlinear_springs
+    nonlinear = parts.nonlinear_springs
     spring_sites = [snubber_site(spring) for spring in nonlinear]
     springs = describe_springs(nonlinear, parts.shapes(spring_sites), _levers(parts, spring_sites))
     cubic = cubic_springs(springs, basis.size)
@@ -233,7 +233,7 @@ def _acting(parts: Parts) -> list[tuple[Path, LoadSite, str]]:
     scenario = parts.scenario
     acting: list[tuple[Path, LoadSite, str]] = [
         (located.path, snubber_site(located), f"{located.item.name}")
-        for located in (*scenario.located_snubbers, *scenario.nonlinear_springs)
+        for located in (*parts.located_snubbers, *parts.nonlinear_springs)
     ]
     return acting + [
         ((*path, "applied_to"), load_site_in(scenario, force.applied_to), "a force")
@@ -243,8 +243,7 @@ def _acting(parts: Parts) -> list[tuple[Path, LoadSite, str]]:
 
 def _contact_sites(parts: Parts, contacts: Contacts, *, split: bool) -> list[Site]:
     """(m,) where each contact acts: snubbers, then piecewise-linear springs, each part of them where they are split."""
-    scenario = parts.scenario
-    piecewise = [snubber_site(spring) for spring in scenario.nonlinear_springs if spring.item.kind != "cubic"]
+    piecewise = [snubber_site(spring) for spring in parts.nonlinear_springs if spring.item.kind != "cubic"]
     return [
         site
         for site, law in zip([*parts.snubber_sites, *piecewise], contacts.laws, strict=True)
@@ -254,8 +253,7 @@ def _contact_sites(parts: Parts, contacts: Contacts, *, split: bool) -> list[Sit
 
 def _sensed_places(parts: Parts) -> list[tuple[Path, Site]]:
     """Contacts, nonlinear springs and probes."""
-    scenario = parts.scenario
-    felt = [(each.path, snubber_site(each)) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
+    felt = [(each.path, snubber_site(each)) for each in (*parts.located_snubbers, *parts.nonlinear_springs)]
     return [*felt, *((("probes", k), site) for k, site in enumerate(parts.probe_sites))]
 
 
@@ -276,7 +274,7 @@ def _check_rigid_friction(parts: Parts, springs: Sequence[SpringInfo], stops: Co
     laws += zip((stop.name for stop in parts.scenario.all_snubbers), stops.laws, strict=True)
     coupled = [name for name, law in laws if any(phase.coupled for phase in law.phases)]
     problems = []
-    for path, _, contact in parts.scenario.nonlinear_springs:
+    for path, _, contact in parts.nonlinear_springs:
         if contact.kind != FRICTION or contact.stiffness is not None:
             continue
         if coupled:
@@ -333,7 +331,7 @@ def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, dict[
 def _loads(parts: Parts) -> Floats:
     """(m, N) rows of contacts and forces, and inertia loads where the base moves or gravity acts."""
     scenario, structure = parts.scenario, parts.structure
-    springs = [snubber_site(spring) for spring in scenario.nonlinear_springs]
+    springs = [snubber_site(spring) for spring in parts.nonlinear_springs]
     rows = structure.rows([*parts.snubber_sites, *springs, *force_sites(scenario)])
     moving = base_direction(scenario)
     directions = dict.fromkeys(direction for direction, _ in gravity_loads(scenario))
@@ -419,7 +417,7 @@ def _describe_snubbers(
 ) -> tuple[SnubberInfo, ...]:
     described = []
     force = springs_of(contacts).by_contact(equilibrium.force, contacts.sign)
-    located = parts.scenario.located_snubbers
+    located = parts.located_snubbers
     for i, (site, (_, _, s), table) in enumerate(zip(parts.snubber_sites, located, tables, strict=True)):
         unit = parts.structure.unit_stiffness(site)
         stiffness = contacts.laws[i].stiffness

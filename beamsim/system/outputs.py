@@ -135,7 +135,7 @@ class _Asked:
     @cached_property
     def cubic_sites(self) -> list[Site]:
         """Where cubic springs act."""
-        return [snubber_site(s) for s in self.parts.scenario.nonlinear_springs if s.item.kind == "cubic"]
+        return [snubber_site(s) for s in self.parts.nonlinear_springs if s.item.kind == "cubic"]
 
     def rows(self, path: Path, output: Any) -> OutputRows:
         """Those of one output."""

@@ -23,7 +23,7 @@ from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.inputs.excitation import Driven
-    from beamsim.scenario import Scenario
+    from beamsim.scenario import Located, Scenario
     from beamsim.scenario.base import Path
     from beamsim.scenario.run import Start
     from beamsim.structures.basis import ReducedBasis
@@ -79,9 +79,19 @@ class Parts:
         return self.reduced.shapes(sites)
 
     @cached_property
+    def located_snubbers(self) -> tuple[Located, ...]:
+        """The snubbers, see `Scenario.located_snubbers`."""
+        return self.scenario.located_snubbers
+
+    @cached_property
+    def nonlinear_springs(self) -> tuple[Located, ...]:
+        """Springs, joints and friction contacts with laws, see `Scenario.nonlinear_springs`."""
+        return self.scenario.nonlinear_springs
+
+    @cached_property
     def snubber_sites(self) -> list[Site]:
         """Where the snubbers sit."""
-        return [snubber_site(located) for located in self.scenario.located_snubbers]
+        return [snubber_site(located) for located in self.located_snubbers]
 
     @cached_property
     def probe_sites(self) -> list[Site]:
