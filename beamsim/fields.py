@@ -70,6 +70,25 @@ class Entry(NamedTuple):
     columns: tuple[str, ...] = ()  # of a tuple of dataclasses: the fields to be listed of each
 
 
+def figure_in_words(key: str) -> str:
+    """A figure for people: an entry of a summary without its unit, and whose it is, in the name that the user gave.
+
+    >>> figure_in_words("largest_bending_stress_pa"), figure_in_words("peak_force_n.pad_n")
+    ('largest bending stress', 'peak force of pad_n')
+    >>> figure_in_words("spectral_lines.root_1 absolute_acceleration")
+    'spectral lines of root_1 absolute acceleration'
+    """
+    entry, _, place = key.partition(".")
+    words = re.sub(r"_(m|n|g|pa|hz|s|j)$", "", entry).replace("_", " ")
+    return f"{words} of {place_in_words(place)}" if place else words
+
+
+def place_in_words(place: str) -> str:
+    """What stands behind the point of a figure's key: a name as it was given, and perhaps a quantity."""
+    named, space, quantity = place.partition(" ")
+    return f"{named}{space}{quantity.replace('_', ' ')}"
+
+
 def summary_of(result: Any, **computed: Any) -> dict[str, Any]:
     """The summary that a result declares: values given here, and those of its fields, as plain Python values.
 

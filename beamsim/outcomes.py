@@ -256,7 +256,7 @@ class OutcomeCode(Enum):
     )
     NOTCH_NOT_HELD = (
         OutcomeKind.STOPPED,
-        "notching: {limit} is exceeded by up to {percent:.3g} % at {frequency:.5g} Hz (limits are exceeded at "
+        "notching: {limit} is exceeded by up to {percent:.3g} % at {frequency:.4g} Hz (limits are exceeded at "
         "{ranges} Hz)[, where {reason}]",
         "sweep more slowly, start further from the resonance or at a lower level, or raise the limit",
     )

@@ -130,7 +130,7 @@ def validate(
         drawn = {"files": [str(file) for file in files]} if sketch else {}
         print_json({"valid": True, "title": title, "warnings": list(warnings), **drawn})
     else:
-        print(f"{case}: valid ({title})", *files, sep="\n")
+        print(f"{case}: valid ({title})" if title else f"{case}: valid", *files, sep="\n")
 
 
 @app.command()

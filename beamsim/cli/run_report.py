@@ -132,7 +132,10 @@ def _stress(result: RunResult, stress: float) -> str:
 
 
 def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Strongest and chosen lines of the first probe that moves: order (or Hz) and level, in order of frequency."""
+    """Strongest and chosen lines of the first probe that moves: order (or Hz) and level, in order of frequency.
+
+    Orders are multiples of the excitation frequency, levels in dB of the largest value of the signal.
+    """
     s = result.summary
     probes = (*(line["probe"] for line in lines), *(probe for probe, _ in result.spectra))
     first = next(iter(probes), "")
@@ -144,6 +147,8 @@ def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> di
         resolution = LOBE / result.spectra[first, quantity].duration_s
         without = f"no distinct line, at a resolution of {resolution:.3g} Hz" if moves else "no motion"
         text = ", ".join(_strongest(lines, first, quantity))
+        if text and is_known(excitation := result.spectra[first, quantity].excitation_hz):
+            text = f"multiples of {excitation:.4g} Hz: {text}"
         if text and name in changes:
             text += f"; {change_of(s, 'spectral_lines', name)}"
         texts[name.replace("_", " ")] = text or without
@@ -187,6 +192,9 @@ def _random(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> di
             "crest_factor": f"crest factor {figures['crest_factor']:.3g}",
             "kurtosis": f"kurtosis {figures['kurtosis']:.3g}",
         }
+        parts = {
+            key: part for key, part in parts.items() if is_known(figures.get(key, 0.0))
+        }  # of no force there is none
         doubtful = [key for key in parts if f"random.{name} {key}" in s.get("doubtful", ())]
         marked = [f"{part} ({change_text(changes[f'{name} {key}'], True)})" if key in doubtful else part
                   for key, part in parts.items()]  # fmt: skip
@@ -213,14 +221,16 @@ def _linear(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> di
     return texts
 
 
-def _impacts(_: RunResult, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
+def _impacts(result: RunResult, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
     """Two rows for each snubber: the impacts, and what one of them is on average."""
     width = max(len(name) for name in snubbers)
     for name, s in snubbers.items():
         below = f", {s['below_threshold']} more below the threshold" if s["below_threshold"] else ""
         interval = s.get("intervals", {}).get("rate_hz")
         between = f" ({interval[0]:.4g} to {interval[1]:.4g} Hz)" if is_known(interval) else ""
-        yield "", f"{name:<{width}}  {counted(s['number'], 'impact')}, {s['rate_hz']:.4g} Hz{between}{below}"
+        pressed = result.summary["contacts"][name] == 0 and result.summary["contact_share"][name] > 0.0
+        which = " (pressed from the beginning)" if pressed else ""
+        yield "", f"{name:<{width}}  {counted(s['number'], 'impact')}{which}, {s['rate_hz']:.4g} Hz{between}{below}"
         if s["number"]:
             units = (
                 ("peak", "mean_peak_force_n", "N"),

@@ -34,7 +34,7 @@ def _curves(result: SweepResult, peaks: list[dict[str, Any]]) -> Iterator[Row]:
 def _peak(peak: Mapping[str, Any]) -> str:
     order = (
         ""
-        if peak["order"] == 1.0 or peak["kind"] == "beat"
+        if peak["order"] == 1.0 or peak["kind"] in ("beat", "level step")
         else f" of order {Fraction(peak['order']).limit_denominator(12)}"
     )
     return f"{peak['frequency_hz']:8.2f} Hz  {amount(peak['value_m'], 'm'):>10}  {peak['kind']}{order}"

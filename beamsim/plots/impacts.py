@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow
+from beamsim.fields import rows_of
 from beamsim.plots.style import MOST_CURVES, amount, curve_style, finish, legend, scale_for, time_scale
 from beamsim.typing import Ints
 
@@ -32,8 +33,13 @@ def _of_snubber(impacts: Impacts, name: str) -> Ints:
     return np.flatnonzero(impacts.snubber == list(impacts.snubbers).index(name))
 
 
-def plot_impact_map(impacts: Impacts, ax: Axes) -> Axes:
-    """Peak force of every impact over its time, each snubber with its mark; small marks where impacts are many."""
+def plot_impact_map(impacts: Impacts, ax: Axes, end: float) -> Axes:
+    """Peak force of every impact over its time, each snubber with its mark; small marks where impacts are many.
+
+    Parameters
+    ----------
+    end : end of the run (s), and of the axis: a few impacts are seen where they are in it.
+    """
     names = _strongest(impacts)
     newton, clock = scale_for("N", impacts.peak_force), time_scale()
     size = float(np.clip(120.0 / np.sqrt(max(impacts.begin.size, 1)), 1.5, 5.0))
@@ -45,6 +51,7 @@ def plot_impact_map(impacts: Impacts, ax: Axes) -> Axes:
             label=name, rasterized=impacts.begin.size > 20_000,
         )  # fmt: skip
     ax.set_ylim(bottom=0.0)
+    ax.set_xlim(-0.02 * end * clock.factor, 1.02 * end * clock.factor)
     finish(ax, f"Time ({clock.unit})", f"Peak force of an impact ({newton.unit})")
     legend(ax, len(names), len(impacts.snubbers), "snubbers")
     return ax
@@ -106,7 +113,7 @@ def impact_figures(
     figures = {}
     if result.impacts is not None and result.impacts.begin.size:
         figures["impact_map"], (ax,) = panels(1, 1, 4.4)
-        plot_impact_map(result.impacts, ax)
+        plot_impact_map(result.impacts, ax, float(rows_of(result, "time")[-1:][0]))
         figures["impact_histogram"], (above, below) = panels(2, 1, 5.6)
         plot_peak_forces(result.impacts, above)
         names = _strongest(result.impacts)

@@ -117,7 +117,7 @@ def _deflections(result: RunResult, plate: BodyResult) -> Figure:
         ax.set_axis_off()
     handles, labels = list(marks.values()), list(marks)
     if marks and len(panels) > count:
-        panels[count].legend(handles, labels, loc="center", frameon=False, fontsize="small")
+        panels[count].legend(handles, labels, loc="center", frameon=False, fontsize="small", labelspacing=1.2)
     elif marks:
         figure.legend(handles, labels, loc="outside lower center", frameon=False, fontsize="small", ncols=2)
     return figure

@@ -138,7 +138,7 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
         ax.set_ylim(min(max(top - DEEPEST_DB, bottom), top - 40.0), top + 6.0)
     named = quantity.replace("_", " ").capitalize()
     axis = "Frequency / excitation frequency" if forced else "Frequency (Hz)"
-    finish(ax, axis, f"{named} (dB re max)")
+    finish(ax, axis, f"{named} (dB re peak)")
     legend(ax, min(len(spectra), MOST_CURVES), len(spectra), "probes")
     return _doubts(result, ax, "spectral_lines", "lines", f" {quantity}")
 
@@ -169,7 +169,7 @@ def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> A
         if at is None or at == next(iter(result.snubbers)):
             legend(ax, 2, 2, "")
     part = "" if time.size == times.size else f", last {time[-1] - time[0]:.3g} s"
-    finish(ax, f"Displacement at {place.name} ({length.unit}){part}", f"Velocity ({speed.unit})")
+    finish(ax, f"Displacement ({length.unit})\nat {place.name}{part}", f"Velocity ({speed.unit})")
     return ax
 
 

@@ -43,7 +43,14 @@ MOST_LEVELS = 4  # whose harmonics are drawn
 ENERGY_SHOWN = 1e-8  # of the largest, below which harmonics are not drawn
 MOST_PERIODS = 8  # that an axis numbers
 MOST_MARKS = 8  # labelled peaks in one plot
-_MARKS = {"linear resonance": "o", "nonlinear resonance": "o", "superharmonic": "^", "subharmonic": "v", "beat": "x"}
+_MARKS = {
+    "linear resonance": "o",
+    "nonlinear resonance": "o",
+    "superharmonic": "^",
+    "subharmonic": "v",
+    "beat": "x",
+    "level step": "|",
+}
 
 
 def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 0) -> Axes:

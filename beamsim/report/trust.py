@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from typing import Any
 
 from beamsim.analyses.result import Result
+from beamsim.fields import figure_in_words, place_in_words
 from beamsim.outcomes import OutcomeKind
 from beamsim.plots.style import scale_for
 
@@ -26,7 +26,7 @@ def doubts(result: Result) -> list[str]:
     texts = [] if result.complete or not result.status else [str(result.outcome.displayed(scale_for))]
     doubtful = result.summary.get("doubtful") or []
     if doubtful:
-        named = ", ".join(" of ".join(map(words, each.split(".", 1))) for each in doubtful[:6])
+        named = ", ".join(map(figure_in_words, doubtful[:6]))
         more = f" and {len(doubtful) - 6} more" if len(doubtful) > 6 else ""
         texts.append(f"not converged: {named}{more} (see the table of changes below)")
     return texts
@@ -98,17 +98,8 @@ def changes(result: Result) -> list[tuple[str, str, float, bool]]:
         for name, value in named.items():
             if isinstance(value, (int, float)):
                 key = f"{figure}.{name}" if name else figure
-                rows.append((words(figure), words(str(name)), float(value), key in doubtful))
+                rows.append((figure_in_words(figure), place_in_words(str(name)), float(value), key in doubtful))
     return rows
-
-
-def words(name: str) -> str:
-    """The name of a summary's entry for people, without its unit.
-
-    >>> words("peak_force_n"), words("open_frequencies_hz"), words("tip")
-    ('peak force', 'open frequencies', 'tip')
-    """
-    return re.sub(r"_(m|n|g|pa|hz|s|j)$", "", name).replace("_", " ")
 
 
 def versions(result: Result) -> str:

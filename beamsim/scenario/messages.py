@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -112,6 +113,10 @@ def _did_you_mean(value: object, choices: list[str]) -> str:
 def _known_keys(key: str, path: Path, schema: type[Schema]) -> str:
     if key == "extends":
         return "extends must be at the top level of a file"
+    if ":" in key:
+        return f"write a space after the colon: {key.replace(':', ': ', 1)}"
+    if re.match(r"\s*[\d.]", key):  # what follows the comma of 0,3 mm or 90,000 N within { }
+        return "a comma separates keys: write decimals with a point, and no comma between thousands"
     keys = list(schema.keys())
     if keys == ["kind"]:
         return "this kind has no other keys; remove it"

@@ -154,6 +154,14 @@ def parse(text: str, file: str | None = None) -> Node:
     return node
 
 
+def _colon_remedy(lines: list[str]) -> str:
+    """What to do about a colon, in the last of the lines, where none may be: the line before may lack one."""
+    before = [number for number, line in enumerate(lines[:-1], 1) if line.partition("#")[0].strip()]
+    if before and ":" not in lines[before[-1] - 1].partition("#")[0]:
+        return f"line {before[-1]} has no colon between key and value"
+    return "check the indentation of this line and the one before, and quote text that contains a colon"
+
+
 def _syntax_problem(error: yaml.MarkedYAMLError, text: str, file: str | None) -> Problem:
     mark = error.problem_mark or error.context_mark
     parts = [part for part in (error.context, error.problem) if part]
@@ -169,6 +177,15 @@ def _syntax_problem(error: yaml.MarkedYAMLError, text: str, file: str | None) ->
         remedy = f'quote a path with brackets: "{path[0]}"'
     elif mark and line[mark.column : mark.column + 1] == "*":
         remedy = "quote text that begins with *"
+    elif error.context and error.context.startswith("while parsing a flow") and error.context_mark:
+        opened = error.context_mark
+        bracket = text.splitlines()[opened.line][opened.column]
+        remedy = f"is the {bracket} of line {opened.line + 1} closed, with a comma between all that it holds?"
+    elif mark and error.problem in (
+        "mapping values are not allowed here",
+        "expected '<document start>', but found '<block mapping start>'",
+    ):
+        remedy = _colon_remedy(text.splitlines()[: mark.line + 1])
     return Problem(
         "",
         "is not YAML: " + ", ".join(parts),

@@ -95,12 +95,18 @@ LEVEL_PSD = (ACCELERATION_PSD, FORCE_PSD, FORCE_PER_LENGTH_PSD, PRESSURE_PSD, AN
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 # Letters, exponents, products, quotients and parentheses; a numeral is an exponent or a leading 1.
 _UNIT = re.compile(r"[A-Za-zµμΩ°%_][\w°%²³⁴¹⁻/*·⋅^()+\-. ]*|1\s*/[\w²³⁴¹⁻/*·⋅^()+\-. ]*")
+_PLAIN_POWER = re.compile(r"(?<=[A-Za-zµμ])([2-4])(?![\w.])")  # m/s2, kg/m3: a numeral that ends the name of a unit
 _TOWER = re.compile(r"\d{3,}|(\^|\*\*)[\s()+\-]*[\d.]+[\s()]*(\^|\*\*)")
 _GRAVITY = re.compile(r"(?<![A-Za-z_µμ])(m?)g(?![A-Za-z_0-9])")
 _OWN_NAMES = re.compile(r"(?<![A-Za-z_µμ])(rev|revs)(?![A-Za-z_0-9])")
 _ANGULAR = frozenset({"radian", "degree", "turn", "revolutions_per_minute", "revolutions_per_second"})
 _ANGULAR_NAMES = _ANGULAR | {"arcminute", "arcsecond", "milliarcsecond", "grade", "mil", "milliradian"}
 _PER_ANGLE = "/rad"
+_SPELLINGS = {
+    unit.lower(): unit
+    for unit in ("m", "mm", "cm", "um", "kg", "g", "s", "ms", "N", "kN", "Hz", "kHz", "Pa", "kPa", "MPa", "GPa", "J")
+}
+"""What is probably meant, whatever its capitals."""
 _RATE = re.compile(r"(oct|octave|octaves|dec|decade|decades)\s*/\s*(s|sec|second|min|minute|h|hour)")
 _SECONDS = {"s": 1, "sec": 1, "second": 1, "min": 60, "minute": 60, "h": 3600, "hour": 3600}
 
@@ -183,7 +189,8 @@ def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float,
     try:
         given = _given(_units(unit, False))
     except UnitError as error:
-        raise UnitError(error.message, remedy) from None
+        raise UnitError(error.message, _respelled(unit, dimensions) or remedy) from None
+    remedy = _respelled(unit, dimensions) or remedy
     raise UnitError(f"must be {expected}, not {given}", remedy)
 
 
@@ -232,6 +239,7 @@ def _split(value: object, remedy: str) -> tuple[str | float, str]:
         value, unit = match[1].replace("_", ""), match[2]
         if unit[:1] == ",":
             raise UnitError("is not a number with a unit", "write decimals with a point, as in 5.2 mm")
+        unit = _PLAIN_POWER.sub(r"^\1", unit)
     return (value if isinstance(value, str) else _finite(value, remedy)), unit
 
 
@@ -305,6 +313,14 @@ def _units(text: str, gravity: bool) -> Any:
         raise UnitError(f"has the unit {text!r}, which is not known", "") from None
 
 
+def _respelled(text: str, dimensions: tuple[Dimension, ...]) -> str:
+    """The question whether an ill-spelt unit is another, 'hz' for Hz; empty if that has none of the dimensions."""
+    meant = re.sub(r"[A-Za-zµμ]+", lambda name: _SPELLINGS.get(name[0].lower(), name[0]), text)
+    if meant == text or all(_common(meant, dimension) is None for dimension in dimensions):
+        return ""
+    return f"did you mean {meant}?"
+
+
 def _common(text: str, dimension: Dimension) -> float | None:
     """`_factor` of a common unit; None for every other."""
     if dimension in (ANGLE, NUMBER):
@@ -323,11 +339,12 @@ def _factor(text: str, dimension: Dimension) -> float:
     try:
         units = _units(text, dimension.gravity)
     except UnitError as error:
-        raise UnitError(error.message, remedy) from None
+        raise UnitError(error.message, _respelled(text, (dimension,)) or remedy) from None
     registry = _registry()
     target = registry.parse_units(dimension.unit)
     if dimension is LENGTH and re.fullmatch(r"mils?", text):
         remedy = "mil is an angle here; give thousandths of an inch as 200 thou or 0.2 in"
+    remedy = _respelled(text, (dimension,)) or remedy
     wrong = UnitError(f"must be {dimension.with_article}, not {_given(units)}", remedy)
     if dict(units.dimensionality) != dict(target.dimensionality):
         raise wrong

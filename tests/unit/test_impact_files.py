@@ -37,7 +37,8 @@ def test_the_file_gives_back_what_was_written(result, tmp_path):
 
 def test_every_impact_is_in_the_pictures(result):
     impacts, (map_, histogram, cycles) = result.impacts, Figure().subplots(3)
-    plot_impact_map(impacts, map_)
+    plot_impact_map(impacts, map_, end=40.0)
+    assert map_.get_xlim() == pytest.approx((-0.8, 40.8))  # the run, not what lies between two impacts
     drawn = np.concatenate([np.stack([line.get_xdata(), line.get_ydata()], axis=1) for line in map_.lines])
     both = np.stack([impacts.peak_time, impacts.peak_force], axis=1)
     np.testing.assert_allclose(np.sort(drawn, axis=0), np.sort(both, axis=0), rtol=1e-14)

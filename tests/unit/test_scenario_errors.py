@@ -90,6 +90,11 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("E=70 GPa", "E is not a known key; known keys: title, beam"),
         ("beam.Length=1", "beam.Length is not a known key; did you mean length?"),
         ("beam.damping.ration=1", "did you mean ratio?"),
+        (
+            "beam.damping={kind: modal, ratio: 0,5 %}",
+            "beam.damping.5 % is not a known key; a comma separates keys: write dec",
+        ),
+        ("beam.damping={kind: modal, ratio:0.5}", "write a space after the colon: ratio: 0.5"),
         ("run.extends=x", "extends must be at the top level of a file"),
         ("excitation={kind: none, level: 1}", "excitation.level is not a known key; this kind has no other keys"),
         ("beam.length=null", "beam.length is missing; give for example length: 270 mm"),

@@ -96,6 +96,12 @@ def test_anchors_aliases_and_merge_keys():
         ("beam:\n\tlength: 1\n", "case.yaml:2: is not YAML: tabs cannot indent"),
         ("a: 'open\n", "is not YAML"),
         ("a: b: c\n", "case.yaml:1: is not YAML"),
+        ("a: [1\nb: 2\n", "is the [ of line 1 closed"),
+        ("a: {b: 1 c: 2}\n", "is the { of line 1 closed, with a comma between"),
+        (
+            "length 8  # no colon\nwidth: 4\n",
+            "; line 1 has no colon between key and value",
+        ),
         ("a: *unknown\n", "undefined alias"),
         ("a: 1\n---\nb: 2\n", "case.yaml:2: contains a second document"),
         ("a: !!python/object:os.system [x]\n", "a has the tag"),

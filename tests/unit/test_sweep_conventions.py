@@ -1,10 +1,13 @@
 """Conventions of a sweep's values: weights, signs of tables of levels, what a fractional order covers."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep
+from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.scenario import load_scenario
 
 CHAIN = {
@@ -132,3 +135,34 @@ def test_a_fast_linear_sweep_beats_behind_its_resonance(gap, linear):
     assert len(kinds) > 3
     assert (set(kinds) == {"linear resonance", "beat"}) == linear
     assert ("beat" in kinds) == linear
+
+
+def test_a_jump_ends_the_resonance_whatever_harmonics_it_excites():
+    """The excitation frequency holds 1.6 of 1.9 mm before the jump and a tenth behind it: no peak of order 4."""
+    f = np.linspace(14.0, 30.0, 200)
+    before = f < 21.3
+    peak = np.where(before, 1.3 + 0.6 * (f - 14.0) / 7.3, 0.15)
+    harmonics = np.array(
+        [np.where(before, 1.0 + 0.6 * (f - 14.0) / 7.3, 0.12), 0.4 * np.exp(-(((f - 21.3) / 0.5) ** 2))]
+    )
+    curve = SimpleNamespace(
+        name="up_0", direction="up", level=1.0, frequency_hz=f, orders=np.array([1.0, 4.0]), bent=None,
+        displacement={"tip": SimpleNamespace(peak=peak, harmonics=harmonics)},
+        contact_share={"stop": np.where(before, 0.3, 0.0)}, excitation_amplitude=np.ones(f.size),
+    )  # fmt: skip
+    (jump,) = find_peaks(curve, "tip")
+    assert (jump.kind, jump.order) == ("nonlinear resonance", 1.0)
+    curve.displacement["tip"].harmonics[0] = 1.0  # what the excitation causes does not change: order 4 has the peak
+    (of_order_4,) = find_peaks(curve, "tip")
+    assert (of_order_4.kind, of_order_4.order) == ("superharmonic", 4.0)
+
+
+def test_the_edge_of_a_notch_is_no_resonance():
+    chain = {"masses": [1.0], "springs": [1e4, 0], "damping": {"kind": "modal", "ratio": 0.02}}
+    notched = {**SWEEP, "from": 20, "to": 30, "rate": "2 Hz/s", "notches": [{"from": 23, "to": 26, "level": 0.1}]}
+    base = {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 14.0}
+    result = sweep(load_scenario({"chain": chain, "excitation": base, "sweep": notched}))
+    edge, *beats = [peak for peak in result.peaks if peak.frequency_hz > 25]
+    assert abs(edge.frequency_hz / 26 - 1) < 0.01
+    assert edge.kind == "level step"
+    assert {peak.kind for peak in beats} == {"beat"}

@@ -100,10 +100,32 @@ def test_g_in_a_power_spectral_density_is_gravity():
         ("19.6133 m/s^2", "2 g", units.ACCELERATION),
         ("1.1 kHz", "1100 Hz", units.FREQUENCY),
         ("0.1 %", "0.001", units.RATIO),
+        ("7850 kg/m3", "7850 kg/m^3", units.DENSITY),  # as data sheets and headings write powers
+        ("9.81 m/s2", "9.81 m/s^2", units.ACCELERATION),
+        ("0.01 g2/Hz", "0.01 g^2/Hz", units.ACCELERATION_PSD),
+        ("3 lb/ft3", "3 lb/ft^3", units.DENSITY),
     ],
 )
 def test_conversion_rounds_once(one, other, dimension):
     assert read_quantity(one, dimension) == read_quantity(other, dimension)
+
+
+@pytest.mark.parametrize(
+    ("value", "dimension", "meant"),
+    [
+        ("65 hz", units.FREQUENCY, "Hz"),
+        ("70 Gpa", units.PRESSURE, "GPa"),
+        ("151 KN/m", units.STIFFNESS, "kN/m"),
+        ("2 G", units.ACCELERATION, "g"),
+        ("2 G", units.MASS, "g"),
+        ("2 oct", units.LENGTH, ""),
+    ],
+)
+def test_asks_whether_another_spelling_was_meant(value, dimension, meant):
+    for read in (read_quantity, lambda value, dimension: units.read_level(value, (dimension, units.ANGLE))):
+        with pytest.raises(UnitError) as caught:
+            read(value, dimension)
+        assert caught.value.remedy == f"did you mean {meant}?" if meant else "did you mean" not in caught.value.remedy
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ from beamsim.analyses.run.outputs import (
 from beamsim.analyses.run.parting import LONGER, ContactEvents, PartingTimes, parting, sensitivity
 from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
 from beamsim.errors import ScenarioError
-from beamsim.fields import changed
+from beamsim.fields import changed, figure_in_words
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
@@ -411,7 +411,8 @@ def with_convergence(result: RunResult, checked: Convergence) -> RunResult:
     worthless = automatic and checked.largest_displacement_change > WORTHLESS
     code = OutcomeCode.FIGURES_WORTHLESS if worthless else OutcomeCode.FIGURES_DOUBTFUL
     outcome = Outcome.of(
-        code, *parted, percent=100 * ALLOWED_CHANGE, figures=[f"{name} by {100 * sizes[name]:.2g} %" for name in worst],
+        code, *parted, percent=100 * ALLOWED_CHANGE,
+        figures=[f"{figure_in_words(name)} by {100 * sizes[name]:.2g} %" for name in worst],
         remedy=_remedy(result, checked.doubtful),
         elements="twice the elements of every mesh" if result.scenario.has_mesh else "",
     )  # fmt: skip
@@ -421,7 +422,7 @@ def with_convergence(result: RunResult, checked: Convergence) -> RunResult:
 def _parted(checked: Convergence) -> Outcome:
     """Which figures depend on the motion after the sequences of contacts part, and why they part."""
     felt = checked.sensitivity
-    figures = list(dict.fromkeys(name.partition(".")[0] for name in checked.after_parting))
+    figures = list(dict.fromkeys(figure_in_words(name.partition(".")[0]) for name in checked.after_parting))
     if felt.sensitive:
         times = {"small_s": felt.small_s, "round_off_s": felt.round_off_s}
         times = {name: time for name, time in times.items() if math.isfinite(time)}

@@ -3,7 +3,9 @@
 A peak is classified by the harmonic with the largest increase: the excitation frequency itself (a resonance, linear if
 contact is never lost or never made, nonlinear otherwise), a multiple of it (a superharmonic resonance), or a fraction
 (a subharmonic resonance). A linear motion has neither: there it is a beat of the free motion, which a fast sweep
-leaves behind a resonance, with the excitation.
+leaves behind a resonance, with the excitation. Where the motion jumps off a resonance, the excitation frequency itself
+loses more than any other harmonic gains: a hardening resonance is flat before its jump, which excites the others. Where
+the level has a step (the edge of a notch, a held profile), a peak of a linear motion is that step's.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ BINS = 300  # frequency bins for the envelope of a swept response
 LEAST_PROMINENCE = 1.3  # smallest ratio of a peak to its surroundings
 NEIGHBOURHOOD = 1.25  # frequency ratio within which the increase of a harmonic is measured
 MOST_PEAKS = 12  # of a curve
+LEVEL_STEP = 1.05  # ratio of the levels of two neighbouring cycles, above which the level has a step between them
 ALWAYS = 1e-6  # contact shares within this distance of 0 or 1 count as never or always
 
 
@@ -92,13 +95,16 @@ def _named(curve: SweepCurve, probe: str, index: Ints, frequency: Floats, at: in
     here = _around(frequency, f * 0.99, f * 1.01, at)
     below = _around(frequency, f / NEIGHBOURHOOD, f / NEIGHBOURHOOD**0.5, None)
     above = _around(frequency, f * NEIGHBOURHOOD**0.5, f * NEIGHBOURHOOD, None)
-    rise = np.empty(curve.orders.size)
+    rise, fall = np.empty(curve.orders.size), np.empty(curve.orders.size)
     for r in range(curve.orders.size):
         beside = [_median(amplitude[r, part]) for part in (below, above) if part.size]
         # the higher side counts: a harmonic that merely grows with frequency has no peak
         rise[r] = _median(amplitude[r, here]) - max(beside, default=0.0)
+        fall[r] = _median(amplitude[r, here]) - min(beside, default=0.0)
     rise = np.where(np.isfinite(rise), rise, -np.inf)
     r = int(np.argmax(rise))
+    off = np.flatnonzero((curve.orders == 1.0) & (rise > 0.0) & (fall > rise[r]))
+    r = int(off[0]) if off.size else r
     order = float(curve.orders[r])
     linear = _linear(curve, index[here])
     if order == 1.0 or not np.isfinite(rise[r]):
@@ -107,6 +113,8 @@ def _named(curve: SweepCurve, probe: str, index: Ints, frequency: Floats, at: in
         kind = "beat"
     else:
         kind = "superharmonic" if order > 1 else "subharmonic"
+    if linear and _has_step(curve.excitation_amplitude[index[here]]):
+        kind = "level step"
     value = float(envelope.peak[index[at]])
     share = float(_median(amplitude[r, here]) / value)
     return ResponsePeak(curve.name, probe, curve.direction, curve.level, float(f), value, kind, order, share)
@@ -121,6 +129,11 @@ def _median(values: Floats) -> float:
 def _around(frequency: Floats, low: float, high: float, fallback: int | None) -> Ints:
     inside = np.flatnonzero((frequency >= low) & (frequency <= high))
     return inside if inside.size or fallback is None else np.array([fallback])
+
+
+def _has_step(level: Floats) -> bool:
+    """Whether the level has a step among the cycles of these levels."""
+    return bool(np.any(np.abs(np.diff(np.log(np.abs(level)))) > np.log(LEVEL_STEP)))
 
 
 def _linear(curve: SweepCurve, part: Ints) -> bool:

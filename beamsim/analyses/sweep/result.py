@@ -313,7 +313,9 @@ class ResponsePeak:
     level: float = dataset("", "level of the excitation")
     frequency_hz: float = dataset("Hz", "excitation frequency of the peak")
     value_m: float = dataset("m", "peak displacement")
-    kind: str = dataset("1", "kind of the peak")  # linear or nonlinear resonance, superharmonic, subharmonic, beat
+    kind: str = dataset(
+        "1", "kind of the peak"
+    )  # linear or nonlinear resonance, superharmonic, subharmonic, beat, level step
     order: float = dataset("1", "order of the resonant harmonic")
     share: float = dataset("1", "share of that harmonic in the peak displacement")
 
