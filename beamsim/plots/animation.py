@@ -213,7 +213,7 @@ def _drawing(scene: Scene, ax: Any) -> Callable[[int], list[Any]]:
                 zorder=3)[0]
         for line in scene.lines
     ]  # fmt: skip
-    springs = [ax.plot([], [], linewidth=1.4, zorder=4)[0] for _ in scene.stops]
+    springs = [ax.plot([], [], zorder=4)[0] for _ in scene.stops]
     said = ax.text(0.99, 0.98, "", transform=ax.transAxes, ha="right", va="top", fontsize="small", family="monospace")
     width = 0.009 * (right - left)
 
@@ -224,7 +224,8 @@ def _drawing(scene: Scene, ax: Any) -> Callable[[int], list[Any]]:
             first += line.x.size
         for stop, artist in zip(scene.stops, springs, strict=True):
             artist.set_data(*_spring(stop, k, width))
-            artist.set_color(STOP if stop.force[k] > 0.0 else "0.45")
+            pressed = stop.force[k] > 0.0
+            artist.set(color=STOP if pressed else "0.45", linewidth=2.8 if pressed else 1.2)  # told apart in grey, too
         forces = "  ".join(f"{s.name} {amount(_settled(s.force[k]), 'N'):>9}" for s in scene.stops[:4])
         said.set_text(f"{'slow  ' if scene.slow[k] else ''}t = {scene.time[k]:.5f} s   {forces}")
         return [*moving, *springs, said]

@@ -112,6 +112,8 @@ def plot_harmonics(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
         ax.set_ylim(1e-4 * top * scale.factor, 2.0 * top * scale.factor)
     put_beside(ax, ends)
     finish(ax, _axis(result), f"Amplitude of {probe} ({scale.unit})")
+    if _levels(result):
+        ax.set_title(_level(result, first.level), loc="left", fontsize="small")
     _legend(ax)
     return ax
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 NOTE = (
     "Deflection relative to the base, magnified to the scale shown, with the shape functions of the model; slow around "
-    "contact. A stop is red while it presses."
+    "contact. A stop is red and thick while it presses."
 )
 
 

@@ -47,7 +47,7 @@ function player(canvas, scene, controls) {
     scene.names.forEach(([name, x, y]) => context.fillText(name, X(x) + 4, Y(y) - 12));
     scene.stops.forEach(stop => {
       const shut = stop.force[frame] > 0;
-      stroke(spring(stop), shut ? STOP : GREY, shut ? 2.4 : 1.6, stop.side === "separation" ? [6, 4] : []);
+      stroke(spring(stop), shut ? STOP : GREY, shut ? 3.2 : 1.4, stop.side === "separation" ? [6, 4] : []);
     });
     let first = 0;
     scene.lines.forEach(line => {

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
@@ -75,6 +76,28 @@ UNKNOWN = _Unknown()
 def known(*values: object) -> bool:
     """Whether none of the values is the one that stands for a wrong value."""
     return not any(value is UNKNOWN for value in values)
+
+
+_KEY = r"[A-Za-z_](?:[\w -]*[\w-])?"
+_ITEM = r"\[(?:\*|\w(?:[\w .+-]*[\w+-])?)\]"
+_PATH = re.compile(rf"[A-Za-z_][\w-]*(?:{_ITEM})*(?:\.{_KEY}(?:{_ITEM})*)*")
+_PATH_PART = re.compile(rf"({_KEY})|({_ITEM})")
+
+
+def path_parts(path: str) -> list[str | int]:
+    """Keys, names, indices and ``*`` of a path that a user wrote; empty if it is none.
+
+    Brackets hold an index, ``*`` for every item, or a name, which may have points there.
+
+    >>> path_parts("snubbers.hard stop.gap"), path_parts("bodies.panel.point_masses[*].mass")
+    (['snubbers', 'hard stop', 'gap'], ['bodies', 'panel', 'point_masses', '*', 'mass'])
+    >>> path_parts("snubbers[0].gap"), path_parts("probes[no. 1].position"), path_parts("snubbers[0")
+    (['snubbers', 0, 'gap'], ['probes', 'no. 1', 'position'], [])
+    """
+    if not _PATH.fullmatch(path):
+        return []
+    parts = (key or item[1:-1] for key, item in _PATH_PART.findall(path))
+    return [int(part) if part.isdecimal() else part for part in parts]
 
 
 def path_text(path: Path) -> str:

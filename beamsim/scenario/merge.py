@@ -8,13 +8,12 @@ are mappings whose keys decide their meaning (``applied_to``, ``start``, ...). A
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path as FilePath
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.base import Path, path_text, single_line, suggestion
+from beamsim.scenario.base import Path, path_parts, path_text, single_line, suggestion
 from beamsim.scenario.names import DEFAULT_NAMES
 from beamsim.scenario.tree import Node, from_python, parse
 
@@ -124,8 +123,6 @@ def _drop_alternatives(keys: dict[str, Node], given: Collection[str], kept: Coll
                 keys.pop(name, None)
 
 
-_KEY = re.compile(r"[A-Za-z_][\w-]*(?:\[(?:\d+|\*)\])*(?:\.[A-Za-z_][\w-]*(?:\[(?:\d+|\*)\])*)*")
-_PART = re.compile(r"([A-Za-z_][\w-]*)|\[(\d+|\*)\]")
 _EXAMPLE = "write for example beam.thickness=4 mm, snubbers.tip.gap=0.1 mm or snubbers[0].gap=0.1 mm"
 
 
@@ -186,24 +183,24 @@ def _unlocated(node: Node) -> Node:
 
 def _places(root: Node, path: str) -> list[Path]:
     """The places that a path means, in keys and indices: names of items and ``[*]`` resolved."""
-    if not _KEY.fullmatch(path):
+    parts = path_parts(path)
+    if not parts:
         raise ScenarioError(Problem("", f"the override {single_line(path)} is not a path", _EXAMPLE))
     places: list[tuple[Path, Node | None]] = [((), root)]
-    for match in _PART.finditer(path):
-        places = [place for walked, node in places for place in _step(walked, node, match, path)]
+    for part in parts:
+        places = [place for walked, node in places for place in _step(walked, node, part, path)]
     return [walked for walked, _ in places]
 
 
-def _step(walked: Path, node: Node | None, match: re.Match[str], path: str) -> Iterator[tuple[Path, Node | None]]:
+def _step(walked: Path, node: Node | None, part: str | int, path: str) -> Iterator[tuple[Path, Node | None]]:
     """One part of a path further; the node is None where the path leads to what is not there yet."""
     items = node.value if node is not None else None
-    if match[2] == "*":
+    if part == "*":
         if not isinstance(items, list) or not items:
             what = "is empty" if items == [] else "is not a list"
             raise ScenarioError(Problem(path, f"does not exist: {path_text(walked)} {what}", _EXAMPLE))
         yield from (((*walked, k), item) for k, item in enumerate(items))
         return
-    part: str | int = match[1] or int(match[2])
     if isinstance(items, list) and isinstance(part, str):
         part = _index_of(items, part, walked, path)
     inside = items.get(part) if isinstance(items, dict) else None

@@ -1,22 +1,20 @@
 """Numbers of a scenario addressed by path: read them, and build the same scenario with other values.
 
 A path is written as in overrides, ``beam.point_masses[0].mass``; ``[*]`` means every item of a list
-(``beam.point_masses[*].mass``: all the masses together), and a snubber may be named: ``snubbers.tip.stiffness``.
+(``beam.point_masses[*].mass``: all the masses together), and a snubber may be named: ``snubbers.tip.stiffness``
+(``snubbers[1st].stiffness`` where the name is not a word).
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from beamsim.scenario.base import Schema, counted, fail, path_text, suggestion
+from beamsim.scenario.base import Schema, counted, fail, path_parts, path_text, suggestion
 from beamsim.scenario.quantities import FieldType
 
 Path = tuple[str | int, ...]
 AnySchema = TypeVar("AnySchema", bound=Schema)
-
-_PART = re.compile(r"([A-Za-z_][\w-]*)|\[(\d+|\*)\]|\.")
 
 
 def find_parameters(scenario: Schema, path: str, more: tuple[type, ...] = ()) -> list[Path]:
@@ -27,7 +25,9 @@ def find_parameters(scenario: Schema, path: str, more: tuple[type, ...] = ()) ->
     PydanticCustomError
         As `fail` builds it, where the path does not exist; to be located by the caller.
     """
-    parts = _parts(path)
+    parts = path_parts(path)
+    if not parts:
+        raise fail(f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness")
     paths = _walk(scenario, parts, (), path, (int, float, str, *more))
     if not paths:
         raise fail(f"= {path} matches nothing: the list is empty", "add an item, or omit the path")
@@ -110,21 +110,6 @@ def _field_types(annotation: Any) -> list[FieldType]:
     for argument in get_args(annotation):
         types += _field_types(argument)
     return types
-
-
-def _parts(path: str) -> list[str | int]:
-    parts: list[str | int] = []
-    position = 0
-    while position < len(path):
-        match = _PART.match(path, position)
-        if match is None:
-            raise fail(f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness")
-        if match[1]:
-            parts.append(match[1])
-        elif match[2]:
-            parts.append("*" if match[2] == "*" else int(match[2]))
-        position = match.end()
-    return parts
 
 
 def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: tuple[type, ...]) -> list[Path]:

@@ -154,6 +154,14 @@ def parse(text: str, file: str | None = None) -> Node:
     return node
 
 
+def _open_bracket(error: yaml.MarkedYAMLError, text: str) -> str:
+    """The bracket within which parsing failed, and its line; empty where it failed outside of brackets."""
+    mark = error.context_mark
+    if mark is None or error.context not in ("while parsing a flow mapping", "while parsing a flow sequence"):
+        return ""
+    return f"{text.splitlines()[mark.line][mark.column]} of line {mark.line + 1}"
+
+
 def _colon_remedy(lines: list[str]) -> str:
     """What to do about a colon, in the last of the lines, where none may be: the line before may lack one."""
     before = [number for number, line in enumerate(lines[:-1], 1) if line.partition("#")[0].strip()]
@@ -177,10 +185,8 @@ def _syntax_problem(error: yaml.MarkedYAMLError, text: str, file: str | None) ->
         remedy = f'quote a path with brackets: "{path[0]}"'
     elif mark and line[mark.column : mark.column + 1] == "*":
         remedy = "quote text that begins with *"
-    elif error.context and error.context.startswith("while parsing a flow") and error.context_mark:
-        opened = error.context_mark
-        bracket = text.splitlines()[opened.line][opened.column]
-        remedy = f"is the {bracket} of line {opened.line + 1} closed, with a comma between all that it holds?"
+    elif opened := _open_bracket(error, text):
+        remedy = f"is the {opened} closed, with a comma between all that it holds?"
     elif mark and error.problem in (
         "mapping values are not allowed here",
         "expected '<document start>', but found '<block mapping start>'",

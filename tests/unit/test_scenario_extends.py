@@ -6,6 +6,7 @@ import pytest
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import NoExcitation, PolynomialStart, RayleighDamping, SnubberViscousDamping, Step, load_scenario
+from beamsim.scenario.parameters import find_parameters
 
 BASE = (Path(__file__).parents[1] / "data" / "examples" / "one_sided_65hz.yaml").read_text()
 
@@ -227,6 +228,10 @@ def test_overrides_name_items_of_lists_as_vary_does():
     """`--set` refused `snubbers.tip.gap` and `snubbers[*].gap`, and took the name for a key."""
     assert load_scenario(BASE, ["snubbers.tip.gap=0.1 mm"]).snubbers[0].gap == 1e-4
     assert load_scenario(BASE, ["snubbers[*].gap=0.1 mm"]).snubbers[0].gap == 1e-4
+    for name, path in (("hard stop", "snubbers.hard stop.gap"), ("no. 1+", "snubbers[no. 1+].gap")):
+        renamed = load_scenario(BASE, [f"snubbers[0].name={name}", f"{path}=0.1 mm"])
+        assert renamed.snubbers[0].gap == 1e-4
+        assert find_parameters(renamed, path) == [("snubbers", 0, "gap")]
     masses = load_scenario(BASE, ["beam.point_masses[*].mass=1 g"]).beam.point_masses
     assert [mass.mass for mass in masses] == [1e-3] * 3
     nameless = "chain: {masses: [1, 1], springs: [1, 1], snubbers: [&s {mass: 1, side: below, stiffness: 9}, *s]}\n"
