@@ -118,7 +118,7 @@ def validate(
 
     folder = output_folder(output, case.stem) if sketch else None
     try:
-        title, warnings = validated(case, set_ or ())
+        title, bodies, warnings = validated(case, set_ or ())
         files = [] if folder is None else draw_model(case, set_ or (), folder)
     except ScenarioError as error:
         if json:
@@ -128,9 +128,11 @@ def validate(
         say(f"beamsim: warning: {warning}")
     if json:
         drawn = {"files": [str(file) for file in files]} if sketch else {}
-        print_json({"valid": True, "title": title, "warnings": list(warnings), **drawn})
+        read = {"imported": {body.body: body.as_json for body in bodies}} if bodies else {}
+        print_json({"valid": True, "title": title, "warnings": list(warnings), **read, **drawn})
     else:
-        print(f"{case}: valid ({title})" if title else f"{case}: valid", *files, sep="\n")
+        valid = f"{case}: valid ({title})" if title else f"{case}: valid"
+        print(valid, *(body.text for body in bodies), *files, sep="\n")
 
 
 @app.command()

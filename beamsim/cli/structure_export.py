@@ -9,17 +9,20 @@ from beamsim.errors import MethodError, ScenarioError
 from beamsim.files import replacing
 from beamsim.matrix_files.write import write_matrices
 from beamsim.scenario.base import suggestion
+from beamsim.scenario.file_units import SYSTEMS
 from beamsim.structures.assembly import acting_places, assemble, bodies_of
+from beamsim.structures.converted import in_units
 from beamsim.structures.dof_table import write_dof_table
 from beamsim.structures.exported import boundary_rows, craig_bampton, named_structure
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
+    from beamsim.scenario.file_units import UnitSystem
     from beamsim.structures.named_matrices import NamedMatrices
 
 
 def exported(
-    scenario: Scenario, name: str | None, target: Path, *, binary: bool, modes: int | None
+    scenario: Scenario, name: str | None, target: Path, *, binary: bool, modes: int | None, units: UnitSystem = "SI"
 ) -> tuple[list[Path], str]:
     """Write matrices and table; the files, and the body as a scenario has it.
 
@@ -27,6 +30,7 @@ def exported(
     ----------
     name : of one body by itself, without its joints; None for the whole structure.
     modes : of a Craig-Bampton model, whose boundary is where something acts or is recorded; None for all nodes.
+    units : of matrices and coordinates.
 
     Raises
     ------
@@ -34,6 +38,7 @@ def exported(
         If no body has this name, or there is no such Craig-Bampton model.
     """
     called, given = _matrices(scenario, name, modes)
+    given = in_units(given, SYSTEMS[units])
     matrices = {"mass": given.mass, "stiff": given.stiffness}
     if given.damping is not None:
         matrices["viscous"] = given.damping
@@ -47,7 +52,8 @@ def exported(
             file, label = written[matrix]
             lines.append(f"    {key}: {{file: {file.name}{f', name: {label}' if label else ''}}}")
     base = f"{{nodes: [{', '.join(map(str, given.base))}], direction: {given.direction}}}" if given.base else "free"
-    lines += [f"    dofs: {table.name}", f"    base: {base}"]
+    stated = [] if units == "SI" else [f"    units: {units}"]
+    lines += [f"    dofs: {table.name}", *stated, f"    base: {base}"]
     return [*dict.fromkeys(file for file, _ in written.values()), table], "\n".join(lines)
 
 

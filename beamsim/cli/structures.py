@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from beamsim.cli.failures import guarded
 from beamsim.cli.options import Case, Debug, Json, Output, Overrides
+
+if TYPE_CHECKING:
+    from beamsim.scenario.file_units import UnitSystem
 
 
 def register(app: typer.Typer) -> None:
@@ -62,6 +65,9 @@ def export_structure(
             help="Write a Craig-Bampton model with this many modes; its boundary is where something acts.",
         ),
     ] = None,
+    units: Annotated[
+        str, typer.Option("--units", help="Units of the files: SI, mm-t-s, mm-kg-ms, in-lbf-s, ... as in the scenario.")
+    ] = "SI",
     binary: Annotated[bool, typer.Option("--binary", help="Write OP4 in binary instead of ASCII.")] = False,
     json: Json = False,
     debug: Debug = False,
@@ -72,13 +78,17 @@ def export_structure(
     from beamsim.cli.printing import print_json
     from beamsim.cli.progress import progress_of
     from beamsim.cli.structure_export import exported
+    from beamsim.errors import Problem, ScenarioError
     from beamsim.matrix_files.write import ENDINGS
     from beamsim.scenario import load_scenario
+    from beamsim.scenario.file_units import SYSTEMS
 
+    if units not in SYSTEMS:
+        raise ScenarioError(Problem("--units", f"{units} is no system of units", f"give one of {', '.join(SYSTEMS)}"))
     scenario = load_scenario(case, set_ or ())
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
     with located(scenario), progress_of(f"exporting the structure of {case.name}", shown=not json):
-        files, text = exported(scenario, body, target, binary=binary, modes=modes)
+        files, text = exported(scenario, body, target, binary=binary, modes=modes, units=cast("UnitSystem", units))
     if json:
         print_json({"files": [str(file) for file in files], "body": text})
     else:

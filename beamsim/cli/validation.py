@@ -5,16 +5,29 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from beamsim.structures.matrices import FileSummary
 
 
-def validated(case: Path, overrides: Sequence[str]) -> tuple[str, tuple[str, ...]]:
-    """Load the case and, if it has a run, build its model; returns its title and the warnings.
+class Validated(NamedTuple):
+    """A valid case."""
+
+    title: str
+    files: tuple[FileSummary, ...]  # of bodies that are read from files
+    warnings: tuple[str, ...]
+
+
+def validated(case: Path, overrides: Sequence[str]) -> Validated:
+    """Load the case, read the matrices that it names and, if it has a run, build its model.
 
     Raises
     ------
     ScenarioError
         With every problem found.
     """
+    from beamsim.cli.conclusion import located
     from beamsim.scenario import load_scenario
 
     scenario = load_scenario(case, overrides)
@@ -22,11 +35,18 @@ def validated(case: Path, overrides: Sequence[str]) -> tuple[str, tuple[str, ...
         from beamsim.analyses.designs.plan import check_cases, plan_designs
 
         check_cases(plan_designs(scenario))
+    files: tuple[FileSummary, ...] = ()
+    if any(body.is_read_from_files for body in scenario.all_bodies.values()):
+        from beamsim.structures.assembly import summaries_of_files
+
+        with located(scenario):
+            files = summaries_of_files(scenario)
     if scenario.run is None:
-        return scenario.title, scenario.warnings
+        remarks = (f"{each.body}: {remark}" for each in files for remark in each.remarks)
+        return Validated(scenario.title, files, (*scenario.warnings, *remarks))
     from beamsim.system.build import build_system
 
-    return scenario.title, (*scenario.warnings, *build_system(scenario).warnings)
+    return Validated(scenario.title, files, (*scenario.warnings, *build_system(scenario).warnings))
 
 
 def draw_model(case: Path, overrides: Sequence[str], folder: Path) -> list[Path]:

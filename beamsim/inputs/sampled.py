@@ -12,7 +12,7 @@ from beamsim.inputs.axes import AxisError, axis_factor, check_record, without_un
 from beamsim.inputs.csv_table import read_csv
 from beamsim.inputs.headings import split_heading, stated
 from beamsim.inputs.signal import Signal
-from beamsim.inputs.universal_file import is_in_si_units, units_of_uff
+from beamsim.inputs.universal_file import units_of_file, units_of_uff
 from beamsim.scenario.driven import spoken
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.units import UnitError, read_level
@@ -219,5 +219,5 @@ def _from_uff(path: Path, excitation: SampledInput) -> _Columns:
     values = np.asarray(record["data"])
     if np.iscomplexobj(values) or int(record.get("func_type", 1)) not in (0, 1):
         raise ValueError("this data set 58 is not a time history")
-    time_unit, unit = units_of_uff(record, lambda: is_in_si_units(sets))
+    time_unit, unit = units_of_uff(record, lambda: units_of_file(sets))
     return _Columns(np.asarray(record["x"], dtype=float), values.astype(float), time_unit, unit)

@@ -41,6 +41,8 @@ _LONG_TIMES = (("years", 365.25 * 86400.0, 1.0), ("days", 86400.0, 2.0), ("h", 3
 _MOST_CHOSEN = 1e5  # of a chosen unit of time, above which a time is shown in a longer one
 
 _FIRST_UNIT = re.compile(r"[^\W\d_]+(?:\^(\d+))?")  # with its power; 1/s has none
+# Other units have a prefix already, or take none.
+_WITH_PREFIX = frozenset({"m", "s", "kg", "g", "N", "Pa", "J", "W", "V", "A", "K", "rad", "byte"})
 _PREFIXES = (("G", 1e9), ("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9), ("p", 1e-12))
 
 
@@ -79,10 +81,13 @@ def scale_for(unit: str, *values: ArrayLike) -> Scale:
 
     Accelerations are in g. Lengths are brought to 0.1 to 100, and have no prefix above metres; in ``m^2`` the prefix is
     squared. Times below a minute are not shown in minutes, and those above ten minutes in minutes, hours, days or
-    years. Frequencies, which are compared, and numbers without a unit (``1``) are shown as they are.
+    years. Frequencies, which are compared, numbers without a unit (``1``), and units that have a prefix already or are
+    none of SI, which outputs may be given in, are shown as they are.
 
     >>> scale_for("N/m", [151e3, 2e4]), scale_for("m^2", 2.5e-4), scale_for("1")
     (Scale(factor=0.001, unit='kN/m'), Scale(factor=1000000.0, unit='mm^2'), Scale(factor=1.0, unit=''))
+    >>> scale_for("MPa", 0.02), scale_for("in", 0.02)
+    (Scale(factor=1.0, unit='MPa'), Scale(factor=1.0, unit='in'))
     """
     if unit == "m/s^2":
         return acceleration_scale()
@@ -96,7 +101,7 @@ def scale_for(unit: str, *values: ArrayLike) -> Scale:
         if unit != "s" or ((chosen.factor >= 1.0 or shown >= 1.0) and shown < _MOST_CHOSEN):
             return chosen
     first = _FIRST_UNIT.match(unit)
-    if largest == 0.0 or first is None or first[0] == "Hz":
+    if largest == 0.0 or first is None or first[0].partition("^")[0] not in _WITH_PREFIX:
         return Scale(1.0, unit)
     if unit.startswith("kg"):  # not mkg but g
         if largest >= 1.0:

@@ -47,6 +47,9 @@ class Body(Schema):
     has_default_probe: ClassVar[bool] = True
     """Whether `default_probe` names a place."""
 
+    is_read_from_files: ClassVar[bool] = False
+    """Whether files that the body names hold its matrices."""
+
     reduced_by_default: ClassVar[bool] = True
     """Whether it has modes that are left out unless they are asked for."""
 

@@ -12,6 +12,7 @@ from beamsim.errors import Problem
 from beamsim.scenario.base import Path, Schema, Variants, fail, path_text
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
+from beamsim.scenario.file_units import AnyFileUnits
 from beamsim.scenario.place import NodeDirection, NodeNumber
 from beamsim.scenario.quantities import FileName, Frequency, Name, Text
 
@@ -67,6 +68,7 @@ class MatricesBody(Body):
 
     body_kind: ClassVar[str] = "matrices"
     has_default_probe: ClassVar[bool] = False
+    is_read_from_files: ClassVar[bool] = True
     base_directions: ClassVar[tuple[str, ...]] = ("", "x", "y", "z", "rx", "ry", "rz")
 
     mass: MatrixSource
@@ -80,10 +82,14 @@ class MatricesBody(Body):
     recovery: RecoverySource | None = None
     """Matrix that gives other quantities, which ``run.outputs`` of the kind ``recovered`` report."""
     dofs: FileName | None = None
-    """CSV table node,direction[,x,y,z], a line a row of the matrices; not needed for DMIG and Abaqus files.
+    """CSV table node,direction[,x,y,z], a line a row of the matrices, coordinates in the units of the files; not needed
+    for DMIG and Abaqus files.
 
     Directions are x, y, z, rx, ry, rz and modal.
     """
+    units: AnyFileUnits | None = None
+    """Units of all its files: SI (the default), mm-t-s, mm-kg-ms, mm-g-ms, mm-kg-s, cm-g-s, in-lbf-s, ft-lbf-s, or one
+    by one, {length: mm, mass: kg, force: N, time: s}. Rotations are in rad."""
     base: Annotated[
         Annotated[Literal["free"], Tag("<free>")] | Annotated[HeldNodes, Tag("<nodes>")],
         Variants(_choose_base, "is neither free nor a list of nodes", "write free, or {nodes: [3], direction: z}"),

@@ -16,7 +16,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.axes import AxisError, axis_factor, check_record, without_unit
 from beamsim.inputs.csv_table import headings_of
 from beamsim.inputs.headings import FREQUENCY_NAMES, TIME_NAMES, is_frequency, split_heading, stated
-from beamsim.inputs.universal_file import is_in_si_units, units_of_uff
+from beamsim.inputs.universal_file import UnitsOfFile, units_of_file, units_of_uff
 from beamsim.scenario.driven import spoken
 
 if TYPE_CHECKING:
@@ -345,20 +345,20 @@ def _read_uff(path: Path, axis_unit: str | None) -> list[MeasuredSignal]:
             file = pyuff.UFF(str(path))
             kinds = file.get_set_types()
             sets = [file.read_sets(i) for i, kind in enumerate(kinds) if int(kind) == 58]
-        in_si_units = is_in_si_units(file)
+        units = units_of_file(file)
     except Exception as error:
         # pyuff raises exceptions of all types on damaged files
         raise _wrong(f"{path} cannot be read as a universal file ({error})", "export dataset 58 again") from None
     if not sets:
         raise _wrong(f"{path} contains no dataset 58", "export functions at nodal degrees of freedom (dataset 58)")
-    return [_of_uff(item, path, axis_unit, in_si_units=in_si_units) for item in sets]
+    return [_of_uff(item, path, axis_unit, units) for item in sets]
 
 
-def _of_uff(item: dict[str, Any], path: Path, axis_unit: str | None, *, in_si_units: bool) -> MeasuredSignal:
+def _of_uff(item: dict[str, Any], path: Path, axis_unit: str | None, units: UnitsOfFile | None) -> MeasuredSignal:
     of_frequency = int(item.get("abscissa_spec_data_type", 17)) == 18
     y = np.asarray(item["data"])
     y = y.astype(complex) if np.iscomplexobj(y) else y.astype(float)
-    stated_axis, unit = units_of_uff(item, lambda: in_si_units)
+    stated_axis, unit = units_of_uff(item, lambda: units)
     name = next(
         (
             text

@@ -130,6 +130,7 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
     modes = [each for each in sets if each.get("type") == 55 and each.get("analysis_type") in (2, 3)]
     if not modes:
         raise _wrong(path, "has no mode shapes", "export them as dataset 55 (normal or complex modes)")
+    per_metre = next((float(each["length"]) for each in sets if each.get("type") == 164 and each.get("length")), 1.0)
     coordinates = {
         int(node): (float(x), float(y))
         for each in sets
@@ -161,7 +162,7 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
             if has_nodes:
                 places.append(AtPlace.model_validate({**of, "node": node, "direction": direction}))
             elif node in coordinates:
-                places.append(AtPlace.model_validate({**of, **_point_of(body, coordinates[node])}))
+                places.append(AtPlace.model_validate({**of, **_point_of(body, coordinates[node], per_metre)}))
             else:
                 raise _wrong(path, f"has no coordinates of node {node}", "export dataset 15 too, or use CSV")
             labels.append(f"node {node} {direction}")
@@ -169,12 +170,13 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
     return ShapesAtPlaces(tuple(places), frequencies, np.array(rows).reshape(len(rows), -1), str(path), tuple(labels))
 
 
-def _point_of(body: Body, coordinates: tuple[float, float]) -> dict[str, Any]:
+def _point_of(body: Body, coordinates: tuple[float, float], per_metre: float) -> dict[str, Any]:
     """The keys of a place: both coordinates on a plate, x along a beam, which numbers the masses of a chain."""
     usual = body.default_probe()[1] if body.has_default_probe else None
     if usual is not None and usual.mass is not None:
         return {"mass": round(coordinates[0])}
-    return {"position": coordinates if usual is not None and isinstance(usual.point, tuple) else coordinates[0]}
+    x, y = (each / per_metre for each in coordinates)
+    return {"position": (x, y) if usual is not None and isinstance(usual.point, tuple) else x}
 
 
 def _uff_frequency(mode: Mapping[str, Any]) -> float:

@@ -15,7 +15,7 @@ from beamsim.structures.chain import assemble_chain
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.joined import join
 from beamsim.structures.joints import couplings_of
-from beamsim.structures.matrices import assemble_matrices
+from beamsim.structures.matrices import FileSummary, assemble_matrices, summarise_files
 from beamsim.structures.places import LoadSite, Place, Site, ends_of, load_site_of, site_of
 from beamsim.structures.plate import assemble_plate
 from beamsim.structures.several import assemble_side_by_side
@@ -60,10 +60,29 @@ def joined_to(scenario: Scenario, names: Sequence[str]) -> list[str]:
 def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: Sequence[Place] = ()) -> BodyStructure:
     section = scenario.all_bodies[name]
     return ASSEMBLE[section.body_kind](
-        section.in_folder(partial(scenario.folder_of, *scenario.body_path(name))),
+        _with_places_of_files(scenario, name),
         name,
         [end.point for end in [*(end for coupling in couplings for end in coupling.ends), *nodes] if end.body == name],
     )
+
+
+def summaries_of_files(scenario: Scenario) -> tuple[FileSummary, ...]:
+    """What the files of imported bodies hold; nothing is assembled.
+
+    Raises
+    ------
+    ScenarioError
+        If a file cannot be read or used.
+    """
+    return tuple(
+        summarise_files(_with_places_of_files(scenario, name), name)
+        for name, body in scenario.all_bodies.items()
+        if body.is_read_from_files
+    )
+
+
+def _with_places_of_files(scenario: Scenario, name: str) -> Any:
+    return scenario.all_bodies[name].in_folder(partial(scenario.folder_of, *scenario.body_path(name)))
 
 
 def bodies_of(scenario: Scenario) -> list[BodyStructure]:

@@ -23,7 +23,7 @@ class DofTable:
     """Row i of the matrices belongs to ``dofs[i]``."""
 
     dofs: tuple[Dof, ...]
-    coordinates: Floats | None = None  # (N, 3) m of each row's node; NaN where none are given
+    coordinates: Floats | None = None  # (N, 3) of each row's node, m beyond the file; NaN where none are given
 
     @cached_property
     def number(self) -> dict[Dof, int]:
@@ -105,7 +105,7 @@ def read_dof_table(path: Path) -> DofTable:
             raise MethodError(
                 "dofs",
                 f"= {path.name} has a line {number} that cannot be read: {','.join(cells)}",
-                "write a node's number, a direction and, if wanted, three coordinates in metres",
+                "write a node's number, a direction and, if wanted, three coordinates",
             ) from None
         if direction != MODAL and dof in first:
             raise MethodError(

@@ -7,6 +7,7 @@ With b the degrees of freedom that move with the base and q the others, the base
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +16,12 @@ import numpy as np
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import MODAL, Dof, FileMatrix
 from beamsim.matrix_files.read import read_matrix
+from beamsim.scenario.file_units import name_of, sizes_of
 from beamsim.structures.base_motion import BaseDirection
+from beamsim.structures.converted import in_si_units
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, read_dof_table
 from beamsim.structures.named_matrices import NamedMatrices
+from beamsim.structures.plausible_units import doubtful_units
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -45,6 +49,7 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
     read = {key: _read(key, source) for key, source in section.sources.items()}
     table = _table(section, read)
     remarks: list[str] = []
+    sizes = sizes_of(section.units)
     named = {key: _in_order(key, matrix, table) for key, matrix in read.items()}
     mass, stiffness, damping = named["mass"], named["stiffness"], named.get("viscous")
     if np.iscomplexobj(mass):
@@ -73,7 +78,7 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
     damping = symmetric["viscous"]
     if section.structural_damping is not None and structural is not None:
         frequency = section.structural_damping.frequency
-        equivalent = symmetric["structural_damping"] / (2 * np.pi * frequency)
+        equivalent = symmetric["structural_damping"] / (2 * np.pi * frequency * sizes.time)
         damping = equivalent if damping is None else damping + equivalent
         remarks.append(f"structural damping acts as viscous damping that has the same effect at {frequency:g} Hz alone")
     _check_diagonals(symmetric["mass"], symmetric["stiffness"], table)
@@ -85,10 +90,13 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
         None if matrix is None else matrix[used][:, used].tocsc()
         for matrix in (symmetric["mass"], symmetric["stiffness"], damping)
     )
-    return NamedMatrices(
-        table.part(used), mass, stiffness, damping, (), remarks=tuple(remarks),
+    as_written = NamedMatrices(
+        table.part(used), mass, stiffness, damping, (), units=name_of(section.units),
         recovery=None if recovery is None else recovery[:, used],
     )  # fmt: skip
+    given = in_si_units(as_written, sizes)
+    remarks += doubtful_units(given, section.units)
+    return replace(given, remarks=tuple(remarks))
 
 
 def _used_rows(mass: Any, stiffness: Any, damping: Any, recovery: Any, table: DofTable) -> Ints:

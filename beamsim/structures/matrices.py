@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,7 @@ from beamsim.structures.imported import (
 )
 from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.structures.places import Place, Site, SpringEnd
+from beamsim.structures.plausible_units import SizeAndMass, size_and_mass
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.rigid_motion import orthonormal_in_mass
 from beamsim.structures.stations import NODES, Recovery
@@ -218,14 +220,14 @@ class MatricesStructure(BodyStructure):
         """Which row of the files a support holds."""
         return self.given.table.dofs.index((int(support.name.removeprefix("node ")), support.direction))
 
-    def recovered_by(self, number: int, support: Support) -> float:
+    def recovered_by(self, number: int, support: Support, order: int = 0) -> float:
         """A row of the recovery matrix for a unit motion of what the base holds."""
-        return float(self.given.recovery[number, self._row_of(support)])
+        return float(self.given.recovery[number, self._row_of(support)]) * self.given.time_unit**order
 
-    def recovered(self, number: int, motion: BaseDirection) -> tuple[Floats, float]:
+    def recovered(self, number: int, motion: BaseDirection, order: int = 0) -> tuple[Floats, float]:
         """A row of the recovery matrix: (N,) for a unit of each degree of freedom, and of the base's motion."""
         held, free = self._rows
-        row = self.given.recovery[[number]]
+        row = self.given.recovery[[number]] * self.given.time_unit**order
         if self._is_default(motion):
             moving = self.given.table.of_direction(self.given.direction)
         else:
@@ -369,11 +371,64 @@ def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any
     ScenarioError
         At the key of the body that is wrong.
     """
-    try:
+    with _located(name):
         given = read_matrices_of(section)
         if section.base != "free":
             given = replace(given, base=section.base.nodes, direction=section.base.direction)
         return structure_of(given, section.damping, name)
+
+
+@dataclass(frozen=True)
+class FileSummary:
+    """What the files of a body hold, in SI units, as they are taken."""
+
+    body: str
+    degrees_of_freedom: int
+    units: str  # of the files
+    by_default: bool  # whether the units were not stated
+    found: SizeAndMass
+    remarks: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        units = f"{self.units}, the default" if self.by_default else self.units
+        return (
+            f"{self.body}: {self.degrees_of_freedom} degrees of freedom, {self.found.text}; units of its files: {units}"
+        )
+
+    @property
+    def as_json(self) -> dict[str, Any]:
+        """For ``--json``."""
+        extent = None if self.found.extent is None else self.found.extent.tolist()
+        size = {"mass_kg": self.found.mass, "extent_m": extent}
+        return {
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "units": self.units,
+            "units_by_default": self.by_default,
+            **size,
+        }
+
+
+def summarise_files(section: MatricesBody, name: str) -> FileSummary:
+    """Read the files of a body, without assembling it.
+
+    Raises
+    ------
+    ScenarioError
+        At the key of the body that is wrong.
+    """
+    with _located(name):
+        given = read_matrices_of(section)
+    count = len(given.table.dofs)
+    return FileSummary(name, count, given.units, section.units is None, size_and_mass(given), given.remarks)
+
+
+@contextmanager
+def _located(name: str) -> Iterator[None]:
+    """Name the body in errors about its keys."""
+    try:
+        yield
     except MethodError as error:
         raise ScenarioError(Problem(f"bodies.{name}.{error.about}", error.message, error.remedy)) from None
 

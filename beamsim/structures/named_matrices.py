@@ -34,6 +34,8 @@ class NamedMatrices:
     direction: str = "z"  # in which the base moves
     remarks: tuple[str, ...] = ()  # what was done to the matrices of files
     recovery: Any = None  # (k, N) sparse: other quantities, by unit of each degree of freedom; None without
+    time_unit: float = 1.0  # s, of the velocities and accelerations that the recovery matrix takes
+    units: str = ""  # of the files that they were read from
 
 
 def with_base_node(

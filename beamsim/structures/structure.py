@@ -351,11 +351,14 @@ class BodyStructure(Structure, ABC):
         """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""
         return 1.0
 
-    def recovered(self, number: int, motion: BaseDirection) -> tuple[Floats, float]:
-        """(N,) another quantity that the body gives, by its number, for a unit of each dof, and that of the base."""
+    def recovered(self, number: int, motion: BaseDirection, order: int = 0) -> tuple[Floats, float]:
+        """(N,) another quantity that the body gives, by its number, for a unit of each dof, and that of the base.
+
+        ``order`` is that of the time derivative of the motion that it takes: 1 of velocity, 2 of acceleration.
+        """
         raise ValueError(f"{self.name} gives no other quantities")  # which the scenario refuses
 
-    def recovered_by(self, number: int, support: Support) -> float:
+    def recovered_by(self, number: int, support: Support, order: int = 0) -> float:
         """The same for a unit motion of a support of the body."""
         raise ValueError(f"{self.name} gives no other quantities")
 

@@ -177,15 +177,16 @@ class _Asked:
     def _recovered(self, output: Any) -> OutputRows:
         name = output.body or self.parts.scenario.default_body
         structure, names = self.parts.structure, self.parts.scenario.all_bodies[name].recovered_rows
-        member = structure.member(name)
-        row, of_base = member.body.recovered(names.index(output.row), base_direction(self.parts.scenario) or UPWARDS)
+        member, order = structure.member(name), _SIGNALS[::-1].index(output.motion)
+        motion = base_direction(self.parts.scenario) or UPWARDS
+        row, of_base = member.body.recovered(names.index(output.row), motion, order)
         shape = member.on_whole(row) @ self.parts.basis.vectors / np.sqrt(structure.mass_scale)
         base = np.array([of_base if output.motion == "acceleration" else 0.0])
         load = np.zeros((1, len(self.forcing.signal)))
         for signals, each in self.moved_signals:
             support, number = each.support, names.index(output.row)
             if support.body == name:
-                load[0, signals][_SIGNALS.index(output.motion)] = member.body.recovered_by(number, support)
+                load[0, signals][_SIGNALS.index(output.motion)] = member.body.recovered_by(number, support, order)
             elif support.is_constraint and name in support.motions:
                 load[0, signals][_SIGNALS.index(output.motion)] = row @ support.motions[name]
         return self._zero(output, name, base_acceleration=base, load=load, **{output.motion: shape[None]})

@@ -56,9 +56,9 @@ def at_tip(place):
     return {"snubbers": [corner(place, "tip", 1e-4)], "probes": [{"name": "tip", "at": place}]}
 
 
-def read_back(folder, case, acting, modes=None, damping=DAMPING):
+def read_back(folder, case, acting, modes=None, damping=DAMPING, units="SI"):
     """The exported structure with the same snubbers."""
-    _, text = exported(load_scenario(case), None, folder / "it.op4", binary=False, modes=modes)
+    _, text = exported(load_scenario(case), None, folder / "it.op4", binary=False, modes=modes, units=units)
     body = yaml.safe_load(text)
     for section in body["bodies"].values():
         section["damping"] = damping
@@ -79,19 +79,20 @@ def same_motion(known, again):
         assert np.abs(one - other).max() <= 1e-9 * np.abs(one).max()
 
 
-@pytest.mark.parametrize("modes", [None, 10_000])
-def test_a_plate_by_its_nodes_and_as_a_craig_bampton_model(tmp_path, modes):
+@pytest.mark.parametrize(("modes", "units"), [(None, "mm-t-s"), (10_000, "in-lbf-s")])
+def test_a_plate_by_its_nodes_and_as_a_craig_bampton_model(tmp_path, modes, units):
     """With all modes of the held boundary a Craig-Bampton model is the same in other coordinates."""
     places = ({"position": [0.77, 0.0]}, {"position": [0.77, 0.44]})
     nodes = ({"body": "panel", "node": 21, "direction": "z"}, {"body": "panel", "node": 24, "direction": "z"})
     built = {"bodies": {"panel": PANEL}, **plate(*places), **SHAKEN}
     known = beamsim.run(load_scenario(built))
-    same_motion(known, beamsim.run(read_back(tmp_path, built, plate(*nodes), modes)))
+    same_motion(known, beamsim.run(read_back(tmp_path, built, plate(*nodes), modes, units=units)))
     table = read_dof_table(tmp_path / "it_dofs.csv")
     if modes:
         assert table.dofs[-3:] == ((21, "z"), (24, "z"), (25, "z"))  # corners and the base
         assert sum(direction == "modal" for _, direction in table.dofs) == 4 * 5 * 4 - 2
-    np.testing.assert_array_equal(table.coordinates[table.number[24, "z"]], [0.77, 0.44, 0.0])
+    corner_in_si = table.coordinates[table.number[24, "z"]] * {"mm-t-s": 1e-3, "in-lbf-s": 0.0254}[units]
+    np.testing.assert_allclose(corner_in_si, [0.77, 0.44, 0.0], rtol=1e-15)
 
 
 def test_the_shipped_craig_bampton_model_is_that_of_the_shipped_plate(tmp_path):

@@ -174,7 +174,12 @@ def uff(path, nodes, frequencies, shapes, coordinates=None, component="r3"):
 def test_shapes_of_a_universal_file(tmp_path):
     frequency, shapes = own_shapes(BEAM, [Place("beam", x) for x in X])
     (tmp_path / "case.yaml").write_text(BEAM)
-    uff(tmp_path / "lab.uff", [1, 2, 3, 4, 5], frequency[:3], shapes, X)
+    millimetres = pyuff.prepare_164(
+        units_code=9, units_description="mm (N)", temp_mode=1, length=1e3, force=1.0, temp=1.0, temp_offset=0.0
+    )
+    write_sets = pyuff.UFF(str(tmp_path / "lab.uff")).write_sets
+    write_sets(millimetres, "add")
+    uff(tmp_path / "lab.uff", [1, 2, 3, 4, 5], frequency[:3], shapes, 1e3 * np.array(X))
     done = call(
         tmp_path / "case.yaml", tmp_path / "lab.uff", "-o", tmp_path, "--json", "--no-plots", "--least-mac", "0.99"
     )

@@ -6,7 +6,10 @@ from shipped import PATHS, shipped
 import beamsim
 from beamsim.system.build import build_system
 
-ALREADY_RUN = ("one_sided_", "prestressed_", "backlash_", "point_force_")  # tests/reference/test_thesis_cases.py
+ALREADY_RUN = (
+    *("one_sided_", "prestressed_", "backlash_", "point_force_"),  # tests/reference/test_thesis_cases.py
+    "imported_panel",  # tests/sameness, tests/analytic/test_recovery_matrices.py
+)
 
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)

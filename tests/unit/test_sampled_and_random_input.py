@@ -155,7 +155,12 @@ def test_units_of_hdf5_and_uff_files_are_read(tmp_path, record):
         "ordinate_axis_units_lab": "g", "orddenom_spec_data_type": 0, "x": np.arange(a.size), "data": a,
     }  # fmt: skip
     pyuff.UFF(str(tmp_path / "a.uff")).write_sets([uff], mode="overwrite")
-    for name, more in (("a.h5", {"column": "a"}), ("a.uff", {})):
+    units = pyuff.prepare_164(
+        units_code=9, units_description="mm (N)", temp_mode=1, length=1e3, force=1.0, temp=1.0, temp_offset=0.0
+    )
+    unlabelled = {**uff, "ordinate_axis_units_lab": "NONE", "data": 9806.65 * a}
+    pyuff.UFF(str(tmp_path / "mm.uff")).write_sets([units, unlabelled], mode="overwrite")
+    for name, more in (("a.h5", {"column": "a"}), ("a.uff", {}), ("mm.uff", {})):
         times, values = read_samples(sampled(tmp_path / name, **more))
         np.testing.assert_allclose(times, np.arange(a.size) * 1e-3, rtol=1e-9)
         np.testing.assert_allclose(values, 9.80665 * a, atol=1e-5 * np.abs(a).max() + 1e-4)

@@ -15,6 +15,7 @@ from beamsim.structures.assembly import bodies_of
 from beamsim.structures.matrices import NOT_HELD, MatricesStructure, structure_of
 from beamsim.structures.modes import Modes, natural_modes
 from beamsim.structures.named_matrices import NamedMatrices
+from beamsim.structures.plausible_units import size_and_mass
 from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.typing import Floats
 
@@ -49,6 +50,13 @@ def check_body(given: NamedMatrices) -> Iterator[CheckRow]:
     yield CheckRow(
         "degrees_of_freedom", len(table.dofs), f"{len(table.dofs)}: {nodes} nodes, {modal} modal coordinates"
     )
+    if given.units:
+        yield CheckRow(
+            "units", given.units, f"{given.units} in the files" + ("; SI in this table" if given.units != "SI" else "")
+        )
+    if (extent := size_and_mass(given).extent) is not None:
+        text = " x ".join(f"{each:.4g}" for each in extent)
+        yield CheckRow("size", extent.tolist(), f"{text} m along x, y, z")
     yield CheckRow(
         "symmetry", list(given.remarks), "; ".join(given.remarks) or "symmetric", NOTE if given.remarks else OK
     )
