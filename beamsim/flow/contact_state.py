@@ -159,16 +159,26 @@ class ContactState:
 
     def amplitudes(self, given: Complexes, y: Floats) -> Complexes:
         """(n, F + Z) amplitudes of the inputs, given (n, F) at states (n, N), then of the free motions."""
-        forced = self.forced_at_start
-        free = y - (given.real @ forced.real - given.imag @ forced.imag)
-        return np.concatenate([given, free @ self.projector.T], axis=1)
+        forced, count = self.forced_at_start, given.shape[1]
+        free = y - given.real @ forced.real
+        if given.imag.any():
+            free += given.imag @ forced.imag
+        out = np.empty((y.shape[0], count + self.projector.shape[0]), dtype=complex)
+        out[:, :count] = given
+        out.view(float)[:, 2 * count :] = free @ np.ascontiguousarray(self.projector.T).view(float)
+        return out
 
     def of_amplitudes(self, of_terms: Complexes) -> Floats:
         """(2 (F + Z), k) outputs of terms (T, k) for a unit of the real and of the imaginary part of each amplitude."""
-        out = np.zeros((self.basis_of_source.size + self.projector.shape[0], 2, of_terms.shape[1]))
-        np.add.at(out[:, 0], self.term_source, of_terms.real)
-        np.add.at(out[:, 1], self.term_source, -of_terms.imag)
+        out = np.empty((self.basis_of_source.size + self.projector.shape[0], 2, of_terms.shape[1]))
+        out[:, 0], out[:, 1] = self._of_source @ of_terms.real, -(self._of_source @ of_terms.imag)
         return out.reshape(2 * out.shape[0], of_terms.shape[1])
+
+    @cached_property
+    def _of_source(self) -> Floats:
+        """(F + Z, T) 1 where a term is one of an amplitude's."""
+        amplitudes = np.arange(self.basis_of_source.size + self.projector.shape[0])
+        return np.asarray(self.term_source == amplitudes[:, None], dtype=float)
 
     @cached_property
     def terms_of_sources(self) -> tuple[Ints, Ints]:

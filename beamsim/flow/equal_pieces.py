@@ -21,6 +21,7 @@ from beamsim.flow.stopping import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 FEWEST = 64  # fewest like segments for which a matrix pays
+FEWEST_SAMPLES = 24  # ... of outputs at one time, for which it is made faster than for integrals or bounds
 AT_ONCE = 8192  # segments of one product of matrices, which bounds the memory
 RULE_POINTS, RULE_RADIANS = 20, 10.0  # Gauss-Legendre, and how far the fastest motion turns on a panel: 1e-15
 
@@ -76,22 +77,22 @@ def whole_pieces(motion: Segments, segments: Ints | slice = slice(None)) -> Bool
     return np.asarray(motion.time[segments] == motion.flow.sources.start[motion.piece[segments]])
 
 
-def alike(motion: Segments, segment: Ints, tau: Floats) -> tuple[list[Alike], Ints]:
-    """Entries (segment, time tau after its start) in groups, and the entries outside of groups.
+def alike(motion: Segments, segment: Ints, tau: Floats, fewest: int = FEWEST) -> tuple[list[Alike], Ints]:
+    """Entries (segment, time tau after its start) in groups of no less than some, and the entries outside of groups.
 
     Times are equal if they differ by no more than the round-off of the time at the end of the motion.
     """
     whole = np.flatnonzero(whole_pieces(motion, segment))
-    state = motion.state[segment[whole]]
-    order = np.lexsort((tau[whole], state))
-    sorted_tau = tau[whole][order]
+    state, tau_of_whole = motion.state[segment[whole]], tau[whole]
+    order = np.lexsort((tau_of_whole, state))
+    sorted_tau = tau_of_whole[order]
     same = (np.diff(state[order]) == 0) & (np.diff(sorted_tau) <= 4.0 * np.finfo(float).eps * motion.end)
     begin = np.concatenate([[0], np.flatnonzero(~same) + 1]) if whole.size else np.zeros(0, dtype=np.int64)
     size = np.diff(np.append(begin, whole.size))
     groups = []
-    for first, count in zip(begin[size >= FEWEST], size[size >= FEWEST], strict=True):
-        part = order[first : first + count]
-        groups.append(Alike(int(state[part[0]]), float(np.mean(tau[whole][part])), np.sort(whole[part])))
+    for first, count in zip(begin[size >= fewest], size[size >= fewest], strict=True):
+        part, at = order[first : first + count], sorted_tau[first : first + count]
+        groups.append(Alike(int(state[part[0]]), float(np.mean(at)), np.sort(whole[part])))
     single = np.ones(segment.size, dtype=bool)
     for group in groups:
         single[group.entries] = False
@@ -131,11 +132,16 @@ def _basis(motion: Segments, state: int, tau: float) -> Complexes:
 def sample_alike(motion: Segments, times: Floats, table: Complexes, out: Floats) -> Ints:
     """Outputs at increasing times of which many are alike, into ``out`` (nt, k); returns the numbers of the others."""
     segment = np.clip(np.searchsorted(motion.time, times, side="right") - 1, 0, None)
-    groups, single = alike(motion, segment, times - motion.time[segment])
+    groups, single = alike(motion, segment, times - motion.time[segment], FEWEST_SAMPLES)
+    sources, amplitude_of = motion.flow.sources, {}
     for group in groups:
+        if group.state not in amplitude_of:
+            amplitude_of[group.state] = as_real(motion.flow.states[group.state].amplitude_map())
         outputs = output_map(motion, group.state, _basis(motion, group.state, group.tau), table[group.state])
+        outputs = amplitude_of[group.state] @ outputs
         for part in blocks(group):
-            out[part] = as_real(amplitudes(motion, group.state, segment[part])) @ outputs
+            at = segment[part]
+            out[part] = np.concatenate([as_real(sources.amplitude[motion.piece[at]]), motion.y[at]], axis=1) @ outputs
     return single
 
 
@@ -172,13 +178,14 @@ def integrals_alike(
 
 
 def rule_out_maxima(motion: Segments, table: Complexes, highest: Floats, when: Floats) -> Ints:
-    """Segments that may hold a larger value than ``highest`` (k,), which first rises to the largest one at a start.
+    """Segments that may hold a larger value than ``highest``, which first rises to the largest one at a start.
 
     Between two points a function exceeds the straight line by no more than an eighth of the largest curvature times the
-    square of their distance. ``when`` (k,) s follows.
+    square of their distance. ``highest`` (signs, k) is of outputs with coefficients ``table`` (S, T, k) and, with two
+    signs, of their negatives; ``when``, in s, follows.
     """
     groups, single = alike(motion, np.arange(motion.time.size), motion.length)
-    possible, bounds = [single], [np.full((single.size, highest.size), np.inf)]
+    possible, bounds = [single], [np.full((single.size, *highest.shape), np.inf)]
     for group in groups:
         tables, of_state = motion.flow.states[group.state], table[group.state]
         first, last = (
@@ -190,14 +197,15 @@ def rule_out_maxima(motion: Segments, table: Complexes, highest: Floats, when: F
         np.add.at(curvature, tables.term_source, of_terms)
         for part in blocks(group):
             zeta = amplitudes(motion, group.state, part)
-            start = as_real(zeta) @ first
-            best = start.argmax(axis=0)
-            reached = start[best, np.arange(best.size)]
-            better = reached > highest
-            highest[better], when[better] = reached[better], motion.time[part[best[better]]]
-            bound = np.maximum(start, as_real(zeta) @ last) + np.abs(zeta) @ curvature
-            higher = np.any(bound > highest, axis=1)
+            start, end, over = as_real(zeta) @ first, as_real(zeta) @ last, np.abs(zeta) @ curvature
+            for sign, known, at in zip((1.0, -1.0), highest, when, strict=False):
+                best = start.argmax(axis=0) if sign > 0.0 else start.argmin(axis=0)
+                reached = sign * start[best, np.arange(best.size)]
+                better = reached > known
+                known[better], at[better] = reached[better], motion.time[part[best[better]]]
+            bound = [np.maximum(start, end) + over, over - np.minimum(start, end)][: highest.shape[0]]
+            higher = np.logical_or.reduce([(b > known).any(axis=1) for b, known in zip(bound, highest, strict=True)])
             possible.append(part[higher])
-            bounds.append(bound[higher])
-    higher = np.any(np.concatenate(bounds) > highest, axis=1)  # than what was reached later
+            bounds.append(np.stack([b[higher] for b in bound], axis=1))
+    higher = (np.concatenate(bounds) > highest).any(axis=(1, 2))  # than what was reached later
     return np.sort(np.concatenate(possible)[higher])

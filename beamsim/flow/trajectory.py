@@ -330,8 +330,7 @@ class Trajectory:
         whole = self.lasting
         many = many_pieces(whole)
         if many:
-            table = _both_signs(self.flow.output_table(output_of), highest.shape[0])
-            whole = whole.only(rule_out_maxima(whole, table, highest.ravel(), at.ravel()))
+            whole = whole.only(rule_out_maxima(whole, self.flow.output_table(output_of), highest, at))
         for part in whole.parts():
             if many or not part.exponentials:
                 table = _both_signs(part.flow.output_table(output_of), highest.shape[0])

@@ -176,10 +176,10 @@ def test_a_wrong_step_shows(motion, monkeypatch):
     assert largest_difference(motion[0].y[:common], wrong.y[:common]) > 1e-6
 
 
-def test_a_wrong_amplitude_shows(motion, one_by_one, monkeypatch):
+def test_a_wrong_matrix_shows(motion, one_by_one, monkeypatch):
     trajectory, groups = motion
-    right = equal_pieces.amplitudes
-    monkeypatch.setattr(equal_pieces, "amplitudes", lambda *of: 1.0001 * right(*of))
+    right = equal_pieces.output_map
+    monkeypatch.setattr(equal_pieces, "output_map", lambda *of: 1.0001 * right(*of))
     together = trajectory.sample(some_times(), groups)
     one_by_one()
     assert largest_difference(together, trajectory.sample(some_times(), groups)) > 1e-5

@@ -192,7 +192,7 @@ def statistics_of(x: Floats, rate: float) -> dict[str, float]:
         "highest": float(x.max()),
         "lowest": float(x.min()),
         "crest_factor": float(np.abs(y).max()) if deviation > 0 else unknown,
-        "kurtosis": float(np.mean(y**4)) if deviation > 0 else unknown,
+        "kurtosis": float(np.mean(np.square(y * y))) if deviation > 0 else unknown,
         "crossing_rate_hz": ups * rate / (x.size - 1),
         "peaks_over_2_sigma": float(np.mean(maxima > 2.0)) if maxima.size else unknown,
         "peaks_over_3_sigma": float(np.mean(maxima > 3.0)) if maxima.size else unknown,
@@ -222,9 +222,11 @@ def rms_interval(x: Floats) -> dict[str, float]:
     y = x - x.mean()
     # a transform of millions of samples takes ten times as long where their number has large prime factors
     of_spectrum = y if y.size < _LONG_RECORD else y[: prev_fast_len(y.size, real=True)]
-    power = np.abs(np.fft.rfft(of_spectrum)[1:]) ** 2
+    lines = np.fft.rfft(of_spectrum)[1:]
+    power = lines.real**2 + lines.imag**2
     check_stop()
-    square, fourth = float(np.mean(y**2)), float(np.mean(y**4))
+    squares = y * y
+    square, fourth = float(np.mean(squares)), float(np.mean(squares * squares))
     if square == 0.0:
         return {}
     freedom = 4.0 * power.sum() ** 2 / float(power @ power) - 2.0
