@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 
-PARTS = ("char", "ctypeslib", "f2py", "rec", "strings", "testing")
+PARTS = ("char", "ctypeslib", "f2py", "polynomial", "rec", "strings", "testing")
 
 
 class Beforehand:

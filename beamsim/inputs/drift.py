@@ -28,15 +28,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from beamsim.fields import Entry, attribute, declared
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
 from beamsim.typing import Complexes, Floats, Ints
+
+if TYPE_CHECKING:
+    from numpy.polynomial import Polynomial
 
 SLOW = 0.01  # change of frequency per radian up to which the Gauss-Laguerre rule is exact to round-off
 LAGUERRE_NODES = 12
@@ -50,9 +52,15 @@ STEEP = 0.5  # change of the logarithm of the level per radian, above which a la
 PANEL = 1.0  # radians, and change of the logarithm of the level, on a panel of the Gauss-Legendre rule
 LEGENDRE_NODES = 16
 
-_PULSE = 35 / 32 * Polynomial([1.0, 0.0, -1.0]) ** 3  # unit area on [-1, 1]
-_RISE = _PULSE.integ(lbnd=-1)
-_RAMP = _RISE.integ(lbnd=-1)
+
+@cache
+def _pulse() -> tuple[Polynomial, Polynomial, Polynomial]:
+    """A pulse of unit area on [-1, 1], its integral and its double integral from -1."""
+    from numpy.polynomial import Polynomial  # a tenth of the import of NumPy, which sweeps alone need
+
+    pulse = 35 / 32 * Polynomial([1.0, 0.0, -1.0]) ** 3
+    rise = pulse.integ(lbnd=-1)
+    return pulse, rise, rise.integ(lbnd=-1)
 
 
 def drift_free(leg: Leg, power: float, frequency_hz: Floats) -> tuple[Complexes, Complexes]:
@@ -191,11 +199,12 @@ class Correction:
 
         Before the jump the pulse's own double integral; after it less what the jump itself has added.
         """
+        _, rise, ramp = _pulse()
         x = (time - self.time) / self.half_width
-        out = np.zeros((x.size, _RAMP.degree() + 1))
+        out = np.zeros((x.size, ramp.degree() + 1))
         inside = np.abs(x) < 1.0
         x = x[inside]
-        total = self.velocity * self.half_width * _RAMP + self.displacement * _RISE
+        total = self.velocity * self.half_width * ramp + self.displacement * rise
         factor = 1.0
         for k in range(out.shape[1]):
             out[inside, k] = (total if k == 0 else total.deriv(k))(x) * factor
@@ -209,7 +218,8 @@ class Correction:
     def acceleration(self, time: Floats) -> Floats:
         """The pulse at times (T,), m/s^2."""
         x = (time - self.time) / self.half_width
-        pulse = self.velocity / self.half_width * _PULSE(x) + self.displacement / self.half_width**2 * _PULSE.deriv()(x)
+        shape, _, _ = _pulse()
+        pulse = self.velocity / self.half_width * shape(x) + self.displacement / self.half_width**2 * shape.deriv()(x)
         return np.where(np.abs(x) < 1.0, pulse, 0.0)
 
 

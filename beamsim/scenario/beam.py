@@ -123,9 +123,9 @@ class BeamBody(Body):
     """Length."""
     elements: Elements = 20
     """Number of finite elements (cubic Hermite), before nodes are added at point masses."""
-    supports: Supports = Supports()
+    supports: Supports = Supports.model_construct()
     """How the two ends are held; clamped and free by default."""
-    damping: BeamDamping = ModalDamping()
+    damping: BeamDamping = ModalDamping.model_construct()
     """Damping; none by default."""
     point_masses: tuple[PointMass, ...] = ()
     """Lumped masses."""

@@ -7,30 +7,26 @@ Every check yields the problems it finds. A check that meets a value that is its
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from beamsim.errors import Problem
 from beamsim.scenario.base import Path, Schema, UnknownValueError, path_text, suggestion, walk
 from beamsim.scenario.body import Body
-from beamsim.scenario.continuation import Continuation
-from beamsim.scenario.continuation_checks import continuation_problems
-from beamsim.scenario.designs import Vary, design_problems
 from beamsim.scenario.distributed import DistributedLoad, distributed_problems
 from beamsim.scenario.excitation import Forces, Harmonic, level_problems, sine_problems
-from beamsim.scenario.identification import IdentifyStiffness
-from beamsim.scenario.identification_checks import identification_problems
 from beamsim.scenario.impacts import impact_problems
 from beamsim.scenario.joint import body_origins
 from beamsim.scenario.limits import Limits, limit_problems
 from beamsim.scenario.moved_support import MovedSupport, moved_support_problems
-from beamsim.scenario.nnm import NonlinearMode, StiffnessFactorContinuation
-from beamsim.scenario.notching import notch_problems
-from beamsim.scenario.phase_resonance import phase_resonance_problems
 from beamsim.scenario.place import AtPlace, Probe, Sited
 from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
-from beamsim.scenario.sweep import Sweep, SweptSine
-from beamsim.scenario.tolerances import tolerance_problems
 from beamsim.scenario.whole import ScenarioParts
+
+if TYPE_CHECKING:
+    from beamsim.scenario.designs import Vary
+    from beamsim.scenario.identification import IdentifyStiffness
+    from beamsim.scenario.nnm import NonlinearMode
+    from beamsim.scenario.sweep import Sweep
 
 MOST_SAMPLES = 100_000_000
 """Largest number of output samples; longer histories would not fit into memory."""
@@ -391,17 +387,21 @@ def _sweep(scenario: _Checked) -> Problems:
     if unfit:
         return
     assert isinstance(excitation, Harmonic | Forces)
-    if isinstance(sweep, SweptSine):
+    if sweep.kind == "swept_sine":
         yield from _swept_supports(excitation)
     for index, level in enumerate(sweep.levels):
         yield from level_problems(excitation, ("sweep", "levels", index), level)
-    if isinstance(sweep, Continuation):
+    if sweep.kind == "continuation":
+        from beamsim.scenario.continuation_checks import continuation_problems
+
         yield from continuation_problems(scenario, sweep)
-    if not isinstance(sweep, Continuation) and sweep.impacts and not scenario.all_snubbers and not scenario.friction:
+    elif sweep.impacts and not scenario.all_snubbers and not scenario.friction:
         message = "needs a snubber or friction, and there is none"
         yield _problem(("sweep", "impacts"), message, "leave it out, or add a snubber")
-    if isinstance(sweep, SweptSine):
+    if sweep.kind == "swept_sine":
         if sweep.notch_to is not None:
+            from beamsim.scenario.notching import notch_problems
+
             yield from notch_problems(scenario, sweep.notch_to)
             if not sweep.levels and not sweep.profile and not excitation.level > 0:
                 yield _problem(("excitation", "level"), "cannot be lowered to sweep.notch_to", "give a positive level")
@@ -435,6 +435,8 @@ def _identification(scenario: _Checked) -> Problems:
     section = scenario.identify_stiffness
     if section is None:
         return
+    from beamsim.scenario.identification_checks import identification_problems
+
     names = [snubber.name for snubber in scenario.all_snubbers]
     if section.snubber not in names:
         known = suggestion(section.snubber, names, "the snubbers are") if names else "give the snubber in snubbers"
@@ -447,7 +449,7 @@ def _modes(scenario: _Checked) -> Problems:
     if nnm is None:
         return
     yield from _mode_number(scenario, ("nnm", "mode"), nnm.mode)
-    if isinstance(going := nnm.continue_in, StiffnessFactorContinuation):
+    if (going := nnm.continue_in).kind == "stiffness_factor":
         key, largest = max(("from", going.from_), ("to", going.to), key=lambda end: end[1])
         for name, body in scenario.all_bodies.items():
             yield from _guarded(body.factor_problems(scenario.body_path(name), key, largest))
@@ -456,11 +458,16 @@ def _modes(scenario: _Checked) -> Problems:
 def _phase_resonance(scenario: _Checked) -> Problems:
     nnm = scenario.nnm
     if nnm is not None and nnm.phase_resonance is not None:
+        from beamsim.scenario.phase_resonance import phase_resonance_problems
+
         yield from phase_resonance_problems(scenario, nnm.phase_resonance, nnm.solver.kind)
 
 
 def _designs(scenario: _Checked) -> Problems:
     if scenario.vary is not None:
+        from beamsim.scenario.designs import design_problems
+        from beamsim.scenario.tolerances import tolerance_problems
+
         yield from design_problems(scenario.whole, scenario.vary)
         yield from tolerance_problems(scenario)
 

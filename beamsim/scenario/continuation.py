@@ -147,7 +147,7 @@ class Continuation(Schema):
     """The parameter that changes, instead of from and to: frequency, level, gap, stiffness or position."""
     levels: tuple[Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
     """Levels, with one curve each; by default the level of the excitation."""
-    method: Method = Shooting()
+    method: Method = Shooting.model_construct()
     """Shooting (exact), or harmonic balance."""
     follow_folds_in: SecondParameter | None = None
     """Follow the folds of a frequency response in a second parameter: level, gap, stiffness or position."""

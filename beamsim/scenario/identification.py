@@ -200,7 +200,7 @@ class IdentifyStiffness(Schema):
     """Relative standard deviation of a measured frequency, or a list with one value per mode."""
     coverage: Ratio = 0.95
     """Coverage probability of the confidence intervals."""
-    monte_carlo: MonteCarlo = MonteCarlo()
+    monte_carlo: MonteCarlo = MonteCarlo.model_construct()
     """Check of the uncertainty by random sampling."""
     parameter_uncertainty: tuple[ParameterUncertainty, ...] = ()
     """Uncertainties of parameters of the structure."""

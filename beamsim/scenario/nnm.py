@@ -51,7 +51,7 @@ class NonlinearMode(Schema):
     """Number of the linear mode from which it starts, from 1."""
     energy: Energy | None = None
     """Energy of the motion if the stiffness factor is the parameter."""
-    continue_in: ContinueIn = StiffnessFactorContinuation()
+    continue_in: ContinueIn = StiffnessFactorContinuation.model_construct()
     """The parameter that changes: stiffness_factor, energy or frequency."""
     method: Method = "shooting"
     """shooting (over half a period, exact), full_period (exact, also non-brake orbits), multiple_scales (the

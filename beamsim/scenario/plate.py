@@ -107,7 +107,7 @@ class PlateBody(Body):
     """Exponent of the mesh's grading towards the edges: 1 is uniform, 2 makes elements at edges much smaller."""
     supports: PlateSupports = Field(default_factory=PlateSupports)  # made where it is needed: it costs a validator
     """How the edges are held, and points that cannot deflect; all edges are free by default."""
-    damping: ChainDamping = ModalDamping()
+    damping: ChainDamping = ModalDamping.model_construct()
     """Damping; none by default."""
     point_masses: tuple[PlatePointMass, ...] = ()
     """Lumped masses."""

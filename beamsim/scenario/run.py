@@ -184,7 +184,7 @@ class Run(Schema):
     """Initial state: static_equilibrium, rest, polynomials, a mode, a force released, or a point of a continuation."""
     outputs: tuple[AnyOutput, ...] = ()
     """Further quantities: motion, moments, stresses and strains at points, reactions, forces of joints, energies."""
-    spectrum: SpectrumSettings = SpectrumSettings()
+    spectrum: SpectrumSettings = SpectrumSettings.model_construct()
     """Settings of the spectra."""
     srs: ShockSpectrumSettings | None = None
     """Shock response spectra of the base's acceleration and of every probe's; by default none."""

@@ -10,27 +10,42 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text, walk
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.joint import body_origins
-from beamsim.structures.beam import assemble_beam
-from beamsim.structures.chain import assemble_chain
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.joined import join
 from beamsim.structures.joints import couplings_of
-from beamsim.structures.matrices import FileSummary, assemble_matrices, summarise_files
 from beamsim.structures.places import LoadSite, Place, Site, ends_of, load_site_of, site_of
-from beamsim.structures.plate import assemble_plate
 from beamsim.structures.several import assemble_side_by_side
 
 if TYPE_CHECKING:
     from beamsim.scenario import Located, Scenario
+    from beamsim.structures.matrices import FileSummary
     from beamsim.structures.structure import BodyStructure, Coupling, Structure
 
-ASSEMBLE: dict[str, Callable[[Any, str, Sequence[Any]], BodyStructure]] = {
-    "beam": assemble_beam,
-    "chain": assemble_chain,
-    "plate": assemble_plate,
-    "matrices": assemble_matrices,
-}
-"""A line a kind of body; the third argument is where something joins it."""
+
+def _assembler(kind: str) -> Callable[[Any, str, Sequence[Any]], BodyStructure]:
+    """What makes a structure of a body of this kind; its third argument is where something joins the body.
+
+    A scenario imports those of its own bodies: a plate has twenty modules that a beam does not need.
+    """
+    match kind:
+        case "beam":
+            from beamsim.structures.beam import assemble_beam
+
+            return assemble_beam
+        case "chain":
+            from beamsim.structures.chain import assemble_chain
+
+            return assemble_chain
+        case "plate":
+            from beamsim.structures.plate import assemble_plate
+
+            return assemble_plate
+        case "matrices":
+            from beamsim.structures.matrices import assemble_matrices
+
+            return assemble_matrices
+        case _:
+            raise AssertionError(f"no structure is made of a body of kind {kind}")
 
 
 def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequence[Place] = ()) -> Structure:
@@ -59,7 +74,7 @@ def joined_to(scenario: Scenario, names: Sequence[str]) -> list[str]:
 
 def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: Sequence[Place] = ()) -> BodyStructure:
     section = scenario.all_bodies[name]
-    return ASSEMBLE[section.body_kind](
+    return _assembler(section.body_kind)(
         _with_places_of_files(scenario, name),
         name,
         [end.point for end in [*(end for coupling in couplings for end in coupling.ends), *nodes] if end.body == name],
@@ -74,6 +89,8 @@ def summaries_of_files(scenario: Scenario) -> tuple[FileSummary, ...]:
     ScenarioError
         If a file cannot be read or used.
     """
+    from beamsim.structures.matrices import summarise_files
+
     return tuple(
         summarise_files(_with_places_of_files(scenario, name), name)
         for name, body in scenario.all_bodies.items()

@@ -71,9 +71,11 @@ def open_loops(parts: Parts) -> Iterator[str]:
     Two joints of a body may lie no further apart than the other bodies of any loop through them reach. Loops of beams
     alone are those of the scenario.
     """
+    scenario = parts.scenario
+    if len(scenario.joints) < 3:
+        return
     from scipy.sparse.csgraph import csgraph_from_dense, shortest_path
 
-    scenario = parts.scenario
     members = {member.body.name: member.body for member in parts.structure.members}
     points: dict[str, dict[int, Floats]] = {}  # by body, of its joints
     for index, joint in enumerate(scenario.joints):
