@@ -79,12 +79,16 @@ def export_structure(
     from beamsim.cli.progress import progress_of
     from beamsim.cli.structure_export import exported
     from beamsim.errors import Problem, ScenarioError
+    from beamsim.matrix_files.read import FORMATS
     from beamsim.matrix_files.write import ENDINGS
     from beamsim.scenario import load_scenario
     from beamsim.scenario.file_units import SYSTEMS
 
     if units not in SYSTEMS:
         raise ScenarioError(Problem("--units", f"{units} is no system of units", f"give one of {', '.join(SYSTEMS)}"))
+    if output is not None and output.suffix.lower() in {*FORMATS} - {*ENDINGS} and not output.is_dir():
+        message = f"{output} is of a format that is read, not written"
+        raise ScenarioError(Problem("-o", message, f"give a name that ends with {', '.join(ENDINGS)}"))
     scenario = load_scenario(case, set_ or ())
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
     with located(scenario), progress_of(f"exporting the structure of {case.name}", shown=not json):

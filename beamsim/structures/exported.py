@@ -133,15 +133,22 @@ def boundary_rows(structure: Structure, given: NamedMatrices, to_named: Any, pla
     """
     rows = set(given.table.rows_of(given.base).tolist())
     for place in places:
-        row = np.asarray(to_named @ structure.place_row(place))
-        largest = int(np.argmax(np.abs(row)))
-        if np.abs(row).sum() - abs(row[largest]) > _ROUND_OFF or abs(row[largest] - 1) > _ROUND_OFF:
+        row = row_at(structure, to_named, place)
+        if row is None:
             raise MethodError(
                 "boundary", f"is not at a node: {place.label}",
                 "change the number of elements, or give the body a node there",
             )  # fmt: skip
-        rows.add(largest)
+        rows.add(row)
     return np.array(sorted(rows), dtype=np.int64)
+
+
+def row_at(structure: Structure, to_named: Any, place: Place) -> int | None:
+    """Row of the named matrices that is the motion of a place; None where there is no node in its direction."""
+    row = np.asarray(to_named @ structure.place_row(place))
+    largest = int(np.argmax(np.abs(row)))
+    others = np.abs(row).sum() - abs(row[largest])
+    return largest if others <= _ROUND_OFF and abs(row[largest] - 1) <= _ROUND_OFF else None
 
 
 def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatrices:

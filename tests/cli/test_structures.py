@@ -41,6 +41,7 @@ def test_what_is_exported_is_read_and_checks_alike(tmp_path, case, ending):
     assert outcome.exit_code == 0, outcome.output
     written = json.loads(outcome.stdout)
     assert all(Path(file).exists() for file in written["files"])
+    assert written["body"].endswith("# panel 0.5 m: {node: 9, direction: z}")
     (tmp_path / "again.yaml").write_text(written["body"] + "\n" + IMPORTED)
     code, known = rows(case)
     again_code, again = rows(tmp_path / "again.yaml")
@@ -84,3 +85,10 @@ def test_an_unknown_body_is_named(case, tmp_path):
     outcome = invoke("export-structure", case, "--body", "pannel", "-o", tmp_path)
     assert outcome.exit_code == 2
     assert "did you mean panel?" in outcome.stderr
+
+
+def test_a_format_that_is_only_read_is_refused(case, tmp_path):
+    outcome = invoke("export-structure", case, "-o", tmp_path / "panel.pch")
+    assert outcome.exit_code == 2
+    assert "panel.pch is of a format that is read, not written; give a name that ends with .op4," in outcome.stderr
+    assert list(tmp_path.iterdir()) == [case]

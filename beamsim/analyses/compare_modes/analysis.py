@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 HIGHEST = 1.5  # times the highest measured frequency, up to which computed modes are compared
 LEAST_MODES = 4  # more than were measured
 ALIKE = 0.9  # MAC of two computed shapes that the places cannot tell apart
+MOST_ALIKE = 4  # warnings about that; more become one
 _BY_FREQUENCY = 0.01  # weight of a frequency's logarithm beside the MAC
 
 
@@ -161,8 +162,20 @@ def _paired(mac: Floats, measured: Floats, computed: Floats) -> Ints:
 def _warnings(scenario: Scenario, paired: Ints, auto: Floats, measured: ShapesAtPlaces) -> Iterator[str]:
     for k in np.flatnonzero(paired == 0):
         yield f"no computed mode fits the one measured at {measured.frequency_hz[k]:g} Hz"
+    count = auto.shape[0]
+    groups: dict[tuple[int, ...], list[int]] = {}  # by what looks like a mode, itself included, the paired ones
     for number in paired[paired > 0] - 1:
-        alike = [j + 1 for j in range(auto.shape[0]) if j != number and auto[number, j] > ALIKE]
-        if alike:
-            listed = ", ".join(map(str, alike))
-            yield f"at the measured places mode {number + 1} looks like mode {listed}: measure at more places"
+        alike = tuple(j + 1 for j in range(count) if j == number or auto[number, j] > ALIKE)
+        if len(alike) > 1:
+            groups.setdefault(alike, []).append(number + 1)
+    if len(groups) > MOST_ALIKE:
+        doubtful = sum(map(len, groups.values()))
+        yield (
+            f"{len(measured.places)} measured places do not tell {doubtful} of {np.count_nonzero(paired)} paired modes "
+            "from others: measure at more places"
+        )
+        return
+    for alike, numbers in groups.items():
+        listed = ", ".join(str(number) for number in alike if number not in numbers or len(numbers) > 1)
+        called = f"modes {listed} look alike" if len(numbers) > 1 else f"mode {numbers[0]} looks like mode {listed}"
+        yield f"at the measured places {called}: measure at more places"
