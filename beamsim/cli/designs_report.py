@@ -84,7 +84,7 @@ def _scatter(result: DesignsResult, scatter: Mapping[str, Any]) -> Iterator[Row]
     for name, item in list(shown.items())[:MOST_ROWS]:
         unit = result.responses[name].unit
         extent = f"{amount(item['smallest'], unit)} to {amount(item['largest'], unit)}"
-        texts[_response_label(name)] = f"{extent}, {amount(item['nominal'], unit)} without deviations"
+        texts[_response_label(result, name)] = f"{extent}, {amount(item['nominal'], unit)} without deviations"
     yield "", "the best case" if "best" in result.summary else "the case"
     yield from aligned(texts)
 
@@ -109,7 +109,7 @@ def _sensitivity(result: DesignsResult, indices: Mapping[str, Mapping[str, Any]]
     texts = {}
     for name, shares in list(indices.items())[:MOST_ROWS]:
         order = sorted(shares.items(), key=lambda item: -item[1]["total_order"])
-        texts[_response_label(name)] = ", ".join(
+        texts[_response_label(result, name)] = ", ".join(
             f"{parameter_label(path)} {_share(s['total_order'])} "
             f"({_share(s['total_order_low'])} to {_share(s['total_order_high'])})"
             for path, s in order
@@ -123,9 +123,12 @@ def _share(index: float) -> str:
     return f"{100 * max(index, 0.0):.0f} %"
 
 
-def _response_label(name: str) -> str:
-    label = name.removeprefix("probes/").removeprefix("snubbers/").removeprefix("outputs/")
-    return label.replace("/", " ").removesuffix("_hz").replace("_", " ")
+def _response_label(result: DesignsResult, name: str) -> str:
+    """Place and quantity of a response; the curve of a sweep where there are several."""
+    *path, quantity = name.split("/")  # [curve,] [probes, snubbers or outputs, name]
+    curves = {each.partition("/")[0] for each in result.responses if each.count("/") == 3}
+    shown = path[:-2] if len(curves) > 1 else []
+    return " ".join([*shown, *path[-1:], quantity.removesuffix("_hz").replace("_", " ")])
 
 
 def _responses(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
@@ -133,7 +136,9 @@ def _responses(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]
     for name, item in list(responses.items())[:MOST_ROWS]:
         unit = result.responses[name].unit if name in result.responses else "1"
         mean = f", mean {amount(item['mean'], unit)}" if "mean" in item else ""
-        texts[_response_label(name)] = f"{amount(item['smallest'], unit)} to {amount(item['largest'], unit)}{mean}"
+        texts[_response_label(result, name)] = (
+            f"{amount(item['smallest'], unit)} to {amount(item['largest'], unit)}{mean}"
+        )
     yield from aligned(texts)
     if len(responses) > MOST_ROWS:
         yield "", f"and {len(responses) - MOST_ROWS} more in the file"

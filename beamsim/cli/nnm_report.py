@@ -30,23 +30,28 @@ def _backbone(result: NormalModeResult, mode: int) -> str:
     return f"mode {mode}, {s['points']} points in {quantity}, {s['stable_points']} of them stable"
 
 
+def _at(result: NormalModeResult, value: float, digits: int = 4) -> str:
+    """A value of the parameter of the path."""
+    if result.parameter == "energy":
+        return amount(value, "J", digits)
+    return f"{value:.{digits}g}{_PARAMETERS[result.parameter][1]}"
+
+
 def _end(result: NormalModeResult, end: Mapping[str, Any]) -> str:
     at = f"stiffness factor {end['parameter']:.6g}: " if result.parameter == "stiffness_factor" else ""
-    return f"{at}{end['frequency_hz']:.6g} Hz, {end['energy_j']:.4g} J"
+    return f"{at}{end['frequency_hz']:.6g} Hz, {amount(end['energy_j'], 'J')}"
 
 
 def _resonances(result: NormalModeResult, tongues: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
-    _, unit = _PARAMETERS[result.parameter]
     for t in tongues:
-        yield "", f"{t['ratio']}:1 with mode {t['mode']} at {t['parameter']:.4g}{unit}, {t['points']} points"
+        yield "", f"{t['ratio']}:1 with mode {t['mode']} at {_at(result, t['parameter'])}, {t['points']} points"
 
 
 def _jumps(result: NormalModeResult, jumps: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
     """Jumps by cause: a tongue of known ratio, or one that is too narrow or of too high order to be traced."""
-    _, unit = _PARAMETERS[result.parameter]
     for ratio, mode in dict.fromkeys((j["ratio"], j["mode"]) for j in jumps):
         same_cause = [j for j in jumps if (j["ratio"], j["mode"]) == (ratio, mode)]
-        spans = few(f"{j['start']:.4g} to {j['end']:.4g}{unit}" for j in same_cause)
+        spans = few(f"{_at(result, j['start'])} to {_at(result, j['end'])}" for j in same_cause)
         why = f"{ratio}:1 with mode {mode}" if ratio and mode else "of high order, not traced"
         yield "", f"{spans} ({why})"
 
@@ -56,17 +61,17 @@ def _special_points(result: NormalModeResult, points: Sequence[Mapping[str, Any]
     _, unit = _PARAMETERS[result.parameter]
     at = "" if unit else "stiffness factor "
     for kind in dict.fromkeys(point["kind"] for point in points):
-        places = few(f"{point['parameter']:.6g}{unit}" for point in points if point["kind"] == kind)
+        places = few(_at(result, point["parameter"], 6) for point in points if point["kind"] == kind)
         yield "", f"{special_name(kind)} at {at}{places}"
 
 
 def _requested(_: NormalModeResult, points: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
     """Points at the energies and frequencies asked for."""
     for p in points:
-        stable = "stable" if p["stable"] else "unstable"
+        stable, energy = "stable" if p["stable"] else "unstable", amount(p["energy_j"], "J", 6)
         yield (
             "",
-            f"{p['frequency_hz']:.8g} Hz, {p['energy_j']:.6g} J ({stable}, {percent(p['share'])} in the mode): branch "
+            f"{p['frequency_hz']:.8g} Hz, {energy} ({stable}, {percent(p['share'])} in the mode): branch "
             f"{p['branch']}, point {p['point']}",
         )
 
@@ -76,13 +81,14 @@ def _full_period(result: NormalModeResult, s: Mapping[str, Any]) -> Iterator[Row
     yield "", f"differs by {s['largest_difference']:.2g} from half-period shooting"
     if s["symmetry_breakings"]:
         at = "at " if unit else "at stiffness factor "
-        yield "symmetry breakings", at + few(f"{b['parameter']:.6g}{unit}" for b in s["symmetry_breakings"])
+        yield "symmetry breakings", at + few(_at(result, b["parameter"], 6) for b in s["symmetry_breakings"])
     for k, branch in enumerate(s["never_at_rest"]):
         start, end = branch["start"], branch["end"]
         yield (
             "" if k else "non-brake orbits",
             f"started in mode {branch['mode']} (about {branch['ratio']}:1), {branch['points']} points, "
-            f"{branch['stable_points']} stable, from {start['parameter']:.6g} to {end['parameter']:.6g}{unit}; kinetic "
+            f"{branch['stable_points']} stable, from {_at(result, start['parameter'], 6)} to "
+            f"{_at(result, end['parameter'], 6)}; kinetic "
             f"energy at the slowest instant up to {percent(branch['largest_least_kinetic'])} of the energy",
         )
         yield "", branch["status"]
@@ -209,7 +215,7 @@ def _share(result: NormalModeResult, smallest: float) -> str:
         return ""
     point = int(np.argmin(result.backbone.share))
     _, unit = _PARAMETERS[result.parameter]
-    at = f"{'' if unit else 'stiffness factor '}{result.backbone.parameter[point]:.4g}{unit}"
+    at = f"{'' if unit else 'stiffness factor '}{_at(result, float(result.backbone.parameter[point]))}"
     return f"mode {result.mode} holds {percent(smallest)} of it at {at}, where it is smallest"
 
 

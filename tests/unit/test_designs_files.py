@@ -2,6 +2,7 @@
 
 import csv
 import math
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -12,7 +13,7 @@ from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.table import CaseTable
-from beamsim.cli.designs_report import TEXTS
+from beamsim.cli.designs_report import TEXTS, _response_label
 from beamsim.errors import ResultFileError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.plots.designs import design_figures, shown_quantities
@@ -308,3 +309,13 @@ def test_a_journal_in_use_is_left_alone(tmp_path):
             pass
         journal.add(outcomes(2)[1])
     assert len(Journal(path, "print", resume=True).known) == 2
+
+
+def test_responses_are_labelled_by_place_and_quantity():
+    """Names stand as they were given; the curve of a sweep is named where there are several."""
+    names = ["up_0/snubbers/pad_1/peak_force", "up_0/probes/probes/peak_displacement", "bilinear_frequency_hz"]
+    one = SimpleNamespace(responses=dict.fromkeys(names))
+    labels = [_response_label(one, name) for name in names]
+    assert labels == ["pad_1 peak force", "probes peak displacement", "bilinear frequency"]
+    two = SimpleNamespace(responses=dict.fromkeys([*names, "down_0/snubbers/pad_1/peak_force"]))
+    assert _response_label(two, names[0]) == "up_0 pad_1 peak force"

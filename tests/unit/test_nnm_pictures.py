@@ -101,7 +101,7 @@ def test_a_motion_that_goes_back_the_way_it_came_is_drawn_once(result):
 
 def test_rows_have_units(result):
     rows = dict(table_rows("nnm", result))
-    assert rows["start"] == "0.159155 Hz, 0.5 J"
+    assert rows["start"] == "0.159155 Hz, 500 mJ"
     assert rows["internal resonances"].startswith("2:1 with mode 2 at 2.5")
     assert " J, " in rows["internal resonances"]
     assert rows["symmetry breakings"].endswith(" J")
