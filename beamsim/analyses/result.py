@@ -79,6 +79,17 @@ class Result:
         default_factory=_versions,
     )  # fmt: skip
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.__repr__ = Result.__repr__  # type: ignore[method-assign]  # that of a dataclass holds all arrays
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.title!r}: {self.status}>"
+
+    def __str__(self) -> str:
+        """The printed table."""
+        return str(named("beamsim.cli.report:text_table")(kind_of_class(type(self)), self))
+
     def with_summary(self, **computed: Any) -> Self:
         """The result with its summary: the values given, and those that repeat fields of the result.
 

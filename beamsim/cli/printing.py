@@ -30,11 +30,17 @@ def print_files(files: Sequence[Path], *, as_json: bool) -> None:
 
 def print_table(title: str, rows: Sequence[tuple[str, str]]) -> None:
     """A title and aligned rows on standard output, wrapped to the width of a terminal."""
-    width = max((len(label) for label, _ in rows), default=0)
-    print(title)
     terminal = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    print(table_text(title, rows, terminal))
+
+
+def table_text(title: str, rows: Sequence[tuple[str, str]], terminal: int | None = None) -> str:
+    """A title and aligned rows, in lines of at most ``terminal`` characters."""
+    width = max((len(label) for label, _ in rows), default=0)
+    lines = [title]
     for label, text in rows:
-        print("\n".join(_wrapped(f"  {label:<{width}}  {text}".rstrip(), width + 4, terminal)))
+        lines += _wrapped(f"  {label:<{width}}  {text}".rstrip(), width + 4, terminal)
+    return "\n".join(lines)
 
 
 def _wrapped(row: str, indent: int, width: int | None) -> list[str]:

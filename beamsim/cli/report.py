@@ -14,6 +14,7 @@ from typing import Any
 from beamsim.analyses.limits import limit_label, limit_unit
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
+from beamsim.cli.printing import table_text
 from beamsim.kinds import KINDS, named
 from beamsim.plots.style import amount, is_known, level_text, margin_text, scale_for, shown_in
 from beamsim.scenario.quantities import amplitude_unit
@@ -39,6 +40,12 @@ def table_rows(kind: str, result: Result) -> Iterator[Row]:
             text = _with_changes(result.summary, entry.name, text)
             yield from _labelled(entry.label, text)
     yield "wall time", amount(result.wall_time_s, "s")
+
+
+def text_table(kind: str, result: Result) -> str:
+    """Return the rows of a result's table as text, for Python's prompt, in the units of the scenario."""
+    with shown_in(result.scenario.display_scales):
+        return table_text(result.title, list(table_rows(kind, result)))
 
 
 def html_table(kind: str, result: Result) -> str:

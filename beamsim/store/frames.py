@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from beamsim.analyses.result import Result
-from beamsim.store.export import export_result, export_target
+from beamsim.store.export import export_result, export_target, is_folder
 from beamsim.store.results import write_result
 from beamsim.store.stored import kind_of
 
@@ -28,7 +28,8 @@ def data_frames(result: Result) -> dict[str, pandas.DataFrame]:
     pd = _imported("pandas")
     with tempfile.TemporaryDirectory() as folder:
         path = write_result(result, Path(folder) / "result.h5")
-        target = export_target(Path(folder), kind_of(path), "csv")
+        kind = kind_of(path)
+        target = export_target(Path(folder), kind, "csv") if is_folder(kind, "csv") else Path(folder) / f"{kind}.csv"
         tables = [file for file in export_result(path, target, "csv") if file.suffix == ".csv"]
         exact = (
             {} if int(pd.__version__.split(".")[0]) >= 3 else {"float_precision": "round_trip"}

@@ -34,6 +34,9 @@ def test_the_table_is_the_printed_one(result):
     assert "<caption>One mass &amp; its stop</caption>" in text
     cells = [html.unescape(cell) for cell in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", text, flags=re.S)]
     assert cells == [cell for row in table_rows("run", result) for cell in row]
+    lines = str(result).splitlines()  # what print shows at Python's prompt; the prompt itself showed every array
+    assert [line.split() for line in lines[1:]] == [" ".join(row).split() for row in table_rows("run", result)]
+    assert (lines[0], repr(result)) == ("One mass & its stop", "<RunResult 'One mass & its stop': complete>")
 
 
 def test_figures_are_those_that_the_command_saves(result):
