@@ -32,6 +32,8 @@ def test_every_entry_is_recorded_and_succeeded():
     assert {name: entry["exit"] for name, entry in TABLE.items() if entry["exit"]} == {}
     assert 20 < sum(not entry.slow for entry in ENTRIES.values()) < len(ENTRIES)
     assert all(entry["reason"] for entry in TABLE.values() if entry.get("loose"))
+    balances = [entry["values"]["json/energy_error"] for name, entry in TABLE.items() if name.split()[1] == "run"]
+    assert max(balances) < record.ROUND_OFF_BOUND  # and therefore that of each run that is compared
 
 
 def changed(path, value):
