@@ -1,5 +1,7 @@
 """Peaks and contact shares of time-stepped runs are those of the continuous motion, whatever the sample rate."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -35,6 +37,7 @@ def case(rate, cubic=CUBIC, run=(), dashpots=(DASHPOT,), snubber=(), snubbers=No
     return Scenario.model_validate({**document, **rest})
 
 
+@cache
 def independent(cubic, start=(0.0, 0.0), hz=HZ, duration=DURATION):
     """Peaks and contact by hand-written equations, restarted at contact, with 400 points on each short step."""
     y, t, closed, shared, closings = np.array(start), 0.0, start[0] < -GAP, 0.0, 0

@@ -268,7 +268,9 @@ def attack(count, seed, report=None):
     """Run mutants; returns the counts of exit codes and a line for each fault."""
     codes, faults = Counter(), []
     begin = time.monotonic()
-    warming = [(command, yaml.safe_dump(_resolved(CONFIGS / f"{name}.yaml")), WARM) for command, name in WARMING]
+    warming = [
+        (command, yaml.safe_dump(_shortened(_resolved(CONFIGS / f"{name}.yaml"))), WARM) for command, name in WARMING
+    ]
     with Worker(_work, warming) as worker:  # the warming compiles kernels, or loads them
         for number, command, text, change in mutants(count, seed):
             code, output, crashed = worker.run((command, text, PATIENCE), SILENCE)

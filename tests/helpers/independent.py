@@ -151,6 +151,7 @@ def integrate(
     """
     n, m = len(structure.stiffness), len(stops)
     inverse = np.linalg.inv(structure.mass)
+    modal_masses = np.array_equal(structure.mass, np.eye(n))  # the load is then the acceleration
     k, c, gap, side = (np.array([getattr(s, x) for s in stops]) for x in ("stiffness", "dashpot", "gap", "side"))
     rows = np.array([s.row for s in stops]).reshape(m, n)
     grounded = np.array([s.on_ground for s in stops], dtype=float)
@@ -177,7 +178,7 @@ def integrate(
 
         def slope(t, y):
             rate = matrix @ y
-            rate[n : 2 * n] += constant + inverse @ np.broadcast_to(load(t), n)
+            rate[n : 2 * n] += constant + (load(t) if modal_masses else inverse @ np.broadcast_to(load(t), n))
             if follows_base:
                 rate[n : 2 * n] += by_base @ base(t)
             if cubic is not None:

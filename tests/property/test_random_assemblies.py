@@ -218,10 +218,10 @@ def compare(seed: int) -> int:
 
 
 def test_random_assemblies_against_integration() -> None:
-    assert sum(compare(seed) for seed in (1, 2)) > 20
+    assert compare(1) > 10
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, *range(3, 40)])
-def test_more_random_assemblies_against_integration(seed: int) -> None:
-    compare(seed)
+def test_more_random_assemblies_against_integration() -> None:
+    """Thousands of others, with links of every kind: `tests/attack`."""
+    assert sum(compare(seed) for seed in (0, *range(2, 18))) > 140

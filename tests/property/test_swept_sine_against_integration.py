@@ -1,6 +1,8 @@
 """The swept-sine flow against independent time stepping (DOP853, restarted at every event and every window cut)."""
 
 import itertools
+import math
+from bisect import bisect_right
 
 import numpy as np
 import pytest
@@ -35,6 +37,23 @@ def phase_of(legs, t):
     return phase
 
 
+def sine_of(legs):
+    """``t -> sin(phase)`` of a number, by the same law: called at every stage of every step."""
+    pieces, before, turns = [], 0.0, 0.0
+    for leg in legs:
+        pieces.append((before, turns, leg.first_hz, leg.signed_rate, leg.logarithmic))
+        before, turns = before + leg.duration, turns + leg.cycles
+    starts = [piece[0] for piece in pieces]
+
+    def sine(t):
+        before, turns, f, r, logarithmic = pieces[max(bisect_right(starts, t) - 1, 0)]
+        x = t - before
+        own = f * math.expm1(r * x) / r if logarithmic else f * x + 0.5 * r * x * x
+        return math.sin(2 * math.pi * (turns + own))
+
+    return sine
+
+
 def integrate(system, load, force, base, start, cuts, times):
     """States at ``times`` and the number of events; ``force(t)`` and ``base(t) -> (d, d')`` are plain functions."""
     c = system.contacts
@@ -61,22 +80,41 @@ def states(flow, record, times):
 
 
 def base_motion(windows, acceleration):
-    """``t -> (d, d')`` from an acceleration alone, by Chebyshev polynomials; starts where the windows do."""
+    """``t -> a`` and ``t -> (d, d')`` from an acceleration alone, by Chebyshev polynomials; d starts as in the windows.
+
+    They are called at every stage of every step, with a number, and therefore have plain numbers for coefficients.
+    """
     constants = [values_at(windows, c, 0.0) for c in (windows.displacement, windows.velocity)]
-    ends = np.append(windows.start, windows.duration)
+    ends = [*windows.start.tolist(), windows.duration]
     pieces = []
     for begin, end in itertools.pairwise(ends):
         a = np.polynomial.Chebyshev.interpolate(acceleration, 24, [begin, end])
         v = a.integ(1, [constants[1]], begin)
         d = v.integ(1, [constants[0]], begin)
-        pieces.append((d, v))
+        pieces.append((begin, end, *(p.coef.tolist() for p in (a, v, d))))
         constants = [d(end), v(end)]
 
-    def base(t):
-        d, v = pieces[min(max(int(np.searchsorted(ends, t, side="right")) - 1, 0), len(pieces) - 1)]
-        return d(t), v(t)
+    def at(t):
+        begin, end, *motion = pieces[min(max(bisect_right(ends, t) - 1, 0), len(pieces) - 1)]
+        return (2.0 * t - begin - end) / (end - begin), motion
 
-    return base
+    def force(t):
+        x, (a, _, _) = at(t)
+        return clenshaw(a, x)
+
+    def base(t):
+        x, (_, v, d) = at(t)
+        return clenshaw(d, x), clenshaw(v, x)
+
+    return force, base
+
+
+def clenshaw(coefficients, x):
+    """Sum of Chebyshev polynomials."""
+    value = last = 0.0
+    for c in reversed(coefficients[1:]):
+        value, last = c + 2.0 * x * value - last, value
+    return coefficients[0] + x * value - last
 
 
 def frequency_of(legs, t):
@@ -130,8 +168,9 @@ def test_random_structure(make_system, case, rigid):
     start = 0.3 * rng.normal(size=2 * n)
     record = sweep(flow, start, nothing(flow), orders=[], keep_history=True)
     times = np.linspace(0.0, windows.duration, 1001)
-    force = lambda t: np.sin(phase_of(legs, t))  # noqa: E731
-    base = base_motion(windows, force) if on_ground else lambda t: (0.0, 0.0)
+    force, base = sine_of(legs), None
+    if on_ground:
+        force, base = base_motion(windows, lambda t: np.sin(phase_of(legs, t)))
     expected, events = integrate(
         system, load, force, base, start, windows.start if on_ground else (), times,
     )  # fmt: skip
@@ -161,8 +200,9 @@ def test_laws_and_profiles(make_system, legs):
     flow = flow_of(system, load, windows)
     record = sweep(flow, start, nothing(flow), orders=[], keep_history=True)
     times = np.linspace(0.0, windows.duration, 1001)
+    sine = sine_of(legs)
     expected, events = integrate(
-        system, load, lambda t: float(profile(frequency_of(legs, t))) * np.sin(phase_of(legs, t)), lambda t: (0.0, 0.0),
+        system, load, lambda t: float(profile(frequency_of(legs, t))) * sine(t), None,
         start, windows.start, times,
     )  # fmt: skip
     assert record.events == events > 0
@@ -198,8 +238,7 @@ def test_base_motion_with_corners_and_notches(make_system, legs):
     flow = flow_of(system, load, windows, on_ground=True)
     record = sweep(flow, start, nothing(flow), orders=[], keep_history=True)
     times = np.linspace(0.0, windows.duration, 1001)
-    base = base_motion(windows, acceleration)
-    expected, events = integrate(system, load, acceleration, base, start, windows.start, times)
+    expected, events = integrate(system, load, *base_motion(windows, acceleration), start, windows.start, times)
     assert record.events == events > 1
     assert np.abs(states(flow, record, times) - expected).max() < 1e-9 * np.abs(expected).max()
 
@@ -227,8 +266,9 @@ def test_awkward_damping(make_system, kind):
     start = np.zeros(6)
     record = sweep(flow, start, nothing(flow), orders=[], keep_history=True)
     times = np.linspace(0.0, windows.duration, 801)
+    sine = sine_of(legs)
     expected, events = integrate(
-        system, load, lambda t: 0.2 * np.sin(phase_of(legs, t)), lambda t: (0.0, 0.0), start, (), times,
+        system, load, lambda t: 0.2 * sine(t), None, start, (), times,
     )  # fmt: skip
     assert record.events == events
     assert np.abs(states(flow, record, times) - expected).max() < 1e-9 * np.abs(expected).max()
