@@ -169,10 +169,13 @@ class ContactState:
         return out
 
     def of_amplitudes(self, of_terms: Complexes) -> Floats:
-        """(2 (F + Z), k) outputs of terms (T, k) for a unit of the real and of the imaginary part of each amplitude."""
-        out = np.empty((self.basis_of_source.size + self.projector.shape[0], 2, of_terms.shape[1]))
-        out[:, 0], out[:, 1] = self._of_source @ of_terms.real, -(self._of_source @ of_terms.imag)
-        return out.reshape(2 * out.shape[0], of_terms.shape[1])
+        """(..., 2 (F + Z), k) outputs of terms (..., T, k), for a unit of the real and of the imaginary part of each
+        amplitude."""
+        count = self.basis_of_source.size + self.projector.shape[0]
+        *many, _, outputs = of_terms.shape
+        out = np.empty((*many, count, 2, outputs))
+        out[..., 0, :], out[..., 1, :] = self._of_source @ of_terms.real, -(self._of_source @ of_terms.imag)
+        return out.reshape(*many, 2 * count, outputs)
 
     @cached_property
     def _of_source(self) -> Floats:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from math import ceil
 from typing import Protocol
 
@@ -23,6 +24,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 FEWEST = 64  # fewest like segments for which a matrix pays
 FEWEST_SAMPLES = 24  # ... of outputs at one time, for which it is made faster than for integrals or bounds
 AT_ONCE = 8192  # segments of one product of matrices, which bounds the memory
+VALUES_AT_ONCE = 200_000  # of terms times outputs, at several times
 RULE_POINTS, RULE_RADIANS = 20, 10.0  # Gauss-Legendre, and how far the fastest motion turns on a panel: 1e-15
 
 
@@ -113,36 +115,45 @@ def amplitudes(motion: Segments, state: int, segments: Ints) -> Complexes:
 
 
 def output_map(motion: Segments, state: int, basis: Complexes, table: Complexes) -> Floats:
-    """(2 Z, k) outputs for a unit of each amplitude, see `as_real`.
+    """(..., 2 Z, k) outputs for a unit of each amplitude, see `as_real`.
 
     Parameters
     ----------
-    basis : (B,) of the contact state, at one time.
+    basis : (..., B) of the contact state, at one or several times.
     table : (T', k) of the contact state's terms, padded.
     """
     tables = motion.flow.states[state]
-    return tables.of_amplitudes(basis[tables.term_basis, None] * table[: tables.term_basis.size])
+    return tables.of_amplitudes(basis[..., tables.term_basis, None] * table[: tables.term_basis.size])
 
 
-def _basis(motion: Segments, state: int, tau: float) -> Complexes:
-    tables = motion.flow.states[state]
-    return np.asarray(tau**tables.power * np.exp(tables.exponent * tau))
+def _basis(motion: Segments, state: int, tau: float | Floats) -> Complexes:
+    """(..., B) at one or several times (...)."""
+    tables, at = motion.flow.states[state], np.asarray(tau)[..., None]
+    return np.asarray(at**tables.power * np.exp(tables.exponent * at))
 
 
 def sample_alike(motion: Segments, times: Floats, table: Complexes, out: Floats) -> Ints:
     """Outputs at increasing times of which many are alike, into ``out`` (nt, k); returns the numbers of the others."""
     segment = np.clip(np.searchsorted(motion.time, times, side="right") - 1, 0, None)
     groups, single = alike(motion, segment, times - motion.time[segment], FEWEST_SAMPLES)
-    sources, amplitude_of = motion.flow.sources, {}
-    for group in groups:
-        if group.state not in amplitude_of:
-            amplitude_of[group.state] = as_real(motion.flow.states[group.state].amplitude_map())
-        outputs = output_map(motion, group.state, _basis(motion, group.state, group.tau), table[group.state])
-        outputs = amplitude_of[group.state] @ outputs
-        for part in blocks(group):
-            at = segment[part]
-            out[part] = np.concatenate([as_real(sources.amplitude[motion.piece[at]]), motion.y[at]], axis=1) @ outputs
+    for number, of_state in groupby(groups, key=lambda group: group.state):
+        amplitude_of = as_real(motion.flow.states[number].amplitude_map())
+        for group, outputs in _output_maps(motion, list(of_state), table[number]):
+            matrix = amplitude_of @ outputs
+            for part in blocks(group):
+                at = segment[part]
+                given = as_real(motion.flow.sources.amplitude[motion.piece[at]])
+                out[part] = np.concatenate([given, motion.y[at]], axis=1) @ matrix
     return single
+
+
+def _output_maps(motion: Segments, groups: list[Alike], table: Complexes) -> Iterator[tuple[Alike, Floats]]:
+    """Groups of one contact state, each with its `output_map`; those of many times are made together."""
+    together = max(1, VALUES_AT_ONCE // table.size)
+    for first in range(0, len(groups), together):
+        some = groups[first : first + together]
+        basis = _basis(motion, some[0].state, np.array([group.tau for group in some]))
+        yield from zip(some, output_map(motion, some[0].state, basis, table), strict=True)
 
 
 def product_forms(motion: Segments, group: Alike, table: Complexes, weight: Floats) -> Floats:
