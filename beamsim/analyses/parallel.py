@@ -138,6 +138,7 @@ def on_this_machine(
         except BrokenProcessPool:
             processes = processes or _processes(pool)
             pool.shutdown(wait=True)  # the pool's own thread collects the exit codes: before, they may be unknown
+            take_effect()  # a signal to all processes of a group, of which the workers die
             if any(process.exitcode == UNGUARDED for process in processes):
                 raise ScenarioError(
                     "worker processes cannot start: they import the calling script, which starts workers again; put "

@@ -1,6 +1,8 @@
 """A design study is the same as its cases run one by one, whoever computes them."""
 
 import math
+import signal
+import sys
 
 import numpy as np
 import pytest
@@ -356,6 +358,26 @@ def _nothing(item):
 def test_a_worker_that_dies_ends_the_study_with_a_remedy():
     with pytest.raises(NotTrustedError, match="--resume"):
         list(on_this_machine(_die, [1, 2, 3], 2, _nothing))
+
+
+def _die_with_parent(item):
+    import os
+    import signal
+
+    os.kill(os.getppid(), signal.SIGTERM)
+    os._exit(9)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="processes have no signals there")
+def test_a_signal_of_which_workers_die_is_what_ends_the_study(monkeypatch):
+    monkeypatch.setattr("beamsim.analyses.parallel._ASKED_EVERY_S", 60.0)  # their death is noticed first
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            list(on_this_machine(_die_with_parent, [1, 2, 3], 2, _nothing))
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @pytest.mark.slow
