@@ -171,7 +171,7 @@ class LevelControl:
         profile = self._profile(frequency, gain[kept])
         windows = windows_of_cycles(self.leg, profile, at, int(ahead[-1]), phase=self.phase, of_base=self.of_base)
         self.flow.swept_by(windows, self.channels(windows))
-        self._march.restart()
+        self._march.restart(self.flow.windows.cycles)
         motion = self._motion.copy()
         motion.piece, motion.time = 0, 0.0
         first = int(np.searchsorted(windows.cycle, ahead[0] - at))

@@ -211,10 +211,14 @@ class CycleMarch:
             np.zeros((C, m)), np.zeros((C, m), dtype=np.int64), np.zeros(K), np.zeros(C), np.zeros(C),
         )  # fmt: skip
 
-    def restart(self) -> None:
-        """Begin an empty record under the windows that the flow has now; the tables of its states are kept."""
-        self.count = self.flow.windows.cycles
+    def restart(self, count: int) -> None:
+        """Begin an empty record of so many cycles under the windows that the flow has now; tables of its states are
+        kept."""
+        self.count = count
         self.cycles = self._empty()
+        if self._states != len(self.flow.bare.states):  # another march of the flow has come to new ones
+            self._renew()
+            return
         tables, inputs, swept = self.kernel_arguments()
         windows = self.flow.kernel_windows(self.order)
         self._arguments = tables, inputs, swept._replace(windows=windows, cycles=self.cycles)
@@ -223,6 +227,7 @@ class CycleMarch:
         from beamsim.flow.sweep_kernels import Swept
 
         flow = self.flow
+        self._states = len(flow.bare.states)
         swept = Swept(
             flow.forced(), flow.output_tables(self.output_of), flow.kernel_windows(self.order), self.cycles,
             flow.power_balance(),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from beamsim.flow.contact_state import LinearOutput, OutputOf
+from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.march import Log, Motion, carry
 from beamsim.flow.slide_starts import pressing_where_sliding_begins
 from beamsim.flow.stopping import never
@@ -47,6 +47,7 @@ class CycleStepper:
     segments: int = field(init=False, default=0)
     evaluations: int = field(init=False, default=0)
     cycles: int = field(init=False, default=0)
+    _unmeasured: CycleMarch | None = field(init=False, default=None, repr=False)
 
     def use(self, windows: SweepWindows) -> None:
         """Change the sine."""
@@ -74,8 +75,10 @@ class CycleStepper:
             When ``stop`` says so.
         """
         flow = self.flow
-        order = np.zeros(0) if orders is None else np.asarray(orders, dtype=float)
-        march = CycleMarch(flow, output_of if output_of is not None else self._nothing, order, cycles)
+        if output_of is None:
+            march = self._without_outputs(cycles)
+        else:
+            march = CycleMarch(flow, output_of, np.asarray([] if orders is None else orders, dtype=float), cycles)
         states = np.empty((cycles, motion.y.size))
         motion.piece, motion.time = 0, 0.0
         logs: list[Log] = []
@@ -104,8 +107,13 @@ class CycleStepper:
             pressing_where_sliding_begins(flow, Log.join(logs))[:cycles] if logs else None,
         )  # fmt: skip
 
-    def _nothing(self, phases: Ints) -> LinearOutput:
-        return self.flow.template.empty_output(0)
+    def _without_outputs(self, cycles: int) -> CycleMarch:
+        """A march whose tables are made once: some motions are carried on by thousands of single cycles."""
+        if self._unmeasured is None:
+            self._unmeasured = CycleMarch(self.flow, lambda _: self.flow.template.empty_output(0), np.zeros(0), cycles)
+        else:
+            self._unmeasured.restart(cycles)
+        return self._unmeasured
 
 
 @dataclass(frozen=True)

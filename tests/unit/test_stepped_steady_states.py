@@ -83,12 +83,29 @@ def bouncing(make_system, frequency, amplitude, gap):
     return stepper, Motion(np.array([0.1, 0.0]), flow.state_index(np.zeros(1, dtype=np.int64)))
 
 
-def test_exponent_of_a_linear_motion_is_its_decay(make_system):
+def test_exponent_of_a_linear_motion_is_its_decay(make_system, monkeypatch):
+    made = []
+    tables = SweptFlow.output_tables
+    monkeypatch.setattr(SweptFlow, "output_tables", lambda flow, of: made.append(flow) or tables(flow, of))
     stepper, motion = bouncing(make_system, 0.3, 0.1, 1e3)
     settle(stepper, motion, tolerance=1e-8, longest_period=1, most_cycles=400)
     found = largest_exponent(stepper, motion, 200)
     assert found.value == pytest.approx(-0.01, rel=0.02)
     assert found.kind == "not settled"
+    assert stepper.cycles > 500
+    assert len(made) == 1  # for all these cycles
+
+
+def test_contact_states_that_are_found_while_outputs_are_measured_are_known_afterwards(make_system):
+    steppers = [bouncing(make_system, 0.3, 1.0, 0.5) for _ in range(2)]
+    for measured, (stepper, motion) in zip((False, True), steppers, strict=True):
+        stepper.carry(motion, 1)  # in the open state alone
+        assert len(stepper.flow.bare.states) == 1
+        outputs = (lambda _, flow=stepper.flow: flow.template.empty_output(0)) if measured else None
+        while motion.state == 0:
+            stepper.carry(motion, 1, outputs)
+        stepper.carry(motion, 3)  # begins in the closed state
+    np.testing.assert_array_equal(steppers[0][1].y, steppers[1][1].y)
 
 
 def test_chaos_is_told_from_a_period(make_system):
