@@ -1,7 +1,8 @@
-"""Files that are either old or new, never half-written."""
+"""Files that are either old or new, never half-written; text files in whatever encoding they come."""
 
 from __future__ import annotations
 
+import codecs
 import os
 import secrets
 import sys
@@ -13,6 +14,29 @@ from pathlib import Path
 from beamsim.errors import ResultFileError
 
 PAUSES_S = (0.1, 0.3, 1.0)  # between attempts to replace a file that another program has open
+
+
+def text_of(path: Path) -> str:
+    """The text of a file of another program: UTF-8, UTF-16 with its mark (spreadsheets), else Windows-1252.
+
+    Measuring systems write µ and ² of a heading in the latter; numbers are the same in all of them.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    UnicodeDecodeError
+        If it is no text.
+    """
+    raw = path.read_bytes()
+    if raw[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return raw.decode("utf-16")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        if b"\0" in raw:
+            raise
+        return raw.decode("cp1252")
 
 
 @contextmanager

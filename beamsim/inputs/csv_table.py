@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from beamsim.files import text_of
 from beamsim.inputs.headings import split_heading, stated
 from beamsim.scenario.units import ACCELERATION, FORCE, FREQUENCY, LENGTH, TIME, VELOCITY, UnitError, read_level
 from beamsim.typing import Floats
@@ -55,7 +56,7 @@ def read_csv(path: Path) -> CsvTable:
     OSError : where it cannot be read.
     ValueError : where it holds no table of numbers.
     """
-    lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+    lines = [line for line in text_of(path).splitlines() if line.strip()]
     lines = [line for line in lines if not line.lstrip().startswith(("#", "%"))]
     if not lines:
         raise ValueError("the file is empty")

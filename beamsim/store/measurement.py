@@ -13,6 +13,7 @@ import numpy as np
 
 from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.errors import Problem, ScenarioError
+from beamsim.files import text_of
 from beamsim.inputs.axes import AxisError, axis_factor, check_record, without_unit
 from beamsim.inputs.csv_table import headings_of
 from beamsim.inputs.headings import FREQUENCY_NAMES, TIME_NAMES, is_frequency, split_heading, stated
@@ -98,7 +99,7 @@ def channel_named(
     required: bool = False,
     at: str = "",
 ) -> MeasuredSignal:
-    """The channel of that name; else the one whose name contains probe and quantity, or the only one.
+    """The channel of that name, which may leave out the unit; else that of probe and quantity, or the only one.
 
     Raises
     ------
@@ -106,7 +107,7 @@ def channel_named(
         If no channel or several match, or values are not finite.
     """
     words = spoken(quantity)
-    exact = [s for s in signals if s.name == name]
+    exact = [s for s in signals if name in (s.name, split_heading(s.name)[0])]
     named = [s for s in signals if holds_name(s.name, name)]
     loose = [s for s in named if _is_of(s.name, words)]
     if not loose and quantity == "absolute_acceleration":  # accelerometers know no other
@@ -210,9 +211,9 @@ def _wrong(message: str, remedy: str) -> ScenarioError:
 
 def _read_csv(path: Path, axis_unit: str | None) -> list[MeasuredSignal]:
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = text_of(path)
     except UnicodeDecodeError:
-        raise _wrong(f"{path} is not text in UTF-8", "export it as CSV again") from None
+        raise _wrong(f"{path} is not text", "export it as CSV again") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise _wrong(f"{path} contains no data", "export the measurement again")

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from beamsim.analyses.compare_modes.measured import ShapesAtPlaces
 from beamsim.errors import Problem, ScenarioError
+from beamsim.files import text_of
 from beamsim.inputs.headings import split_heading
 from beamsim.scenario import units
 from beamsim.scenario.place import AtPlace
@@ -51,9 +52,9 @@ def _wrong(path: Path, message: str, remedy: str) -> ScenarioError:
 
 def _read_csv(path: Path) -> ShapesAtPlaces:
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = text_of(path)
     except UnicodeDecodeError:
-        raise _wrong(path, "is not text in UTF-8", "save it as CSV in UTF-8") from None
+        raise _wrong(path, "is not text", "save it as CSV") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     numbers = [k for k, line in enumerate(text.splitlines(), 1) if line.strip() and not line.lstrip().startswith("#")]
     if len(lines) < 2:

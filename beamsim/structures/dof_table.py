@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from beamsim.errors import MethodError
+from beamsim.files import text_of
 from beamsim.matrix_files.matrix import DIRECTIONS, MODAL, Dof
 from beamsim.typing import Floats, Ints
 
@@ -80,7 +81,7 @@ def read_dof_table(path: Path) -> DofTable:
         About ``dofs``: the file cannot be read, a line is wrong, or two lines name the same.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = text_of(path)
     except (OSError, UnicodeDecodeError) as error:
         raise MethodError("dofs", f"= {path} cannot be read ({error})", "check the path") from None
     lines = [(i, [cell.strip() for cell in row]) for i, row in enumerate(csv.reader(text.splitlines()), 1) if any(row)]

@@ -9,9 +9,11 @@ from scipy.integrate import quad
 import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.inputs.broadband import broadband_signals
+from beamsim.inputs.csv_table import read_csv
 from beamsim.inputs.random_input import density, noise
 from beamsim.inputs.sampled import interpolate, read_samples
 from beamsim.scenario import load_scenario
+from beamsim.store.measurement import channel_named, read_signals
 
 G = 9.80665
 SI = {"unit": "m/s^2", "time_unit": "s"}
@@ -206,6 +208,19 @@ def test_decimal_commas_are_read_or_named(tmp_path):
     (tmp_path / "b.csv").write_text("t,a\n0,0,1,5\n0,5,2,0\n", encoding="utf-8")
     with pytest.raises(ScenarioError, match="decimal commas"):
         read_samples(sampled(tmp_path / "b.csv"))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
+def test_headings_are_read_in_the_encodings_of_measuring_systems(tmp_path, encoding):
+    file = tmp_path / "shaker.csv"
+    file.write_text("Zeit (ms);tip Weg (µm);tip Beschleunigung (m/s²)\n0;0,5;1\n1;0,7;2\n2;0,6;3\n", encoding=encoding)
+    assert list(read_csv(file).headings) == ["Zeit (ms)", "tip Weg (µm)", "tip Beschleunigung (m/s²)"]
+    signals = read_signals(file)
+    assert [signal.unit for signal in signals] == ["µm", "m/s²"]
+    assert channel_named(signals, "tip Weg", "absolute_acceleration", file, required=True) is signals[0]
+    file.write_bytes(b"a\0b\xff")
+    with pytest.raises(ScenarioError, match="is not text"):
+        read_signals(file)
 
 
 def test_missing_file_short_record_and_wrong_unit(tmp_path, record):
