@@ -62,6 +62,7 @@ def _write(path: Path, target: Path, *, shown: bool) -> Path:
     plotly()  # that it is missing is said before anything is computed
     kind = kind_of(path)
     result: Any = open_consistent(path)
+    _note_unknown_files(result)
     with damage_of(path), shown_in(result.scenario.display_scales):
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = named(KINDS[kind].figures)(result)
@@ -100,6 +101,7 @@ def animate(
         targets = [folder / f"{result.stem}_animation{suffix}" for suffix in (".gif", ".html")]
     shown = not (json or quiet)
     stored: Any = open_consistent(result)
+    _note_unknown_files(stored)
     with shown_in(stored.scenario.display_scales):
         with damage_of(result):
             scene = scene_of(stored, shown=shown)
@@ -113,6 +115,14 @@ def animate(
                 with replacing(target) as temporary:
                     temporary.write_text(animation_page(scene), encoding="utf-8")
     print_files(targets, as_json=json)
+
+
+def _note_unknown_files(result: Any) -> None:
+    """Say that files may be others than those that were solved, of a result that does not know them."""
+    from beamsim.scenario.input_files import named_files
+
+    if result.input_files is None and any(named_files(result.scenario)):
+        say("beamsim: note: an earlier version wrote this result: files of the case may have changed since")
 
 
 def _scene(result: Any, model: BuiltModel | None, *, shown: bool) -> Scene | None:

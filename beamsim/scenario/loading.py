@@ -12,10 +12,11 @@ from pydantic_core import PydanticCustomError
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import LenientPass, Path, UnknownValueError, path_text, walk
 from beamsim.scenario.display import DisplayUnits
+from beamsim.scenario.input_files import named_files
 from beamsim.scenario.merge import Overrides, apply_overrides, read_file, resolve_extends
 from beamsim.scenario.messages import describe
 from beamsim.scenario.scenario import Scenario
-from beamsim.scenario.tree import Node, from_python, located, parse, path_parts
+from beamsim.scenario.tree import Node, from_python, located, node_at, parse, path_parts
 from beamsim.scenario.units import units_written
 
 USED: dict[str, frozenset[str]] = {
@@ -80,7 +81,10 @@ def _unused(root: Node, command: str) -> frozenset[str]:
 def _read(source: str | FilePath | Mapping[str, Any] | Scenario) -> tuple[Node, str]:
     """Return the tree, `extends` resolved, and the name for output files."""
     if isinstance(source, Scenario):
-        return from_python(source.model_dump(mode="json", by_alias=True, exclude_none=True)), source.source
+        root = from_python(source.model_dump(mode="json", by_alias=True, exclude_none=True))
+        for at, _ in named_files(source):  # stay relative to where they were written
+            node_at(root, at).file = str(source.folder_of(*at) / f"{source.source}.yaml")
+        return root, source.source
     if isinstance(source, Mapping):
         return resolve_extends(from_python(source), FilePath()), "scenario"
     if isinstance(source, str) and ("\n" in source or source.lstrip().startswith("{")):

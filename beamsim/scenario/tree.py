@@ -79,6 +79,22 @@ def locate(root: Node, path: Path) -> tuple[str | None, int | None]:
     return where
 
 
+def node_at(root: Node, path: Path) -> Node:
+    """Return the value at a path.
+
+    Raises
+    ------
+    KeyError
+        If there is none.
+    """
+    for part in path:
+        inner = _inner(root, part)
+        if inner is None:
+            raise KeyError(part)
+        root = inner
+    return root
+
+
 def located(root: Node, path: Path, problem: Problem) -> Problem:
     """Return the problem with the file and line of the value at a path."""
     file, line = locate(root, path)

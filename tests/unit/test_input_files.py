@@ -9,6 +9,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.animate.frames import model_of
+from beamsim.analyses.designs.plan import plan_designs
 from beamsim.cli.html_report import _model, _sketched
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
@@ -39,6 +40,8 @@ def test_files_are_found_where_they_were_beside_the_result_and_in_the_current_fo
     shutil.copy(written, file)
     monkeypatch.chdir(tmp_path)
     scenario = open_result(file).scenario
+    assert load_scenario(result.scenario, ["run.duration=2 ms"]).folder_of(*KEYS[0]) == matrices.parent
+    assert load_scenario(scenario, ["run.duration=2 ms"]).folder_of(*KEYS[0]).absolute() == tmp_path
     for folder in (tmp_path, file.parent, matrices.parent):
         assert {scenario.folder_of(*key).absolute() for key in KEYS} == {folder}
         if folder != matrices.parent:
@@ -89,3 +92,19 @@ def test_every_form_of_naming_a_file_is_known():
     found = named_files(load_scenario({"chain": chain, "snubbers": stops, "excitation": shaken}))
     at = [("snubbers", 0, "force_deflection"), ("snubbers", 1, "force_deflection", "file"), ("excitation", "file")]
     assert dict(found) == dict(zip(at, ("a.csv", "b.csv", "c.csv"), strict=True))
+
+
+def test_studies_find_files_beside_the_case_and_are_others_where_a_file_has_changed(tmp_path):
+    case, table = tmp_path / "case.yaml", tmp_path / "pad.csv"
+    case.write_text("""
+chain: {masses: [1], springs: [100]}
+snubbers: [{name: stop, mass: 1, side: below, gap: 0.1, force_deflection: {file: pad.csv}}]
+run: {duration: 1}
+vary: {kind: grid, parameters: [{path: snubbers.stop.gap, values: [0.1, 0.2]}]}
+""")
+    table.write_text("deflection (mm),force (N)\n0,0\n1,5\n")
+    plan = plan_designs(load_scenario(case))
+    assert plan.study.base["snubbers"][0]["force_deflection"]["file"] == str(table)
+    assert plan_designs(load_scenario(case)).fingerprint == plan.fingerprint
+    table.write_text("deflection (mm),force (N)\n0,0\n1,6\n")
+    assert plan_designs(load_scenario(case)).fingerprint != plan.fingerprint

@@ -7,7 +7,6 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -33,6 +32,7 @@ from beamsim.scenario.designs import (
     varied_parameters,
 )
 from beamsim.scenario.draws import Draws
+from beamsim.scenario.input_files import named_files
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.typing import Ints
 
@@ -238,7 +238,9 @@ def _plan(
     if varies_seed(places):
         base["excitation"].setdefault("amplitudes", "random")
     analysis = analysis_of(scenario)
-    fingerprint = _fingerprint(base, places, columns, kind, analysis, asked, realisations.as_data())
+    contents = {key: record.get("sha256") for key, record in scenario.file_records(since=math.inf).items()}
+    further = [*([asked] if asked else []), *realisations.as_data(), *([contents] if contents else [])]
+    fingerprint = _fingerprint(base, places, columns, kind, analysis, further)
     study = Study(analysis, _with_whole_paths(base, scenario), places, asked, fingerprint)
     grid = kind == "grid"
     shape = tuple(len(c) for c in columns) if grid else (len(columns[0]),)
@@ -272,16 +274,13 @@ def _base(scenario: Scenario) -> dict[str, Any]:
 
 def _with_whole_paths(base: dict[str, Any], scenario: Scenario) -> dict[str, Any]:
     """The plain data with the paths of files from the root, since it has no folder that they could be relative to."""
-    for place in (("excitation", "file"), ("run", "start", "orbit")):
+    for path, name in named_files(scenario):
+        if path[0] not in base:  # a section that studies do not use
+            continue
         owner: Any = base
-        for key in place[:-1]:
-            owner = owner.get(key) if isinstance(owner, dict) else None
-        if isinstance(owner, dict) and place[-1] in owner:
-            owner[place[-1]] = str((scenario.folder_of(*place) / owner[place[-1]]).absolute())
-    for name, body in scenario.bodies.items():
-        placed = body.in_folder(partial(scenario.folder_of, *scenario.body_path(name)))
-        if placed != body:
-            base["bodies"][name] = placed.model_dump(mode="json", by_alias=True, exclude_none=True)
+        for key in path[:-1]:
+            owner = owner[key]
+        owner[path[-1]] = str((scenario.folder_of(*path) / name).absolute())
     return base
 
 
@@ -291,10 +290,8 @@ def varies_seed(places: Iterable[Iterable[Place]]) -> bool:
 
 
 def _fingerprint(
-    base: Mapping[str, Any], places: Any, columns: Any, kind: str, analysis: str, asked: tuple[str, ...],
-    realisations: list[Any],
+    base: Mapping[str, Any], places: Any, columns: Any, kind: str, analysis: str, further: list[Any]
 ) -> str:  # fmt: skip
-    further = [*([asked] if asked else []), *realisations]
     text = json.dumps([analysis, kind, base, places, columns, *further], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
