@@ -15,7 +15,7 @@ from beamsim.scenario.quantities import FileType
 
 Record = Mapping[str, Any]
 """Of one file: ``file``, its name as it is written, ``folder``, where that was, ``bytes``, and ``sha256`` of its
-content, which is missing where the file was changed while the scenario was solved."""
+content, which is missing where the file was changed or removed while the scenario was solved."""
 
 
 def named_files(scenario: Schema) -> Iterator[tuple[Path, str]]:
@@ -42,7 +42,7 @@ def _holds_file_type(items: Iterable[Any]) -> bool:
 
 
 def records_of(scenario: Any, since: float) -> dict[str, Record]:
-    """What the files of a scenario hold, by the keys that name them; those that cannot be read are left out.
+    """What the files of a scenario hold, by the keys that name them; of those that are gone nothing.
 
     Parameters
     ----------
@@ -53,10 +53,11 @@ def records_of(scenario: Any, since: float) -> dict[str, Record]:
         folder = scenario.folder_of(*path)
         try:
             state = (folder / name).stat()
-            digest = {} if state.st_mtime > since else {"sha256": _sha256(folder / name)}
+            content = {"bytes": state.st_size}
+            content |= {} if state.st_mtime > since else {"sha256": _sha256(folder / name)}
         except OSError:
-            continue
-        records[path_text(path)] = {"file": name, "folder": str(folder.absolute()), "bytes": state.st_size, **digest}
+            content = {}
+        records[path_text(path)] = {"file": name, "folder": str(folder.absolute()), **content}
     return records
 
 
@@ -101,7 +102,11 @@ class SolvedFiles:
             if _is_solved(folder / name, record):
                 return folder
         if there:
-            reason = "its content is another" if "sha256" in record else "it was changed while the case was solved"
+            reason = (
+                "its content is another"
+                if "sha256" in record
+                else "it was changed or removed while the case was solved"
+            )
             message = f"in {folders[there[0]]}, {there[0]}, is not the file that was solved: {reason}"
             remedy = "bring back the file as it was, or run the case again"
         else:
@@ -112,4 +117,4 @@ class SolvedFiles:
 
 
 def _is_solved(path: FilePath, record: Record) -> bool:
-    return path.stat().st_size == record["bytes"] and _sha256(path) == record.get("sha256")
+    return path.stat().st_size == record.get("bytes") and _sha256(path) == record.get("sha256")

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from beamsim.scenario.file_units import FileUnits, UnitSystem
     from beamsim.structures.named_matrices import NamedMatrices
 
-# Mass over the cube of the largest dimension, kg/m^3: a wire of 0.2 mm and 10 m has 2e-5, a block of tungsten 2e4.
-LIGHTEST, HEAVIEST = 1e-6, 1e7
+# Mass over the cube of the largest dimension, kg/m^3: a wire of 0.2 mm and 10 m has 2e-5, a block of tungsten 2e4, and
+# 10 kg on interface nodes 5 mm apart 8e7.
+LIGHTEST, HEAVIEST = 1e-6, 1e8
 
 
 @dataclass(frozen=True)

@@ -77,10 +77,14 @@ def test_a_file_that_was_changed_during_the_run_is_not_taken_for_the_one_that_wa
     later = os.stat(matrices / "panel.op4").st_mtime + 1e4
     os.utime(matrices / "panel.op4", (later, later))
     beamsim.write_run(result, tmp_path / "again.h5")
+    table = (matrices / "panel_dofs.csv").rename(matrices / "gone.csv")
+    beamsim.write_run(result, tmp_path / "without.h5")
+    table.rename(matrices / "panel_dofs.csv")
     scenario = open_result(tmp_path / "again.h5").scenario
     assert scenario.folder_of(*KEYS[2]) == matrices.parent
-    with pytest.raises(ScenarioError, match="was changed while the case was solved"):
-        scenario.folder_of(*KEYS[0])
+    for key, of in ((KEYS[0], scenario), (KEYS[2], open_result(tmp_path / "without.h5").scenario)):
+        with pytest.raises(ScenarioError, match="was changed or removed while the case was solved"):
+            of.folder_of(*key)
 
 
 def test_every_form_of_naming_a_file_is_known():
