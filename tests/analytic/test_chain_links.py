@@ -58,6 +58,7 @@ def test_free_masses_with_a_bumper_between_keep_the_bilinear_frequency(resists):
     assert (result.snubbers["link"].side, result.snubbers["link"].position) == (resists, 1.5)
 
 
+@pytest.mark.slow
 def test_the_nonlinear_mode_of_two_free_masses():
     case = chain([M1, M2], [0, SPRING], {"snubbers": [{"between": [2, 1], "stiffness": BUMPER}]}, nnm={"mode": 2})
     backbone = nnm(case).branches[0]
@@ -290,7 +291,8 @@ def independent(times, cubic=0.0, cable=1.0):
     return found.y[:3].T
 
 
-@pytest.mark.parametrize("cubic", [pytest.param(0.0, marks=pytest.mark.slow), 0.8])
+@pytest.mark.slow
+@pytest.mark.parametrize("cubic", [0.0, 0.8])
 def test_a_chain_with_everything_against_an_independent_integration(cubic):
     smooth = [{"masses": [2, 3], "kind": "cubic", "stiffness": cubic}, {"mass": 2, "kind": "cubic", "stiffness": cubic}]
     more = dict(ALL)

@@ -66,6 +66,7 @@ def same(a, b):
 
 @pytest.mark.parametrize("kind", ["swept_sine", pytest.param("stepped", marks=pytest.mark.slow)])
 def test_sweep_writes_prints_and_draws(here, kind, monkeypatch):
+    monkeypatch.setattr("beamsim.plots.save.lay_out", lambda *_: None)  # drawn in tests/cli/test_result_files.py
     options = [] if kind == "swept_sine" else ["--set", STEPPED]
     done = call("case.yaml", *options)
     assert done.exit_code == 0, done.output
@@ -87,7 +88,6 @@ def test_sweep_writes_prints_and_draws(here, kind, monkeypatch):
     assert ("case_steady_states.png" in pictures) is (kind == "stepped")
     with xarray.open_dataset("case.h5", group="up_0", engine="h5netcdf") as data:
         assert data["frequency_hz"].attrs["units"] == "Hz"
-    monkeypatch.setattr("beamsim.plots.save.lay_out", lambda *_: None)  # half of the time; tests/unit/test_plots_run.py
     again = CliRunner().invoke(app, ["plot", "case.h5", "-o", "again"])
     assert again.exit_code == 0, again.output
     assert {path.name for path in Path("again").iterdir()} == pictures

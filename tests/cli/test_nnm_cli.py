@@ -129,6 +129,7 @@ def test_prestress_in_energy():
     np.testing.assert_allclose(backbone.energy[[0, -1]], [1e-6, 1e-3], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_no_stretch_of_the_backbone_is_lost_between_its_tongues():
     """From 62 to 75 Hz tongues follow each other closely; the motions of the mode are found between them, too."""
     changes = {"nnm.continue_in.from": "80 uJ", "nnm.continue_in.to": "700 uJ"}

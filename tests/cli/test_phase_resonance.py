@@ -52,6 +52,7 @@ def test_predicted_and_found(held):
     assert energy[0] < first.predicted_energy < second.predicted_energy < energy[-1]
 
 
+@pytest.mark.slow
 def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch):
     for m in held.phase_resonance.motions:
         assert 0.0 < m.energy_error < 1e-10

@@ -153,6 +153,7 @@ def test_the_coverage_can_fail(vibrations):
     assert any("more than their noise" in warning for warning in found.warnings)
 
 
+@pytest.mark.slow
 def test_parameters_that_cannot_be_told_apart_are_named(vibrations):
     # The excitation's level and everything that scales with it: at zero gap the motion is homogeneous of degree one.
     scenario = case([65.0], ("beam.youngs_modulus", "beam.density", "snubbers.tip.stiffness"))

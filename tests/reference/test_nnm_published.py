@@ -225,6 +225,7 @@ def test_stability_from_half_a_period(make_system):
         assert flow.reversible
 
 
+@pytest.mark.slow
 def test_energy_dependence_with_backlash(make_system, no_forcing):
     """Linear until the gap is reached, at the energy in closed form; the frequency then grows with energy to that of z
     = 0."""

@@ -146,6 +146,7 @@ SLOW = (
     *("ms_chain_mode_4 nnm", "nnm_chain_mass_1 nnm", "identify_accelerometers run", "one_sided_65hz run viscous"),
     *("ms_forced_oscillator sweep compare", "continuation_gap sweep", "nnm_chain_thesis_method nnm"),
     *("nnm_never_at_rest nnm", "nnm_chain_mass_5 nnm full_period", "one_sided_78hz compare"),
+    "chain_cubic nnm*",
 )
 """Patterns of entries that take about a second or more, or repeat a config that other fast tests run."""
 

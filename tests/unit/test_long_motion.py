@@ -128,6 +128,7 @@ def test_stretches_are_forgotten():
     assert kept[-1] - kept[8] < 2 * size_of_a_stretch  # checkpoints and events; segments would be 13 times as much
 
 
+@pytest.mark.slow
 def test_statistics_are_gathered_a_few_histories_at_a_time(in_stretches, monkeypatch):
     whole = in_stretches.random
     monkeypatch.setattr("beamsim.analyses.run.random_response.HISTORIES_SHARE", 0.005)  # two histories

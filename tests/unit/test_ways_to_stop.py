@@ -56,6 +56,7 @@ def test_a_stepped_sweep_that_costs_too_much(monkeypatch):
     assert not next(iter(result.levels.values())).outcome.complete
 
 
+@pytest.mark.slow
 def test_a_fit_with_too_few_evaluations(monkeypatch):
     monkeypatch.setattr("beamsim.analyses.identify.nonlinear_fit._MOST_EVALUATIONS", 1)
     path = CONFIGS / "identify_nonlinear.yaml"
