@@ -98,6 +98,7 @@ def catch(name, first, last):
         paths = [str(copy), str(ROOT / "tests/attack"), str(ROOT / "tests/helpers")]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
         environment = {k: v for k, v in environment.items() if not k.startswith(("COVERAGE_", "NUMBA_CACHE_DIR"))}
+        environment["NUMBA_OPT"] = "1"  # half of the compilation: the fault is one of mathematics
         done = subprocess.run(
             [sys.executable, "-W", "ignore", "-c", CHILD, str(first), str(last), folder],
             cwd=folder,

@@ -54,7 +54,7 @@ def random_case(make_contacts, seed):
     return ExactFlow(system, Forcing(rng.normal(size=(1, n)), (signal,), displacement), duration), start
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 1_000_000))
 def test_energy_balance(make_contacts, seed):
     flow, start = random_case(make_contacts, seed)

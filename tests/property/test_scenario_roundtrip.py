@@ -169,7 +169,7 @@ scenarios = st.builds(
 )
 
 
-@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(scenarios)
 def test_yaml_round_trip(data):
     scenario = load_scenario(data)
@@ -252,7 +252,7 @@ def test_any_mapping_is_a_scenario_or_problems(data):
     assert problems(lambda: load_scenario(data)) is not None
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(scenarios, st.data())
 def test_spoilt_scenarios_never_end_in_a_traceback(data, draw):
     """Replace one value anywhere by any other: a scenario or problems, nothing else."""

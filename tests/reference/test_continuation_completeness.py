@@ -251,7 +251,7 @@ def test_side_branches_can_be_left_out():
 @pytest.mark.slow
 def test_harmonic_balance_seeks_coexisting_motions(levels):
     """It begins from what shooting finds; with cubic springs it does not, and says so."""
-    balance = in_level("sweep.method={kind: harmonic_balance, harmonics: 31}")
+    balance = in_level("sweep.method={kind: harmonic_balance, harmonics: 15}")
     contact = [b for b in balance.branches if b.peak_force["stop"].min() > 0]
     exact = [b for b in levels.branches if b.peak_force["stop"].min() > 0 and b.period_multiple == 1]
     assert contact
