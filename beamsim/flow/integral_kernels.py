@@ -16,6 +16,9 @@ from beamsim.flow.compiled import inner, kernel
 from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _outputs, _parts, _rows
 
 DEAD = 45.0  # decay, in powers of e, after which an exponential no longer counts
+SMALL = 2.0  # sum of the parts of an exponent, below which its moments are a power series
+UPWARD = 8  # powers up to which the recursion from below is stable for other exponents
+INVERSE = 1.0 / np.maximum(np.arange(512.0), 1.0)  # of integers beyond any degree here and 60 more
 LONG_TURN = 60.0  # rad of the fastest motion that has not decayed: from here on the closed form is cheaper than panels
 
 
@@ -23,13 +26,13 @@ LONG_TURN = 60.0  # rad of the fastest motion that has not decayed: from here on
 def moments(x, ex, top, out):  # type: ignore[no-untyped-def]
     """``int_0^1 s^q e^{x s} ds`` for q = 0 ... top, with ex = e^x; the direction of recursion that is stable."""
     xr, xi = x.real, x.imag  # parts: dividing a complex number by a real one would cost as much as by a complex one
-    if abs(xr) + abs(xi) < 2.0:
+    if abs(xr) + abs(xi) < SMALL:
         tr, ti = 1.0, 0.0
-        total, beside = 1.0 / (top + 1), 0.0
+        total, beside = INVERSE[top + 1], 0.0
         for i in range(1, 60):
-            factor = 1.0 / i
+            factor = INVERSE[i]
             tr, ti = (tr * xr - ti * xi) * factor, (tr * xi + ti * xr) * factor
-            factor = 1.0 / (top + 1 + i)
+            factor = INVERSE[top + 1 + i]
             total += tr * factor
             beside += ti * factor
             if abs(tr) + abs(ti) < 1e-18:
@@ -37,28 +40,34 @@ def moments(x, ex, top, out):  # type: ignore[no-untyped-def]
         out[top] = complex(total, beside)
         for q in range(top, 0, -1):
             rest = ex - x * out[q]
-            factor = 1.0 / q
+            factor = INVERSE[q]
             out[q - 1] = complex(rest.real * factor, rest.imag * factor)
         return
     inverse = 1.0 / x
     out[0] = (ex - 1.0) * inverse
-    upward = top if top <= 8 else min(top, int(abs(x)))
+    length = 0 if top <= UPWARD else int(math.sqrt(xr * xr + xi * xi))
+    upward = top if top <= UPWARD else min(top, length)
     for q in range(1, upward + 1):
         out[q] = complex(ex.real - q * out[q - 1].real, ex.imag - q * out[q - 1].imag) * inverse
     if upward < top:
         # e^x sum_k (-x)^k q! / (q + 1 + k)!, from an index where it converges quickly
-        q = max(top, int(abs(x)) + 10)
+        q = max(top, length + 10)
         term = ex / (q + 1)
         sum_of_terms = term
         for i in range(1, 400):
-            term = -term * x / (q + 1 + i)
+            factor = -1.0 / (q + 1 + i)
+            term = term * x
+            term = complex(term.real * factor, term.imag * factor)
             sum_of_terms += term
-            if abs(term) < 1e-18 * abs(sum_of_terms):
+            here = abs(sum_of_terms.real) + abs(sum_of_terms.imag)
+            if abs(term.real) + abs(term.imag) < 1e-18 * here:
                 break
         while q > upward:
             if q <= top:
                 out[q] = sum_of_terms
-            sum_of_terms = (ex - x * sum_of_terms) / q
+            rest = ex - x * sum_of_terms
+            factor = 1.0 / q
+            sum_of_terms = complex(rest.real * factor, rest.imag * factor)
             q -= 1
 
 

@@ -1,8 +1,8 @@
 """Compiled search for the highest and lowest values of outputs on a segment of a swept sine.
 
 An output is a sum of groups, polynomials times exponentials in s, the time on the segment over its length. Its slope
-and curvature are such sums as well; the coefficients of all of them stand side by side, so that one loop without
-branches adds a group to all outputs at a point.
+and curvature are such sums as well. The points of a grid stand side by side, so that one loop without branches adds a
+term of a group to an output at all of them.
 """
 
 from __future__ import annotations
@@ -21,23 +21,27 @@ GRID = 0.05  # share of its range by which an output may miss the chord or the c
 SLOPE = math.sqrt(3.0) / 216.0  # error of the slope of an interpolating cubic, over the fourth derivative and h^3
 MOST_POINTS = 300  # of the grid on a segment
 EQUAL = 16  # steps of that grid, before its width is chosen anew
-LANES = 4  # rows of coefficients are filled up to a multiple of this
 
 
 class Peaks(NamedTuple):
-    """Work arrays; W is 3 K or a little more, with value, slope and curvature of output j from 3 j on."""
+    """Work arrays for K outputs; value, slope and curvature of output j are the rows 3 j to 3 j + 2.
 
-    real: Any  # (G, P, W) coefficients of the polynomials
-    imag: Any  # (G, P, W)
-    sum_real: Any  # (W,)
-    sum_imag: Any  # (W,)
-    turned: Any  # (G,) exponentials at the point that is looked at
+    A column is a power of s times a group's exponential. The points of a grid stand side by side, as many as there are
+    equal steps, so that a column is added to a row at all of them at once.
+    """
+
+    column: Any  # (G,) first column of each live group
+    real: Any  # (3 K, columns) coefficients
+    imag: Any  # (3 K, columns)
+    turned: Any  # (G,) exponentials at the start of a block of equal steps
     ratio: Any  # (G,) of two such, a step of the grid apart
-    grid: Any  # (points, W)
+    wave: Any  # (columns, 2 EQUAL) real parts of the columns at the points of a block, then imaginary parts
+    grid: Any  # (3 K, points)
     times: Any  # (points,)
     block: Any  # (points,) block of equal steps to which the interval after a point belongs
     bound: Any  # (blocks, K, 2) on the second and the fourth derivative from a block's start to 1
     round_off: Any  # (K,)
+    ends: Any  # (2, 3) value, slope and curvature at both ends of an interval of the grid
     single: Any  # (3,)
     stack: Any  # (80, 8)
 
@@ -45,19 +49,19 @@ class Peaks(NamedTuple):
 @allocating
 def make_peaks(G, P, K):  # type: ignore[no-untyped-def]
     """Work arrays for K outputs of G groups with P powers."""
-    W = (3 * K + LANES - 1) // LANES * LANES
     return Peaks(
-        np.zeros((G, P, W)),
-        np.zeros((G, P, W)),
-        np.zeros(W),
-        np.zeros(W),
+        np.zeros(G, dtype=np.int64),
+        np.zeros((3 * K, G * P)),
+        np.zeros((3 * K, G * P)),
         np.zeros(G, dtype=np.complex128),
         np.zeros(G, dtype=np.complex128),
-        np.zeros((MOST_POINTS, W)),
-        np.zeros(MOST_POINTS),
-        np.zeros(MOST_POINTS, dtype=np.int64),
+        np.zeros((G * P, 2 * EQUAL)),
+        np.zeros((3 * K, MOST_POINTS + EQUAL)),
+        np.zeros(MOST_POINTS + EQUAL),
+        np.zeros(MOST_POINTS + EQUAL, dtype=np.int64),
         np.zeros((MOST_POINTS, K, 2)),
         np.zeros(K),
+        np.zeros((2, 3)),
         np.zeros(3),
         np.zeros((80, 8)),
     )
@@ -71,14 +75,17 @@ def size(z):  # type: ignore[no-untyped-def]
 
 @inner
 def _fill(work, G, K):  # type: ignore[no-untyped-def]
-    """Coefficients of all outputs, their slopes and curvatures."""
+    """Coefficients of all outputs, their slopes and curvatures; returns the number of columns."""
     peaks = work.peaks
+    first = 0
     for g in range(G):
         if not work.live[g]:
             continue
+        peaks.column[g] = first
         lam, dg = work.exponent[g], work.degree[g]
         square = lam * lam
         for p in range(dg + 1):
+            q = first + p
             for j in range(K):
                 a = work.poly[j, p, g]
                 slope, curve = lam * a, square * a
@@ -89,9 +96,11 @@ def _fill(work, G, K):  # type: ignore[no-untyped-def]
                 if p + 2 <= dg:
                     curve += ((p + 1.0) * (p + 2.0)) * work.poly[j, p + 2, g]
                 i = 3 * j
-                peaks.real[g, p, i], peaks.imag[g, p, i] = a.real, a.imag
-                peaks.real[g, p, i + 1], peaks.imag[g, p, i + 1] = slope.real, slope.imag
-                peaks.real[g, p, i + 2], peaks.imag[g, p, i + 2] = curve.real, curve.imag
+                peaks.real[i, q], peaks.imag[i, q] = a.real, a.imag
+                peaks.real[i + 1, q], peaks.imag[i + 1, q] = slope.real, slope.imag
+                peaks.real[i + 2, q], peaks.imag[i + 2, q] = curve.real, curve.imag
+        first += dg + 1
+    return first
 
 
 @inner
@@ -104,40 +113,31 @@ def _turn(work, G, s, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _add(real, imag, e, out):  # type: ignore[no-untyped-def]
-    """Add ``Re[(real + i imag) e]``."""
-    er, ei = e.real, e.imag
-    for i in range(out.size):
-        out[i] += real[i] * er - imag[i] * ei
-
-
-@inner
-def _raise(real, imag, s, sum_real, sum_imag):  # type: ignore[no-untyped-def]
-    """One step of Horner's rule."""
-    for i in range(sum_real.size):
-        sum_real[i] = sum_real[i] * s + real[i]
-        sum_imag[i] = sum_imag[i] * s + imag[i]
-
-
-@inner
-def _values(work, G, s, out):  # type: ignore[no-untyped-def]
-    """Value, slope and curvature of all outputs at s, where the groups have turned that far."""
+def _values(work, G, K, columns, first):  # type: ignore[no-untyped-def]
+    """Rows of the grid at the points of a block, which begins at index ``first``."""
     peaks = work.peaks
-    for i in range(out.size):
-        out[i] = 0.0
+    wave = peaks.wave
+    s = peaks.times[first : first + EQUAL]
     for g in range(G):
         if not work.live[g]:
             continue
-        real, imag, dg = peaks.real[g], peaks.imag[g], work.degree[g]
-        if dg == 0:
-            _add(real[0], imag[0], peaks.turned[g], out)
-            continue
-        for i in range(out.size):
-            peaks.sum_real[i] = real[dg, i]
-            peaks.sum_imag[i] = imag[dg, i]
-        for p in range(dg - 1, -1, -1):
-            _raise(real[p], imag[p], s, peaks.sum_real, peaks.sum_imag)
-        _add(peaks.sum_real, peaks.sum_imag, peaks.turned[g], out)
+        q = peaks.column[g]
+        row, e, ratio = wave[q], peaks.turned[g], peaks.ratio[g]
+        for i in range(EQUAL):  # exponentials follow from those before
+            e = e * ratio
+            row[i], row[EQUAL + i] = e.real, e.imag
+        for p in range(1, work.degree[g] + 1):
+            before, row = wave[q + p - 1], wave[q + p]
+            for i in range(EQUAL):
+                row[i], row[EQUAL + i] = before[i] * s[i], before[EQUAL + i] * s[i]
+    for c in range(3 * K):
+        out = peaks.grid[c, first : first + EQUAL]
+        for i in range(EQUAL):
+            out[i] = 0.0
+        for q in range(columns):
+            real, imag, row = peaks.real[c, q], peaks.imag[c, q], wave[q]
+            for i in range(EQUAL):
+                out[i] += real * row[i] - imag * row[EQUAL + i]
 
 
 @inner
@@ -151,12 +151,13 @@ def _value(work, G, j, s, out):  # type: ignore[no-untyped-def]
             continue
         lam, dg = work.exponent[g], work.degree[g]
         e = _exp(lam.real, lam.imag, s)
-        real, imag = peaks.real[g], peaks.imag[g]
-        r0, r1, r2 = real[dg, i], real[dg, i + 1], real[dg, i + 2]
-        i0, i1, i2 = imag[dg, i], imag[dg, i + 1], imag[dg, i + 2]
-        for p in range(dg - 1, -1, -1):
-            r0, r1, r2 = r0 * s + real[p, i], r1 * s + real[p, i + 1], r2 * s + real[p, i + 2]
-            i0, i1, i2 = i0 * s + imag[p, i], i1 * s + imag[p, i + 1], i2 * s + imag[p, i + 2]
+        real, imag, first = peaks.real, peaks.imag, peaks.column[g]
+        q = first + dg
+        r0, r1, r2 = real[i, q], real[i + 1, q], real[i + 2, q]
+        i0, i1, i2 = imag[i, q], imag[i + 1, q], imag[i + 2, q]
+        for q in range(first + dg - 1, first - 1, -1):
+            r0, r1, r2 = r0 * s + real[i, q], r1 * s + real[i + 1, q], r2 * s + real[i + 2, q]
+            i0, i1, i2 = i0 * s + imag[i, q], i1 * s + imag[i + 1, q], i2 * s + imag[i + 2, q]
         v0 += r0 * e.real - i0 * e.imag
         v1 += r1 * e.real - i1 * e.imag
         v2 += r2 * e.real - i2 * e.imag
@@ -212,12 +213,16 @@ def search_peaks(work, G, K, scale, high, low):  # type: ignore[no-untyped-def]
     """
     peaks = work.peaks
     grid, times = peaks.grid, peaks.times
-    _fill(work, G, K)
+    columns = _fill(work, G, K)
     last, blocks = 0, 0
     times[0] = 0.0
+    for i in range(3 * K):
+        grid[i, 0] = 0.0
     for g in range(G):
         peaks.turned[g] = 1.0
-    _values(work, G, 0.0, grid[0])
+        if work.live[g]:
+            for i in range(3 * K):
+                grid[i, 0] += peaks.real[i, peaks.column[g]]
     for j in range(K):
         spread = 0.0
         for g in range(G):
@@ -242,13 +247,11 @@ def search_peaks(work, G, K, scale, high, low):  # type: ignore[no-untyped-def]
         if s + steps * h > 1.0:
             h = (1.0 - s) / steps
         _turn(work, G, h, peaks.ratio)
-        for i in range(1, steps + 1):
-            peaks.block[last] = blocks
-            last += 1
-            times[last] = s + i * h if s + i * h < 1.0 - 1e-9 else 1.0
-            for g in range(G):
-                peaks.turned[g] *= peaks.ratio[g]
-            _values(work, G, times[last], grid[last])
+        for i in range(1, EQUAL + 1):  # what lies behind 1 is not looked at
+            times[last + i] = s + i * h if s + i * h < 1.0 - 1e-9 else 1.0
+            peaks.block[last + i - 1] = blocks
+        _values(work, G, K, columns, last + 1)
+        last += steps
         blocks += 1
     _round_off(work, G, peaks.round_off)
     for j in range(K):
@@ -261,18 +264,20 @@ def search_peaks(work, G, K, scale, high, low):  # type: ignore[no-untyped-def]
 def _highest(work, G, j, sign, last, slack, best):  # type: ignore[no-untyped-def]
     """Largest value of ``sign * output j`` on the segment, at least ``best``, from the grid of `search_peaks`."""
     peaks = work.peaks
-    grid, times = peaks.grid, peaks.times
-    at, c = 0, 3 * j
+    times, values = peaks.times, peaks.grid[3 * j]
+    at = 0
     for i in range(last + 1):
-        if sign * grid[i, c] > sign * grid[at, c]:
+        if sign * values[i] > sign * values[at]:
             at = i
-    best = max(best, sign * grid[at, c])
+    best = max(best, sign * values[at])
     for n in range(last + 2):
         i = at - 1 + n if n < 2 else n - 2
         if 0 <= i < last and (n < 2 or i < at - 1 or i > at):
             bounds, h = peaks.bound[peaks.block[i], j], times[i + 1] - times[i]
-            if max(sign * grid[i, c], sign * grid[i + 1, c]) + 0.125 * bounds[0] * h * h > best + slack:
-                start, end = grid[i, c : c + 3], grid[i + 1, c : c + 3]
+            if max(sign * values[i], sign * values[i + 1]) + 0.125 * bounds[0] * h * h > best + slack:
+                start, end = peaks.ends[0], peaks.ends[1]
+                for q in range(3):
+                    start[q], end[q] = peaks.grid[3 * j + q, i], peaks.grid[3 * j + q, i + 1]
                 if _may_exceed(best + slack, sign, start, end, bounds, h):
                     best = _climb(work, G, j, sign, times[i], times[i + 1], start, end, bounds, slack, best)
     return best

@@ -22,10 +22,12 @@ import numpy as np
 from beamsim.flow.compiled import allocating, inner
 from beamsim.flow.integral_kernels import moments
 from beamsim.flow.kernels import EPS, _coefficients, _exp
+from beamsim.flow.lane_kernels import LANES, fill_lanes, integrate_lanes, make_lanes, sum_lanes
 from beamsim.flow.peak_kernels import make_peaks, search_peaks, size
 
 MOST_POWERS = 48  # of a forced response's polynomial
 WELL_CONDITIONED = 30.0  # sum of a recursion's terms over the first, below which it needs no power series
+ONE = np.ones(1, dtype=np.complex128)  # a polynomial
 PRUNED = 1e-13  # a group whose share of an output is smaller is left out of integrals and searches
 
 
@@ -466,6 +468,7 @@ class _Work(NamedTuple):
     phase: Any  # (D + 1,)
     sums: Any  # (P,)
     gamma: Any  # (B, K)
+    lanes: Any  # see `beamsim.flow.lane_kernels.Lanes`
     length: Any  # (K, G, 5) sums over p of |poly| times 1, p, p (p - 1), ... p (p - 1) (p - 2) (p - 3)
     peaks: Any  # see `beamsim.flow.peak_kernels.Peaks`
 
@@ -485,6 +488,7 @@ def _make_work(outputs, K, B, DM):  # type: ignore[no-untyped-def]
         np.zeros(DM + 3, dtype=np.complex128),
         np.zeros(P, dtype=np.complex128),
         np.zeros((B, K), dtype=np.complex128),
+        make_lanes(G, K),
         np.zeros((K, G, 5)),
         make_peaks(G, P, K),
     )
@@ -552,15 +556,27 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
                 live = True
         work.live[g] = live
     search_peaks(work, groups + 1, K, cycles.scale, cycles.high[cycle], cycles.low[cycle])
-    _add_squares(work, groups + 1, K, T, cycles, cycle)
+    count = fill_lanes(work, groups + 1, K)
+    _add_squares(work, groups + 1, K, count, T, cycles, cycle)
     if windows.order.size > 0:
-        _add_harmonics(work, windows, groups + 1, K, k, x, T, omega, cycles, cycle)
+        _add_harmonics(work, windows, groups + 1, K, count, k, x, T, omega, cycles, cycle)
 
 
 @inner
-def _add_squares(work, G, K, T, cycles, cycle):  # type: ignore[no-untyped-def]
-    """Integral of the square of every output: sum of products of pairs of groups, in closed form."""
-    moment = work.moment
+def _add_squares(work, G, K, count, T, cycles, cycle):  # type: ignore[no-untyped-def]
+    """Integral of the square of every output: sum of products of pairs of groups, in closed form.
+
+    The first ``count`` pairs of lanes are the groups without powers of time.
+    """
+    moment, lanes = work.moment, work.lanes
+    for block in range((2 * count + LANES - 1) // LANES):
+        row, last = lanes.block[block], min(LANES, 2 * count - block * LANES)
+        for c in range(count):
+            g = lanes.group[c]
+            integrate_lanes(row, last, ONE, 0, work.exponent[g], work.end[g], complex(0.5 * T, 0.0), moment)
+            for j in range(K):
+                total = sum_lanes(row, lanes.amplitude[block, j])
+                cycles.square[cycle, j] += (work.poly[j, 0, g] * total).real
     for g in range(G):
         if not work.live[g]:
             continue
@@ -569,6 +585,8 @@ def _add_squares(work, G, K, T, cycles, cycle):  # type: ignore[no-untyped-def]
             if not work.live[h]:
                 continue
             dh = work.degree[h]
+            if dg == 0 and dh == 0:
+                continue
             twice = 0.5 * T if g == h else T
             for conjugate in range(2):
                 if conjugate == 0:
@@ -597,10 +615,10 @@ def _add_squares(work, G, K, T, cycles, cycle):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type: ignore[no-untyped-def]
+def _add_harmonics(work, windows, G, K, count, k, x, T, omega, cycles, cycle):  # type: ignore[no-untyped-def]
     """Integral over the phase of ``output * exp(-i order phase)``, a tracking filter in closed form; for order 0 the
-    integral of the output over time."""
-    moment, projector, phase = work.moment, work.projector, work.phase
+    integral of the output over time. The first ``count`` pairs of lanes are the groups without powers of time."""
+    moment, projector, phase, lanes = work.moment, work.projector, work.phase, work.lanes
     D = windows.deviation.shape[1] - 1
     sigma = x - 0.5 * windows.length[k]
     for r in range(windows.order.size):
@@ -635,8 +653,13 @@ def _add_harmonics(work, windows, G, K, k, x, T, omega, cycles, cycle):  # type:
         turns = order * windows.cycle[k]
         angle = -2.0 * math.pi * (turns - math.floor(turns) + order * windows.fraction[k]) - order * omega * sigma
         front = complex(math.cos(angle), math.sin(angle)) * (0.5 * T)
+        for block in range((2 * count + LANES - 1) // LANES):
+            row, last = lanes.block[block], min(LANES, 2 * count - block * LANES)
+            integrate_lanes(row, last, projector, top, down, end, front, moment)
+            for j in range(K):
+                cycles.harmonic[cycle, j, r] += sum_lanes(row, lanes.amplitude[block, j])
         for g in range(G):
-            if not work.live[g]:
+            if not work.live[g] or work.degree[g] == 0:
                 continue
             dg = work.degree[g]
             for conjugate in range(2):

@@ -13,6 +13,7 @@ from sweep_windows import frequency_at, values_at
 
 from beamsim.analyses.run.outputs import accelerations, displacements, stack
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.lane_kernels import LANES
 from beamsim.flow.swept_sine import SweptFlow, sweep
 from beamsim.flow.transient import simulate
 from beamsim.inputs.drift import jumps
@@ -309,20 +310,23 @@ def outputs(flow, shape):
     )
 
 
-@pytest.mark.parametrize("rigid", [0, 1])
-def test_envelopes_and_harmonics_of_cycles_against_dense_samples(make_system, rigid):
-    omega = np.array([1.0, 2.5, 14.0])
+@pytest.mark.parametrize(("rigid", "more"), [(0, LANES // 2), (1, 0)])
+def test_envelopes_and_harmonics_of_cycles_against_dense_samples(make_system, rigid, more):
+    """Also of more modes than the kernel integrates at once."""
+    omega = np.concatenate([[1.0, 2.5, 14.0], 4.0 + 1.1 * np.arange(more)])
     omega[:rigid] = 0.0
-    system = make_system(
-        omega, 0.02 * omega, [-0.1, 0.0, 0.0], shape=[[1.0, 0.7, 0.3]], stiffness=[40.0], gap=[0.05]
-    )  # fmt: skip
+    loaded, stop, probe = (
+        np.append(part, np.full(more, 0.2)) for part in ([1, 0.5, 0.2], [1, 0.7, 0.3], [1, -0.3, 0.2])
+    )
+    weight = np.append(-0.1, np.zeros(omega.size - 1))
+    system = make_system(omega, 0.02 * omega, weight, shape=[stop], stiffness=[40.0], gap=[0.05])
     legs = [Leg(0.1, 0.35, 0.05, True)]
     windows = cut_into_windows(legs, Profile.constant(0.3))
     channels = np.stack([windows.coefficient, windows.coefficient])
-    flow = SweptFlow(system, np.array([[1.0, 0.5, 0.2]]), channels, windows)
-    out = outputs(flow, np.array([[1.0, -0.3, 0.2]]))
+    flow = SweptFlow(system, loaded[None], channels, windows)
+    out = outputs(flow, probe[None])
     orders = [0.0, 0.5, 1.0, 2.0, 3.0]
-    record = sweep(flow, np.zeros(6), out, orders=orders, keep_history=True)
+    record = sweep(flow, np.zeros(2 * omega.size), out, orders=orders, keep_history=True)
     assert record.events > 0
     node, weight = np.polynomial.legendre.leggauss(12)
     for cycle in (0, 3, windows.cycles // 2, windows.cycles - 2):

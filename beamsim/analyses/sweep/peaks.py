@@ -38,14 +38,11 @@ def find_peaks(curve: SweepCurve, probe: str) -> list[ResponsePeak]:
     padded = np.concatenate([[0.0], np.log(high), [0.0]])
     padded[0] = padded[-1] = padded[1:-1].min() - 1.0
     maxima = prominent_maxima(padded, np.log(LEAST_PROMINENCE))
-    peaks = []
     last = np.append(first[1:], peak.size)
-    for bin_ in maxima - 1:
-        if bin_ in (0, high.size - 1):
-            continue  # the ends of the sweep are not peaks
-        at = first[bin_] + int(np.argmax(peak[first[bin_] : last[bin_]]))
-        peaks.append(_named(curve, probe, index, frequency, at))
-    return sorted(peaks, key=lambda p: -p.value_m)[:MOST_PEAKS]
+    inner = [bin_ for bin_ in maxima - 1 if 0 < bin_ < high.size - 1]  # the ends of the sweep are not peaks
+    tops = [first[bin_] + int(np.argmax(peak[first[bin_] : last[bin_]])) for bin_ in inner]
+    largest = sorted(tops, key=lambda at: -float(peak[at]))[:MOST_PEAKS]
+    return [_named(curve, probe, index, frequency, at) for at in largest]
 
 
 def prominent_maxima(values: Floats, least: float) -> Ints:
@@ -91,16 +88,19 @@ def _bins(frequency: Floats, count: int) -> Ints:
 def _named(curve: SweepCurve, probe: str, index: Ints, frequency: Floats, at: int) -> ResponsePeak:
     envelope = curve.displacement[probe]
     f = frequency[at]
-    amplitude = np.abs(envelope.harmonics[:, index])
+
+    def median(r: int, part: Ints) -> float:
+        return _median(np.abs(envelope.harmonics[r, index[part]]))
+
     here = _around(frequency, f * 0.99, f * 1.01, at)
     below = _around(frequency, f / NEIGHBOURHOOD, f / NEIGHBOURHOOD**0.5, None)
     above = _around(frequency, f * NEIGHBOURHOOD**0.5, f * NEIGHBOURHOOD, None)
     rise, fall = np.empty(curve.orders.size), np.empty(curve.orders.size)
     for r in range(curve.orders.size):
-        beside = [_median(amplitude[r, part]) for part in (below, above) if part.size]
+        beside = [median(r, part) for part in (below, above) if part.size]
         # the higher side counts: a harmonic that merely grows with frequency has no peak
-        rise[r] = _median(amplitude[r, here]) - max(beside, default=0.0)
-        fall[r] = _median(amplitude[r, here]) - min(beside, default=0.0)
+        of_peak = median(r, here)
+        rise[r], fall[r] = of_peak - max(beside, default=0.0), of_peak - min(beside, default=0.0)
     rise = np.where(np.isfinite(rise), rise, -np.inf)
     r = int(np.argmax(rise))
     off = np.flatnonzero((curve.orders == 1.0) & (rise > 0.0) & (fall > rise[r]))
@@ -116,7 +116,7 @@ def _named(curve: SweepCurve, probe: str, index: Ints, frequency: Floats, at: in
     if linear and _has_step(curve.excitation_amplitude[index[here]]):
         kind = "level step"
     value = float(envelope.peak[index[at]])
-    share = float(_median(amplitude[r, here]) / value)
+    share = float(median(r, here) / value)
     return ResponsePeak(curve.name, probe, curve.direction, curve.level, float(f), value, kind, order, share)
 
 
