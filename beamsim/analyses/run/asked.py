@@ -116,8 +116,9 @@ def _evaluated(
     outcome = balance.checked(trajectory.outcome)
     if outcome.code is OutcomeCode.EVENT_LIMIT:
         outcome = outcome.but(limit="run.max_events")
-    static = static_figures(system)
-    figures: dict[str, Any] = {name: static[name] for name in _STATIC if name in asked}
+    of_model = [name for name in _STATIC if name in asked]
+    static = static_figures(system) if of_model else {}
+    figures: dict[str, Any] = {name: static[name] for name in of_model}
     if "energy_error" in asked:
         figures["energy_error"] = balance.error
     snubbers = [s.name for s in system.snubbers]
