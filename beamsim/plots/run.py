@@ -33,11 +33,13 @@ from beamsim.plots.style import (
 )
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+MOST_BANDS = 400  # of the spectrum of a random motion
 MOST_STATES = 2**18  # samples in a phase portrait
 MOST_DOUBTS = 4  # named in a plot
 WIDEST_DOUBTS = 100  # characters in a line of them
@@ -107,11 +109,14 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
     """Level in dB over frequency divided by excitation frequency (or in Hz without one), with spectral lines marked."""
     spectra = [s for s in result.spectra.values() if s.quantity == quantity]
     forced = bool(spectra) and bool(np.isfinite(spectra[0].excitation_hz))
+    noisy = result.scenario.excitation.kind == "random" and bool(spectra)  # a record may hold tones, which are lines
+    end = _highest_shown(spectra, forced, broadband=result.random is not None) if spectra else 1.0
+    band = max(int(np.searchsorted(spectra[0].frequency_hz, end)) // MOST_BANDS, 1) if noisy else 1
     for k, s in enumerate(spectra[:MOST_CURVES]):
         unit = s.excitation_hz if forced else 1.0
         style = curve_style(k)
         falls = Window.named(s.window).one_sided
-        ax.plot(*thinned(s.frequency_hz / unit, s.amplitude_db), label=s.probe, **style)
+        ax.plot(*thinned(*_in_bands(s.frequency_hz / unit, s.amplitude_db, band)), label=s.probe, **style)
         for kind, mark in _LINE_MARKS.items():
             marked = [line for line in s.lines if line.kind == kind] if k == 0 else []
             ax.plot(
@@ -132,15 +137,33 @@ def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceler
             label=DOUBTFUL_LINES if doubtful else "_nolegend_",
         )  # fmt: skip
     if spectra:
-        ax.set_xlim(0.0, _highest_shown(spectra, forced, broadband=result.random is not None))
+        ax.set_xlim(0.0, end)
         top = max(float(np.max(s.amplitude_db)) for s in spectra)
         bottom = min(float(np.percentile(s.amplitude_db, 5)) for s in spectra)
         ax.set_ylim(min(max(top - DEEPEST_DB, bottom), top - 40.0), top + 6.0)
     named = quantity.replace("_", " ").capitalize()
     axis = "Frequency / excitation frequency" if forced else "Frequency (Hz)"
+    if band > 1:
+        axis += f", rms of lines in bands of {band * float(np.diff(spectra[0].frequency_hz[:2])[0]):.2g} Hz"
     finish(ax, axis, f"{named} (dB re peak)")
     legend(ax, min(len(spectra), MOST_CURVES), len(spectra), "probes")
     return _doubts(result, ax, "spectral_lines", "lines", f" {quantity}")
+
+
+def _in_bands(frequency: Floats, level_db: Floats, count: int) -> tuple[Floats, Floats]:
+    """Middles of bands of ``count`` lines, and the root mean square of the lines in each, dB.
+
+    Neighbouring lines of a random motion differ by tens of dB: drawn one by one they cover a plot.
+
+    >>> middles, levels = _in_bands(np.arange(5.0), np.array([0.0, 0.0, 0.0, -400.0, 7.0]), 2)
+    >>> middles.tolist(), levels.round(2).tolist()
+    ([0.5, 2.5], [0.0, -3.01])
+    """
+    if count == 1:
+        return frequency, level_db
+    whole = level_db.size - level_db.size % count
+    power = np.mean(10.0 ** (level_db[:whole].reshape(-1, count) / 10.0), axis=1)
+    return frequency[:whole].reshape(-1, count).mean(axis=1), 10.0 * np.log10(power)
 
 
 def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> Axes:

@@ -42,7 +42,7 @@ _MOST_CHOSEN = 1e5  # of a chosen unit of time, above which a time is shown in a
 
 _FIRST_UNIT = re.compile(r"[^\W\d_]+(?:\^(\d+))?")  # with its power; 1/s has none
 # Other units have a prefix already, or take none.
-_WITH_PREFIX = frozenset({"m", "s", "kg", "g", "N", "Pa", "J", "W", "V", "A", "K", "rad", "byte"})
+_WITH_PREFIX = frozenset({"m", "s", "kg", "g", "N", "Pa", "J", "W", "V", "A", "K", "rad", "B", "byte"})
 _PREFIXES = (("G", 1e9), ("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9), ("p", 1e-12))
 
 
@@ -157,8 +157,8 @@ def amount(value: float | None, unit: str, digits: int = 4) -> str:
 
     A unit chosen by `shown_in` comes first. What is below `ROUND_OFF` in SI units is shown as zero.
 
-    >>> amount(2e-4, "m"), amount(151.1e3, "N/m"), amount(19.6133, "m/s^2")
-    ('0.2 mm', '151.1 kN/m', '2 g')
+    >>> amount(2e-4, "m"), amount(151.1e3, "N/m"), amount(19.6133, "m/s^2"), amount(2e9, "B")
+    ('0.2 mm', '151.1 kN/m', '2 g', '2 GB')
     """
     if value is None or math.isnan(value):
         return "unknown"
