@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from beamsim.analyses.designs.result import CaseFailure
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+
+if TYPE_CHECKING:
+    from beamsim.analyses.designs.result import CaseFailure
 
 # beginnings of the texts in files without a code, longer ones first; anything else means stopped
 _OLD = {
@@ -48,6 +50,8 @@ def failures_text(failures: Iterable[CaseFailure]) -> str:
 
 def read_failures(text: str) -> tuple[CaseFailure, ...]:
     """The cases stored by `failures_text`; in an old file without codes."""
+    from beamsim.analyses.designs.result import CaseFailure
+
     return tuple(
         CaseFailure(case, tuple(values), Outcome.from_dict(code[0]) if code else outcome_of_text(why))
         for case, values, why, *code in json.loads(text)
