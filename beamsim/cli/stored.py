@@ -17,31 +17,42 @@ def print_stored(path: Path, *, as_json: bool) -> None:
     ResultFileError
         If the file cannot be read.
     """
+    from beamsim.cli.printing import print_json, print_table
     from beamsim.plots.style import shown_in
     from beamsim.store.results import open_result
     from beamsim.store.stored import damage_of, kind_of
 
     kind = kind_of(path)
     result = open_result(path)
+    about: dict[str, Any] = {}
+    rows: list[tuple[str, str]] = []
     with damage_of(path), shown_in(result.scenario.display_scales):
-        _print(path, kind, result, as_json=as_json)
+        if as_json:
+            about = _about(kind, result)
+        else:
+            rows = _rows(kind, result)
+    if as_json:  # a reader that closes its end (`| head`) is no damage of the file
+        print_json(about)
+    else:
+        print_table(f"{path}: {result.title}", rows)
 
 
-def _print(path: Path, kind: str, result: Any, *, as_json: bool) -> None:
-    from beamsim.cli.printing import print_json, print_table
+def _about(kind: str, result: Any) -> dict[str, Any]:
+    """The summary of a result, and what made it."""
+    about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
+    made = {"created": result.created, "beamsim_version": result.beamsim_version}
+    return {**about, **result.summary, "wall_time_s": result.wall_time_s, **made}
+
+
+def _rows(kind: str, result: Any) -> list[tuple[str, str]]:
+    """The printed table, with who wrote the file and its warnings."""
     from beamsim.cli.report import table_rows
 
-    if as_json:
-        about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
-        made = {"created": result.created, "beamsim_version": result.beamsim_version}
-        print_json({**about, **result.summary, "wall_time_s": result.wall_time_s, **made})
-        return
-    rows = [
+    return [
         ("written", f"{result.created} by beamsim {result.beamsim_version} {KINDS[kind].command}"),
         *table_rows(kind, result),
         *(("warning", warning) for warning in result.warnings),
     ]
-    print_table(f"{path}: {result.title}", rows)
 
 
 def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:

@@ -1,5 +1,6 @@
 """Every exit code has one meaning, and every outcome leads to one."""
 
+import gzip
 from dataclasses import replace
 from pathlib import Path
 
@@ -97,6 +98,20 @@ def test_a_run_that_is_not_to_be_trusted_ends_with_3_keeps_its_file_and_says_fro
         assert "the partial result is in case.h5" in done.stderr
         assert 0 < kept.outcome.numbers["time"] < 0.2
         assert f" {kept.outcome.numbers['time']:.6g} s" in done.stderr
+
+
+def test_a_reader_that_leaves_early_is_no_damage_of_the_file(tmp_path, monkeypatch):
+    """`beamsim info case.h5 | head` said that the file is damaged."""
+
+    def closed(*_):
+        raise BrokenPipeError
+
+    stored = Path(__file__).parents[1] / "data/results/sweep.h5.gz"
+    (tmp_path / "sweep.h5").write_bytes(gzip.decompress(stored.read_bytes()))
+    monkeypatch.setattr("beamsim.cli.failures.discard_output", lambda: None)
+    for printer, more in (("print_table", []), ("print_json", ["--json"])):
+        monkeypatch.setattr(f"beamsim.cli.printing.{printer}", closed)
+        assert CliRunner().invoke(app, ["info", str(tmp_path / "sweep.h5"), *more]).exit_code == 141
 
 
 @pytest.mark.parametrize("arguments", [["walk"], ["run"], ["run", "case.yaml", "--nonsense"], ["run", "gone.yaml"]])
