@@ -37,13 +37,14 @@ SHORTENED: dict[str, tuple[str, ...]] = {
     ),
     "design_tolerances sweep": ("vary.samples=40",),
     "spring_position sweep": ("vary.parameters[0].points=6",),
-    "sweep_up_down sweep": ("sweep.rate=4 oct/min",),
+    "sweep_one_sided_2g sweep": ("sweep.rate=8 oct/min",),
+    "sweep_up_down sweep": ("sweep.rate=8 oct/min",),
 }
 """Entry -> overrides that make it short."""
 
 SHORT = ("run.duration=0.3 s", "run.spectrum.last=0.2 s")
 VARIANTS: dict[str, tuple[str, ...]] = {
-    "one_sided_65hz run reference": ("run.method=reference", "run.duration=0.04 s", "run.spectrum.last=0.02 s"),
+    "one_sided_65hz run reference": ("run.method=reference", "run.duration=0.015 s", "run.spectrum.last=0.01 s"),
     "one_sided_65hz run rest_gravity": ("run.start=rest", "gravity=9.81 m/s^2", *SHORT),
     "one_sided_65hz run mode": ("run.start={mode: 2, amplitude: 1 mm}", *SHORT),
     "one_sided_65hz run released": (
