@@ -131,7 +131,7 @@ def test_continuation_with_a_cubic_spring_and_a_stop():
     assert any("without certificate" in warning for warning in result.warnings)
     branch = result.branches[0]
     point = int(np.argmax(branch.contact_share["stop"] > 0))
-    start = np.array([branch.coordinates[point, 0], branch.coordinate_velocities[point, 0]]) / np.sqrt(MASS)
+    start = tuple(x[point, 0] / np.sqrt(MASS) for x in (branch.coordinates, branch.coordinate_velocities))
     hz = branch.frequency_hz[point]
     low, high, force, acceleration, share, _ = independent(CUBIC, start, hz, 1 / hz)
     assert branch.min_displacement["m"][point] == pytest.approx(low, rel=1e-6)
