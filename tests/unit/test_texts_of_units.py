@@ -48,9 +48,9 @@ def test_a_path_with_brackets_in_flow_style_needs_quotes(path):
         load_scenario(text % path)
     assert caught.value.problems[0].remedy == f'quote a path with brackets: "{path}"'
     assert caught.value.problems[0].line == 2
-    with pytest.raises(ScenarioError) as caught:  # other faults keep the general remedy
+    with pytest.raises(ScenarioError) as caught:  # other faults keep their remedy
         load_scenario("chain: {masses: [1}\n")
-    assert "check indentation" in caught.value.problems[0].remedy
+    assert caught.value.problems[0].remedy.startswith("is the [ of line 1 closed")
 
 
 def test_mil_is_an_angle():
