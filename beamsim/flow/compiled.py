@@ -113,7 +113,10 @@ def _warn(place: str) -> None:
 @cache
 def _announce() -> None:
     """Log, before the first compilation of a process, why it takes a while."""
-    _LOG.info("compiling the numerical kernels for this processor; that is done once and takes up to half a minute")
+    _LOG.info(
+        "compiling the numerical kernels for this processor; that is done once and takes half a minute, on a busy "
+        "machine minutes"
+    )
 
 
 @cache
