@@ -77,8 +77,12 @@ def figure_in_words(key: str) -> str:
     ('largest bending stress', 'peak force of pad_n')
     >>> figure_in_words("spectral_lines.root_1 absolute_acceleration")
     'spectral lines of root_1 absolute acceleration'
+    >>> figure_in_words("random.tip absolute_acceleration crest_factor")
+    'tip absolute acceleration crest factor'
     """
     entry, _, place = key.partition(".")
+    if entry == "random":  # a group of figures, each with its own name behind the quantity
+        return place_in_words(place)
     words = re.sub(r"_(m|n|g|pa|hz|s|j)$", "", entry).replace("_", " ")
     return f"{words} of {place_in_words(place)}" if place else words
 

@@ -34,10 +34,10 @@ def followed(name):
     return nnm(load_scenario(CONFIGS / f"{name}.yaml"))
 
 
-LONG = ("nnm_first", "nnm_thesis_mode_1", "nnm_thesis_mode_2", "nnm_energy", "vibeams_backbone")
+LONG = ("nnm_first", "nnm_thesis_mode_1", "nnm_thesis_mode_2", "nnm_energy", "vibeams_backbone")  # tests/sameness
 
 
-@pytest.mark.parametrize("path", [pytest.param(p, id=p.stem, marks=[pytest.mark.slow] * (p.stem in LONG)) for p in NNM])
+@pytest.mark.parametrize("path", [pytest.param(p, id=p.stem) for p in NNM if p.stem not in LONG])
 def test_every_mode_config(path):
     result = followed(path.stem)
     assert result.complete

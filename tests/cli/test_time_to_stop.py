@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -77,8 +78,9 @@ def compiled(tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processor time of another process is read from /proc")
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    ("name", "number"), list(zip(CASES, cycle([signal.SIGTERM, signal.SIGINT]), strict=False))
+)  # one handler serves both: tests/cli/test_interruption.py
 def test_a_command_ends_at_a_signal_with_what_there_is(name, number, compiled, tmp_path):
     under_way = compiled(name)
     with (tmp_path / "errors").open("w") as errors:
