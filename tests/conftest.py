@@ -86,23 +86,6 @@ def _take_over() -> None:
 
 Dispatcher.compile = untraced(Dispatcher.compile)  # little of the package runs meanwhile: its own compilation
 
-# Tests of numbers reach few lines that those of single modules and commands do not, and take most of the time.
-UNTRACED = {"analytic", "convergence", "property", "reference", "sameness"}
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, object]:
-    """Leave coverage's tracer out of tests of numbers."""
-    tracer = sys.gettrace()
-    if tracer is None or UNTRACED.isdisjoint(pyfuncitem.path.parts):
-        return (yield)
-    sys.settrace(None)
-    try:
-        return (yield)
-    finally:
-        sys.settrace(tracer)
-        _take_over()
-
 
 @contextmanager
 def _keeping_all() -> Generator[None]:
