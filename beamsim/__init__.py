@@ -28,10 +28,9 @@ Everything is imported when it is first asked for, so that importing the package
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from beamsim.kinds import KINDS
+from beamsim.kinds import KINDS, imported_into
 from beamsim.version import __version__
 
 if TYPE_CHECKING:
@@ -169,11 +168,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
-    globals()[name] = value
-    return value
+    return imported_into(__name__, _HOME, name)
 
 
 def __dir__() -> list[str]:

@@ -14,9 +14,9 @@ Begin with `scenario`, the whole, and `loading`; every section has a module of i
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from beamsim.kinds import imported_into
 from beamsim.scenario.beam import Beam, ElasticSupport, PointMass, SandwichBeam, SegmentedBeam, StiffnessBeam, Supports
 from beamsim.scenario.body import Body, Located
 from beamsim.scenario.damping import ModalDamping, RayleighDamping, ViscousDamping
@@ -179,11 +179,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
-    globals()[name] = value
-    return value
+    return imported_into(__name__, _HOME, name)
 
 
 def __dir__() -> list[str]:

@@ -400,13 +400,12 @@ class FileSummary:
     @property
     def as_json(self) -> dict[str, Any]:
         """For ``--json``."""
-        extent = None if self.found.extent is None else self.found.extent.tolist()
-        size = {"mass_kg": self.found.mass, "extent_m": extent}
         return {
             "degrees_of_freedom": self.degrees_of_freedom,
             "units": self.units,
             "units_by_default": self.by_default,
-            **size,
+            "mass_kg": self.found.mass,
+            "extent_m": None if self.found.extent is None else self.found.extent.tolist(),
         }
 
 
