@@ -33,7 +33,7 @@ from beamsim.analyses.run.figures import (
     sampled_extremes,
     static_figures,
 )
-from beamsim.analyses.run.low_pass import filtered
+from beamsim.analyses.run.filtered_motion import FilteredMotion, filtered
 from beamsim.analyses.run.outputs import (
     energies_of_rows,
     exact_flow,
@@ -77,6 +77,7 @@ class Solution:
     events: ContactEvents
     trajectory: Trajectory | None = None
     sampled: OutputSamples | None = None  # from time stepping
+    filtered: FilteredMotion | None = None  # accelerations behind run.low_pass
 
     @property
     def end(self) -> float:
@@ -250,7 +251,7 @@ def _until(parted: float, solution: Solution) -> Changes | None:
     if trajectory is None:
         return None
     seeds = np.linspace(0.0, parted, SEEDS)
-    figures = _compared(solution_figures(solution.system, settings, trajectory.until(parted), seeds))
+    figures = _compared(solution_figures(solution.system, settings, trajectory.until(parted), seeds, solution.filtered))
     shares = figures["contact_share"]
     assert isinstance(shares, dict)
     figures["contact_share"] = {name: share * parted / solution.end for name, share in shares.items()}  # of the whole
@@ -322,7 +323,12 @@ def solve_exactly(
     """
     trajectory = march_again(system, settings, settings.duration, work, stop)
     events = ContactEvents.of(trajectory, len(system.snubbers))
-    return Solution(system, settings, solution_figures(system, settings, trajectory, seeds), events, trajectory)
+    behind = None
+    if settings.low_pass is not None:
+        acceleration = output_groups(system, trajectory.flow).groups["acceleration"]
+        behind = filtered(trajectory, acceleration, settings.low_pass, seeds[:0])
+    figures = solution_figures(system, settings, trajectory, seeds, behind)
+    return Solution(system, settings, figures, events, trajectory, filtered=behind)
 
 
 def march_again(
@@ -338,17 +344,29 @@ def march_again(
     return trajectory
 
 
-def solution_figures(system: StructuralSystem, settings: Run, trajectory: Trajectory, seeds: Floats) -> dict[str, Any]:
-    """The figures of a motion; ``seeds`` are times at which extremes are likely."""
+def solution_figures(
+    system: StructuralSystem,
+    settings: Run,
+    trajectory: Trajectory,
+    seeds: Floats,
+    behind: FilteredMotion | None = None,
+) -> dict[str, Any]:
+    """The figures of a motion.
+
+    Parameters
+    ----------
+    seeds : times at which extremes are likely.
+    behind : the accelerations of the same motion, or of a longer one, behind the filter of `run.low_pass`.
+    """
     flow = trajectory.flow
     groups = output_groups(system, flow)
     searched = searched_outputs(system, flow, groups)
-    if settings.low_pass is not None:
+    if behind is not None:
         del searched["acceleration"]
     times = np.unique(np.concatenate([seeds[seeds <= trajectory.end], np.linspace(0.0, trajectory.end, SEEDS)]))
     extremes = refine_extremes(trajectory, searched, times)
-    if settings.low_pass is not None:
-        _, extremes["acceleration"] = filtered(trajectory, groups.groups["acceleration"], settings.low_pass, times)
+    if behind is not None:
+        extremes["acceleration"] = behind.extremes(0.0, trajectory.end)
     if system.energy_outputs:
         extremes["energy"], _ = energy_extremes(trajectory, system.energy_outputs, groups.groups["energy"])
     _, lowest, _, highest = extremes["displacement"]
@@ -467,9 +485,9 @@ def _windows(solution: Solution, begin: float, end: float) -> Iterator[Changes]:
     """The figures of equal parts of a motion. None of a motion from time stepping.
 
     Extremes are those of the continuous motion: a force that a dashpot or a stiff stop makes for an instant lies
-    between samples, and chance would decide which part has it. Filtered accelerations and energies are sampled.
+    between samples, and chance would decide which part has it. Energies are sampled.
     """
-    system, settings, trajectory = solution.system, solution.settings, solution.trajectory
+    system, trajectory, behind = solution.system, solution.trajectory, solution.filtered
     if trajectory is None:
         return
     times = np.linspace(begin, end, WINDOWS * SAMPLES + 1)
@@ -477,8 +495,8 @@ def _windows(solution: Solution, begin: float, end: float) -> Iterator[Changes]:
     groups = output_groups(system, flow)
     searched = searched_outputs(system, flow, groups)
     sampled = {}
-    if settings.low_pass is not None:
-        sampled["acceleration"], _ = filtered(trajectory, searched.pop("acceleration"), settings.low_pass, times)
+    if behind is not None:
+        del searched["acceleration"]
     if system.energy_outputs:
         sampled["energy"] = energies_of_rows(system.energy_outputs, trajectory.sample(times, groups.groups["energy"]))
     closing = trajectory.event_closing
@@ -487,6 +505,8 @@ def _windows(solution: Solution, begin: float, end: float) -> Iterator[Changes]:
         motion = trajectory.between(times[part.start], times[part.stop])
         extremes = refine_extremes(motion, searched, times[part])
         extremes |= {name: sampled_extremes(times[part], x[part]) for name, x in sampled.items()}
+        if behind is not None:
+            extremes["acceleration"] = behind.extremes(float(times[part.start]), float(times[part.stop]))
         inside = closing & (trajectory.event_time >= motion.time[0]) & (trajectory.event_time < motion.end)
         closings = np.bincount(trajectory.event_contact[inside], minlength=flow.system.contacts.count)
         yield _compared(motion_figures(system, extremes, motion.contact_share(), closings))

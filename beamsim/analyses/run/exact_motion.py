@@ -17,8 +17,8 @@ from beamsim.analyses.run.figures import (
     refine_extremes,
     sampled_extremes,
 )
+from beamsim.analyses.run.filtered_motion import filtered
 from beamsim.analyses.run.histories import COMPONENTS, ExactHistories, Grace
-from beamsim.analyses.run.low_pass import filtered
 from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, few_times, memory_of, with_limit
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import energies_of_rows, events_in_memory, exact_flow, output_groups, searched_outputs
@@ -63,7 +63,7 @@ def exact_motion_of(
     histories = ExactHistories(trajectory, groups, times, grace)
     balance = EnergyBalance.unknown()
     searched = searched_outputs(system, flow, groups)
-    low_passed = filtered_acceleration = None
+    behind = low_passed = None
     acceleration = searched.pop("acceleration") if settings.low_pass is not None else None
     try:
         with heeding(grace):
@@ -76,11 +76,12 @@ def exact_motion_of(
                 extremes["energy"], missed = energy_extremes(trajectory, system.energy_outputs, of_rows)
                 warnings = (*warnings, *missed_energy(missed))
             if acceleration is not None and settings.low_pass is not None:
-                low_passed, filtered_acceleration = filtered(trajectory, acceleration, settings.low_pass, times.all)
+                behind = filtered(trajectory, acceleration, settings.low_pass, times.all)
+                low_passed, extremes["acceleration"] = behind.at(times.all), behind.extremes(0.0, trajectory.end)
     except Stopped:
         missing = "the energy balance, or peaks between the samples, are missing"
         if acceleration is not None:
-            searched["acceleration"] = acceleration
+            searched["acceleration"], behind, low_passed = acceleration, None, None
             missing += "; accelerations are unfiltered"
         times, thinned = few_times(times)
         warnings = (*warnings, *thinned, f"interrupted during the evaluation: {missing}")
@@ -91,14 +92,13 @@ def exact_motion_of(
         if system.energy_outputs:
             energies = energies_of_rows(system.energy_outputs, histories.values["energy"])
             extremes["energy"] = sampled_extremes(histories.time, energies)
-    if filtered_acceleration is not None:
-        extremes["acceleration"] = filtered_acceleration
     whole = exact_motion(system, settings, trajectory, histories, searched, extremes)
     return replace(
         whole,
         outcome=outcome,
         balance=balance,
         low_passed=low_passed,
+        filtered=behind,
         trajectory=None if outcome.interrupted else trajectory,
         parts=lambda: (trajectory,),
         warnings=warnings,

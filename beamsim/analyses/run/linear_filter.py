@@ -108,8 +108,8 @@ class LinearFilter:
         none = np.zeros(signals)
         self.extremes: Extreme = (none, none, none, none)
 
-    def through(self, block: Panels) -> Floats:
-        """(P, k) the output at the ends of panels."""
+    def through(self, block: Panels) -> tuple[Floats, Floats]:
+        """(P, k) the output at the ends of panels, and its slope."""
         values = block.values
         output = np.zeros((values.shape[0] + 1, values.shape[2]))
         direct = 2 * self.residues.real.sum()  # the signal's own part in the slope
@@ -120,7 +120,7 @@ class LinearFilter:
             factor = np.exp(pole * block.length)[block.which, None]
             first = self.state[j]
             added[0] += factor[0] * first
-            z = np.vstack([first[None], _recurrence(factor, added)])
+            z = np.vstack([first[None], recurrence(factor, added)])
             output += 2 * (residue * z).real
             slope = 2 * (residue * pole * z).real
             begin += slope[:-1]
@@ -128,13 +128,13 @@ class LinearFilter:
             self.state[j] = z[-1]
         low, low_time, high, high_time = self.extremes
         self.extremes = (
-            *_lower(block.ends, output, begin, end, low, low_time),
-            *_higher(block.ends, output, begin, end, high, high_time),
+            *lower(block.ends, output, begin, end, low, low_time),
+            *higher(block.ends, output, begin, end, high, high_time),
         )
-        return output[1:]
+        return output[1:], end
 
 
-def _recurrence(factor: Complexes, added: Complexes) -> Complexes:
+def recurrence(factor: Complexes, added: Complexes) -> Complexes:
     """``z_i = factor_i z_(i-1) + added_i`` from zero, (P, k), by doubling."""
     z, reach, step = added.copy(), factor.copy(), 1
     while step < z.shape[0] and np.abs(reach).max() > NEGLIGIBLE:
@@ -145,15 +145,13 @@ def _recurrence(factor: Complexes, added: Complexes) -> Complexes:
     return z
 
 
-def _lower(ends: Floats, y: Floats, begin: Floats, end: Floats, lowest: Floats, when: Floats) -> tuple[Floats, Floats]:
-    """The same for the lowest values."""
-    value, at = _higher(ends, -y, -begin, -end, -lowest, when)
+def lower(ends: Floats, y: Floats, begin: Floats, end: Floats, lowest: Floats, when: Floats) -> tuple[Floats, Floats]:
+    """As `higher`, for the lowest values."""
+    value, at = higher(ends, -y, -begin, -end, -lowest, when)
     return -value, at
 
 
-def _higher(
-    ends: Floats, y: Floats, begin: Floats, end: Floats, highest: Floats, when: Floats
-) -> tuple[Floats, Floats]:
+def higher(ends: Floats, y: Floats, begin: Floats, end: Floats, highest: Floats, when: Floats) -> tuple[Floats, Floats]:
     """The highest values (k,) so far and their times.
 
     The curves have values (P + 1, k) at the ends of panels, and slopes (P, k) at the beginning and the end of each.

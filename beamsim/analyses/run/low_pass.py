@@ -13,7 +13,7 @@ import numpy as np
 from beamsim.analyses.run.linear_filter import LONGEST_TURN, Extreme, LinearFilter, Signal, panels
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.trajectory import Trajectory
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Complexes, Floats, Ints
 
 POLES = 4
 PANELS_A_PERIOD = 32  # of the filter's frequency; peaks between panels are then right to 1e-5
@@ -23,9 +23,9 @@ class LowPassFilter:
     """The filter of k signals, led through them from t = 0 on part by part; it keeps the extremes of its output."""
 
     def __init__(self, frequency_hz: float, signals: int) -> None:
-        self._filter = LinearFilter(*_poles(frequency_hz), signals)
+        self._filter = LinearFilter(*butterworth(frequency_hz), signals)
         self._longest = 1.0 / (PANELS_A_PERIOD * frequency_hz)
-        self._value = np.zeros(signals)
+        self._value = self._slope = np.zeros(signals)
 
     @property
     def extremes(self) -> Extreme:
@@ -37,28 +37,40 @@ class LowPassFilter:
 
         Between two of them the signal is smooth; a panel is at most ``longest``, s.
         """
+        _, value, _, of_times = self.curve(times, signal, longest)
+        return value[of_times]
+
+    def curve(self, times: Floats, signal: Signal, longest: float = np.inf) -> tuple[Floats, Floats, Floats, Ints]:
+        """The same at the ends of all panels: these (P + 1,), the output and its slope there (P + 1, k).
+
+        The last are the indices of ``times`` among them.
+        """
         blocks, of_times = panels(times, signal, min(longest, self._longest))
-        output = np.vstack([self._value[None], *(self._filter.through(block) for block in blocks)])
-        self._value = output[-1]
-        return output[of_times]
-
-
-def filtered(trajectory: Trajectory, output_of: OutputOf, frequency_hz: float, times: Floats) -> tuple[Floats, Extreme]:
-    """Outputs of a motion through the filter: (nt, k) at increasing ``times``, and the extremes of the whole motion."""
-    through = LowPassFilter(frequency_hz, output_of(trajectory.flow.system.contacts.start).row.shape[0])
-    return filtered_part(through, trajectory, output_of, times), through.extremes
+        ends, values, slopes = [times[:1]], [self._value[None]], [self._slope[None]]
+        for block in blocks:
+            value, slope = self._filter.through(block)
+            ends.append(block.ends[1:])
+            values.append(value)
+            slopes.append(slope)
+        self._value, self._slope = values[-1][-1], slopes[-1][-1]
+        return np.concatenate(ends), np.vstack(values), np.vstack(slopes), of_times
 
 
 def filtered_part(through: LowPassFilter, part: Trajectory, output_of: OutputOf, times: Floats) -> Floats:
-    """(nt, k) the same at times in the next part of a motion, of which the filter knows what was before."""
-    fastest = part.flow.largest_exponent
-    known = np.unique(np.concatenate([part.time, times[times <= part.end], [part.end]]))
-    longest = LONGEST_TURN / fastest if fastest > 0 else np.inf
+    """(nt, k) outputs behind the filter at times in the next part of a motion, of which it knows what was before."""
+    known, longest = known_times(part, times)
     history = through.through(known, lambda at: part.sample(at, output_of), longest)
     return history[np.searchsorted(known, times)]
 
 
-def _poles(frequency_hz: float) -> tuple[Complexes, Complexes]:
+def known_times(part: Trajectory, times: Floats) -> tuple[Floats, float]:
+    """Ends of panels that a motion and output times ask for, and how long panels may be, s."""
+    fastest = part.flow.largest_exponent
+    known = np.unique(np.concatenate([part.time, times[times <= part.end], [part.end]]))
+    return known, LONGEST_TURN / fastest if fastest > 0 else np.inf
+
+
+def butterworth(frequency_hz: float) -> tuple[Complexes, Complexes]:
     """Poles with a positive imaginary part, rad/s, and their residues; the others are their conjugates."""
     omega = 2 * np.pi * frequency_hz
     poles = omega * np.exp(1j * np.pi * (2 * np.arange(1, POLES + 1) + POLES - 1) / (2 * POLES))

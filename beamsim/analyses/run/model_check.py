@@ -48,7 +48,7 @@ def convergence_of(
 
     kept = {name: figures[name] for name in figures_of_motion(system, motion)}
     assert motion.contact_events is not None
-    first = Solution(system, settings, kept, motion.contact_events, motion.trajectory)
+    first = Solution(system, settings, kept, motion.contact_events, motion.trajectory, filtered=motion.filtered)
 
     def disturbed(share: float, end: float) -> ContactEvents:
         again = march_again(disturbed_system(system, share), settings, end, motion.work, stop)

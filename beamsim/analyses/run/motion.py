@@ -41,6 +41,7 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
+    from beamsim.analyses.run.filtered_motion import FilteredMotion
     from beamsim.flow.exact import ExactFlow
     from beamsim.flow.reference import ReferenceTrajectory
     from beamsim.flow.trajectory import Trajectory
@@ -85,6 +86,7 @@ class RunMotion:
     contact_share: Floats
     work: Work
     low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
+    filtered: FilteredMotion | None = None  # the same at any time, of the closed form
     trajectory: Trajectory | None = None  # of the closed form
     parts: Callable[[], Iterable[Trajectory]] = tuple  # the same, one after the other where it is not kept
     von_mises: Mapping[str, Floats] = field(default_factory=dict)  # (nx,) Pa, largest of the samples, by plate

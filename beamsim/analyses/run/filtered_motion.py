@@ -1,0 +1,268 @@
+r"""A motion in closed form behind a low-pass filter: its values at any times, its peaks in any part.
+
+Between two events an output is :math:`a = \mathrm{Re} \sum_t A_t e^{\lambda_t \tau}`. Behind a filter
+:math:`H(s) = \sum_j r_j / (s - p_j)` it is
+
+.. math:: y = \mathrm{Re} \sum_t A_t H(\lambda_t) e^{\lambda_t \tau} + \sum_j r_j w_j e^{p_j \tau},
+
+and the amplitudes :math:`w_j` follow from segment to segment, since :math:`z_j` with :math:`z_j' = p_j z_j + a` does
+not jump. Motions with powers of time are led through panels (`low_pass`), whose ends are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from beamsim.analyses.run.linear_filter import Extreme, higher, lower, recurrence
+from beamsim.analyses.run.low_pass import LowPassFilter, butterworth, known_times
+from beamsim.flow.contact_state import OutputOf
+from beamsim.flow.stopping import check_stop
+from beamsim.flow.trajectory import Trajectory
+from beamsim.typing import Complexes, Floats, Ints
+
+# Steps in a period of the filter's frequency, in which peaks are sought. Cubics on steps of h are right to h^4 / 384 of
+# the largest fourth derivative. Behind the filter that is Omega^4 a, however fast a moves: 7e-7 of a with these steps.
+STEPS_A_PERIOD = 50
+PEAK_ERROR = 1e-5  # relative, of the largest peak; steps are shortened where the bound is larger
+SHORTEST = 1 / 8  # of the steps
+AT_ONCE = 2**14  # steps
+NEAREST_POLE = 1e-6  # relative distance of an exponent from a pole of the filter, which loses as many digits
+
+
+class FilteredMotion(Protocol):
+    """k outputs of a motion behind a filter."""
+
+    def at(self, times: Floats) -> Floats:
+        """(nt, k) at increasing times."""
+        ...
+
+    def extremes(self, begin: float, end: float) -> Extreme:
+        """Lowest and highest values between two times, and when."""
+        ...
+
+
+def filtered(trajectory: Trajectory, output_of: OutputOf, frequency_hz: float, times: Floats) -> FilteredMotion:
+    """Outputs of a motion behind the Butterworth low-pass of a frequency.
+
+    Parameters
+    ----------
+    times : (nt,) increasing, s, at which the values are to be right to 1e-9; elsewhere to 1e-5 at least.
+    """
+    if trajectory.exponentials and not _near_poles(trajectory, butterworth(frequency_hz)[0]):
+        return FilteredSegments.of(trajectory, output_of, frequency_hz)
+    known, longest = known_times(trajectory, times)
+    through = LowPassFilter(frequency_hz, output_of(trajectory.flow.system.contacts.start).row.shape[0])
+    return FilteredPanels(*through.curve(known, lambda at: trajectory.sample(at, output_of), longest)[:3])
+
+
+@dataclass(frozen=True)
+class FilteredPanels:
+    """Known by values and slopes at the ends of panels; a cubic in between."""
+
+    ends: Floats  # (P + 1,) s
+    value: Floats  # (P + 1, k)
+    slope: Floats  # (P + 1, k)
+
+    def at(self, times: Floats) -> Floats:
+        """(nt, k) at increasing times."""
+        panel = np.clip(np.searchsorted(self.ends, times, side="right") - 1, 0, self.ends.size - 2)
+        return self._inside(panel, times)
+
+    def extremes(self, begin: float, end: float) -> Extreme:
+        """Lowest and highest values between two times, and when."""
+        inside = self.ends[(self.ends > begin) & (self.ends < end)]
+        first = int(np.searchsorted(self.ends, begin, side="right")) - 1
+        last = first + inside.size + 1
+        part = slice(first + 1, last)
+        edges = np.array([begin, end])
+        panel = np.clip([first, last - 1], 0, self.ends.size - 2)
+        value, slope = self._inside(panel, edges), self._inside(panel, edges, slope=True)
+        return _peaks(
+            np.concatenate([edges[:1], inside, edges[1:]]),
+            np.vstack([value[:1], self.value[part], value[1:]]),
+            np.vstack([slope[:1], self.slope[part], slope[1:]]),
+            *_unknown(self.value.shape[1]),
+        )
+
+    def _inside(self, panel: Ints, times: Floats, *, slope: bool = False) -> Floats:
+        """(nt, k) values or slopes of the cubics of panels."""
+        h = (self.ends[panel + 1] - self.ends[panel])[:, None]
+        h = np.where(h > 0, h, 1.0)  # a motion that ends where it begins
+        s = (times - self.ends[panel])[:, None] / h
+        y, a, b = self.value[panel], h * self.slope[panel], h * self.slope[panel + 1]
+        rise = self.value[panel + 1] - y
+        c2, c3 = 3 * rise - 2 * a - b, a + b - 2 * rise
+        if slope:
+            return np.asarray((a + s * (2 * c2 + s * 3 * c3)) / h)
+        return np.asarray(y + s * (a + s * (c2 + s * c3)))
+
+
+class _Part(NamedTuple):
+    """A part of a motion behind the filter."""
+
+    motion: Trajectory
+    free: Complexes  # (S, 2, k) amplitudes w where its segments begin
+    fourth: Floats  # (S, k) bound on the fourth derivative, in Omega^4
+
+
+@dataclass(frozen=True)
+class FilteredSegments:
+    """Known in closed form."""
+
+    parts: tuple[_Part, ...]
+    output_of: OutputOf
+    frequency_hz: float
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, output_of: OutputOf, frequency_hz: float) -> FilteredSegments:
+        """Follow the filter from a state of zero through the segments of a motion without powers of time."""
+        poles, residues = butterworth(frequency_hz)
+        outputs = output_of(trajectory.flow.system.contacts.start).row.shape[0]
+        state = np.zeros((poles.size, outputs), dtype=complex)
+        parts = []
+        for part in trajectory.parts():
+            check_stop()
+            begin, end, fourth = _forced(part, part.flow.output_table(output_of), poles)
+            decay = np.exp(poles * part.length[:, None])  # (S, 2)
+            free = np.empty_like(begin)
+            for j, residue in enumerate(residues):
+                added = end[:, j] - decay[:, j, None] * begin[:, j]
+                added[0] += decay[0, j] * state[j]
+                after = recurrence(decay[:, j, None], added)
+                free[:, j] = np.vstack([state[j, None], after[:-1]]) - begin[:, j]
+                fourth += 2 * abs(residue) * np.abs(free[:, j])
+                state[j] = after[-1]
+            parts.append(_Part(part, free, fourth))
+        return cls(tuple(parts), output_of, frequency_hz)
+
+    def at(self, times: Floats) -> Floats:
+        """(nt, k) at increasing times."""
+        out = np.empty((times.size, self.parts[0].free.shape[2]))
+        for first in range(0, times.size, AT_ONCE):
+            check_stop()
+            block = slice(first, first + AT_ONCE)
+            (out[block],) = self._at(times[block], slopes=False)
+        return out
+
+    def extremes(self, begin: float, end: float) -> Extreme:
+        """Lowest and highest values between two times, and when."""
+        step = 1 / (STEPS_A_PERIOD * self.frequency_hz)
+        found = self._extremes(begin, end, step)
+        peak = np.maximum(np.abs(found[0]), np.abs(found[2]))
+        error = (2 * np.pi * self.frequency_hz * step) ** 4 / 384 * self._fourth(begin, end)
+        allowed = np.divide(PEAK_ERROR * peak, error, out=np.ones_like(peak), where=error > PEAK_ERROR * peak)
+        shorter = max(float(allowed.min()) ** 0.25, SHORTEST)
+        return found if shorter == 1.0 else self._extremes(begin, end, shorter * step)
+
+    def _extremes(self, begin: float, end: float, longest: float) -> Extreme:
+        """The same of cubics on steps that are no longer than this."""
+        count = max(int(np.ceil((end - begin) / longest)), 1)
+        found = _unknown(self.parts[0].free.shape[2])
+        for first in range(0, count, AT_ONCE):
+            check_stop()
+            number = np.arange(first, min(first + AT_ONCE, count) + 1)
+            at: Floats = begin + (end - begin) / count * number.astype(float)
+            value, slope = self._at(at, slopes=True)
+            found = _peaks(at, value, slope, *found)
+        return found
+
+    def _fourth(self, begin: float, end: float) -> Floats:
+        """(k,) bound on the fourth derivative between two times, in Omega^4."""
+        highest = np.zeros(self.parts[0].free.shape[2])
+        for motion, _, fourth in self.parts:
+            here = (motion.time < end) & (motion.time + motion.length > begin)
+            highest = np.maximum(highest, fourth[here].max(axis=0, initial=0.0))
+        return highest
+
+    def _at(self, times: Floats, *, slopes: bool) -> list[Floats]:
+        """Values (nt, k) and, if asked for, slopes."""
+        poles, residues = butterworth(self.frequency_hz)
+        out: list[list[Floats]] = []
+        first = 0
+        for number, (part, free, _) in enumerate(self.parts):
+            last = times.size if number + 1 == len(self.parts) else int(np.searchsorted(times, part.end))
+            here = times[first:last]
+            if not here.size:
+                continue
+            segment = np.clip(np.searchsorted(part.time, here, side="right") - 1, 0, None)
+            passed = part.only(np.arange(segment[0], segment[-1] + 1))
+            forced = passed.sample_table(here, _behind(part, self.output_of, poles, slopes=slopes))
+            turned = np.exp(poles * (here - part.time[segment])[:, None])[:, :, None] * free[segment]
+            factors = [2 * residues, 2 * residues * poles][: 1 + slopes]
+            fading = [np.einsum("j,njk->nk", factor, turned).real for factor in factors]
+            out.append([x + y for x, y in zip(np.split(forced, 1 + slopes, axis=1), fading, strict=True)])
+            first = last
+        return [np.concatenate(column) for column in zip(*out, strict=True)]
+
+
+def _near_poles(trajectory: Trajectory, poles: Complexes) -> bool:
+    """Whether a motion has an exponent so close to a pole of the filter that their difference loses its digits."""
+    both = np.concatenate([poles, poles.conj()])
+    distance = (np.abs(state.exponent[:, None] - both).min() for state in trajectory.flow.states)
+    return any(x < NEAREST_POLE * abs(poles[0]) for x in distance)
+
+
+def _of_states(part: Trajectory) -> Iterator[tuple[int, Complexes]]:
+    """Contact states by number, with the exponent (T,) of each term."""
+    for number, state in enumerate(part.flow.states):
+        yield number, state.exponent[state.term_basis]
+
+
+def _forced(part: Trajectory, table: Complexes, poles: Complexes) -> tuple[Complexes, Complexes, Floats]:
+    """(S, 2, k) what z would be at the begin and the end of each segment if the filter had always seen its motion.
+
+    Also (S, k) a bound on the fourth derivative of the output that belongs to it, in Omega^4.
+    """
+    begin = np.empty((part.segments, poles.size, table.shape[2]), dtype=complex)
+    end, fourth = np.empty_like(begin), np.empty((part.segments, table.shape[2]))
+    for number, exponent in _of_states(part):
+        segments = np.flatnonzero(part.state == number)
+        if not segments.size:
+            continue
+        amplitude = part.amplitudes(part.flow.states[number], segments)
+        acts = amplitude.any(axis=0)  # what rests may grow without bound
+        amplitude, exponent, of_terms = amplitude[:, acts], exponent[acts], table[number, : acts.size][acts]
+        later = amplitude * np.exp(part.length[segments, None] * exponent)
+        for j, pole in enumerate(poles):
+            one, other = of_terms / (exponent - pole)[:, None], of_terms.conj() / (exponent.conj() - pole)[:, None]
+            begin[segments, j] = 0.5 * (amplitude @ one + amplitude.conj() @ other)
+            end[segments, j] = 0.5 * (later @ one + later.conj() @ other)
+        faster = np.abs(_gain(exponent, poles)) * np.abs(exponent / poles[0]) ** 4
+        fourth[segments] = np.maximum(np.abs(amplitude), np.abs(later)) @ (faster[:, None] * np.abs(of_terms))
+    return begin, end, fourth
+
+
+def _gain(exponent: Complexes, poles: Complexes) -> Complexes:
+    """(T,) factor by which the filter changes ``e^{exponent tau}``; one at rest."""
+    both = np.concatenate([poles, poles.conj()])
+    return np.asarray(np.prod(both) / np.prod(exponent[:, None] - both, axis=1))
+
+
+def _behind(part: Trajectory, output_of: OutputOf, poles: Complexes, *, slopes: bool) -> Complexes:
+    """(S, T, k) coefficients of the outputs behind the filter, then (S, T, 2 k) with those of their slopes."""
+    table = part.flow.output_table(output_of)
+    out = np.zeros((*table.shape[:2], (1 + slopes) * table.shape[2]), dtype=complex)
+    for number, exponent in _of_states(part):
+        gain = _gain(exponent, poles)
+        columns = [gain, gain * exponent][: 1 + slopes]
+        out[number, : exponent.size] = np.hstack([x[:, None] * table[number, : exponent.size] for x in columns])
+    return out
+
+
+def _unknown(count: int) -> Extreme:
+    nothing, low = np.full(count, np.nan), np.full(count, np.inf)
+    return low, nothing, -low, nothing
+
+
+def _peaks(
+    ends: Floats, value: Floats, slope: Floats, low: Floats, low_time: Floats, high: Floats, high_time: Floats
+) -> Extreme:
+    """Extremes of cubics through values and slopes (P + 1, k) at the ends of panels, and of what is known before."""
+    return (
+        *lower(ends, value, slope[:-1], slope[1:], low, low_time),
+        *higher(ends, value, slope[:-1], slope[1:], high, high_time),
+    )
