@@ -41,6 +41,8 @@ from typing import Any, NamedTuple, TypeVar, dataclass_transform
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
+
 _DECLARED = "declared"
 _Value = TypeVar("_Value")
 _REQUIRED: Any = dataclasses.MISSING
@@ -154,7 +156,7 @@ class Axes(NamedTuple):
 Along = tuple[str | Counter, ...] | Axes  # names of axes, axes that only count, or axes named by a field
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Dataset:
     """An array, a dimension scale, or a column of a table."""
 
@@ -168,7 +170,7 @@ class Dataset:
     phase: str = ""  # meaning of the phase of complex numbers that are stored as amplitude and phase
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PerName:
     """An array or a number for each probe or snubber: ``<folder>/<name>/<field>``."""
 
@@ -176,7 +178,7 @@ class PerName:
     values: Dataset
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Attribute:
     """A number or text that belongs to a whole group."""
 
@@ -188,14 +190,14 @@ class Attribute:
     null: Any = float("nan")  # what stands for a number that JSON cannot hold
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Key:
     """What a group is called by, which is read from its name."""
 
     meaning: str
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Group:
     """A dataclass in a group; in the group around it where the path is empty."""
 
@@ -204,7 +206,7 @@ class Group:
     on: str = ""  # the dataset that carries the attributes
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Members:
     """Dataclasses, each in a group of its own."""
 
@@ -223,7 +225,7 @@ class Members:
     unless: str = ""  # folder whose members may stand in their place
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Arrays:
     """Dataclasses, each one dataset that carries its attributes; ``{link}`` stands for the name of the dataset."""
 
@@ -232,7 +234,7 @@ class Arrays:
     listed: str = ""  # attribute of the folder: their names in order, where it is not that of HDF5
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Table:
     """Dataclasses as the rows of a table, their fields as columns."""
 
@@ -476,13 +478,13 @@ def _with_arrays(cls: Any) -> Any:
 )  # fmt: skip
 def declared(cls: _Class) -> _Class:
     """A frozen dataclass whose fields are declared."""
-    return _with_arrays(dataclasses.dataclass(frozen=True)(cls))  # type: ignore[no-any-return]
+    return _with_arrays(dataclass(frozen=True)(cls))  # type: ignore[no-any-return]
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(attribute, ending, dataclasses.field))
 def declared_base(cls: _Class) -> _Class:
     """The same with keywords only, so that classes derived from it may begin with fields without a default."""
-    return _with_arrays(dataclasses.dataclass(frozen=True, kw_only=True)(cls))  # type: ignore[no-any-return]
+    return _with_arrays(dataclass(frozen=True, kw_only=True)(cls))  # type: ignore[no-any-return]
 
 
 def stored(field: Any) -> Callable[[_Function], _Function]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.contacts.laws import ContactLaw, Phase, kelvin_voigt
+from beamsim.dataclass import dataclass
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 

@@ -14,11 +14,10 @@ still convex), have no such dual: they are solved by Newton's method on the ener
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from beamsim.contacts.nonnegative import nonnegative_least_squares
+from beamsim.dataclass import dataclass
 from beamsim.errors import NotTrustedError
 from beamsim.typing import Bools, Floats, Ints
 

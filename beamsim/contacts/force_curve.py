@@ -10,10 +10,9 @@ none finds one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 MOST_STRETCHES = 120  # of the points, between which the dynamic programme chooses

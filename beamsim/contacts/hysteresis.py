@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from beamsim.contacts.force_curve import fit_curve, hinges
+from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 SEGMENTS = 8  # of the curves that are compared

@@ -29,12 +29,13 @@ function of the same quantities. A law of another kind is another list of phases
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.typing import Complexes, Floats
 
 SMALLEST_JUMP = 1e-12  # of the terms it is made of: a smaller jump of the force at a guard is round-off

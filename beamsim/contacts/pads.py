@@ -14,13 +14,14 @@ There is a phase in contact and a released phase for each segment of the curve.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from beamsim.contacts.force_curve import ForceCurve
 from beamsim.contacts.laws import ContactLaw, Guard, Phase, piecewise_linear
+from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 

@@ -10,11 +10,12 @@ grid.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 NODES = 16  # intervals of the Chebyshev points, above the degree of any integrator's dense output (12)

@@ -8,13 +8,13 @@ same quadratic form. A matrix made once replaces exponentials for each of them.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import groupby
 from math import ceil
 from typing import Protocol
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.flow.basis import as_real, largest_curvature
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.sources import MANY_PIECES

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from beamsim.contacts.contacts import Watched
+from beamsim.dataclass import dataclass
 from beamsim.flow.basis import basis_derivatives
 from beamsim.flow.contact_state import ContactState, LinearOutput, OutputOf, acting_loads, build_state, state_matrices
 from beamsim.flow.equal_steps import PieceStep, as_arrays, common_length, step_of

@@ -13,11 +13,11 @@ only the jumps of the inputs count.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import comb, pi
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.flow.basis import as_real, basis_derivatives
 from beamsim.flow.contact_state import ContactState
 from beamsim.flow.equal_pieces import AT_ONCE, Segments

@@ -9,11 +9,12 @@ certified search (:func:`beamsim.flow.kernels.extremes`).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.equal_pieces import Segments
 from beamsim.flow.state_tables import visited_states

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.held import held_contacts
 from beamsim.flow.march import Motion, carry

@@ -7,13 +7,14 @@ No closed form exists: motion and variational equations are integrated by Taylor
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.dataclass import dataclass
 from beamsim.flow.passage import (
     ContactDirection,
     Frequency,

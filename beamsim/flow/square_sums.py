@@ -10,10 +10,10 @@ are divided until none is left.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput, OutputOf, state_loads
 from beamsim.flow.exact import ExactFlow, StartOfMotion
 from beamsim.flow.invariant_blocks import Block, SimpleModes

@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.dataclass import dataclass
 from beamsim.flow.stopping import check_stop
 from beamsim.inputs.signal import Signal
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode

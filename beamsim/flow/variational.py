@@ -11,13 +11,14 @@ contacts on the ground, a base displacement of the same form.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts, Watched
+from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import ContactState, build_state, state_matrices
 from beamsim.flow.march import Motion, carry
 from beamsim.flow.passage import (

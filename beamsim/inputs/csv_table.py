@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.files import text_of
 from beamsim.inputs.headings import split_heading, stated
 from beamsim.scenario.units import ACCELERATION, FORCE, FREQUENCY, LENGTH, TIME, VELOCITY, UnitError, read_level

@@ -6,11 +6,11 @@ start from d = d' = 0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.inputs.broadband import broadband_signals, sweep_windows
 from beamsim.inputs.drift import Correction
 from beamsim.inputs.profiles import power_of

@@ -15,12 +15,12 @@ tolerance. All quantities are relative to the window, so a long sweep does not l
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.dataclass import dataclass
 from beamsim.inputs.drift import SAME_TURNS, Correction, leg_pieces, motion_without_drift
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile

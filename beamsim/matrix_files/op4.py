@@ -12,12 +12,13 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import FileMatrix, mirrored
 from beamsim.typing import Floats, Ints

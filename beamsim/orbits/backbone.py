@@ -9,11 +9,12 @@ the motion dominated by the requested mode. Such jumps are recorded; a point tha
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import pairwise
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, at_parameter, correct, follow_orbits
 from beamsim.orbits.reversible import BrakeOrbits

@@ -15,13 +15,14 @@ consistent with the balance, are right to 1e-3.
 from __future__ import annotations
 
 from collections.abc import Callable, MutableMapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.dataclass import dataclass
 from beamsim.flow.passage import Passage, PeriodicForcing
 from beamsim.flow.variational import VariationalFlow, floquet_multipliers
 from beamsim.orbits.balanced_contacts import sampled_faces

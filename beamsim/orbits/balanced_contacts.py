@@ -17,7 +17,7 @@ A two-sided spring that relaxes is a spring of dynamic stiffness D, beside the c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -25,6 +25,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import ContactLaw, kelvin_voigt
+from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.typing import Complexes, Floats, Ints
 

@@ -12,10 +12,9 @@ The solutions are the same and :math:`Z_S` is regular wherever the springs feel 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.typing import Complexes, Floats
 
 NEAR_POLE = 1e-4  # |Z| of a mode against its stiffness or inertia, below which the regular form is solved for directly

@@ -9,12 +9,13 @@ with unit tangent :math:`t` the predictor is :math:`u + t\\,ds`, the corrector N
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache, partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.flow.passage import NotFinite
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint
 from beamsim.outcomes import Outcome, OutcomeCode

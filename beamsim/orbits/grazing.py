@@ -7,13 +7,14 @@ side, so that its root is found to round-off, whatever corner the branch itself 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.dataclass import dataclass
 from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint

@@ -14,11 +14,12 @@ the model's size. Problems are those of :mod:`beamsim.orbits.continuation`; the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.flow.stopping import check_stop
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.orbits.balanced_contacts import BalancedContacts
 from beamsim.orbits.condensation import Condensation
 from beamsim.typing import Complexes, Floats

@@ -6,11 +6,12 @@ States are numbered alike in all flows of a path, so that a passage found with o
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.dataclass import dataclass
 from beamsim.flow.passage import ContactDirection, StructureDirection
 from beamsim.flow.periodic_flow import PeriodicFlow
 

@@ -8,12 +8,13 @@ with the contacts' internal states. The Jacobian is the monodromy matrix less on
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, MutableMapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage, StructureDirection
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import VariationalFlow, floquet_multipliers

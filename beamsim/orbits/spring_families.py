@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.dataclass import dataclass
 from beamsim.flow.passage import ContactDirection, Parameter, SpringFactor, moved_system
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow

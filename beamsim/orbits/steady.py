@@ -7,10 +7,11 @@ after p cycles to a tolerance, with the remaining change estimated from the rate
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.march import Log, Motion, carry
 from beamsim.flow.slide_starts import pressing_where_sliding_begins

@@ -10,7 +10,7 @@ import base64
 import gzip
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.plots.layout import lay_out
 from beamsim.plots.png import png_bytes

@@ -6,7 +6,6 @@ analysis. The JSON Schema is made of all of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache, reduce
 from importlib import import_module
 from operator import or_
@@ -15,6 +14,8 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import GetCoreSchemaHandler, TypeAdapter, ValidationInfo
 from pydantic_core import CoreSchema, core_schema
+
+from beamsim.dataclass import dataclass
 
 
 def on_demand(module: str, name: str) -> Any:

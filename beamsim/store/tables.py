@@ -7,13 +7,14 @@ dimension without a scale is numbered from 1.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.dataclass import dataclass
 from beamsim.store.scales import scale_along
 
 

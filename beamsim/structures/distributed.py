@@ -8,11 +8,12 @@ integral exact for polynomial shapes. Each stands for a point force, from which 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 _SMOOTH_POINTS = 12  # a piece, for a sine; exact to round-off below one half wave a piece

@@ -9,12 +9,12 @@ rows to K and C. All coordinates are relative to the base, so a place that is jo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.damping import joined_damping
 from beamsim.structures.rigid_motion import orthonormal_in_mass

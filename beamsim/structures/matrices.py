@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.damping import damping_matrix

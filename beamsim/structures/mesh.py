@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from beamsim.dataclass import dataclass
 from beamsim.structures.hermite import shape_functions
 from beamsim.typing import Floats, Ints
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
+from beamsim.dataclass import dataclass
 from beamsim.structures.distributed import Distributed
 
 Point = float | tuple[float, float]

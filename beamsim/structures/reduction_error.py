@@ -14,11 +14,11 @@ are far above the excitation frequencies.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.structures.modes import DENSE_LIMIT, LARGE, closed_frequencies
 from beamsim.structures.reduction import static_deflections
 from beamsim.typing import Complexes, Floats

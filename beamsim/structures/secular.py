@@ -17,12 +17,12 @@ the unknown of a root is its distance from the nearest pole, so accuracy is limi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from beamsim.dataclass import dataclass
 from beamsim.typing import Bools, Floats
 
 # A mode does not load the spring if its squared deflection at the point is below this fraction of the largest.

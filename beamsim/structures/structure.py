@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.matrix_files.matrix import MODAL
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.distributed import Distributed

@@ -10,12 +10,13 @@ or what the coordinates stand for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.dataclass import dataclass
 from beamsim.inputs.signal import Signal
 from beamsim.typing import Complexes, Floats, Ints
 

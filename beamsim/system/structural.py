@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.springs import SpringInfo
+from beamsim.dataclass import dataclass
 from beamsim.fields import Counter, attribute, dataset, declared, group, key, per_name
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal

@@ -390,6 +390,11 @@ while parts:
     parts += part.__subclasses__()
     pending.append(not part.__dict__.get("__pydantic_complete__"))
 print("parts", len(pending), "validators of their own", len(pending) - sum(pending), "collections", len(collected))
+modules = [module for name, module in sys.modules.items() if name.startswith("beamsim")]
+named = {{kept for module in modules for kept in vars(module).values() if isinstance(kept, type)}}
+classes = [kept for kept in named if "__dataclass_fields__" in vars(kept) and kept.__module__.startswith("beamsim")]
+compiled = [kept for kept in classes if hasattr(vars(kept)["__init__"], "__code__")]
+print("data classes", len(classes), "of them compiled", len(compiled))
 """
 
 
@@ -403,12 +408,14 @@ def test_validate_imports_only_what_it_needs():
     done = subprocess.run(
         [sys.executable, "-c", VALIDATE.format(case=case)], capture_output=True, text=True, check=True
     )
-    loaded, parts = done.stdout.splitlines()[-2:]
+    loaded, parts, classes = done.stdout.splitlines()[-3:]
     assert loaded == "loaded []"
     every, validators, collections = (int(word) for word in parts.split() if word.isdigit())
     assert 100 < every < 200  # 270 with all sections
     assert validators <= 4  # of the whole scenario, a place, and the general range of its sweeps
     assert collections <= 1  # each goes through the objects of every module
+    made, compiled = (int(word) for word in classes.split() if word.isdigit())
+    assert compiled < 70 < 100 < made
 
 
 def test_importing_the_package_is_lazy_and_its_names_resolve():

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from beamsim.analyses.run.records import project
+from beamsim.dataclass import dataclass
 from beamsim.typing import Complexes, Floats, Ints
 
 REPEATS = 0.01  # of the rms: periods that differ by less are alike

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from beamsim.dataclass import dataclass
 from beamsim.scenario.place import AtPlace
 from beamsim.typing import Complexes, Floats
 

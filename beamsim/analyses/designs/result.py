@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.result import Result
+from beamsim.dataclass import dataclass
 from beamsim.fields import Axes, Counter, Entry, arrays, attribute, axis, dataset, declared, key, numbered, stored
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.designs import Value

@@ -12,7 +12,6 @@ the whole list. Supports are not numbers: every combination of the four kinds is
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import product
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
@@ -21,6 +20,7 @@ import numpy as np
 
 from beamsim.analyses.identify.result import FrequencyTable, ModelUpdate, ParameterEstimate, ProfileLikelihood
 from beamsim.contacts.contact_point import free_frequencies
+from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:

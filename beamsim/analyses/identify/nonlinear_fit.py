@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,7 @@ from beamsim.analyses.identify.model_updating import Sought, confounded, inverse
 from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, ProfileLikelihood, TestFit
 from beamsim.analyses.identify.steady import NoSteadyVibrationError, SteadyVibration, steady_vibration
 from beamsim.analyses.identify.table_segments import SoughtSegment, segment_warnings, sought_segments, unreached
+from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.system.contact_change import with_changed_contacts

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,6 +17,7 @@ from beamsim.contacts.restitution import (
     restitution,
 )
 from beamsim.contacts.rubber_block import LARGEST_STRAIN, block_modulus, block_stiffness
+from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.system.force_tables import read_forces
 from beamsim.typing import Floats

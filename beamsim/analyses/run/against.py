@@ -6,13 +6,14 @@ The stepper (`beamsim.flow.time_stepping`) shares neither sources, start nor eve
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.run.result import Against, AgainstFigure, RunResult
+from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import Stopped, heeding, never
 from beamsim.flow.time_stepping import HHT_ALPHA, MOST_STEPS, RTOL, SteppedMotion, dop853, newmark

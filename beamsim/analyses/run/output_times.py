@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 

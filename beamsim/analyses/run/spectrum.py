@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ import numpy as np
 from beamsim.analyses.run.records import SampledRecord
 from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.run.windows import Window
+from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:

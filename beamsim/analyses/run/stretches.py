@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.low_pass import LowPassFilter, filtered_part
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import OutputSet, energies_of_rows
+from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.long_motion import LongMotion
 from beamsim.flow.stopping import Stopped, check_stop, heeding

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from beamsim.analyses.sweep.outputs import SweepOutputs
 from beamsim.analyses.sweep.result import Envelope, NotchedRange, Notching, NotchLimit, OutputEnvelope, SweepCurve
+from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.level_control import LevelControl
 from beamsim.flow.stopping import never

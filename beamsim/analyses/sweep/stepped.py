@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -14,6 +13,7 @@ from beamsim.analyses.sweep.energy import balanced, energy_errors
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
 from beamsim.analyses.sweep.swept_sine import swept_flow
+from beamsim.dataclass import dataclass
 from beamsim.flow.march import Motion
 from beamsim.flow.stopping import never
 from beamsim.inputs.broadband import phase_of_acceleration
