@@ -1,6 +1,6 @@
 """``python -m beamsim``."""
 
-from beamsim.cli import main
+from beamsim.cli import program
 
 if __name__ == "__main__":
-    main()
+    program()

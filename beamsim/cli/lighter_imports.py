@@ -1,4 +1,4 @@
-"""Imports of SciPy and Matplotlib without what no command uses.
+"""Imports of SciPy, Matplotlib and Numba without what no command uses.
 
 SciPy copies every name of NumPy when it is imported. NumPy itself imports some of its parts only when they are asked
 for, so that the copy costs a third of SciPy's import: `numpy.f2py` alone compiles the patterns of a parser of Fortran.
@@ -6,7 +6,9 @@ A lazy module (`importlib.util.LazyLoader`) is a name that can be copied; who re
 
 Matplotlib writes the properties of every class of artists into docstrings, a quarter of its import. They are left out.
 
-Only the command line does this: a program that imports beamsim has both libraries as they are.
+Numba imports `coverage` where it is installed, to report to it what was compiled: 0.08 s, of use where it measures.
+
+Only the command line does this: a program that imports beamsim has these libraries as they are.
 """
 
 from __future__ import annotations
@@ -34,11 +36,12 @@ class Beforehand:
 
 
 def lighten_imports() -> None:
-    """Let the first import of SciPy and of Matplotlib's figures do less; without effect on what is imported already."""
+    """Let the first import of SciPy, Matplotlib and Numba do less; without effect on what is imported already."""
     steps = {
         "scipy": _keep_parts_of_numpy_lazy,
         "matplotlib.backend_bases": _leave_out_docstrings,
         "matplotlib.figure": _leave_out_docstrings,
+        "numba.misc.coverage_support": _leave_out_coverage,
     }
     if not any(isinstance(finder, Beforehand) for finder in sys.meta_path):
         sys.meta_path.insert(0, Beforehand({name: step for name, step in steps.items() if name not in sys.modules}))
@@ -69,6 +72,11 @@ def _leave_out_docstrings() -> None:
     from matplotlib import artist
 
     artist.kwdoc = _nothing
+
+
+def _leave_out_coverage() -> None:
+    if "coverage" not in sys.modules:
+        sys.modules["coverage"] = None  # type: ignore[assignment]  # for Python: it cannot be imported
 
 
 def _nothing(artist: object) -> str:
