@@ -14,8 +14,8 @@ from importlib import import_module
 from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from beamsim.analyses.deferral import signals_deferred
 from beamsim.errors import NotTrustedError, ScenarioError
+from beamsim.interrupts import deferred
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
@@ -51,7 +51,7 @@ def on_threads(
     if workers == 1:
         yield from map(function, items)
         return
-    with signals_deferred() as take_effect:
+    with deferred() as take_effect:
         pool = ThreadPoolExecutor(workers)
         done = False
         try:
@@ -123,7 +123,7 @@ def on_this_machine(
         return
     if getattr(current_process(), "_inheriting", False):  # a worker importing a script without a guard
         raise SystemExit(UNGUARDED)
-    with _one_thread_each(), signals_deferred() as take_effect:
+    with _one_thread_each(), deferred() as take_effect:
         pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
         done, processes = False, []
         try:
@@ -191,7 +191,7 @@ def on_cluster(
         threads = sum(client.nthreads().values())
         if threads == 0:
             raise ScenarioError(f"--scheduler {address}: has no workers; start some with `dask worker {address}`")
-        with signals_deferred() as take_effect:
+        with deferred() as take_effect:
 
             def wait_for(ready: Callable[[], bool]) -> None:
                 while not ready():

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
 
 from beamsim.cli.failures import interruption_behind, say
 from beamsim.errors import ExitCode
 from beamsim.flow.stopping import CompilationStopped, between_compilations, is_compiling, loses_exceptions
+from beamsim.interrupts import SignalBlock, handled, kept
 
 STOPPING = "beamsim: stopping after the current point and saving the partial result; press again to stop immediately"
 WRITING = "beamsim: stopping when {file} is written; press again to stop immediately, without it"
@@ -55,18 +54,10 @@ def interruptible() -> Iterator[Interruption]:
     Signals that the process was started to ignore (``nohup``, background jobs of a shell) stay ignored.
     """
     interruption = Interruption()
-    if threading.current_thread() is not threading.main_thread():
-        yield interruption  # only the main thread receives signals
-        return
-    before: dict[signal.Signals, Any] = {}
 
-    def restore() -> None:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-    def request(number: int, frame: FrameType | None) -> None:
+    def request(block: SignalBlock, number: int, frame: FrameType | None) -> None:
         interruption.signal = number
-        restore()
+        block.end()
         if interruption.kept:
             say(WRITING.format(file=interruption.writes) if interruption.writes else STOPPING)
             if interruption.writes or not is_compiling(frame):
@@ -75,20 +66,14 @@ def interruptible() -> Iterator[Interruption]:
         if not loses_exceptions(frame):
             raise interruption.raised
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) not in (signal.SIG_IGN, None):  # None: not set from Python
-            before[number] = signal.signal(number, request)
-    between_compilations.append(interruption.raise_lost)
     try:
-        yield interruption
+        with handled(request, also_default=True), _checked_between_compilations(interruption.raise_lost):
+            yield interruption
     except BaseException as error:  # nothing was found that could be kept
         behind = error if isinstance(error, KeyboardInterrupt) else interruption_behind(error)
         if isinstance(behind, KeyboardInterrupt) and interruption.signal == signal.SIGTERM:
             sys.exit(ExitCode.TERMINATED)
         raise
-    finally:
-        between_compilations.remove(interruption.raise_lost)
-        restore()
 
 
 @contextmanager
@@ -97,31 +82,20 @@ def raised_again() -> Iterator[Callable[[], None]]:
 
     Python drops what a signal raises while a callback of the compiler runs.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: None
-        return
     raised: list[BaseException] = []
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-
-    def handle(number: int, frame: FrameType | None) -> None:
-        try:
-            before[signal.Signals(number)](number, frame)  # type: ignore[operator,misc]
-        except BaseException as error:
-            raised.append(error)
-            if not loses_exceptions(frame):
-                raise
 
     def check() -> None:
         if raised:
             raise raised[0]
 
-    handled = [number for number, handler in before.items() if callable(handler)]
-    for number in handled:
-        signal.signal(number, handle)
+    with kept(raised.append, loses_exceptions), _checked_between_compilations(check):
+        yield check
+
+
+@contextmanager
+def _checked_between_compilations(check: Callable[[], None]) -> Iterator[None]:
     between_compilations.append(check)
     try:
-        yield check
+        yield
     finally:
         between_compilations.remove(check)
-        for number in handled:
-            signal.signal(number, before[number])

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
-import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
@@ -16,6 +14,7 @@ import h5py
 
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
+from beamsim.interrupts import kept
 from beamsim.kinds import KINDS
 from beamsim.store import declared, schema
 
@@ -120,50 +119,17 @@ class _Sink:
     def flush(self) -> None:
         """Nothing is buffered."""
 
+    def keep(self, error: BaseException) -> None:
+        """Keep what a signal raised."""
+        self.error = self.error or error
 
-@contextmanager
-def _raising_outside(sink: _Sink) -> Iterator[None]:
-    """Store in a sink what SIGINT and SIGTERM raise while HDF5 calls it, wherever Python runs the handler.
-
-    In a function that C code calls, also before its first line, an exception would become an error of HDF5.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread receives signals
-        return
-    before: dict[signal.Signals, Any] = {}
-
-    def handle(number: int, frame: FrameType | None) -> None:
-        try:
-            before[signal.Signals(number)](number, frame)
-        except BaseException as error:
-            if not _is_called_by(frame, sink):
-                raise
-            sink.error = sink.error or error
-        finally:
-            guard(signal.Signals(number))  # the handler may have set another one
-
-    def guard(number: signal.Signals) -> None:
-        handler = signal.getsignal(number)
-        if callable(handler) and handler is not handle:
-            before[number] = handler
-            signal.signal(number, handle)
-
-    try:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            guard(number)
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _is_called_by(frame: FrameType | None, sink: _Sink) -> bool:
-    """Whether a method of the sink is being executed."""
-    while frame is not None:
-        if frame.f_locals.get("self") is sink:
-            return True
-        frame = frame.f_back
-    return False
+    def is_called_by(self, frame: FrameType | None) -> bool:
+        """Whether a method is being executed, if only before its first line, where HDF5 would hide an exception."""
+        while frame is not None:
+            if frame.f_locals.get("self") is self:
+                return True
+            frame = frame.f_back
+        return False
 
 
 @contextmanager
@@ -178,8 +144,8 @@ def creating(path: Path | str) -> Iterator[h5py.File]:
     with replacing(path) as temporary, open(temporary, "x+b", buffering=0) as raw:
         sink = _Sink(raw)
         try:
-            with _raising_outside(sink), h5py.File(sink, "w", rdcc_nbytes=0) as file:  # chunks are written whole
-                yield file
+            with kept(sink.keep, sink.is_called_by), h5py.File(sink, "w", rdcc_nbytes=0) as file:
+                yield file  # its chunks are written whole
         finally:
             if sink.error is not None:
                 raise sink.error
