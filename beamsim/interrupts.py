@@ -69,13 +69,16 @@ class SignalBlock:
             return
         raised: BaseException | None = None
         for number in self._before:
-            while signal.getsignal(number) is self:
+            while self._is_installed(number):
                 try:
                     signal.signal(number, self._outer(number))
                 except BaseException as error:  # of a signal that has just arrived, before the handler was set
                     raised = error
         if raised is not None:
             raise raised
+
+    def _is_installed(self, number: int) -> bool:
+        return signal.getsignal(number) is self
 
     def _outer(self, number: int) -> Any:
         """Handler of a signal without this block and those that have ended."""

@@ -118,21 +118,22 @@ def validate(
 
     folder = output_folder(output, case.stem) if sketch else None
     try:
-        title, bodies, warnings = validated(case, set_ or ())
-        files = [] if folder is None else draw_model(case, set_ or (), folder)
+        valid = validated(case, set_ or ())
+        files = [] if folder is None else draw_model(valid, folder, case.stem)
     except ScenarioError as error:
         if json:
             print_json({"valid": False, "problems": [vars(problem) for problem in error.problems]})
         raise
-    for warning in warnings:
+    for warning in valid.warnings:
         say(f"beamsim: warning: {warning}")
+    title = valid.scenario.title
     if json:
         drawn = {"files": [str(file) for file in files]} if sketch else {}
-        read = {"imported": {body.body: body.as_json for body in bodies}} if bodies else {}
-        print_json({"valid": True, "title": title, "warnings": list(warnings), **read, **drawn})
+        read = {"imported": {body.body: body.as_json for body in valid.files}} if valid.files else {}
+        print_json({"valid": True, "title": title, "warnings": list(valid.warnings), **read, **drawn})
     else:
-        valid = f"{case}: valid ({title})" if title else f"{case}: valid"
-        print(valid, *(body.text for body in bodies), *files, sep="\n")
+        found = f"{case}: valid ({title})" if title else f"{case}: valid"
+        print(found, *(body.text for body in valid.files), *files, sep="\n")
 
 
 @app.command()

@@ -8,19 +8,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from beamsim.structures.matrices import FileSummary
+    from beamsim.scenario import Scenario
+    from beamsim.structures.file_summary import FileSummary
+    from beamsim.system.structural import StructuralSystem
 
 
 class Validated(NamedTuple):
     """A valid case."""
 
-    title: str
+    scenario: Scenario
     files: tuple[FileSummary, ...]  # of bodies that are read from files
     warnings: tuple[str, ...]
+    system: StructuralSystem | None  # of a case with a run
 
 
 def validated(case: Path, overrides: Sequence[str]) -> Validated:
-    """Load the case, read the matrices that it names and, if it has a run, build its model.
+    """Load the case and, if it has a run, build its model; else read the matrices that it names.
 
     Raises
     ------
@@ -35,21 +38,22 @@ def validated(case: Path, overrides: Sequence[str]) -> Validated:
         from beamsim.analyses.designs.plan import check_cases, plan_designs
 
         check_cases(plan_designs(scenario))
+    if scenario.run is not None:
+        from beamsim.system.build import build_system
+
+        system = build_system(scenario)
+        return Validated(scenario, system.files, (*scenario.warnings, *system.warnings), system)
     files: tuple[FileSummary, ...] = ()
     if any(body.is_read_from_files for body in scenario.all_bodies.values()):
         from beamsim.structures.assembly import summaries_of_files
 
         with located(scenario):
             files = summaries_of_files(scenario)
-    if scenario.run is None:
-        remarks = (f"{each.body}: {remark}" for each in files for remark in each.remarks)
-        return Validated(scenario.title, files, (*scenario.warnings, *remarks))
-    from beamsim.system.build import build_system
-
-    return Validated(scenario.title, files, (*scenario.warnings, *build_system(scenario).warnings))
+    remarks = (f"{each.body}: {remark}" for each in files for remark in each.remarks)
+    return Validated(scenario, files, (*scenario.warnings, *remarks), None)
 
 
-def draw_model(case: Path, overrides: Sequence[str], folder: Path) -> list[Path]:
+def draw_model(valid: Validated, folder: Path, stem: str) -> list[Path]:
     """Draw the model of a valid case; returns the picture.
 
     Raises
@@ -61,13 +65,12 @@ def draw_model(case: Path, overrides: Sequence[str], folder: Path) -> list[Path]
     """
     from beamsim.plots.model import save_model
     from beamsim.plots.style import shown_in
-    from beamsim.scenario import load_scenario
     from beamsim.system.build import build_system
 
-    scenario = load_scenario(case, overrides)
-    system = build_system(scenario, assessed=False)
+    scenario = valid.scenario
+    system = valid.system or build_system(scenario, assessed=False)
     with shown_in(scenario.display_scales):
-        return save_model(scenario, system.stations, {stop.name: stop for stop in system.snubbers}, folder, case.stem)
+        return save_model(scenario, system.stations, {stop.name: stop for stop in system.snubbers}, folder, stem)
 
 
 def schema_text() -> str:

@@ -18,7 +18,7 @@ from beamsim.structures.several import assemble_side_by_side
 
 if TYPE_CHECKING:
     from beamsim.scenario import Located, Scenario
-    from beamsim.structures.matrices import FileSummary
+    from beamsim.structures.file_summary import FileSummary
     from beamsim.structures.structure import BodyStructure, Coupling, Structure
 
 

@@ -17,6 +17,7 @@ from beamsim.structures.damping import damping_matrix
 from beamsim.structures.dissection import dissection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
+from beamsim.structures.file_summary import FileSummary, summary_of
 from beamsim.structures.imported import (
     CONDENSED_UP_TO,
     GROUNDED,
@@ -28,7 +29,6 @@ from beamsim.structures.imported import (
 )
 from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.structures.places import Place, Site, SpringEnd
-from beamsim.structures.plausible_units import SizeAndMass, size_and_mass
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.rigid_motion import orthonormal_in_mass
 from beamsim.structures.stations import NODES, Recovery
@@ -72,6 +72,7 @@ class MatricesStructure(BodyStructure):
     factors: SymmetricLU | None = None  # of K, where they are known
     order: Ints | None = None  # (N,) of elimination, of a large model whose nodes have coordinates
     notes: tuple[str, ...] = field(default=())
+    read: FileSummary | None = None  # None of matrices that no body of a scenario names
     _influences: dict[BaseDirection, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
     _counted: dict[float, int] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -107,6 +108,11 @@ class MatricesStructure(BodyStructure):
     def remarks(self) -> tuple[str, ...]:
         """What was done to the matrices of the files."""
         return tuple(f"{self.name}: {note}" for note in self.notes)
+
+    @property
+    def file_summary(self) -> FileSummary | None:
+        """What its files hold."""
+        return self.read
 
     @property
     def most_modes(self) -> int:
@@ -374,40 +380,10 @@ def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any
     """
     with _located(name):
         given = read_matrices_of(section)
+        found = summary_of(given, section, name)
         if section.base != "free":
             given = replace(given, base=section.base.nodes, direction=section.base.direction)
-        return structure_of(given, section.damping, name)
-
-
-@dataclass(frozen=True)
-class FileSummary:
-    """What the files of a body hold, in SI units, as they are taken."""
-
-    body: str
-    degrees_of_freedom: int
-    units: str  # of the files
-    by_default: bool  # whether the units were not stated
-    found: SizeAndMass
-    remarks: tuple[str, ...]
-
-    @property
-    def text(self) -> str:
-        """In words."""
-        units = f"{self.units}, the default" if self.by_default else self.units
-        return (
-            f"{self.body}: {self.degrees_of_freedom} degrees of freedom, {self.found.text}; units of its files: {units}"
-        )
-
-    @property
-    def as_json(self) -> dict[str, Any]:
-        """For ``--json``."""
-        return {
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "units": self.units,
-            "units_by_default": self.by_default,
-            "mass_kg": self.found.mass,
-            "extent_m": None if self.found.extent is None else self.found.extent.tolist(),
-        }
+        return replace(structure_of(given, section.damping, name), read=found)
 
 
 def summarise_files(section: MatricesBody, name: str) -> FileSummary:
@@ -419,9 +395,7 @@ def summarise_files(section: MatricesBody, name: str) -> FileSummary:
         At the key of the body that is wrong.
     """
     with _located(name):
-        given = read_matrices_of(section)
-    count = len(given.table.dofs)
-    return FileSummary(name, count, given.units, section.units is None, size_and_mass(given), given.remarks)
+        return summary_of(read_matrices_of(section), section, name)
 
 
 @contextmanager

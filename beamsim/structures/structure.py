@@ -24,6 +24,7 @@ from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.structures.basis import ReducedBasis
+    from beamsim.structures.file_summary import FileSummary
     from beamsim.structures.stations import Recovery
     from beamsim.structures.supports import Support
 
@@ -284,6 +285,11 @@ class Structure(ABC):
 
 class BodyStructure(Structure, ABC):
     """One body; a kind of body is a subclass."""
+
+    @property
+    def file_summary(self) -> FileSummary | None:
+        """What the files hold that it was read from; None without files."""
+        return None
 
     @property
     def members(self) -> tuple[MemberBody, ...]:

@@ -215,6 +215,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         cubic=cubic,
         springs=springs,
         outputs=output_rows(parts, recoveries, contact_sites, contacts, forcing) if recovered else (),
+        files=tuple(each for member in parts.structure.members if (each := member.body.file_summary) is not None),
         warnings=(
             *parts.structure.remarks,
             *distant_joints(parts),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from beamsim.structures.stations import Recovery, Stations, StressRows, stress_r
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.outputs import OutputRows
 from beamsim.typing import Floats
+
+if TYPE_CHECKING:
+    from beamsim.structures.file_summary import FileSummary
 
 
 @dataclass(frozen=True)
@@ -119,6 +123,7 @@ class StructuralSystem:
     springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; their laws follow the snubbers in ``dynamics.contacts``
     outputs: tuple[OutputRows, ...] = ()  # that the scenario asks for
     warnings: tuple[str, ...] = ()
+    files: tuple[FileSummary, ...] = ()  # of the bodies that are read from files
     base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
     sine: SineLoads | None = None  # how the loads follow a sine; None where the excitation is none
 

@@ -44,6 +44,7 @@ from beamsim.flow.stopping import Stopped, heeding, never
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
+from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 
 if TYPE_CHECKING:
@@ -73,11 +74,11 @@ def run(
     begin = clock.perf_counter()
     if scenario.run is None:
         raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
-    settings = scenario.run
+    settings, shared = scenario.run, SharedBuilds()
     if isinstance(settings.start, OrbitStart):
-        scenario, system = built_at_orbit(scenario, build_system)
+        scenario, system = built_at_orbit(scenario, lambda at_rest: build_system(at_rest, shared))
     else:
-        system = build_system(scenario)
+        system = build_system(scenario, shared)
     times = output_times(settings)
     solve, in_stretches = exact_motion_of, False
     if steps_in_time(system, settings):
@@ -147,12 +148,12 @@ def run(
         if result.srs is not None:
             summary["srs"] = result.srs.summary()
     if in_stretches:
-        checked = checked_on_first_part(scenario, system, motion, stop)
+        checked = checked_on_first_part(scenario, system, motion, shared, stop)
     else:
         sampled_at = np.zeros(0) if result.random is None else result.time
         of_probes = {key: spectra[key] for key in spectra if key[0] in result.probes}
         derived = DerivedFigures(scenario, of_probes, result.random, sampled_at, result.srs)
-        checked = convergence_of(scenario, system, motion, summary, derived, stop)
+        checked = convergence_of(scenario, system, motion, summary, derived, shared, stop)
     if checked is not None:
         result = with_convergence(result, checked)
         summary |= checked.summary()

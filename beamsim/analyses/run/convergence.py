@@ -55,6 +55,7 @@ from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Run, Scenario
+    from beamsim.system.shared import SharedBuilds
 
 WORTHLESS = 0.5  # relative change of the displacements beyond which the default model is not to be used
 MORE_MODES = 1.5
@@ -129,6 +130,7 @@ def check_convergence(
     scenario: Scenario,
     first: Solution,
     derived: DerivedFigures,
+    shared: SharedBuilds,
     solve: Callable[[StructuralSystem], Solution] | None,
     disturbed: Callable[[float, float], ContactEvents] | None,
 ) -> Convergence:
@@ -138,6 +140,7 @@ def check_convergence(
     ----------
     first : the solution whose figures are reported.
     derived : its spectra and statistics.
+    shared : what its system was built from.
     solve : solves the finer model; None where there can be none.
     disturbed : see `sensitivity`; None of a motion from time stepping.
     """
@@ -154,7 +157,7 @@ def check_convergence(
     first = replace(first, figures=_of_modes(first.figures, modes))
     finer = scenario.refined(math.ceil(MORE_MODES * modes))
     try:
-        second = solve(build_system(finer, assessed=False))
+        second = solve(build_system(finer, shared, assessed=False))
     except ScenarioError as error:
         return Convergence({}, reason="; ".join(problem.message for problem in error.problems))
     parted = parting(first.events, second.events)

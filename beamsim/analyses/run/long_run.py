@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from beamsim.flow.exact import ExactFlow
     from beamsim.inputs.signal import Signal
     from beamsim.scenario import Run, Scenario
+    from beamsim.system.shared import SharedBuilds
 
 
 def check_stretches(system: StructuralSystem, settings: Run) -> None:
@@ -169,7 +170,7 @@ def _compared_s(settings: Run, step: float) -> float:
 
 
 def checked_on_first_part(
-    scenario: Scenario, system: StructuralSystem, motion: RunMotion, stop: Callable[[], bool]
+    scenario: Scenario, system: StructuralSystem, motion: RunMotion, shared: SharedBuilds, stop: Callable[[], bool]
 ) -> Convergence | None:
     """What a finer model changes in the first part of a motion that is not kept as a whole, and when a disturbance
     changes the contacts of the whole."""
@@ -188,7 +189,7 @@ def checked_on_first_part(
         update={"excitation": same, "run": settings.model_copy(update={"duration": duration, "convergence": "on"})}
     )
     assert first.run is not None
-    of_part = build_system(first, assessed=False)
+    of_part = build_system(first, shared, assessed=False)
     part = exact_motion_of(of_part, first.run, output_times(first.run), None, stop)
     if not part.outcome.complete:
         return Convergence({}, reason="interrupted" if part.outcome.interrupted else part.outcome.text)
@@ -200,7 +201,7 @@ def checked_on_first_part(
     probes = {probe.name for probe in of_part.probes}
     of_probes = {key: spectra[key] for key in spectra if key[0] in probes}
     derived = DerivedFigures(first, of_probes, None, np.zeros(0), None)
-    checked = convergence_of(first, of_part, part, figures_of_motion(of_part, part), derived, stop)
+    checked = convergence_of(first, of_part, part, figures_of_motion(of_part, part), derived, shared, stop)
     if checked is None:
         return None
     assert motion.contact_events is not None

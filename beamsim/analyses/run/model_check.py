@@ -20,6 +20,7 @@ from beamsim.system.structural import StructuralSystem
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
+    from beamsim.system.shared import SharedBuilds
 
 
 def convergence_of(
@@ -28,9 +29,13 @@ def convergence_of(
     motion: RunMotion,
     figures: Mapping[str, Any],
     derived: DerivedFigures,
+    shared: SharedBuilds,
     stop: Callable[[], bool],
 ) -> Convergence | None:
-    """What a finer model changes; None where that is not asked for, or the run is not complete."""
+    """What a finer model changes; None where that is not asked for, or the run is not complete.
+
+    ``shared`` keeps what the system was built from: a finer model may have the same matrices.
+    """
     settings = scenario.run
     assert settings is not None
     if settings.convergence == "off" or not motion.outcome.complete:
@@ -58,7 +63,7 @@ def convergence_of(
         with heeding(stop):
             check_stop()  # before a finer model is built
             return check_convergence(
-                scenario, first, derived, None if isinstance(settings.start, OrbitStart) else solve,
+                scenario, first, derived, shared, None if isinstance(settings.start, OrbitStart) else solve,
                 None if motion.trajectory is None else disturbed,
             )  # fmt: skip
     except Stopped:
