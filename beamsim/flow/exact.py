@@ -178,6 +178,7 @@ class ExactFlow:
         watch = state.coefficients(output, self.sources)
         roughness = state.roughness(output, watch)[:, : watched.guards]
         index = self._tables.append(state, watched, watch, np.ascontiguousarray(roughness))
+        state = self._tables.kept_once(index, state)
         largest = float(np.abs(state.exponent).max()), float(np.abs(state.exponent.imag).max())
         self._built_states.append(largest)
         visit = self._visits.setdefault(phases.tobytes(), len(self.visited))

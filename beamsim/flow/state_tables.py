@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from operator import lt
 from typing import TYPE_CHECKING, TypeVar
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from beamsim.flow.kernels import Tables
 
 GROWTH = 4  # of the rows that there is room for; memory is taken when a row is written
+LARGE = 2**17  # bytes, of an array that is not kept twice
 Number = TypeVar("Number", bound=np.generic)
 
 
@@ -111,7 +113,8 @@ class StateTables:
             need = (index + 1, *row.shape)
             if any(map(lt, old.shape, need)):
                 count = GROWTH * need[0] if old.shape[0] < need[0] else old.shape[0]
-                count = count if self.most is None else min(count, self.most)
+                if self.most is not None and GROWTH * count >= self.most:
+                    count = self.most  # the next growth would move all for few more
                 grown = np.zeros(tuple(map(max, old.shape, (count, *row.shape))), dtype=row.dtype)
                 grown[tuple(map(slice, old.shape))] = old
                 self._arrays[name] = old = grown
@@ -120,6 +123,14 @@ class StateTables:
             old[place] = row
         self._link(index)
         return index
+
+    def kept_once(self, index: int, state: ContactState) -> ContactState:
+        """A state whose large arrays are those of the tables, which hold them anyhow."""
+        if state.term_vector.nbytes < LARGE:
+            return state
+        tables, terms, free = self.arrays(), state.term_vector.shape[0], state.projector.shape[0]
+        vector, projector = tables.term_vector[index, :terms], tables.projector[index, :free]
+        return replace(state, term_vector=vector, projector=projector)
 
     def _drop(self, index: int) -> None:
         del self._index[self._phases[index].tobytes()]

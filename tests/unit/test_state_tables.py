@@ -5,7 +5,7 @@ import pytest
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt, no_tension
-from beamsim.flow import contact_state
+from beamsim.flow import contact_state, state_tables
 from beamsim.flow.exact import ExactFlow
 from beamsim.system.equations import PiecewiseLinearSystem
 
@@ -20,7 +20,11 @@ def flow(no_forcing):
                      no_forcing(3), 1.0)  # fmt: skip
 
 
-def test_followers_are_the_states_after_each_guards_event(flow):
+@pytest.mark.parametrize("most", [None, 30])
+def test_followers_are_the_states_after_each_guards_event(flow, most, monkeypatch):
+    """Large states, which are not kept beside the tables, and others."""
+    monkeypatch.setattr(state_tables, "LARGE", 0 if most else state_tables.LARGE)
+    flow.most_states = flow._tables.most = most
     rng = np.random.default_rng(2)
     numbers = [len(law.phases) for law in LAWS]
     every = np.array(np.meshgrid(*map(range, numbers))).reshape(4, -1).T
@@ -34,6 +38,8 @@ def test_followers_are_the_states_after_each_guards_event(flow):
             assert follower[i, guard] == expected
             seen += expected >= 0
     assert seen > 10
+    shared = [np.shares_memory(s.term_vector, flow.tables().term_vector) for s in flow.states]
+    assert sum(shared) == (len(flow.states) - state_tables.GROWTH if most else 0)  # those before the tables grew
 
 
 def test_a_state_is_built_in_one_pass(flow, monkeypatch):
