@@ -62,6 +62,11 @@ class LinearOutput:
         parts = self.row, self.direct, self.direct_slope
         return np.asarray(np.logical_or.reduce([part.any(axis=1) for part in parts]))
 
+    def equal(self, other: LinearOutput) -> Bools:
+        """(k,) whether each output is the other's of the same number."""
+        pairs = (self.row, other.row), (self.direct, other.direct), (self.direct_slope, other.direct_slope)
+        return np.asarray(np.logical_and.reduce([(one == two).all(axis=1) for one, two in pairs]))
+
     def values(self, y: Floats, inputs: Floats, slopes: Floats) -> Floats:
         """(n, k) outputs at states y (n, N), with the inputs and their time derivatives (n, F)."""
         return np.asarray(y @ self.row.T + inputs @ self.direct.T + slopes @ self.direct_slope.T)

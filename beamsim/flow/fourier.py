@@ -68,8 +68,9 @@ class MotionPart:
             free = state.term_source >= flow.sources.count
             fast = np.abs(state.exponent.imag[state.term_basis]) > cut
             high[s, : free.size] = free & fast & (state.power[state.term_basis] == 0)
-        dropped = np.where(high[:, :, None], table, 0.0)
-        return cls(part, table - dropped, dropped)
+        dropped = np.zeros(table.shape, dtype=complex)
+        dropped[high], table[high] = table[high], 0.0
+        return cls(part, table, dropped)
 
     def one(self, index: int) -> MotionPart:
         """The output with this number alone."""
@@ -86,6 +87,11 @@ class MotionPart:
     def segments(self) -> int:
         """Number of pieces between events, breakpoints of the inputs and horizons of the tables."""
         return int(self.motion.time.size)
+
+    @property
+    def work(self) -> int:
+        """Segments times terms times outputs, of all outputs that are worked out together."""
+        return self.segments * (self.whole or self)._terms
 
     def samples(self, count: int) -> Floats:
         """(count, k) at equal steps from the beginning of the part; the end would be the next."""
@@ -108,7 +114,7 @@ class MotionPart:
         m = self.motion
         if not m.exponentials:
             return None
-        return np.asarray(m.square_integrals(self.table + self.dropped) / (m.end - m.time[0]))
+        return np.asarray(m.square_integrals(self.table, self.dropped) / (m.end - m.time[0]))
 
     def integrals(self, omega: Floats) -> Complexes:
         r"""(k, W) :math:`\int x(t) e^{-i \omega (t - t_0)} dt` over the part, t_0 its beginning; omega in rad/s.

@@ -81,8 +81,8 @@ class IntegratedForm:
         return np.asarray(np.einsum("qni,ni->nq", x @ self.form, x))
 
 
-def summed_products(exponent: Complexes, amplitude: Complexes, length: Floats) -> tuple[Complexes, Complexes]:
-    """(T, T) sums over segments of the integrals of ``u_i u_j`` and of ``u_i conj(u_j)``.
+def summed_products(exponent: Complexes, amplitude: Complexes, length: Floats) -> Floats:
+    """(2 T, 2 T) sums over segments of the integrals of products of the terms' real parts, then imaginary parts.
 
     Parameters
     ----------
@@ -91,17 +91,27 @@ def summed_products(exponent: Complexes, amplitude: Complexes, length: Floats) -
     length : (S,) s.
     """
     begin, end = amplitude, amplitude * np.exp(length[:, None] * exponent)
+    before, after = np.concatenate([-begin, end]), np.concatenate([begin, end])
     sums = []
     for conjugate in (False, True):
-        other, first, last = (v.conj() if conjugate else v for v in (exponent, begin, end))
+        other, first, last = (v.conj() if conjugate else v for v in (exponent, begin, after))
         rate = exponent[:, None] + other
         slow = _slow(rate, exponent, float(length.max()))
-        both = (end.T @ last - begin.T @ first) / np.where(slow, 1.0, rate)
+        rate[slow] = 1.0
+        both = before.T @ last
+        both /= rate
         for i, j in zip(*np.nonzero(slow), strict=True):
-            grown = length if rate[i, j] == 0.0 else np.expm1(rate[i, j] * length) / rate[i, j]
+            steady = exponent[i] + other[j]
+            grown = length if steady == 0.0 else np.expm1(steady * length) / steady
             both[i, j] = (begin[:, i] * first[:, j]) @ grown
         sums.append(both)
-    return sums[0], sums[1]
+    plus, minus = sums  # of u_i u_j and of u_i conj(u_j)
+    count = exponent.size
+    out = np.empty((2 * count, 2 * count))
+    out[:count, :count], out[count:, count:] = minus.real + plus.real, minus.real - plus.real
+    out[:count, count:], out[count:, :count] = plus.imag - minus.imag, plus.imag + minus.imag
+    out *= 0.5
+    return out
 
 
 def summed_integrals(

@@ -31,7 +31,7 @@ WORK_A_CALL = 20_000_000  # of a kernel, in products; about a tenth of a second
 EVALUATIONS_A_CALL = 50_000  # of a kernel that searches
 FEW_EVEN = 4096  # samples at equal steps, up to which exponentials of each cost no more than making use of the steps
 MOST_EVEN = 2**16  # ... up to which products of matrices do, and the kernel for them need not be compiled
-EVEN_A_SEGMENT = 16  # ... on the average of the segments, at least
+EVEN_A_SEGMENT = 16  # ... on the average of the segments, or of outputs, at least
 FEW_TIMES = 8  # for each contact state, below which no tables of outputs are made to sample them
 VALUES_A_CALL = 20_000_000  # of terms times outputs, in sampling
 # Gauss-Legendre rules for products of two outputs: points, and how far the fastest motion may turn on a panel, rad; the
@@ -144,7 +144,8 @@ class Trajectory:
         evenly = even.size > 0 and np.abs(times - even).max() <= 4.0 * np.finfo(float).eps * abs(times[-1])
         if self.exponentials and (not evenly or times.size <= FEW_EVEN):
             return self._sample_by_products(times, table, out)
-        if self.exponentials and EVEN_A_SEGMENT * self.segments <= times.size <= MOST_EVEN:
+        spacious = EVEN_A_SEGMENT * self.segments <= times.size or table.shape[2] >= EVEN_A_SEGMENT
+        if self.exponentials and spacious and times.size <= MOST_EVEN:
             return self._sample_equal_steps(times, step, table, out)
         rows = max(1, VALUES_A_CALL // max(table.shape[1] * table.shape[2], 1))
         for first in range(0, times.size, rows):
@@ -186,15 +187,21 @@ class Trajectory:
             begun = self.amplitudes(state, segments)
             acts = begun.any(axis=0)  # what rests may grow without bound
             exponent = state.exponent[state.term_basis][acts]
-            most = int((first - begin)[segments].max())
-            turned = np.exp(step * np.arange(most)[:, None] * exponent).view(float)
+            counts = (first - begin)[segments]
+            turned = np.exp(step * np.arange(int(counts.max()))[:, None] * exponent)
             tau = times[begin[segments]] - self.time[segments]
             terms = begun[:, acts] * np.exp(tau[:, None] * exponent)
             of_terms = table[number, : acts.size][acts]
+            if out.shape[1] * segments.size > counts.sum():  # coefficients of each segment would cost more than samples
+                which = np.repeat(np.arange(segments.size), counts)
+                at = np.arange(which.size) - np.repeat(np.cumsum(counts) - counts, counts)
+                samples = terms[which] * turned[at]
+                out[begin[segments][which] + at] = samples.view(float) @ _real_parts(of_terms)
+                continue
             for segment, amplitude in zip(segments.tolist(), terms, strict=True):
-                part = amplitude[:, None] * of_terms
-                parts = np.stack([part.real, -part.imag], axis=1).reshape(-1, part.shape[1])
-                np.matmul(turned[: first[segment] - begin[segment]], parts, out=out[begin[segment] : first[segment]])
+                parts = _real_parts(amplitude[:, None] * of_terms)
+                steps = turned[: first[segment] - begin[segment]].view(float)
+                np.matmul(steps, parts, out=out[begin[segment] : first[segment]])
 
     def states_at(self, times: Floats) -> Floats:
         """(nt, N) the state: (q, q') and the contacts' internal states."""
@@ -446,32 +453,56 @@ class Trajectory:
                 at = np.arange(visits.size)
             else:
                 visits, at = np.unique(visits, return_inverse=True)
-            begin = self.amplitudes(state, visits)
             factors = table[number, : state.term_basis.size]
             left, right = factors[:, : weight.shape[0]], factors[:, weight.shape[0] :]
-            acting = left.any(axis=0) & right.any(axis=0)  # open contacts have no force
-            columns = ((acting & (w != 0.0)).nonzero()[0] for w in weight.T)
-            of_sums = [forms([(left[:, c] * w[c], right[:, c])]) for c, w in zip(columns, weight.T, strict=True)]
-            longest = float(tau[entries].max())
-            form = IntegratedForm.of(state.exponent[state.term_basis], np.stack(of_sums, axis=1), longest)
-            out[entries] = form(begin, at, tau[entries])
+            acting = np.asarray(left.any(axis=0) & right.any(axis=0))[:, None]  # open contacts have no force
+            form = _integrated(state, left, right, acting * weight, float(tau[entries].max()))
+            out[entries] = form(self.amplitudes(state, visits), at, tau[entries])
         return np.zeros(0, dtype=np.int64)
+
+    def work_of_segments(self, left_of: OutputOf, right_of: OutputOf, weight: Floats) -> Floats:
+        """(S, Q) integrals over each segment of ``sum_k weight[k, q] left_k right_k``.
+
+        Without powers of time coefficients are worked out one contact state after the other, once where both factors
+        are equal, and not of products that are zero, as those of open contacts are.
+        """
+        if not self.exponentials:
+            table = self.flow.output_table(lambda phases: left_of(phases).above(right_of(phases)))
+            return self.segment_integrals(table, weight)
+        out, sources = np.empty((self.time.size, weight.shape[1])), self.flow.sources
+        for number in visited_states(self.state):
+            check_stop()
+            state, segments = self.flow.states[number], np.flatnonzero(self.state == number)
+            left, right = left_of(state.phases), right_of(state.phases)
+            acting = (left.acts & right.acts).nonzero()[0]
+            left, right = left.some(acting), right.some(acting)
+            of_left = of_right = state.coefficients(left, sources)
+            other = (~left.equal(right)).nonzero()[0]
+            if other.size:
+                of_right = of_left.copy()
+                of_right[:, other] = state.coefficients(right.some(other), sources)
+            length = self.length[segments]
+            form = _integrated(state, of_left, of_right, weight[acting], float(length.max()))
+            out[segments] = form(self.amplitudes(state, segments), np.arange(segments.size), length)
+        return out
 
     def amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
         """(n, T) amplitudes of the terms where segments of one contact state begin; without powers of time."""
         given = self.flow.sources.amplitudes_at(self.time[segments], self.piece[segments])
         return state.amplitudes(given, self.y[segments])[:, state.term_source]
 
-    def square_integrals(self, table: Complexes) -> Floats:
-        """(k,) integrals over the whole motion of the squares of outputs (S, T, k); without powers of time."""
-        total = np.zeros(table.shape[2])
+    def square_integrals(self, *tables: Complexes) -> Floats:
+        """(k,) integrals over the whole motion of the squares of outputs whose coefficients (S, T, k) are the sum of
+        tables; without powers of time."""
+        total = np.zeros(tables[0].shape[2])
         for number in np.unique(self.state):
             check_stop()
             state, segments = self.flow.states[number], np.flatnonzero(self.state == number)
-            c = table[number, : state.term_basis.size]
+            coefficients = sum(table[number, : state.term_basis.size] for table in tables)
             exponent = state.exponent[state.term_basis]
-            plus, minus = summed_products(exponent, self.amplitudes(state, segments), self.length[segments])
-            total += 0.5 * ((plus @ c) * c + (minus @ c.conj()) * c).real.sum(axis=0)
+            sums = summed_products(exponent, self.amplitudes(state, segments), self.length[segments])
+            c = np.concatenate([coefficients.real, -coefficients.imag])
+            total += np.einsum("ik,ik->k", sums @ c, c)
         return total
 
     def _integrals(self, times: Floats, table: Complexes, weight: Floats, after: float = 0.0) -> Floats:
@@ -490,6 +521,15 @@ class Trajectory:
         return out
 
 
+def _integrated(
+    state: ContactState, left: Complexes, right: Complexes, weight: Floats, longest: float
+) -> IntegratedForm:
+    """Integrals of weighted products of outputs with coefficients (T, K), over times of up to ``longest``, s."""
+    columns = (w.nonzero()[0] for w in weight.T)
+    of_sums = [forms([(left[:, c] * w[c], right[:, c])]) for c, w in zip(columns, weight.T, strict=True)]
+    return IntegratedForm.of(state.exponent[state.term_basis], np.stack(of_sums, axis=1), longest)
+
+
 def _not_beyond(times: Floats, start: Floats, length: Floats) -> Floats:
     """Times that round-off does not put behind the ends of their segments, where there may be none."""
     return np.where(times - start > length, np.nextafter(times, start), times)
@@ -502,6 +542,11 @@ def _groups(exponent: Complexes, power: Ints) -> tuple[Ints, Ints]:
     degree = np.zeros(len(values), dtype=np.int64)
     np.maximum.at(degree, group, power)
     return group, degree
+
+
+def _real_parts(table: Complexes) -> Floats:
+    """(2 T, k) what real and imaginary parts of terms in turn give of the real parts of outputs (T, k) of them."""
+    return np.stack([table.real, -table.imag], axis=1).reshape(-1, table.shape[1])
 
 
 def _both_signs(table: Complexes, signs: int) -> Complexes:

@@ -58,14 +58,22 @@ def test_even_samples_of_a_short_run_need_no_kernel(monkeypatch):  # type: ignor
     whole, outputs = motion("configs/one_sided_65hz.yaml")
     kernel, calls = march_kernels.sample_evenly, []
     monkeypatch.setattr(march_kernels, "sample_evenly", lambda *arguments: calls.append(1) or kernel(*arguments))
-    for begin, end in ((0.0, whole.end), (0.011, 0.043)):  # from the first segment, and within others
+    # from the first segment, within others, and of so many outputs that the samples of a contact state go together
+    for begin, end, copies in ((0.0, whole.end, 1), (0.011, 0.043, 1), (0.011, 0.043, 200)):
         times = np.linspace(begin, end, FEW_EVEN + 1)
-        products = whole.sample(times, outputs)
+
+        def together(phases, copies=copies):  # type: ignore[no-untyped-def]
+            one = outputs(phases)
+            return one.some(np.tile(np.arange(one.row.shape[0]), copies))
+
+        inside = (whole.time > begin) & (whole.time < end)
+        assert (inside.sum() * together(whole.flow.visited[0]).row.shape[0] > times.size) == (copies > 1)
+        products = whole.sample(times, together)
         assert not calls
         with monkeypatch.context() as patch:
             patch.setattr(trajectory, "MOST_EVEN", 0)
-            by_kernel = whole.sample(times, outputs)
-        assert len(calls) == 1
+            by_kernel = whole.sample(times, together)
+        assert calls
         calls.clear()
         assert np.all(np.abs(products - by_kernel).max(axis=0) <= 1e-11 * np.abs(by_kernel).max(axis=0))
 

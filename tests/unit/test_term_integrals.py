@@ -67,7 +67,9 @@ def test_work_and_loss_are_those_of_the_compiled_closed_form(damping):
     compiled = motion._integrals(times, table, weight)
     largest = np.abs(compiled[:, 1]).max()
     np.testing.assert_allclose(motion.integrals(times, table, weight), compiled, rtol=0.0, atol=1e-12 * largest)
-    whole = motion.segment_integrals(table, weight).sum(axis=0)
+    segments = motion.segment_integrals(table, weight)
+    np.testing.assert_allclose(motion.work_of_segments(*power_factors(motion.flow)), segments, atol=1e-12 * largest)
+    whole = segments.sum(axis=0)
     np.testing.assert_allclose(whole, motion._integrals(np.array([60.0]), table, weight)[0], atol=1e-12 * largest)
 
 

@@ -128,9 +128,7 @@ def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
         begin = float(trajectory.time[0])
         return energy_history(trajectory, begin + (trajectory.end - begin) * FEW_TIMES)
     with np.errstate(over="ignore", invalid="ignore"):
-        left, right, weight = power_factors(flow)
-        table = flow.output_table(lambda phases: stack(left(phases), right(phases)))
-        integrals = trajectory.segment_integrals(table, weight)
+        integrals = trajectory.work_of_segments(*power_factors(flow))
         sums = np.vstack([np.zeros(2), np.cumsum(integrals, axis=0)])
         events = np.cumsum(trajectory.event_losses().sum(axis=1))
         sums[:, 0] += np.append(events, events[-1:])

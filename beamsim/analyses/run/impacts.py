@@ -232,9 +232,7 @@ def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
         last = first + part.time.size
         inside = segments[(segments >= first) & (segments < last)]
         if inside.size:
-            left, right, weight = _factors(part.flow, contact)
-            table = np.concatenate([part.flow.output_table(left), part.flow.output_table(right)], axis=2)
-            out[inside] = part.only(inside - first).segment_integrals(table, weight)
+            out[inside] = part.only(inside - first).work_of_segments(*_factors(part.flow, contact))
         first = last
     return out
 
