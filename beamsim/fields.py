@@ -25,7 +25,8 @@ groups around it.
 Fields that are None are left out of the file. A field that a file lacks gets its default, so that a file written before
 the field was added still opens. Fields without a declaration are not stored.
 
-An array that takes work to compute may be given as `later`: it is computed when the field is first read, and then kept.
+An array that takes work to compute, or a `deferred` attribute, may be given as `later`: it is computed when the field
+is first read, and then kept.
 `changed` replaces other fields without reading it. A history may be given as `by_rows`, so that who takes it in parts
 by `rows_of` (the writer of result files, plots, exports) never holds the whole of it.
 """
@@ -188,6 +189,7 @@ class Attribute:
     at: str = ""  # the group or dataset that carries it, where it is not that of the dataclass
     codec: str = ""  # "json", "scenario" or "failures" where it is stored as text, "outcome" for an `Outcome`
     null: Any = float("nan")  # what stands for a number that JSON cannot hold
+    deferred: bool = False  # whether it may be given as `later`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -301,10 +303,11 @@ def per_name(
 
 def attribute(
     unit: str, meaning: str, *, name: str = "", at: str = "", codec: str = "", null: Any = float("nan"),
-    default: Any = _REQUIRED, default_factory: Any = _REQUIRED,
+    deferred: bool = False, default: Any = _REQUIRED, default_factory: Any = _REQUIRED,
 ) -> Any:  # fmt: skip
-    """A number or text that belongs to the group (or to what is at ``at`` in it); ``codec`` as in `Attribute`."""
-    kept = Attribute(unit=unit, meaning=meaning, name=name, at=at, codec=codec, null=null)
+    """A number or text that belongs to the group (or to what is at ``at`` in it); ``codec`` and ``deferred`` as in
+    `Attribute`."""
+    kept = Attribute(unit=unit, meaning=meaning, name=name, at=at, codec=codec, null=null, deferred=deferred)
     return _field(kept, default, default_factory)
 
 
@@ -381,7 +384,7 @@ class _Later:
 
 
 def later(compute: Callable[[], _Value]) -> _Value:
-    """An array for a declared field, computed when the field is first read."""
+    """An array, or a `deferred` attribute, for a declared field, computed when the field is first read."""
     return _Later(compute)  # type: ignore[return-value]
 
 
@@ -440,8 +443,8 @@ def changed(owner: _Value, **changes: Any) -> _Value:
     return type(owner)(**{**kept, **changes})
 
 
-class _Array:
-    """Attribute of a class that may be given as `later`."""
+class _Deferred:
+    """Field of a class that may be given as `later`."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -458,15 +461,21 @@ class _Array:
         vars(owner)[self.name] = value
 
 
-def _with_arrays(cls: Any) -> Any:
-    """A declared dataclass whose arrays may be given as `later`; they are computed before it is pickled."""
-    declarations = [(f.name, f.metadata.get(_DECLARED)) for f in dataclasses.fields(cls)]
-    arrays = [name for name, kept in declarations if isinstance(kept, Dataset) and (kept.along or kept.scale)]
-    for name in arrays:
-        setattr(cls, name, _Array(name))
-    if arrays:
+def _with_deferred(cls: Any) -> Any:
+    """A declared dataclass whose arrays and `deferred` attributes may be given as `later`; they are computed before it
+    is pickled."""
+    names = [f.name for f in dataclasses.fields(cls) if _may_wait(f.metadata.get(_DECLARED))]
+    for name in names:
+        setattr(cls, name, _Deferred(name))
+    if names:
         cls.__getstate__ = lambda self: {name: getattr(self, name) for name in vars(self)}
     return cls
+
+
+def _may_wait(declaration: Declaration | None) -> bool:
+    if isinstance(declaration, Dataset):
+        return bool(declaration.along) or declaration.scale
+    return isinstance(declaration, Attribute) and declaration.deferred
 
 
 @dataclass_transform(
@@ -478,13 +487,13 @@ def _with_arrays(cls: Any) -> Any:
 )  # fmt: skip
 def declared(cls: _Class) -> _Class:
     """A frozen dataclass whose fields are declared."""
-    return _with_arrays(dataclass(frozen=True)(cls))  # type: ignore[no-any-return]
+    return _with_deferred(dataclass(frozen=True)(cls))  # type: ignore[no-any-return]
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(attribute, ending, dataclasses.field))
 def declared_base(cls: _Class) -> _Class:
     """The same with keywords only, so that classes derived from it may begin with fields without a default."""
-    return _with_arrays(dataclass(frozen=True, kw_only=True)(cls))  # type: ignore[no-any-return]
+    return _with_deferred(dataclass(frozen=True, kw_only=True)(cls))  # type: ignore[no-any-return]
 
 
 def stored(field: Any) -> Callable[[_Function], _Function]:

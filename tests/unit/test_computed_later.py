@@ -15,6 +15,7 @@ from beamsim.analyses.run.figures import refine_extremes
 from beamsim.analyses.run.outputs import bending_stress, exact_flow, in_every_state, output_groups
 from beamsim.cli.report import table_rows
 from beamsim.fields import RowBlocks, _Later, attribute, changed, dataset, declared, later
+from beamsim.flow import fourier
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.kernels import TOGETHER
 from beamsim.flow.trajectory import Trajectory
@@ -34,6 +35,7 @@ class Curve:
     name: str = attribute("", "name")
     values: Floats = dataset("m", "values", along=("n",))
     more: Floats | None = dataset("m", "more", along=("n",), default=None)
+    size: float | None = attribute("m", "size", deferred=True, default=None)
 
 
 @dataclass
@@ -56,11 +58,12 @@ def test_a_field_is_computed_once_for_all_copies():
     second = changed(first, name="b")
     assert compute.count == 0
     assert not is_computed(first, "values")
-    assert (second.name, second.more) == ("b", None)
+    assert (second.name, second.more, second.size) == ("b", None, None)
     np.testing.assert_array_equal(second.values, np.arange(3.0))
     assert is_computed(first, "values")
     assert first.values is second.values
     assert compute.count == 1
+    assert changed(first, size=later(lambda: 2.0 * compute.count)).size == 2.0
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(Curve("a", later(compute)))).values, np.arange(3.0))
     with pytest.raises(AttributeError):
         first.values = np.zeros(3)
@@ -68,7 +71,7 @@ def test_a_field_is_computed_once_for_all_copies():
 
 @pytest.fixture
 def calls(monkeypatch):
-    """How often searches for extremes were begun, and energies were sampled."""
+    """How often searches for extremes were begun, energies sampled, and bounds on folding worked out."""
     counted = Counter()
 
     def counting(owner, name):
@@ -83,6 +86,7 @@ def calls(monkeypatch):
     counting(Trajectory, "maxima")
     counting(histories, "energies")
     counting(energy, "energy_history")
+    counting(fourier, "folded_by_products")
     return counted
 
 
@@ -96,13 +100,16 @@ def test_a_summary_costs_one_search_a_model_and_no_history(calls, tmp_path):
     assert not any(is_computed(tip, name) for name in ARRAYS)
     assert not any(is_computed(snubber, name) for name in ("force", "penetration", "closed"))
     assert not is_computed(result.energy, "work_in")
+    curves = result.spectra.values()
+    assert not any(is_computed(s, name) for s in curves for name in ("amplitude", "amplitude_db", "folded"))
     assert not is_computed(result.bodies["beam"], "peak_bending_stress")
     write_result(result, tmp_path / "run.h5")
-    assert calls == {"maxima": 3, "energies": 1}
+    written = {"maxima": 3, "energies": 1, "folded_by_products": 1}
+    assert calls == written
     assert is_computed(tip, "displacement")
     stored = open_run(tmp_path / "run.h5")
     np.testing.assert_array_equal(stored.probes["tip"].absolute_acceleration, tip.absolute_acceleration)
-    assert calls == {"maxima": 3, "energies": 1}
+    assert calls == written
 
 
 def test_extremes_that_are_searched_for_together_are_those_of_each_alone():

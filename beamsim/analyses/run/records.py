@@ -20,6 +20,7 @@ from beamsim.flow.fourier import MotionPart
 from beamsim.typing import Complexes, Floats
 
 MOST_TERMS = 5_000_000  # segments x basis functions x frequencies, above which a projection takes the samples
+MOST_DEFERRED = 50_000_000  # segments x terms x outputs, above which a bound on folding does not wait until it is read
 RECTANGULAR = Window("rectangular")
 
 
@@ -49,6 +50,10 @@ class Record(Protocol):
 
     def folded(self, window: Window) -> float | None:
         """Bound on the amplitude that folds into a line of the spectrum; None where that is not known."""
+
+    @property
+    def brief(self) -> bool:
+        """Whether `folded` takes so little time that it may wait until it is read, after a request to stop too."""
 
     def rms(self) -> float:
         """Root mean square, mean included."""
@@ -91,6 +96,11 @@ class SampledRecord:
             return None
         coarse = window.amplitudes(self.x)
         return float(np.abs(coarse - window.amplitudes(self.finer)[: coarse.size])[: -1 or None].max(initial=0.0))
+
+    @property
+    def brief(self) -> bool:
+        """Two transforms."""
+        return True
 
     def rms(self) -> float:
         """Of the samples."""
@@ -162,6 +172,11 @@ class MotionRecord:
         curvature = float(np.abs(window.cosines) @ (np.arange(window.cosines.size) * turn) ** 2)
         bound += 0.0163 * step**3 * curvature * float(np.max(np.abs(self.x)))
         return 2.0 * bound / float(window.transform(np.zeros(1), self.duration)[0].real)
+
+    @property
+    def brief(self) -> bool:
+        """Whether the sums over the pieces of all outputs are done in about half a second."""
+        return self.part.work <= MOST_DEFERRED
 
     def rms(self) -> float:
         """In closed form where the motion is made of exponentials alone, else of the samples."""

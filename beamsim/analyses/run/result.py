@@ -217,6 +217,7 @@ class Spectrum:
         "{unit}",
         "bound on the amplitude that sampling adds to the curve; of a time-stepped motion what finer samples show. "
         "Lines are free of it, but for those of time-stepped motions and of inputs with many pieces",
+        deferred=True,
         default=None,
     )
     rms: float | None = attribute(

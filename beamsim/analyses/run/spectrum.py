@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from beamsim.analyses.run.records import SampledRecord
 from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.run.windows import Window
 from beamsim.dataclass import dataclass
+from beamsim.fields import later
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -144,24 +145,27 @@ def spectrum_of(
     """
     shape, x, rate = Window.named(window), record.x, record.rate
     peak = float(np.max(np.abs(x)))
-    amplitude = _windowed_amplitude(x, shape)
-    kept = record.band(amplitude.size)
-    bound = record.folded(shape)
+    kept = record.band(x.size // 2 + 1)
+
+    @cache
+    def amplitude() -> Floats:
+        return _windowed_amplitude(x, shape)[:kept]
+
     lines = _lines(record, excitation_hz, peak, shape.one_sided, residual_hz, chosen_hz) if np.isfinite(peak) else ()
     return Spectrum(
         probe=probe,
         quantity=quantity,
         unit=unit,
-        frequency_hz=np.arange(kept) * rate / x.size,
-        amplitude=amplitude[:kept],
-        amplitude_db=amplitude_db(amplitude[:kept], peak),
+        frequency_hz=later(lambda: np.arange(kept) * rate / x.size),
+        amplitude=later(amplitude),
+        amplitude_db=later(lambda: amplitude_db(amplitude(), peak)),
         excitation_hz=excitation_hz,
         window=window,
         start_s=float(record.time[0]),
         duration_s=x.size / rate,
         lines=lines,
         rate_hz=rate,
-        folded=bound,
+        folded=later(partial(record.folded, shape)) if record.brief else record.folded(shape),
         rms=record.rms(),
     )
 
