@@ -276,16 +276,21 @@ def drawn_parameters(scenario: Schema, draws: Mapping[str, list[Any]]) -> tuple[
     ScenarioError
         Located in ``draws``.
     """
-    parameters, problems = [], []
+    parameters, problems, taken = [], [], dict[Path, str]()
     for path, values in draws.items():
-        if not isinstance(values, list) or not values:
-            problems.append(Problem(f"draws[{path!r}]", "is not a list of values", _LIST_EXAMPLE))
+        if not values:
+            problems.append(Problem(f"draws[{path!r}]", "has no values", "give one value for each case"))
             continue
         try:
             parameters.append(_drawn_parameter(scenario, path, values))
         except PydanticCustomError as error:
             context = error.context or {}
             problems.append(Problem(f"draws[{path!r}]", context["message"], context["remedy"]))
+            continue
+        others = (taken.setdefault(place, path) for place in parameters[-1].places)
+        if other := next((name for name in others if name != path), None):
+            remedy = "give the values of every number once"
+            problems.append(Problem(f"draws[{path!r}]", f"names a number that {other} names too", remedy))
     counts = {parameter.path: len(parameter.values) for parameter in parameters}
     if len(set(counts.values())) > 1:
         given = ", ".join(f"{count} of {path}" for path, count in counts.items())

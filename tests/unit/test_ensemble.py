@@ -97,6 +97,18 @@ def test_seeds_of_a_random_input_are_realisations(scenario):
         ({"chain.snubbers.stop.stiffness": [1e3, -5.0]}, (), "chain.snubbers.stop.stiffness = -5 N/m: "),
         ({"chain.snubbers.stop.gap": [0.0, float("nan")]}, (), "chain.snubbers[0].gap"),
         ({"chain.snubbers.stop.gap": [0.0]}, ("peak_forse",), "did you mean peak_force?"),
+        ({"chain.snubbers.stop.gap": [0.0]}, "peak_forse", "did you mean peak_force?"),
+        # one of the two won without a word
+        (
+            {"chain.snubbers.stop.gap": [0.0], "chain.snubbers[0].gap": [1e-3]},
+            (),
+            "that chain.snubbers.stop.gap names too",
+        ),
+        ({"chain.snubbers.stop.gap": 1e-3}, (), "is a single value; give one value for each case"),
+        ({"chain.snubbers.stop.gap": np.zeros((2, 3))}, (), "is an array of the shape (2, 3)"),
+        ({"chain.snubbers.stop.gap": [[0.0], [0.0, 1.0]]}, (), "is no array"),
+        ({"chain.snubbers.stop.gap": [1j]}, (), "has values of type complex128"),
+        ({"chain.snubbers.stop.gap": []}, (), "has no values"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused_with_its_place(scenario, draws, responses, message):
@@ -104,6 +116,8 @@ def test_what_cannot_be_drawn_is_refused_with_its_place(scenario, draws, respons
         beamsim.ensemble(scenario, draws, responses)
     assert message in str(refused.value)
     assert all(problem.remedy for problem in refused.value.problems)
+    with pytest.raises(beamsim.ScenarioError, match="workers = 0 is no number of workers"):
+        beamsim.ensemble(scenario, {"chain.snubbers.stop.gap": [0.0]}, workers=0)
 
 
 def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path, monkeypatch):

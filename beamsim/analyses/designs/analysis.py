@@ -16,6 +16,7 @@ from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_designs
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine, on_threads
+from beamsim.errors import Problem, ScenarioError
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
@@ -49,11 +50,15 @@ def design_study(
     Raises
     ------
     ScenarioError
-        If the scenario of a case is invalid.
+        If the scenario of a case is invalid, or there are fewer workers than one.
     NotTrustedError
         If workers end unexpectedly; `each` has been called for all solved cases.
     """
     begin = clock.perf_counter()
+    if workers is not None and workers < 1:
+        raise ScenarioError(
+            Problem("workers", f"= {workers} is no number of workers", "give 1 or more, or leave it out")
+        )
     if isinstance(scenario, DesignPlan):
         plan = scenario
     else:

@@ -158,13 +158,38 @@ def plan_draws(
     Raises
     ------
     ScenarioError
-        If a path does not exist, a value is not one of its field, or numbers of values differ.
+        If a path does not exist or names the same number as another one, a value is not one of its field, or numbers of
+        values differ.
     """
     if not draws:
         raise ScenarioError(Problem("draws", "is empty", "give values by path: {'snubbers.tip.gap': [0.0, 1e-4]}"))
-    varied = drawn_parameters(scenario, {path: list(np.asarray(values).tolist()) for path, values in draws.items()})
+    varied = drawn_parameters(scenario, _listed(draws))
     columns = [list(parameter.values) for parameter in varied]
+    responses = (responses,) if isinstance(responses, str) else responses
     return _plan(scenario, "draws", varied, columns, _asked(scenario, responses, "responses"), Realisations())
+
+
+def _listed(draws: Mapping[str, Sequence[Value] | NDArray[Any]]) -> dict[str, list[Any]]:
+    """The values of each path; raises a ScenarioError where they are no row of numbers or words."""
+    listed, problems = dict[str, list[Any]](), []
+    for path, values in draws.items():
+        try:
+            array = np.asarray(values)
+        except ValueError:  # lists of different lengths
+            array = np.empty((0, 0))
+        if array.ndim != 1:
+            what = f"an array of the shape {array.shape}" if array.size else "no array"
+            what = "a single value" if array.ndim == 0 else what
+            problems.append(Problem(f"draws[{path!r}]", f"is {what}", "give one value for each case, a row of them"))
+        elif array.size and array.dtype.kind not in "biufUO":
+            problems.append(
+                Problem(f"draws[{path!r}]", f"has values of type {array.dtype}", "give real numbers or text")
+            )
+        else:
+            listed[path] = array.tolist()
+    if problems:
+        raise ScenarioError(problems)
+    return listed
 
 
 def check_cases(plan: DesignPlan) -> None:
