@@ -38,7 +38,17 @@ def _method(result: RunResult, method: str) -> str:
 def _memory(result: RunResult, memory: float) -> str:
     kept = result.summary.get("contact_states_kept")
     text = f"at most {amount(memory, 'B')}"
-    return text if kept is None else f"{text}; {kept} of {result.work.states} contact states kept at once"
+    if kept is None:
+        return text
+    states, settings = result.work.states, result.scenario.run
+    if settings is not None and settings.most_contact_states is not None:
+        all_of_them = f"run.most_contact_states: {states}"
+    else:
+        all_of_them = f"run.memory: {math.ceil(1.1 * memory * states / kept / 1e9):d} GB"
+    return (
+        f"{text}; {kept} of {states} contact states kept at once, the others built again whenever they are needed: "
+        f"{all_of_them} keeps all"
+    )
 
 
 def _at(result: RunResult, entry: str, name: str) -> str:

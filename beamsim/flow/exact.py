@@ -116,6 +116,7 @@ class ExactFlow:
         self._visits: dict[bytes, int] = {}
         self._tables = StateTables(self.system.contacts, self.most_states)
         self._at_start: dict[bytes, FunctionsAtStart] = {}  # of some phases, guards and rates
+        self._there: dict[bytes, ContactState] = {}  # states of another flow that need not be built
         self._step: list[PieceStep] = []  # of each state that is kept, over an equal piece
         self._steps: PieceSteps | None = None
 
@@ -163,8 +164,10 @@ class ExactFlow:
         flow = copy(self)
         flow.most_states = None
         flow._clear()
+        flow._there = {state.phases.tobytes(): state for state in self.states}
         for phases in (self.visited[k] for k in visited):
             flow.state_index(phases)
+        flow._there = {}
         return flow
 
     def state_index(self, phases: Ints) -> int:
@@ -203,6 +206,8 @@ class ExactFlow:
                 self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window, known
             )  # fmt: skip
 
+        if (there := self._there.get(phases.tobytes())) is not None:
+            return there
         contacts = self.system.contacts
         if (
             self.shared is None

@@ -12,6 +12,8 @@ from beamsim.analyses.run.motion import memory_of
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt, no_tension
 from beamsim.errors import ScenarioError
+from beamsim.flow import exact
+from beamsim.flow.contact_state import build_state
 from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.flow.fourier import MotionPart
 from beamsim.flow.transient import simulate
@@ -73,9 +75,15 @@ def test_everything_is_that_of_a_motion_that_keeps_all(law, most):
     np.testing.assert_allclose(*lines, atol=1e-13)
 
 
-def test_parts_hold_no_more_states_than_are_kept():
+def test_parts_hold_no_more_states_than_are_kept_and_build_those_that_are_not(monkeypatch):
+    """All were built anew for each part: with 265 of 334 states kept a run of 100 stops took ten times as long."""
     bounded = simulate(flow_of(4), np.zeros(2 * N))
+    built = []
+    monkeypatch.setattr(exact, "build_state", lambda *given: built.append(given[4]) or build_state(*given))
     parts = list(bounded.parts())
+    kept = {state.phases.tobytes() for state in bounded.flow.states}
+    assert len(built) == sum(state.phases.tobytes() not in kept for part in parts for state in part.flow.states)
+    assert not kept & {phases.tobytes() for phases in built}
     assert len(parts) > 3
     assert all(len(part.flow.states) <= 4 for part in parts)
     assert sum(part.time.size for part in parts) == bounded.time.size
