@@ -73,9 +73,9 @@ def main() -> None:
     if sys.platform == "win32":
         use_utf8(sys.stdout, sys.stderr)
     try:
-        from beamsim.cli.app import app
+        from beamsim.cli.app import app_of
 
-        app(prog_name="beamsim")
+        app_of(sys.argv[1:])(prog_name="beamsim")
     except KeyboardInterrupt:
         sys.exit(130)
 

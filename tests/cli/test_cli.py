@@ -13,7 +13,8 @@ from sampling import slow_after
 from typer.testing import CliRunner
 
 import beamsim
-from beamsim.cli.app import app
+from beamsim.cli import lighter_imports
+from beamsim.cli.app import app, app_of
 from beamsim.cli.failures import verdict
 from beamsim.errors import NotTrustedError, Problem, ResultFileError, ScenarioError
 from beamsim.kinds import TemplateKind
@@ -416,6 +417,36 @@ def test_validate_imports_only_what_it_needs():
     assert collections <= 1  # each goes through the objects of every module
     made, compiled = (int(word) for word in classes.split() if word.isdigit())
     assert compiled < 70 < 100 < made
+
+
+def test_only_the_command_that_is_asked_for_is_described_to_typer():
+    every = len(app.registered_commands)
+    counts = {name: len(app_of([name, "--help"]).registered_commands) for name in ("run", "compare-modes", "rnu", "-h")}
+    assert counts == {"run": 1, "compare-modes": 1, "rnu": every, "-h": every}
+    assert app_of([]) is app
+    assert len(app.registered_commands) == every >= 17
+
+
+def test_a_module_for_later_is_executed_once_when_a_name_of_it_is_asked_for(tmp_path, monkeypatch):
+    (tmp_path / "parent_of_late").mkdir()
+    (tmp_path / "parent_of_late/__init__.py").write_text("executed = []\n")
+    (tmp_path / "parent_of_late/part.py").write_text(
+        "import parent_of_late\nparent_of_late.executed.append(hasattr(parent_of_late.part, 'missing'))\nvalue = 3\n"
+        "def __getattr__(name):\n    if name == 'dynamic':\n        return 4\n    raise AttributeError(name)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    lighter_imports._import_later("parent_of_late", "part")
+    lighter_imports._import_later("parent_of_late", "no_part")
+    import parent_of_late.part
+
+    assert parent_of_late.executed == []
+    from parent_of_late.part import value
+
+    assert (value, parent_of_late.part.dynamic, parent_of_late.executed) == (3, 4, [False])
+    assert type(parent_of_late.part) is type(sys)
+    assert not hasattr(parent_of_late.part, "missing")
+    for name in ("parent_of_late", "parent_of_late.part"):
+        del sys.modules[name]
 
 
 def test_importing_the_package_is_lazy_and_its_names_resolve():
