@@ -23,6 +23,7 @@ TAYLOR = 8  # order of the derivative that is bounded where bounds on the curvat
 CLOSE, PATIENCE = 1e6, 8  # a function within so many round-offs is close to zero; steps there before TAYLOR
 LIKE_NOISE = 1e3  # a value within so many tolerances of an extreme is close to it
 TOGETHER = 64  # outputs whose extremes are searched for in one march
+ROUGHER = 1e3  # round-off of the coordinates of a start, in that of a segment
 AT_ONCE = 1e-10  # share of a segment: a function below zero for so short a time after an event is so by round-off
 
 
@@ -350,13 +351,33 @@ def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _follow_zeros(out, least, tau, slopes):  # type: ignore[no-untyped-def]
-    """Slope, at the start of a segment, of each function that has not risen from zero since; -inf for the others."""
+def _fill_floors_at_start(out, least, floors):  # type: ignore[no-untyped-def]
+    """The same where the motion begins, of functions that rise from zero.
+
+    Their derivatives have decided that they are not negative; round-off of the coordinates is some times `least`.
+    """
+    for j in range(floors.size):
+        if out[0, j] < 0.0 and out[1, j] > 0.0:
+            floors[j] = min(-2.0 * out[0, j], ROUGHER * max(out[3, j], least[j]))
+
+
+@inner
+def _follow_zeros(out, least, tau, slopes, floors):  # type: ignore[no-untyped-def]
+    """Slope, at the start of a segment, of each function that has not risen from zero since; -inf for the others.
+
+    Returns the share of a step to take: half of the first one where a function rises, so that it is seen above zero
+    before it may come back. What has risen has no floor any more.
+    """
+    share = 1.0
     for j in range(least.size):
         if out[0, j] > max(out[3, j], least[j]):
             slopes[j] = -np.inf
+            floors[j] = 0.0
         elif tau == 0.0:
             slopes[j] = out[1, j]
+            if out[1, j] > 0.0:
+                share = 0.5
+    return share
 
 
 @inner

@@ -72,7 +72,7 @@ class LevelControl:
     def __post_init__(self) -> None:
         y = self.flow.bare.whole_state(self.state)
         phases, _, y = self.flow.begin(y)
-        self._motion = Motion(y, self.flow.state_index(phases))
+        self._motion = Motion.beginning(y, self.flow.state_index(phases))
         self._march = CycleMarch(self.flow, self.output_of, np.zeros(0), 1)
         low, high = sorted((self.leg.first_hz, self.leg.last_hz))
         edges = self.specification.edge

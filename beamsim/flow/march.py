@@ -83,10 +83,17 @@ class Motion:
 
     y: Floats  # (N,)
     state: int  # contact state
-    guard: int = -1  # whose event is here; -1: none
+    guard: int = -1  # whose event is here; -1: none, or see `beginning`
     time: float = 0.0  # s; in a sweep since the start of the window
     piece: int = 0  # of the sources, or window of the sweep
     waits: bool = False  # the state after that event is not built
+
+    @classmethod
+    def beginning(cls, y: Floats, state: int) -> Motion:
+        """A motion at t = 0, with the state of `ExactFlow.begin`."""
+        from beamsim.flow.march_kernels import BEGINNING
+
+        return cls(y, state, BEGINNING)
 
     def copy(self) -> Motion:
         """A copy that continues from here."""

@@ -25,6 +25,7 @@ from beamsim.flow.kernels import (
     _exp,
     _fill_basis,
     _fill_floors,
+    _fill_floors_at_start,
     _fill_least,
     _fill_sources,
     _first_internal,
@@ -53,6 +54,7 @@ from beamsim.flow.sweep_kernels import (
     watch_response,
 )
 
+BEGINNING = -2
 DONE, NEED_STATE, BUDGET, FULL, STUCK = 0, 1, 2, 3, 4
 RESTART = 256  # even samples, after which the exponentials are evaluated anew
 IN_A_ROW = 16  # of them, each of which follows from the one before
@@ -129,8 +131,9 @@ def march(  # type: ignore[no-untyped-def]
 ):
     """Carry the state y, updated in place, to ``end``: a time, or in a sweep the number of a window.
 
-    ``guard`` is the one whose event lies at the start (-1: none); ``waits`` says that the state after that event was
-    not built before. Segments and events go into ``log`` (see `beamsim.flow.march.Log`), unless its size is zero.
+    ``guard`` is the one whose event lies at the start (-1: none, or `BEGINNING` of the motion); ``waits`` says that
+    the state after that event was not built before. Segments and events go into ``log`` (see `beamsim.flow.march.Log`),
+    unless its size is zero.
 
     Returns (status, t, piece, state, guard, segments, events, evaluations): DONE at the end; NEED_STATE when the state
     that follows the guard's event is not built (the event is not logged yet, the segment is); FULL when the log is
@@ -231,9 +234,11 @@ def march(  # type: ignore[no-untyped-def]
                 n_eval += 1
                 if tau == 0.0 and guard >= 0:
                     _fill_floors(out, size, nb, forced_size, used, H, floors)
+                elif tau == 0.0 and guard == BEGINNING:
+                    _fill_floors_at_start(out, least, floors)
                 step, hit = _next_step(out, least, floors, reach - tau)
                 if guard < 0:
-                    _follow_zeros(out, least, tau, slopes)
+                    step *= _follow_zeros(out, least, tau, slopes, floors)
                 if hit >= 0:
                     break
                 if swept is None:

@@ -343,7 +343,7 @@ def sweep(
     windows = flow.windows
     y = flow.bare.whole_state(initial_state)
     phases, entered, y = flow.begin(y)
-    motion = Motion(y, flow.state_index(phases))
+    motion = Motion.beginning(y, flow.state_index(phases))
     march = CycleMarch(flow, output_of, np.asarray(orders, dtype=float), windows.cycles)
     march.cycles.closings[0] += entered & flow.system.contacts.touching(phases)
     carried = carry(

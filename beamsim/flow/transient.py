@@ -59,7 +59,7 @@ def start(flow: ExactFlow, initial_state: Floats) -> tuple[Motion, Log]:
     begun = Log.sized(0, y.size)._replace(
         event_time=np.zeros(first.size), event_contact=first, event_phase=phases[first]
     )  # fmt: skip
-    return Motion(y, flow.state_index(phases)), begun
+    return Motion.beginning(y, flow.state_index(phases)), begun
 
 
 def motion_of(flow: ExactFlow, motion: Motion, begun: Log, carried: Carried, processor_time_s: float) -> Trajectory:

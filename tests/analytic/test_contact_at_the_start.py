@@ -157,3 +157,36 @@ def test_a_low_derivative_beside_the_motion_of_a_stiff_stop():
     assert result.events.snubber.tolist() == [0]
     assert result.events.time.tolist() == [0.0]
     assert result.summary["contacts"] == {"stiff": 1, "link": 0}
+
+
+@pytest.mark.parametrize("thrown", [0.008450318427599749, 0.3, 7.0])
+def test_a_mass_thrown_off_its_stop_comes_back_once(thrown):
+    """Under a constant pull x = v t - a t² / 2: the first step of the search ends at the return, not at the start."""
+    mass, pull, stiffness = 0.10748258473142189, 9.361911009323189, 5.25e7
+    chain = {"masses": [mass], "springs": [0.0], "dashpots": [0.0], "snubbers": [
+        {"name": "stop", "mass": 1, "side": "below", "stiffness": stiffness, "gap": 0.0}]}  # fmt: skip
+    step = {"kind": "step", "applied_to": "base", "level": pull, "time": 0.0}
+    returns, contact = 2 * thrown / pull, np.pi * np.sqrt(mass / stiffness)
+    run = {"duration": returns + 3 * contact, "sample_rate": 1e5}
+    result = beamsim.run(case({"velocity": [thrown]}, chain=chain, excitation=step, run=run))
+    assert result.events.time[0] == pytest.approx(returns, rel=1e-12)
+    assert result.events.closing.tolist() == [True, False]
+    assert result.summary["contacts"] == {"stop": 1}
+
+
+def test_a_beam_that_leaves_its_stop_at_once_has_no_contact_by_round_off():
+    """Written in the coordinates of the open contact, the gap of a start on the stop is -5e-18 m."""
+    stop = {"name": "stop", "position": 0.733966278602483, "side": "below", "mounted_on": "ground", "gap": 0.0,
+            "stiffness": 4033647.9429575442, "law": "no_tension"}  # fmt: skip
+    rubs = {"name": "rub", "at": {"position": 0.4241864241340903}, "mounted_on": "base",
+            "coefficient": {"static": 0.18445398964514548, "sliding": 0.13258818627038876},
+            "normal_force": 0.0021443044241516943, "stiffness": 482.63091253335847}  # fmt: skip
+    beam = {"length": 0.733966278602483, "elements": 3, "supports": {"left": "free", "right": "free"},
+            "bending_stiffness": 384.00783844286514, "mass_per_length": 9.139766566837386,
+            "damping": {"kind": "rayleigh", "mass": 9.503687623097424, "stiffness": 2.68607553369523e-05}}  # fmt: skip
+    velocity = [0.0015199066837247711, -0.0008188518900541655, 0.0007941314122146021, -0.0018151208191102021]
+    run = {"duration": 0.001, "start": {"velocity": velocity}, "convergence": "off"}
+    case = {"beam": beam, "reduction": {"modes": "all"}, "snubbers": [stop], "friction": [rubs], "run": run}
+    result = beamsim.run(Scenario.model_validate(case))
+    assert result.summary["contacts"] == {"stop": 0}
+    assert not result.events.time.size
