@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from beamsim.analyses.sweep.outputs import LevelRun
     from beamsim.inputs.drift import CorrectionSize
     from beamsim.scenario import Scenario
-    from beamsim.system.structural import StructuralSystem
+    from beamsim.system.structural import ModeTable, StructuralSystem
 
 SAVED_EVERY_S = 1.0  # between two partial results
 
@@ -187,7 +187,7 @@ class _LevelsDone:
             outcome=reduction_checked(self.outcome(), system.modes),
             curves=dict(curves),
             linear=linear,
-            peaks=tuple(peak for curve in curves.values() for peak in _peaks(curve)),
+            peaks=tuple(peak for curve in curves.values() for peak in _peaks(curve, system.modes)),
             modes=system.modes,
             work=_sum([self.work[index].work for index in sorted(self.work)]),
             levels=dict(self.work),
@@ -260,9 +260,9 @@ def _sum(parts: list[SweepWork]) -> SweepWork:
     )
 
 
-def _peaks(curve: SweepCurve) -> Iterator[ResponsePeak]:
+def _peaks(curve: SweepCurve, modes: ModeTable) -> Iterator[ResponsePeak]:
     for probe in curve.displacement:
-        yield from find_peaks(curve, probe)
+        yield from find_peaks(curve, probe, modes)
 
 
 def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
