@@ -81,6 +81,47 @@ class IntegratedForm:
         return np.asarray(np.einsum("qni,ni->nq", x @ self.form, x))
 
 
+def products_on_segments(
+    exponent: Complexes, amplitude: Complexes, length: Floats, left: Complexes, right: Complexes
+) -> Floats:
+    """(S,) integrals over whole segments of the sum of products of K outputs each.
+
+    What few terms make of one factor (loads, of the power that they bring) costs in proportion to their number.
+
+    Parameters
+    ----------
+    exponent : (T,) of the terms of a contact state.
+    amplitude : (S, T) where the segments begin.
+    length : (S,) s.
+    left, right : (T, K) coefficients of the factors.
+    """
+    terms = left.any(axis=1).nonzero()[0]
+    count, all_terms = terms.size, exponent.size
+    some = left[terms]
+    both = np.concatenate([some.real, some.imag]) @ np.concatenate([right.real, right.imag]).T
+    one, two = both[:count, :all_terms], both[count:, all_terms:]
+    across, back = both[:count, all_terms:], both[count:, :all_terms]
+    factor = np.empty((count, all_terms), dtype=complex)
+    steps = np.concatenate([amplitude, amplitude * np.exp(length[:, None] * exponent)])  # begins, then ends
+    values, grown, longest = np.zeros(steps.shape[0]), np.zeros(length.size), float(length.max())
+    for conjugate in (False, True):
+        partner, other = (steps.conj(), exponent.conj()) if conjugate else (steps, exponent)
+        factor.real = one + two if conjugate else one - two
+        factor.imag = back - across if conjugate else across + back
+        rate = exponent[terms, None] + other
+        i, j = _slow(rate, exponent, longest, terms).nonzero()
+        if i.size:
+            slow = rate[i, j]
+            steady = slow == 0.0
+            over = np.expm1(length[:, None] * slow) / np.where(steady, 1.0, slow)
+            over[:, steady] = length[:, None]
+            grown += ((amplitude[:, terms[i]] * partner[: length.size, j] * over) @ factor[i, j]).real
+            rate[i, j], factor[i, j] = 1.0, 0.0
+        factor /= rate
+        values += np.einsum("st,st->s", steps[:, terms] @ factor, partner).real
+    return np.asarray(0.5 * (values[length.size :] - values[: length.size] + grown))
+
+
 def summed_products(exponent: Complexes, amplitude: Complexes, length: Floats) -> Floats:
     """(2 T, 2 T) sums over segments of the integrals of products of the terms' real parts, then imaginary parts.
 
@@ -143,10 +184,10 @@ def _upper(count: int) -> Floats:
     return np.triu(np.ones((count, count)))
 
 
-def _slow(rate: Complexes, exponent: Complexes, longest: float) -> Bools:
-    """(..., T, T) rates of pairs that are too small for their antiderivative within a time, s."""
+def _slow(rate: Complexes, exponent: Complexes, longest: float, first: Ints | slice = slice(None)) -> Bools:
+    """(..., T, T) rates too small for the antiderivative of a pair within a time, s; ``first``: the pairs' first terms."""
     size = np.abs(exponent)
-    return np.asarray(np.abs(rate) * longest <= SLOW * (1.0 + longest * (size[:, None] + size)))
+    return np.asarray(np.abs(rate) * longest <= SLOW * (1.0 + longest * (size[first, None] + size)))
 
 
 def _ranges(count: int) -> Iterator[slice]:

@@ -17,7 +17,7 @@ from beamsim.flow.peak_bounds import candidates
 from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.state_tables import pad, visited_states
 from beamsim.flow.stopping import check_stop
-from beamsim.flow.term_integrals import IntegratedForm, summed_products
+from beamsim.flow.term_integrals import AT_ONCE, IntegratedForm, products_on_segments, summed_products
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -453,11 +453,15 @@ class Trajectory:
                 at = np.arange(visits.size)
             else:
                 visits, at = np.unique(visits, return_inverse=True)
+            begin = self.amplitudes(state, visits)
             factors = table[number, : state.term_basis.size]
             left, right = factors[:, : weight.shape[0]], factors[:, weight.shape[0] :]
-            acting = np.asarray(left.any(axis=0) & right.any(axis=0))[:, None]  # open contacts have no force
-            form = _integrated(state, left, right, acting * weight, float(tau[entries].max()))
-            out[entries] = form(self.amplitudes(state, visits), at, tau[entries])
+            acting = left.any(axis=0) & right.any(axis=0)  # open contacts have no force
+            columns = ((acting & (w != 0.0)).nonzero()[0] for w in weight.T)
+            of_sums = [forms([(left[:, c] * w[c], right[:, c])]) for c, w in zip(columns, weight.T, strict=True)]
+            longest = float(tau[entries].max())
+            form = IntegratedForm.of(state.exponent[state.term_basis], np.stack(of_sums, axis=1), longest)
+            out[entries] = form(begin, at, tau[entries])
         return np.zeros(0, dtype=np.int64)
 
     def work_of_segments(self, left_of: OutputOf, right_of: OutputOf, weight: Floats) -> Floats:
@@ -471,7 +475,6 @@ class Trajectory:
             return self.segment_integrals(table, weight)
         out, sources = np.empty((self.time.size, weight.shape[1])), self.flow.sources
         for number in visited_states(self.state):
-            check_stop()
             state, segments = self.flow.states[number], np.flatnonzero(self.state == number)
             left, right = left_of(state.phases), right_of(state.phases)
             acting = (left.acts & right.acts).nonzero()[0]
@@ -481,9 +484,14 @@ class Trajectory:
             if other.size:
                 of_right = of_left.copy()
                 of_right[:, other] = state.coefficients(right.some(other), sources)
-            length = self.length[segments]
-            form = _integrated(state, of_left, of_right, weight[acting], float(length.max()))
-            out[segments] = form(self.amplitudes(state, segments), np.arange(segments.size), length)
+            products = [(w, w.nonzero()[0]) for w in weight[acting].T]
+            factors = [(of_left[:, c] * w[c], of_right[:, c]) for w, c in products]
+            for first in range(0, segments.size, AT_ONCE):
+                check_stop()
+                some = segments[first : first + AT_ONCE]
+                motion = state.exponent[state.term_basis], self.amplitudes(state, some), self.length[some]
+                for q, (one, two) in enumerate(factors):
+                    out[some, q] = products_on_segments(*motion, one, two)
         return out
 
     def amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
@@ -519,15 +527,6 @@ class Trajectory:
         while not product_integrals(*arguments, WORK_A_CALL):
             check_stop()
         return out
-
-
-def _integrated(
-    state: ContactState, left: Complexes, right: Complexes, weight: Floats, longest: float
-) -> IntegratedForm:
-    """Integrals of weighted products of outputs with coefficients (T, K), over times of up to ``longest``, s."""
-    columns = (w.nonzero()[0] for w in weight.T)
-    of_sums = [forms([(left[:, c] * w[c], right[:, c])]) for c, w in zip(columns, weight.T, strict=True)]
-    return IntegratedForm.of(state.exponent[state.term_basis], np.stack(of_sums, axis=1), longest)
 
 
 def _not_beyond(times: Floats, start: Floats, length: Floats) -> Floats:
