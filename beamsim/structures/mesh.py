@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -28,12 +29,12 @@ class Mesh:
         """Number of elements."""
         return int(self.nodes.size) - 1
 
-    @property
+    @cached_property
     def lengths(self) -> Floats:
         """(elements,) nondimensional element lengths."""
         return np.diff(self.nodes)
 
-    @property
+    @cached_property
     def dofs(self) -> Ints:
         """(elements, 4) degrees of freedom of each element."""
         return 2 * np.arange(self.elements)[:, None] + np.arange(4)

@@ -73,14 +73,14 @@ def receptance_bound(
         return ReceptanceBound(0.0, known)
     largest = np.zeros(moved.size)  # of each place and any load
     for omega in _frequencies(basis) * model.frequency_scale:
-        errors, present = np.zeros((2, moved.size, moved.size))
+        errors, present = np.zeros((moved.size, moved.size)), np.zeros(moved.size)
         for part in truncations:
             scaled = omega / part.model.frequency_scale
             response = part.response(scaled)
             errors += part.errors(scaled, response) / part.model.stiffness_scale
-            present += np.abs(part.shapes @ response) / part.model.stiffness_scale
+            present += np.abs(np.einsum("ij,ji->i", part.shapes, response)) / part.model.stiffness_scale
         errors[~moved], errors[:, ~moved] = 0.0, 0.0
-        size = np.where(moved, np.sqrt(np.maximum(static, np.diag(present))), 1.0)
+        size = np.where(moved, np.sqrt(np.maximum(static, present)), 1.0)
         largest = np.maximum(largest, (errors / np.outer(size, size))[:, :acting].max(axis=1))
     return ReceptanceBound(float(largest[:acting].max()), float(largest[acting:].max()) if known is not None else None)
 
@@ -214,10 +214,13 @@ class LeftOut:
 
     def response(self, s: float) -> Complexes:
         """(n, m) of the reduced model to the loads at scaled frequency s, just beside undamped modes' resonances."""
-        omega = self.basis.omega
-        impedance = np.diag(omega**2 - s**2) + 1j * s * self.damping / self.model.frequency_scale
-        at = np.abs(np.diag(impedance)) <= 1e-12 * s**2
-        np.fill_diagonal(impedance, np.where(at, 1e-12 * s**2 + (s == 0.0), np.diag(impedance)))
+        damping = self.damping / self.model.frequency_scale
+        own = self.basis.omega**2 - s**2 + 1j * s * damping.diagonal()
+        own[np.abs(own) <= 1e-12 * s**2] = 1e-12 * s**2 + (s == 0.0)
+        if np.count_nonzero(damping) == np.count_nonzero(damping.diagonal()):
+            return np.asarray(self.shapes.T / own[:, None])
+        impedance = 1j * s * damping
+        np.fill_diagonal(impedance, own)
         return np.asarray(np.linalg.solve(impedance, self.shapes.T))
 
     def _residual_sizes(self, s: float, y: Complexes) -> Floats:
