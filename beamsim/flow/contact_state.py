@@ -294,7 +294,7 @@ def build_state(
                 _forced(terms, responding, blocks, rest, nu, f, longest)
 
     forced = terms.take()
-    free_basis = [terms.basis_index(value, 0) for value in lam]
+    free_basis = [terms.basis.setdefault((value, 0), len(terms.basis)) for value in lam.tolist()]
     free_vectors = X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]
     projector = [Xi]
     source = F + lam.size

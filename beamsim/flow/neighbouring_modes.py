@@ -76,7 +76,7 @@ def neighbouring_modes(
     np.multiply(pole[:, None], rows, out=right[:, n:])
     np.multiply(damping, rows, out=modes.left[:, :n])
     modes.left[:, :n] += right[:, n:]
-    modes.left[:, :n] += ((rows @ shape.T) * c) @ shape
+    modes.left[:, :n] += _combined(_combined(rows, shape.T) * c, shape)
     return modes if _error(system, k, c, shape, modes) < INEXACT else None
 
 
@@ -91,12 +91,20 @@ def _refine_stiff(
     z = k + c * pole[:, None]
     divisor = (pole[:, None] + damping) * pole[:, None] + stiffness
     square = _squares(divisor)
-    near = square < (0.5 * (_squares(pole)[:, None] + stiffness)) ** 2
-    compliance = np.where(near, 0.0, 1.0 / np.sqrt(square)) @ (shape**2).T
+    far = square >= (0.5 * (_squares(pole)[:, None] + stiffness)) ** 2
+    compliance = np.divide(1.0, np.sqrt(square), out=np.zeros_like(square), where=far) @ (shape**2).T
     stiff = np.flatnonzero(np.sum(np.abs(z) * compliance, axis=1) < 0.5)
-    divisor[near] = 1.0
-    refined = ((-z * (rows @ shape.T))[stiff] @ shape) / divisor[stiff]
-    rows[stiff] = np.where(near[stiff], rows[stiff], refined)
+    refined = _combined(-z[stiff] * _combined(rows[stiff], shape.T), shape)
+    rows[stiff] = np.divide(refined, divisor[stiff], out=rows[stiff], where=far[stiff])
+
+
+def _combined(vectors: Complexes, matrix: Floats) -> Complexes:
+    """Products of vectors, one a row, with a real matrix: that of their real and of their imaginary parts."""
+    count = vectors.shape[0]
+    both = np.concatenate([vectors.real, vectors.imag]) @ matrix
+    out = np.empty((count, matrix.shape[1]), dtype=complex)
+    out.real, out.imag = both[:count], both[count:]
+    return out
 
 
 def _squares(z: Complexes) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from operator import lt
 from typing import TYPE_CHECKING, TypeVar
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
     from beamsim.flow.kernels import Tables
 
 GROWTH = 4  # of the rows that there is room for; memory is taken when a row is written
-LARGE = 2**17  # bytes, of an array that is not kept twice
+FEWEST = 8  # rows that there is room for
+LARGE = 2**17  # bytes of a state's array that is not kept twice
 Number = TypeVar("Number", bound=np.generic)
 
 
@@ -112,17 +114,31 @@ class StateTables:
             old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))
             need = (index + 1, *row.shape)
             if any(map(lt, old.shape, need)):
-                count = GROWTH * need[0] if old.shape[0] < need[0] else old.shape[0]
-                if self.most is not None and GROWTH * count >= self.most:
-                    count = self.most  # the next growth would move all for few more
-                grown = np.zeros(tuple(map(max, old.shape, (count, *row.shape))), dtype=row.dtype)
-                grown[tuple(map(slice, old.shape))] = old
-                self._arrays[name] = old = grown
+                self._arrays[name] = old = self._grown(old, need)
                 self._tables = None
+            if row.shape != old.shape[1:]:
+                old[index] = 0
             place: tuple[int | slice, ...] = (index, *map(slice, row.shape))
             old[place] = row
         self._link(index)
         return index
+
+    def _grown(self, old: NDArray[Number], need: tuple[int, ...]) -> NDArray[Number]:
+        """An array with more rows, or wider ones. Rows that no state has yet are zeros; large ones, of which kernels
+        read those of states alone, are left as memory is found."""
+        rows = old.shape[0]
+        if rows < need[0]:
+            rows = max(GROWTH * need[0], FEWEST)
+            if self.most is not None and GROWTH * rows >= self.most:
+                rows = self.most  # the next growth would move all for few more
+        shape = tuple(map(max, old.shape, (rows, *need[1:])))
+        large = math.prod(shape[1:]) * old.itemsize >= LARGE
+        grown = np.empty(shape, dtype=old.dtype) if large else np.zeros(shape, dtype=old.dtype)
+        known = min(old.shape[0], self.count)
+        if large and grown.shape[1:] != old.shape[1:]:
+            grown[:known] = 0
+        grown[(slice(known), *map(slice, old.shape[1:]))] = old[:known]
+        return grown
 
     def kept_once(self, index: int, state: ContactState) -> ContactState:
         """A state whose large arrays are those of the tables, which hold them anyhow."""

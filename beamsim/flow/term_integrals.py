@@ -185,7 +185,7 @@ def _upper(count: int) -> Floats:
 
 
 def _slow(rate: Complexes, exponent: Complexes, longest: float, first: Ints | slice = slice(None)) -> Bools:
-    """(..., T, T) rates too small for the antiderivative of a pair within a time, s; ``first``: the pairs' first terms."""
+    """(..., T, T) rates too small for the antiderivative of a pair within a time, s; ``first``: terms of its rows."""
     size = np.abs(exponent)
     return np.asarray(np.abs(rate) * longest <= SLOW * (1.0 + longest * (size[first, None] + size)))
 
