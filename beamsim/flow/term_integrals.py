@@ -95,7 +95,7 @@ def products_on_segments(
     length : (S,) s.
     left, right : (T, K) coefficients of the factors.
     """
-    terms = left.any(axis=1).nonzero()[0]
+    terms = np.flatnonzero(left.any(axis=1))
     count, all_terms = terms.size, exponent.size
     some = left[terms]
     both = np.concatenate([some.real, some.imag]) @ np.concatenate([right.real, right.imag]).T

@@ -60,6 +60,33 @@ class Record(Protocol):
 
 
 @dataclass(frozen=True)
+class _NormalEquations:
+    """Of a least-squares fit."""
+
+    gram: Floats  # (n, n), its diagonal 1 where there is a scale
+    scale: Floats | None  # (n,) roots of its diagonal before; None of singular equations (two lines of one frequency)
+
+    @classmethod
+    def of(cls, gram: Floats) -> _NormalEquations:
+        """Equations that are told to be singular once for all right-hand sides."""
+        scale = np.sqrt(np.diag(gram))
+        if np.all(scale > 0):
+            scaled = gram / np.outer(scale, scale)
+            try:
+                if np.diag(np.linalg.cholesky(scaled)).min() > 1e-4:
+                    return cls(scaled, scale)
+            except np.linalg.LinAlgError:
+                pass
+        return cls(gram, None)
+
+    def solution(self, right: Floats) -> Floats:
+        """(n,) the solution, that of least norm of singular equations."""
+        if self.scale is None:
+            return np.asarray(np.linalg.lstsq(self.gram, right, rcond=None)[0])
+        return np.asarray(np.linalg.solve(self.gram, right / self.scale) / self.scale)
+
+
+@dataclass(frozen=True)
 class SampledRecord:
     """Equally spaced samples.
 
@@ -139,10 +166,10 @@ class MotionRecord:
             return self._sampled.project(frequency_hz, window)
         omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
 
-        gram, total = _gram(window, omega.tobytes(), self.duration)
+        normal, total = _normal_equations(window, omega.tobytes(), self.duration)
         moved = window.weigh(lambda nu: self.part.integrals(nu)[0], np.append(0.0, omega), self.duration)
         right = np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real])
-        fit = _solved(gram / total, right / total)
+        fit = normal.solution(right / total)
         c = fit[1 : 1 + omega.size] + 1j * fit[1 + omega.size :]
         return float(fit[0]), c * np.exp(-1j * omega * self.begin)
 
@@ -185,8 +212,8 @@ class MotionRecord:
 
 
 @lru_cache(maxsize=4)
-def _gram(window: Window, omega_bytes: bytes, duration: float) -> tuple[Floats, float]:
-    """Normal equations of a mean and sinusoids of angular frequencies (k,) under a window, and its integral.
+def _normal_equations(window: Window, omega_bytes: bytes, duration: float) -> tuple[_NormalEquations, float]:
+    """Those of a mean and sinusoids of angular frequencies (k,) under a window, over its integral, and that.
 
     Records of one part of a motion share them, as far as they have the same lines.
     """
@@ -205,20 +232,7 @@ def _gram(window: Window, omega_bytes: bytes, duration: float) -> tuple[Floats, 
             [alone.real[:, None], -0.5 * (along - across).imag, 0.5 * (across + along).real],
         ]
     )
-    return gram, total
-
-
-def _solved(gram: Floats, right: Floats) -> Floats:
-    """Solution of normal equations; that of least norm where they are singular (two lines of one frequency)."""
-    scale = np.sqrt(np.diag(gram))
-    if np.all(scale > 0):
-        scaled = gram / np.outer(scale, scale)
-        try:
-            if np.diag(np.linalg.cholesky(scaled)).min() > 1e-4:
-                return np.asarray(np.linalg.solve(scaled, right / scale) / scale)
-        except np.linalg.LinAlgError:
-            pass
-    return np.asarray(np.linalg.lstsq(gram, right, rcond=None)[0])
+    return _NormalEquations.of(gram / total), total
 
 
 def project(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None = None) -> tuple[float, Complexes]:
@@ -248,6 +262,6 @@ def project(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None
         weighted = basis if weight is None else basis * weight[first : first + block, None]
         gram += weighted.T @ basis
         right += weighted.T @ x[first : first + block]
-    fit = _solved(gram, right)
+    fit = _NormalEquations.of(gram).solution(right)
     c = fit[1 : 1 + frequency.size] + 1j * fit[1 + frequency.size :]
     return float(fit[0]), c * np.exp(-2j * np.pi * frequency * time[0])
