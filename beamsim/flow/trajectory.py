@@ -117,7 +117,9 @@ class Trajectory:
             state, at = self.flow.states[number], np.flatnonzero(self.state[segment] == number)
             begun, tau = segment[at], times[at] - self.time[segment[at]]
             given = sources.amplitudes_at(self.time[begun], self.piece[begun])
-            y = state.states_after(state.amplitudes(given, self.y[begun]), tau)
+            y = self.y[begun]
+            if tau.any():  # not where segments begin, as at events
+                y = state.states_after(state.amplitudes(given, y), tau)
             out[at] = output_of(state.phases).values(y, *sources.values_after(given, tau))
         return out
 
