@@ -169,6 +169,10 @@ class Body(Schema):
         """Why no snubber can move to a position of the body, where `at` names it."""
         yield from self.position_problems(where, at, position, "")
 
+    def power_of_start(self, index: int) -> int:
+        """Power of x whose coefficient is the number of a displacement or velocity to start from."""
+        return index
+
     def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """What is wrong with the numbers of a displacement or velocity to start from."""
         yield from ()

@@ -129,6 +129,10 @@ class Chain(Body):
             "follow gap or stiffness",
         )
 
+    def power_of_start(self, index: int) -> int:
+        """None: each mass has its own displacement."""
+        return 0
+
     def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """Not one number a mass."""
         if numbers and len(numbers) != self.count:

@@ -20,6 +20,7 @@ from beamsim.scenario.limits import Limits, limit_problems
 from beamsim.scenario.moved_support import MovedSupport, moved_support_problems
 from beamsim.scenario.place import AtPlace, Probe, Sited
 from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
+from beamsim.scenario.start_shape import DIMENSIONS, ShapeNumber
 from beamsim.scenario.whole import ScenarioParts
 
 if TYPE_CHECKING:
@@ -365,7 +366,25 @@ def _start(scenario: _Checked) -> Problems:
             continue
         body, where = scenario.all_bodies[name], scenario.body_path(name)
         for quantity in ("displacement", "velocity"):
-            yield from _guarded(body.start_problems(where, (*path, quantity), getattr(shape, quantity)))
+            numbers = getattr(shape, quantity)
+            yield from _units_of_shape(body, (*path, quantity), numbers)
+            yield from _guarded(body.start_problems(where, (*path, quantity), numbers))
+
+
+def _units_of_shape(body: Body, path: Path, numbers: Sequence[float]) -> Problems:
+    """Numbers with the unit of another one of the shape."""
+    dimensions = DIMENSIONS[str(path[-1])]
+    for index, number in enumerate(numbers):
+        meant = number.power if isinstance(number, ShapeNumber) else None
+        power = body.power_of_start(index)
+        if meant is not None and meant != power:
+            wanted = dimensions[power] if power < len(dimensions) else None
+            yield _problem(
+                (*path, index),
+                f"is {dimensions[meant].with_article}, but must be "
+                f"{f'the coefficient of x^{power}' if wanted is None else wanted.with_article}",
+                "write a bare number in SI units" if wanted is None else f"write for example {wanted.example}",
+            )
 
 
 def _mode_number(scenario: _Checked, at: Path, mode: int) -> Problems:

@@ -13,7 +13,6 @@ from beamsim.scenario.output import AnyOutput
 from beamsim.scenario.place import PlacedForce
 from beamsim.scenario.quantities import (
     Amplitude,
-    Coefficient,
     Count,
     Duration,
     FileName,
@@ -25,6 +24,7 @@ from beamsim.scenario.quantities import (
     PositiveNumber,
 )
 from beamsim.scenario.ranges import FrequencyRange
+from beamsim.scenario.start_shape import ShapeDisplacement, ShapeVelocity
 
 LEAST_QUALITY = 0.5  # of an oscillator: critical damping
 MOST_OSCILLATORS = 10_000
@@ -35,10 +35,10 @@ MOST_FILTERED = 100_000_000  # periods of a low-pass's frequency in a run: hours
 class PolynomialStart(Schema):
     """Start from a given shape and velocity: polynomials in x for a beam, one number per mass for a chain."""
 
-    displacement: tuple[Coefficient, ...] = ()
-    """Beam: coefficients of 1, x, x^2, ... in SI units; chain: displacement of each mass, m."""
-    velocity: tuple[Coefficient, ...] = ()
-    """Beam: coefficients of 1, x, x^2, ... in SI units; chain: velocity of each mass, m/s."""
+    displacement: tuple[ShapeDisplacement, ...] = ()
+    """Beam: coefficients of 1, x, x^2, ... (1 mm, 2 mm/m, 3 1/m); chain: displacement of each mass (1 mm)."""
+    velocity: tuple[ShapeVelocity, ...] = ()
+    """Beam: coefficients of 1, x, x^2, ... (0.2 m/s, 2 1/s); chain: velocity of each mass (0.2 m/s)."""
 
     def settle(self) -> None:
         """Reject an empty initial state."""
