@@ -173,6 +173,14 @@ def test_several_modes_share_the_information():
     cases = [load_scenario(scenario, {**changes, "identify_stiffness.fit_to": [j]}) for j in (1, 2, 3)]
     information = sum(identify_stiffness(c).estimate.standard_deviation ** -2 for c in cases)
     assert three.standard_deviation == pytest.approx(information**-0.5, rel=1e-6)
+    # modes 1 and 2 wrong by 5 and -5 times the uncertainty: that it is small was believed without a word
+    wrong = (f * (1 + 2e-3 * np.array([5.0, -5.0, 0.0]))).tolist()
+    changes |= {"identify_stiffness.measured_with": wrong, "identify_stiffness.fit_to": [1, 2, 3]}
+    contradicted = identify_stiffness(load_scenario(scenario, changes))
+    assert any("contradict each other" in warning for warning in contradicted.warnings)
+    assert contradicted.estimate.standard_deviation > 3.0 * three.standard_deviation
+    low, high = contradicted.estimate.interval
+    assert low < 2e4 < high
 
 
 def test_an_uncertainty_that_reaches_the_pinned_point_leaves_k_unbounded():

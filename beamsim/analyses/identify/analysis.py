@@ -27,10 +27,11 @@ from beamsim.analyses.identify.stiffness import (
     check_reach,
     fit_stiffness,
     individual_stiffness,
+    misfit,
     thesis_loop,
 )
 from beamsim.analyses.identify.table_slope import compared, table_slope, with_factor
-from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile
+from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile, widening
 from beamsim.contacts.contact_point import mode_shapes, snubber_point
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE
@@ -120,6 +121,8 @@ def _identify(
         resting = table_slope(current, section.snubber)
         measured = _measured(section, unconstrained)
         warnings += check_reach(point, measured, section.measured_without)
+        measured, remarks = _widened(point, section, measured)
+        warnings += remarks
         estimate = _estimate(point, section, measured)
         known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
         known |= {} if update is None else _updated(update)
@@ -193,6 +196,24 @@ def _measured(section: IdentifyStiffness, unconstrained: int) -> MeasuredModes:
         np.array([section.uncertainty_of(listed) for listed in section.fit_to]),
         unconstrained,
     )
+
+
+def _widened(
+    point: SpringPoint, section: IdentifyStiffness, measured: MeasuredModes
+) -> tuple[MeasuredModes, list[str]]:
+    """The modes with uncertainties that explain what they contradict each other by, and a warning if these grow."""
+    freedom = len(measured.mode) - 1
+    if section.method == "thesis" or freedom < 1 or not measured.sigma.all():
+        return measured, []
+    largest = float(misfit(point, measured, np.array([fit_stiffness(point, measured)]))[0])
+    wider = widening(largest, freedom)
+    if wider == 1.0:
+        return measured, []
+    return replace(measured, sigma=np.sqrt(wider) * measured.sigma), [
+        f"the fitted modes contradict each other by more than their uncertainty (misfit {largest:.3g} with {freedom} "
+        f"degree{'s' if freedom > 1 else ''} of freedom): the intervals are widened accordingly; see what each mode "
+        "alone gives, and check the model and the order of the modes"
+    ]
 
 
 def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: MeasuredModes) -> StiffnessEstimate:

@@ -25,6 +25,7 @@ from beamsim.analyses.identify.model_updating import Sought, confounded, inverse
 from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, ProfileLikelihood, TestFit
 from beamsim.analyses.identify.steady import NoSteadyVibrationError, SteadyVibration, steady_vibration
 from beamsim.analyses.identify.table_segments import SoughtSegment, segment_warnings, sought_segments, unreached
+from beamsim.analyses.identify.uncertainty import widening
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
@@ -41,7 +42,6 @@ Place = tuple[str | int, ...]
 _STEP = 1e-5  # of the scaled parameters, for differences of exact responses
 _WIDEST_FACTOR = 30.0
 _UNKNOWN_NOISE = 0.01  # of the largest harmonic, if the noise is unknown
-_GOOD = 1e-3  # smallest probability of chi^2 with which the model counts as fitting
 _FAR = 1e6  # residual if there is no steady vibration
 _MOST_EVALUATIONS = 60  # of the residuals, in one fit
 _PROFILE_POINTS = 7
@@ -502,10 +502,8 @@ def _scatter(fit: _NonlinearFit, misfit: float, freedom: int) -> tuple[float, li
         return 1.0, []
     if not all(test.noise_known for test in fit.tests):
         return misfit / freedom, []
-    from scipy.special import gammaincc
-
-    if float(gammaincc(freedom / 2, misfit / 2)) < _GOOD:
-        return misfit / freedom, [
+    if (wider := widening(misfit, freedom)) > 1.0:
+        return wider, [
             f"the measurements differ from the model by more than their noise (misfit {misfit:.3g} with {freedom} "
             "degrees of freedom); the intervals are widened accordingly"
         ]

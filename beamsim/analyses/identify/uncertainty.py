@@ -26,6 +26,15 @@ if TYPE_CHECKING:
 _TABLE = 1201  # stiffnesses at which several modes are tabulated for Monte Carlo
 _TABLE_WIDTH = 8.0  # of the table, in standard deviations of ln k
 _PROFILE_POINTS = 81
+_GOOD = 1e-3  # smallest probability of chi^2 with which the model counts as fitting
+
+
+def widening(misfit: float, freedom: int) -> float:
+    """Factor on a covariance: chi^2 per degree of freedom where noise as given hardly explains it, else 1."""
+    from scipy.special import gammaincc
+
+    unexplained = freedom > 0 and float(gammaincc(freedom / 2, misfit / 2)) < _GOOD
+    return misfit / freedom if unexplained else 1.0
 
 
 @dataclass(frozen=True)
