@@ -46,6 +46,7 @@ WIDEST_DOUBTS = 100  # characters in a line of them
 ROOM_FOR_DOUBTS = 100.0  # factor of the upper end of densities
 PERIODS_SHOWN = 6  # in a close-up
 SHARE_SHOWN = 0.125  # of a run without excitation frequency
+MOST_STRETCHED = 3.2  # ratio of the ends of two spectra up to which they have one axis: 4 to 12.5 orders
 DEEPEST_DB = 100.0  # below the highest line of a spectrum
 CONTENT_DB = 40.0  # below the highest point of a broadband spectrum, down to which it is shown
 DOUBTFUL_LINES = f"lines that change by more than {100 * ALLOWED_CHANGE:g} % with a finer model"
@@ -105,12 +106,17 @@ def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) 
     return ax if last_part else _doubts(result, ax, "peak_force_n")
 
 
-def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceleration") -> Axes:
-    """Level in dB over frequency divided by excitation frequency (or in Hz without one), with spectral lines marked."""
+def plot_spectrum(
+    result: RunResult, ax: Axes, quantity: str = "absolute_acceleration", end: float | None = None
+) -> Axes:
+    """Level in dB over frequency divided by excitation frequency (or in Hz without one), with spectral lines marked.
+
+    ``end`` is that of the frequencies shown, which otherwise follows from the lines of the quantity.
+    """
     spectra = [s for s in result.spectra.values() if s.quantity == quantity]
     forced = bool(spectra) and bool(np.isfinite(spectra[0].excitation_hz))
     noisy = result.scenario.excitation.kind == "random" and bool(spectra)  # a record may hold tones, which are lines
-    end = _highest_shown(spectra, forced, broadband=result.random is not None) if spectra else 1.0
+    end = end or _end_of_spectra(result, quantity)
     band = max(int(np.searchsorted(spectra[0].frequency_hz, end)) // MOST_BANDS, 1) if noisy else 1
     for k, s in enumerate(spectra[:MOST_CURVES]):
         unit = s.excitation_hz if forced else 1.0
@@ -364,9 +370,12 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
             ax.set_xlabel("")
         figures["outputs"] = figure
     figure, (above, below) = panels(2)
-    plot_spectrum(result, above)
-    plot_spectrum(result, below, "displacement")
-    above.set_xlabel("")
+    ends = [_end_of_spectra(result, quantity) for quantity in ("absolute_acceleration", "displacement")]
+    together = max(ends) <= MOST_STRETCHED * min(ends)  # then the same lines stand one above the other
+    for ax, quantity, end in zip((above, below), ("absolute_acceleration", "displacement"), ends, strict=True):
+        plot_spectrum(result, ax, quantity, max(ends) if together else end)
+    if together:
+        above.set_xlabel("")
     if (drawn := below.get_legend()) is not None:
         drawn.remove()
     figures["spectrum"] = figure
@@ -465,6 +474,15 @@ def _last_part(result: RunResult) -> float:
     excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
     length = PERIODS_SHOWN / excitation if np.isfinite(excitation) else SHARE_SHOWN * (end - begin)
     return max(begin, end - length)
+
+
+def _end_of_spectra(result: RunResult, quantity: str) -> float:
+    """End of the frequencies at which there is something to see, over the excitation frequency where there is one."""
+    spectra = [s for s in result.spectra.values() if s.quantity == quantity]
+    if not spectra:
+        return 1.0
+    forced = bool(np.isfinite(spectra[0].excitation_hz))
+    return _highest_shown(spectra, forced, broadband=result.random is not None)
 
 
 def _highest_shown(spectra: Sequence[Spectrum], forced: bool, broadband: bool) -> float:

@@ -104,6 +104,18 @@ def test_spectrum_is_over_the_excitation_frequency(ax, fabricated_run):
     assert free.get_xlabel() == "Frequency (Hz)"
 
 
+@pytest.mark.parametrize(("ends", "together"), [((12.5, 4.5), True), ((4.5, 12.5), True), ((6297.0, 442.0), False)])
+def test_panels_of_spectra_have_one_axis_or_a_label_each(ends, together, fabricated_run, monkeypatch):
+    """The upper panel had another axis than the lower one, and no label."""
+    of = dict(zip(("absolute_acceleration", "displacement"), ends, strict=True))
+    monkeypatch.setattr(plots, "_end_of_spectra", lambda result, quantity: of[quantity])
+    figure = plots.run_figures(fabricated_run())["spectrum"]
+    axes = figure.axes
+    assert [ax.get_xlim()[1] for ax in axes] == ([max(ends)] * 2 if together else list(ends))
+    assert bool(axes[0].get_xlabel()) != together
+    assert axes[1].get_xlabel()
+
+
 def test_of_many_snubbers_the_strongest_are_shown(ax, fabricated_run):
     plots.plot_contact_force(fabricated_run(snubbers=tuple("hgfedcba")), ax)
     assert [line.get_label() for line in ax.lines] == list("hgfedc")
