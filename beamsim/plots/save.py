@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DOTS_PER_INCH = 150.0
-PLAIN_DECADES = 4  # logarithmic axes have 0.01, 0.6 and 200 instead of powers of ten, below 10 to this power
+SETTINGS: Any = {  # of Matplotlib
+    "axes.formatter.min_exponent": 4,  # logarithmic axes have 0.01, 0.6 and 200 instead of powers of ten below 10^4
+    "text.hinting": "none",  # letters have their own widths, as in PDF and SVG, and take half the time
+}
 
 
 def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, form: str = "png") -> list[Path]:
@@ -33,7 +36,7 @@ def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, f
     written = []
     for name, figure in figures.items():
         path = Path(folder) / f"{stem}_{name}.{form}"
-        with replacing(path) as temporary, rc_context({"axes.formatter.min_exponent": PLAIN_DECADES}):
+        with replacing(path) as temporary, rc_context(SETTINGS):
             figure.set_dpi(DOTS_PER_INCH)
             canvas: Any = FigureCanvasAgg(figure)
             lay_out(figure, canvas.get_renderer())
