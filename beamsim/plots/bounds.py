@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 FARTHEST = 4.0  # of the largest value drawn: a line beyond that would leave no room for the curves
 _LIMIT: dict[str, Any] = {"color": "0.35", "linestyle": ":", "linewidth": 1.6}
-_FACE: dict[str, Any] = {"color": "0.35", "linestyle": (0, (7, 2.5)), "linewidth": 0.9}
+_FACE: dict[str, Any] = {"color": "0.35", "linewidth": 0.9}
+_DASHES = {"below": (0, (7, 2.5)), "above": (0, (7, 2.5, 1.5, 2.5))}  # of the face of a stop on this side
 
 
 def draw_limit(ax: Axes, limits: Limits | None, name: str, scale: Scale, *, both_signs: bool = False) -> None:
@@ -40,9 +41,10 @@ def draw_faces(result: RunResult, ax: Axes, scale: Scale) -> None:
         stop = result.snubbers.get(located.item.name)
         if stop is None or snubber_site(located) not in places or located.item.mounted_on != "base":
             continue
-        face = (-1.0 if stop.side == "below" else 1.0) * stop.gap * scale.factor
+        side = "below" if stop.side == "below" else "above"
+        face = (-1.0 if side == "below" else 1.0) * stop.gap * scale.factor
         if np.isfinite(face) and abs(face) <= FARTHEST * largest:
-            ax.axhline(face, **_FACE, label=f"face of {stop.name}")
+            ax.axhline(face, **_FACE, linestyle=_DASHES[side], label=f"face of {stop.name}")
 
 
 def _largest(ax: Axes) -> float:

@@ -70,16 +70,17 @@ def _driven(response: RandomResponse) -> Bools:
 
 
 def plot_transmissibility(response: RandomResponse, ax: Axes) -> Axes:
-    """Magnitude of response over input, with gaps where the input has no power."""
+    """Magnitude of response over input, with gaps where the input has no power; lines are those of the densities."""
     driven = _driven(response)
-    for k, (name, value) in enumerate(list(response.transmissibility.items())[:MOST_CURVES]):
+    first = int(response.input.unit == "m/s^2")  # of the densities is the input's
+    for k, (name, value) in enumerate(list(response.transmissibility.items())[: MOST_CURVES - first], first):
         shown = np.where(driven, np.abs(value), np.nan)
         ax.plot(response.frequency_hz[1:], shown[1:], label=name, **curve_style(k))
     ax.set_xscale("log")
     ax.set_yscale("log")
     finish(ax, "Frequency (Hz)", "Transmissibility" if response.input.unit == "m/s^2" else "Displacement / force (m/N)")
     count = len(response.transmissibility)
-    legend(ax, min(count, MOST_CURVES), count, "probes")
+    legend(ax, min(count, MOST_CURVES - first), count, "probes")
     return ax
 
 

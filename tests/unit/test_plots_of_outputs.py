@@ -27,7 +27,7 @@ def test_of_a_run():
     """With limits on both sides, as far as they leave room, and the faces of stops where a probe is."""
     stops = [
         {"name": name, "mass": 1, "side": side, "stiffness": 1e3, "gap": gap}
-        for name, side, gap in (("near", "above", 1.25), ("far", "below", 50.0))
+        for name, side, gap in (("near", "above", 1.25), ("under", "below", 1.3), ("far", "below", 50.0))
     ]
     limits = {**CASE["limits"], "peak_displacement": 1.5, "peak_force": 1e6}
     result = beamsim.run(load_scenario(CASE, {"run": RUN, "snubbers": stops, "limits": limits}))
@@ -41,6 +41,9 @@ def test_of_a_run():
     lines = {line.get_label(): line.get_ydata()[0] for line in figures["displacement"].axes[0].lines}
     assert lines["limit"] == 1.5
     assert lines["face of near"] == 1.25
+    assert lines["face of under"] == -1.3
+    faces = [x for x in figures["displacement"].axes[0].lines if str(x.get_label()).startswith("face of")]
+    assert len({str(line._dash_pattern) for line in faces}) == 2  # the legend says which is which
     assert "face of far" not in lines
     assert "limit" not in {line.get_label() for line in figures["contact_force"].axes[0].lines}
 
