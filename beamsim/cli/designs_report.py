@@ -11,7 +11,7 @@ from beamsim.analyses.designs.plan import limited_response
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, parameter_label, responses_of
 from beamsim.analyses.limits import limit_label
 from beamsim.cli.report import Row, Texts, aligned, margins
-from beamsim.plots.style import amount, margin_text
+from beamsim.plots.style import amount, extent, margin_text
 
 MOST_ROWS = 24
 MOST_BEST = 5
@@ -83,8 +83,8 @@ def _scatter(result: DesignsResult, scatter: Mapping[str, Any]) -> Iterator[Row]
     shown = {name: item for name, item in ranges.items() if name in named} or ranges
     for name, item in list(shown.items())[:MOST_ROWS]:
         unit = result.responses[name].unit
-        extent = f"{amount(item['smallest'], unit)} to {amount(item['largest'], unit)}"
-        texts[_response_label(result, name)] = f"{extent}, {amount(item['nominal'], unit)} without deviations"
+        ends = extent(item["smallest"], item["largest"], unit)
+        texts[_response_label(result, name)] = f"{ends}, {amount(item['nominal'], unit)} without deviations"
     yield "", "the best case" if "best" in result.summary else "the case"
     yield from aligned(texts)
 
@@ -136,9 +136,7 @@ def _responses(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]
     for name, item in list(responses.items())[:MOST_ROWS]:
         unit = result.responses[name].unit if name in result.responses else "1"
         mean = f", mean {amount(item['mean'], unit)}" if "mean" in item else ""
-        texts[_response_label(result, name)] = (
-            f"{amount(item['smallest'], unit)} to {amount(item['largest'], unit)}{mean}"
-        )
+        texts[_response_label(result, name)] = f"{extent(item['smallest'], item['largest'], unit)}{mean}"
     yield from aligned(texts)
     if len(responses) > MOST_ROWS:
         yield "", f"and {len(responses) - MOST_ROWS} more in the file"

@@ -165,7 +165,7 @@ def amount(value: float | None, unit: str, digits: int = 4) -> str:
     if math.isinf(value):
         return "infinity"
     if unit == "Hz":  # frequencies are compared, so that all are in the same unit
-        return f"{value:.6g} Hz"
+        return f"{value:.{max(digits, 6)}g} Hz"
     if unit in ("", "1"):
         return str(value) if isinstance(value, int) else f"{value + 0.0:.{digits}g}"
     if unit in ("g", "m/s^2"):
@@ -175,6 +175,19 @@ def amount(value: float | None, unit: str, digits: int = 4) -> str:
         return f"0 {unit}"
     scale = scale_for(unit, value)
     return f"{value * scale.factor + 0.0:.{digits}g} {scale.unit}"  # no minus sign before zero
+
+
+def extent(low: float, high: float, unit: str) -> str:
+    """A range as `amount` shows its ends, with the digits in which they differ; one number where they do not.
+
+    >>> extent(20.0, 30.0, "Hz"), extent(20.26750001, 20.26750002, "Hz"), extent(1e-3, 1e-3, "m")
+    ('20 Hz to 30 Hz', '20.26750001 Hz to 20.26750002 Hz', '1 mm')
+    """
+    for digits in (4, 6, 8, 10):
+        first, last = amount(low, unit, digits), amount(high, unit, digits)
+        if first != last:
+            return f"{first} to {last}"
+    return amount(low, unit)
 
 
 def round_length(value: float) -> float:

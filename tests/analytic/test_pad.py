@@ -119,6 +119,14 @@ def test_a_measured_loop(tmp_path):
     assert one["stiffness"] > 0.0
 
 
+@pytest.mark.parametrize(("disturbance", "misfit"), [("", 0.0), ("001", 3.8e-5)])
+def test_a_curve_through_all_points_has_no_misfit(tmp_path, disturbance, misfit):
+    """Round-off of 6e-14 N was printed as that."""
+    rows = ["0,0", "0.1,73.3", f"0.2,146.6{disturbance}", "0.3,341.9", "0.4,537.2"]
+    (tmp_path / "pad.csv").write_text("\n".join(["way (mm),force (N)", *rows]) + "\n")
+    assert numbers("--curve", tmp_path / "pad.csv", "--segments", 2)["misfit"] == pytest.approx(misfit, rel=0.9)
+
+
 def test_beyond_critical_damping_a_mass_stays():
     known = numbers("--stiffness", "1 kN/m", "--dashpot", "200 N s/m", *IMPACT)
     assert known["restitution"] is None

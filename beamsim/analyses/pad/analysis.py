@@ -22,6 +22,8 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.system.force_tables import read_forces
 from beamsim.typing import Floats
 
+EXACT = 1e-12  # misfit of a curve, over its largest force, that is round-off
+
 Law = Literal["kelvin_voigt", "no_tension"]
 
 
@@ -184,7 +186,8 @@ def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | Non
         back = -_work(deflection[top:], force[top:])
         if 0.0 < back <= given:
             loop = math.sqrt(back / given)
-    return fitted.curve, fitted.misfit, loop
+    exact = fitted.misfit <= EXACT * float(np.abs(force).max())
+    return fitted.curve, 0.0 if exact else fitted.misfit, loop
 
 
 def _work(deflection: Floats, force: Floats) -> float:
