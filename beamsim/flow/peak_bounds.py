@@ -3,25 +3,25 @@ r"""Which segments may hold the largest value of which output, by products of ma
 Between two points a term :math:`\zeta e^{\lambda \tau}` leaves the straight line by no more than an eighth of its
 largest curvature times the square of their distance, and by no more than twice its largest size. The sum over the terms
 of an output bounds the output by its values at a few points. What may exceed the largest value known is left to the
-certified search (:func:`beamsim.flow.kernels.extremes`).
+search of :mod:`beamsim.flow.peak_search`, or, on segments with huge terms, of :func:`beamsim.flow.kernels.extremes`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.equal_pieces import Segments
+from beamsim.flow.peak_search import PARTS, Intervals, Sums, powers
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-INTERVALS = 8  # of a segment; half as many leave three times as many outputs to the search of many snubbers
 LARGEST = 1e100  # amplitude; segments with larger ones are left to the search
 VALUES_AT_ONCE = 2_000_000  # of outputs or terms, at the points of some segments
 
@@ -40,14 +40,17 @@ class Candidates:
     state: int
     segment: Ints  # (n,)
     output: Ints  # (n,) among the outputs, then their negatives
-    bound: Floats  # (n,) no value on the segment is larger
+    bound: Floats  # (n,) no value on the segment is larger; infinite where its terms are huge
     table: Complexes  # (T, u) coefficients of the outputs in `used`
     used: Ints  # (u,) increasing
 
     def above(self, highest: Floats) -> Candidates:
         """Those that may still exceed ``highest`` (signs * k,)."""
-        kept = self.bound > highest[self.output]
-        return replace(self, segment=self.segment[kept], output=self.output[kept], bound=self.bound[kept])
+        return self.some(self.bound > highest[self.output])
+
+    def some(self, which: Bools | slice) -> Candidates:
+        """Some of the pairs."""
+        return replace(self, segment=self.segment[which], output=self.output[which], bound=self.bound[which])
 
     def coefficients(self, outputs: Ints, count: int) -> Complexes:
         """(T, n) of some of ``count`` outputs and their negatives."""
@@ -94,6 +97,51 @@ def candidates(motion: Exponentials, output_of: OutputOf, highest: Floats, when:
     return possible
 
 
+def peak_searches(
+    motion: Exponentials, possible: list[Candidates], highest: Floats
+) -> Iterator[tuple[Sums, Intervals]]:
+    """What `beamsim.flow.peak_search.search` takes, of all contact states together, some of the pairs at a time.
+
+    Pairs without a finite bound are left out. ``highest`` (signs, k) are the largest values known, which rise between
+    two of the searches.
+    """
+    waiting: list[Candidates] = []
+    room = VALUES_AT_ONCE
+    for of_state in possible:
+        above, terms = of_state.above(highest.ravel()), of_state.table.shape[0]
+        above, first = above.some(np.isfinite(above.bound)), 0
+        while first < above.segment.size:
+            last = first + max(1, room // terms)
+            waiting.append(above.some(slice(first, last)))
+            room -= waiting[-1].segment.size * terms
+            first = last
+            if room < terms:
+                yield _sums(motion, waiting, highest.shape[1])
+                waiting, room = [], VALUES_AT_ONCE
+    if waiting:
+        yield _sums(motion, waiting, highest.shape[1])
+
+
+def _sums(motion: Exponentials, possible: list[Candidates], count: int) -> tuple[Sums, Intervals]:
+    """Sums on whole segments; ``count`` outputs have two signs."""
+    segments = [np.unique(c.segment, return_inverse=True) for c in possible]
+    first = np.cumsum([0, *(different.size for different, _ in segments)])
+    output, bound = np.concatenate([c.output for c in possible]), np.concatenate([c.bound for c in possible])
+    states = [motion.flow.states[c.state] for c in possible]
+    longest = max(state.exponent.size for state in states)
+    exponent = np.zeros((first[-1], longest), dtype=complex)
+    coefficient, row = np.zeros((output.size, longest), dtype=complex), 0
+    for c, state, (different, at_different), begin in zip(possible, states, segments, first, strict=False):
+        exponent[begin : begin + different.size, : state.exponent.size] = state.exponent
+        terms = motion.amplitudes(state, different)[at_different] * c.coefficients(c.output, count).T
+        np.add.at(coefficient[row : row + c.output.size].T, state.term_basis, terms.T)
+        row += c.output.size
+    every = np.concatenate([different for different, _ in segments])
+    at = np.concatenate([begin + inverse for begin, (_, inverse) in zip(first, segments, strict=False)])
+    whole = Intervals(np.arange(output.size), np.zeros(output.size), motion.length[every][at], bound)
+    return Sums(exponent, motion.time[every], at, output, coefficient), whole
+
+
 def _reach_zero(highest: Floats, when: Floats, outputs: Bools, time: float) -> None:
     """Raise the largest values known of outputs (k,) that are zero in a contact state, begun at a time, s."""
     for known, at in zip(highest, when, strict=True):
@@ -102,7 +150,7 @@ def _reach_zero(highest: Floats, when: Floats, outputs: Bools, time: float) -> N
 
 
 def _parts(segments: Ints, size: int) -> Iterator[Ints]:
-    count = max(1, VALUES_AT_ONCE // ((INTERVALS + 1) * size))
+    count = max(1, VALUES_AT_ONCE // ((PARTS + 1) * size))
     for first in range(0, segments.size, count):
         check_stop()
         yield segments[first : first + count]
@@ -118,17 +166,17 @@ def _pairs(
     in ``used`` (u,).
     """
     exponent, count = state.exponent[state.term_basis], table.shape[1]
-    step = motion.length[segments] / INTERVALS
-    tau = step[:, None] * np.arange(INTERVALS + 1)
+    step = motion.length[segments] / PARTS
+    tau = step[:, None] * np.arange(PARTS + 1)
     rate = step[:, None] * exponent
     turn = np.exp(rate)
-    terms = _powers(begin, turn)  # (n, points, T)
+    terms = powers(begin, turn)  # (n, points, T)
     parts = np.stack([table.real, -table.imag], axis=1).reshape(-1, count)
     values = (terms.view(float).reshape(-1, 2 * exponent.size) @ parts).reshape(*tau.shape, count)
     growth = np.exp(rate.real)
     bend = np.minimum((rate.real**2 + rate.imag**2) / 8.0, 2.0) * np.maximum(growth, 1.0)
-    bent = _powers(np.abs(begin) * bend, growth)[:, :-1]
-    over = (bent.reshape(-1, exponent.size) @ np.abs(table)).reshape(segments.size, INTERVALS, count)
+    bent = powers(np.abs(begin) * bend, growth)[:, :-1]
+    over = (bent.reshape(-1, exponent.size) @ np.abs(table)).reshape(segments.size, PARTS, count)
     time = (motion.time[segments, None] + tau).ravel()
     pairs = []
     for k in range(highest.shape[0]):
@@ -143,15 +191,3 @@ def _pairs(
         pairs.append((segments[row], used[column] + k * highest.shape[1], bound[row, column]))
     segment, output, bounds = (np.concatenate(x) for x in zip(*pairs, strict=True))
     return segment, output, bounds
-
-
-def _powers(begin: Any, factor: Any) -> Any:
-    """(n, points, T) of ``begin`` (n, T) times the powers of a factor (n, T), at the ends of the intervals."""
-    out = np.empty((begin.shape[0], INTERVALS + 1, begin.shape[1]), dtype=begin.dtype)
-    out[:, 0] = begin
-    known = 1
-    while known <= INTERVALS:
-        more = min(known, INTERVALS + 1 - known)
-        np.multiply(out[:, :more], factor[:, None], out=out[:, known : known + more])
-        known, factor = known + more, factor * factor
-    return out

@@ -13,7 +13,8 @@ from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, rule_out_maxima, sample_alike
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.peak_bounds import candidates
+from beamsim.flow.peak_bounds import Candidates, candidates, peak_searches
+from beamsim.flow.peak_search import search
 from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.state_tables import pad, visited_states
 from beamsim.flow.stopping import check_stop
@@ -346,20 +347,27 @@ class Trajectory:
                 table = _both_signs(part.flow.output_table(output_of), highest.shape[0])
                 evaluations += part._search(part.flow.tables(), part.state, table, highest.ravel(), at.ravel())
                 continue
-            for of_state in candidates(part, output_of, highest, at):
-                above = of_state.above(highest.ravel())
-                if not above.segment.size:
-                    continue
-                segments, outputs = np.unique(above.segment), np.unique(above.output)
-                known, times = highest.ravel()[outputs], at.ravel()[outputs]
-                reached = known - BELOW_SAMPLED * np.abs(known)  # else the search is content with a sample near a peak
-                evaluations += part.only(segments)._search(
-                    part.flow.tables_of(above.state), np.zeros(segments.size, dtype=np.int64),
-                    above.coefficients(outputs, highest.shape[1])[None], reached, times,
-                )  # fmt: skip
-                better = outputs[reached > known]
-                highest.ravel()[better], at.ravel()[better] = reached[reached > known], times[reached > known]
+            possible = candidates(part, output_of, highest, at)
+            for sums, intervals in peak_searches(part, possible, highest):
+                evaluations += search(sums, intervals, highest.ravel(), at.ravel())
+            evaluations += sum(part._search_huge(of_state, highest, at) for of_state in possible)
         return highest.reshape(np.shape(seed)), at.reshape(np.shape(seed)), evaluations
+
+    def _search_huge(self, possible: Candidates, highest: Floats, when: Floats) -> int:
+        """The same on segments with huge terms."""
+        above = possible.some(np.isinf(possible.bound))
+        if not above.segment.size:
+            return 0
+        segments, outputs = np.unique(above.segment), np.unique(above.output)
+        known, times = highest.ravel()[outputs], when.ravel()[outputs]
+        reached = known - BELOW_SAMPLED * np.abs(known)  # else the search is content with a sample near a peak
+        evaluations = self.only(segments)._search(
+            self.flow.tables_of(above.state), np.zeros(segments.size, dtype=np.int64),
+            above.coefficients(outputs, highest.shape[1])[None], reached, times,
+        )  # fmt: skip
+        better = outputs[reached > known]
+        highest.ravel()[better], when.ravel()[better] = reached[reached > known], times[reached > known]
+        return evaluations
 
     def _search(self, tables: Tables, state: Ints, table: Complexes, highest: Floats, when: Floats) -> int:
         """Raise ``highest`` (k,) and ``when`` by the certified search; returns the number of evaluations."""

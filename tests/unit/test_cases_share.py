@@ -57,7 +57,7 @@ def counted(monkeypatch):
         ("beamsim.flow.exact", "build_state"),
         ("beamsim.analyses.run.motion", "spectra_of_motion"),
         ("beamsim.structures.beam", "beam_recovery"),
-        ("beamsim.flow.kernels", "extremes"),
+        ("beamsim.flow.trajectory", "search"),
         ("scipy.sparse.linalg", "splu"),
     ):
         count(module, name)
@@ -80,7 +80,7 @@ def test_what_is_not_asked_for_is_not_built(counted):
     scenario = load_scenario(BASE)
     beamsim.ensemble(scenario, {"snubbers.tip.gap": [0.0, 1e-4]}, ["peak_force"], workers=1)
     assert "beam_recovery" not in counted
-    assert counted["extremes"] == 2  # one search for all extremes of a case
+    assert counted["search"] == 2  # one search for all extremes of a case
     beamsim.ensemble(scenario, {"snubbers.tip.gap": [0.0, 1e-4]}, ["bending_stress"], workers=1)
     assert counted["beam_recovery"] == 1
     counted.clear()
