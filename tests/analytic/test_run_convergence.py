@@ -212,7 +212,7 @@ def test_a_model_of_one_mode_is_told_from_a_good_one():
 def test_no_second_solution_is_said(monkeypatch):
     from beamsim.errors import Problem, ScenarioError
 
-    def fail(scenario, **_):
+    def fail(scenario, *_, **__):
         raise ScenarioError(Problem("run.start", "has no equilibrium"))
 
     monkeypatch.setattr(convergence, "build_system", fail)
