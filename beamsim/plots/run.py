@@ -135,7 +135,8 @@ def plot_spectrum(
                 color=style["color"],
                 label=DECAYING_LINES if marked and kind == "other" and falls else "_nolegend_",
             )
-        doubtful = [line for line in s.lines if (line.relative_change or 0.0) > ALLOWED_CHANGE] if k == 0 else []
+        shown = [line for line in s.lines if line.frequency_hz <= end * unit] if k == 0 else []
+        doubtful = [line for line in shown if (line.relative_change or 0.0) > ALLOWED_CHANGE]
         ax.plot(
             [line.frequency_hz / unit for line in doubtful],
             [line.amplitude_db for line in doubtful],

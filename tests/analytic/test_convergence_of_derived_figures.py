@@ -60,7 +60,9 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     spectrum = result.spectra["tip", "absolute_acceleration"]
     strongest = max(line.amplitude for line in spectrum.lines)
     # changes of amplitude alone: the orders of the excitation keep their frequency
-    least = max(line.relative_change * line.amplitude for line in spectrum.lines if line.kind != "other")
+    sizes = [line.relative_change * line.amplitude for line in spectrum.lines if line.kind != "other"]
+    assert np.isnan(sizes[0])  # a mean at -80 dB is leakage
+    least = max(sizes[1:])
     assert result.summary["convergence"]["spectral_lines"][name] >= least / strongest * (1 - 1e-12) > ALLOWED_CHANGE
     rows = [text for _, text in table_rows("run", result)]
     assert any("NOT CONVERGED" in text and "tip absolute acceleration" in text for text in rows)
@@ -70,11 +72,13 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     assert any(row["relative_change"] > ALLOWED_CHANGE for row in result.summary["spectral_lines"])
     stored = beamsim.open_run(beamsim.write_result(result, tmp_path / "run.h5"))
     kept = stored.spectra["tip", "absolute_acceleration"]
-    assert [line.relative_change for line in kept.lines] == [line.relative_change for line in spectrum.lines]
+    np.testing.assert_array_equal(*([line.relative_change for line in s.lines] for s in (kept, spectrum)))
     assert kept.rms_change == result.summary["convergence"]["rms_acceleration_g"]["tip"]
     above = run_figures(stored)["spectrum"].axes[0]
     marks = next(line for line in above.lines if line.get_label() == DOUBTFUL_LINES)
-    assert len(marks.get_xdata()) == sum(line.relative_change > ALLOWED_CHANGE for line in spectrum.lines)
+    changed = [line for line in spectrum.lines if line.relative_change > ALLOWED_CHANGE]
+    within = [line for line in changed if line.frequency_hz <= above.get_xlim()[1] * spectrum.excitation_hz]
+    assert len(marks.get_xdata()) == len(within) > 0
     assert any("lines not converged" in text.get_text() for text in above.texts)
 
 

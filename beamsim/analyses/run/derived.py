@@ -161,8 +161,8 @@ def line_changes(
     """Relative changes of the lines of each spectrum, and by spectrum the largest over its strongest line.
 
     The change of a line is that of its amplitude, or of its frequency if that is larger. A line at the frequency of a
-    static vector is no figure of the structure, and has none (nan). That of a small mean is over the least amplitude
-    that a line has.
+    static vector is no figure of the structure, and has none (nan); neither has a mean below the least amplitude of the
+    other lines, which may be leakage.
     """
     of_lines: dict[SpectrumKey, tuple[float, ...]] = {}
     largest: dict[str, float] = {}
@@ -174,8 +174,9 @@ def line_changes(
         sizes = np.array([line.amplitude for line in s.lines]) * physical
         if sizes.size == 0 or sizes.max() == 0:
             continue
-        both[0] *= min(1.0, sizes[0] / (WORTH_LISTING * sizes.max()))
-        of_lines[key] = tuple(np.where(physical, both, np.nan).tolist())
+        told = physical.copy()
+        told[0] &= sizes[0] >= WORTH_LISTING * sizes.max()
+        of_lines[key] = tuple(np.where(told, both, np.nan).tolist())
         largest[" ".join(key)] = float(np.nanmax(np.where(physical, amplitude, 0.0) * sizes) / sizes.max())
     return of_lines, largest
 
