@@ -7,6 +7,7 @@ Motions are compared at a hundred times, at which steps end. The reference is th
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -164,6 +165,7 @@ def compare(label: str, case: str, changes: dict[str, object]) -> None:
 
 def main() -> None:
     """Print the table."""
+    argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0]).parse_args()
     print("| case | method | processor time | ratio | error of the first probe, over its peak | work |")
     print("|---|---|---|---|---|---|")
     for label, (case, changes) in CASES.items():

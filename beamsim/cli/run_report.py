@@ -37,7 +37,7 @@ def _method(result: RunResult, method: str) -> str:
 
 def _memory(result: RunResult, memory: float) -> str:
     kept = result.summary.get("contact_states_kept")
-    text = f"at most {amount(memory, 'B')}"
+    text = f"at most {amount(memory, 'B')} beside the libraries"
     if kept is None:
         return text
     states, settings = result.work.states, result.scenario.run

@@ -52,10 +52,7 @@ OTHER_PROCESSOR = 10.0  # the same of changes by another processor
 RENAMED: dict[str, tuple[str, str]] = {}
 """Deliberate renamings: pattern of the recorded path -> (new path, reason); a ``*`` is the same text in both."""
 
-MENDED: dict[str, str] = {
-    "design_robust sweep json/responses/energy_error/smallest_at/*": "which error is smallest is decided by round-off",
-    "rubbing_stop run file/work@evaluations": "479 -> 476: half a step where a contact is left at t = 0",
-}
+MENDED: dict[str, str] = {}
 """Deliberate changes of numbers, not compared: pattern of an entry, or of ``entry path``, -> reason."""
 
 ROUND_OFF = {"energy_error", "residual", "largest_residual", "drift", "motion_drift"}
