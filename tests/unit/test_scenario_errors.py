@@ -248,7 +248,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("run.start={mode: 1, displacement: [0]}", "run.start.mode is not a known key"),
         ("run.start={mode: 0, amplitude: 1}", "run.start.mode = 0 is out of range"),
         ("run.start={displacement: [], velocity: []}", "run.start is an empty initial state"),
-        ("run.start={displacement: [1 mm]}", "run.start.displacement[0] = 1 mm must be a plain number, without a unit"),
+        ("run.start={displacement: [1 N]}", "run.start.displacement[0] = 1 N must be a displacement, a slope"),
         ("run.start={displacement: [1]}", "has the deflection 1 at the clamped left end, where it must be 0"),
         ("run.start={displacement: [0, 1]}", "has the slope 1 at the clamped left end, where it must be 0"),
         ("run.start={velocity: [0, 1]}", "has the slope velocity 1 at the clamped left end"),
