@@ -70,15 +70,26 @@ def test_one_that_does_not_is_exported(name, folder, tmp_path):
     assert done.exit_code == 0, done.output
 
 
-@pytest.mark.parametrize("asked", ["srs: {from: 10 Hz, to: 1 kHz}", "low_pass: 1 kHz"])
-def test_a_pulse_too_short_for_a_filter_is_named(asked, tmp_path):
-    pulse = "{kind: half_sine, applied_to: base, level: 1 g, duration: 1e-12 s}"
-    text = CASE.replace("{kind: harmonic, applied_to: base, frequency: 5 Hz, level: 2 g}", pulse)
-    (tmp_path / "case.yaml").write_text(text.replace("spectrum: {last: 0.2 s}", f"sample_rate: 1 kHz, {asked}"))
+def pulse(duration, asked):
+    excitation = f"{{kind: half_sine, applied_to: base, level: 1 g, duration: {duration} s}}"
+    text = CASE.replace("{kind: harmonic, applied_to: base, frequency: 5 Hz, level: 2 g}", excitation)
+    return text.replace("spectrum: {last: 0.2 s}", f"sample_rate: 1 kHz, {asked}")
+
+
+def test_a_pulse_too_short_for_a_shock_response_spectrum_is_named(tmp_path):
+    (tmp_path / "case.yaml").write_text(pulse(1e-12, "srs: {from: 10 Hz, to: 1 kHz}"))
     done = CliRunner().invoke(app, ["run", str(tmp_path / "case.yaml"), "--no-plots", "-o", str(tmp_path / "case.h5")])
     assert done.exit_code == 2
     assert "case.yaml:5: run asks for run.srs or run.low_pass, which would take " in done.output
     assert "the shortest pulse" in done.output
+
+
+def test_behind_a_filter_a_short_pulse_is_an_impulse(tmp_path):
+    peaks = []
+    for duration in (1e-6, 1e-12):
+        (tmp_path / "case.yaml").write_text(pulse(duration, "low_pass: 1 kHz"))
+        peaks.append(beamsim.run(beamsim.load_scenario(tmp_path / "case.yaml")).summary["peak_acceleration_g"]["mass"])
+    assert 0.0 < peaks[1] == pytest.approx(1e-6 * peaks[0], rel=1e-5)
 
 
 def test_the_python_function_reads_what_there_is(folder, tmp_path):
