@@ -3,6 +3,7 @@
 ``python -m benchmarks.against_peers``. The integrator is compiled by Numba, takes SciPy's coefficients, has an adaptive
 step and knows nothing of the contacts: steps go across openings and closings, and only the error estimate notices.
 Motions are compared at a hundred times, at which steps end. The reference is the integrator with a tolerance of 1e-13.
+Response curves follow, beside programs for harmonic balance (`benchmarks.peer_curves`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import beamsim
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
+from benchmarks import peer_curves
 from benchmarks.measure import CASE, processor_time
 
 CASES: dict[str, tuple[str, dict[str, object]]] = {
@@ -170,6 +172,9 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     for label, (case, changes) in CASES.items():
         compare(label, case, changes)
+    print()
+    for line in peer_curves.rows():
+        print(line, flush=True)
 
 
 if __name__ == "__main__":
