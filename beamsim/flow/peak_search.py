@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.dataclass import dataclass
+from beamsim.flow.cubic import Cubic
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -158,11 +159,11 @@ class _Found:
         bound = np.minimum(bound - _products(grid.noise, at, sizes), of.bound[:, None])
         row, part = np.nonzero((bound > self.limit(of)[:, None]) & ~rules_out)
         left = Intervals(of.sum[row], begin[row, part], step[row], bound[row, part])
-        part_of, length = (at[row], part), grid.step_turn[at[row]]
         if not row.size:
             return left
-        bend = np.maximum(*(self._curvature(left.sum, grid.terms[at[row], part + k], length) for k in (0, 1)))
-        bend += (grid.whole_fourth[part_of] * sizes[row]).sum(axis=1) / 8.0
+        which, turn = at[row], grid.step_turn[at[row]]
+        bend = np.maximum(*(self._curvature(left.sum, grid.terms[which, part + k], turn) for k in (0, 1)))
+        bend += (grid.whole_fourth[which, part] * sizes[row]).sum(axis=1) / 8.0
         if grid.far is not None:
             slope = slope + _products(grid.far.slopes, at, factors)
         peak = (bend < 0.0) & (slope[row, part] > 0.0) & (slope[row, part + 1] < 0.0)
@@ -281,39 +282,3 @@ def _real(z: Complexes) -> Floats:
 def _products(table: Floats, at: Ints, factors: Floats) -> Floats:
     """(n, points) of rows ``at`` (n,) of a table (U, points, X) with factors (n, X)."""
     return np.asarray(np.matmul(table[at], factors[:, :, None])[:, :, 0])
-
-
-@dataclass(frozen=True)
-class Cubic:
-    """Cubics on intervals of length one from values and slopes at their ends."""
-
-    left: Floats
-    right: Floats
-    left_slope: Floats
-    right_slope: Floats
-
-    @cached_property
-    def factors(self) -> tuple[Floats, Floats]:
-        """Of the square and of the cube of the place."""
-        rise, d, e = self.right - self.left, self.left_slope, self.right_slope
-        return 3.0 * rise - 2.0 * d - e, d + e - 2.0 * rise
-
-    def top(self) -> tuple[Floats, Floats]:
-        """Largest values, and the places of maxima between the ends: 0 where there is none."""
-        d, (c, e) = self.left_slope, self.factors
-        with np.errstate(divide="ignore", invalid="ignore"):
-            root = np.sqrt(c * c - 3.0 * e * d)
-            place = np.where(c <= 0.0, d / (root - c), -(c + root) / (3.0 * e))
-        place = np.where((place > 0.0) & (place < 1.0), place, 0.0)  # also where it is no number
-        inside = self.left + place * (d + place * (c + place * e))
-        return np.maximum(inside, np.maximum(self.left, self.right)), place
-
-    def climbs(self, error: Floats) -> Bools:
-        """Whether the slopes keep their signs, of sums whose slopes are within an error of the cubics'."""
-        d, (c, e) = self.left_slope, self.factors
-        with np.errstate(divide="ignore", invalid="ignore"):
-            place = -c / (3.0 * e)
-            middle = np.where((place > 0.0) & (place < 1.0), d + c * place, d)
-        least = np.minimum(middle, np.minimum(d, self.right_slope))
-        most = np.maximum(middle, np.maximum(d, self.right_slope))
-        return np.asarray((least > error) | (most < -error))

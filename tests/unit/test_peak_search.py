@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beamsim.flow import peak_search
-from beamsim.flow.peak_search import Cubic, Intervals, Sums, search
+from beamsim.flow.cubic import Cubic
+from beamsim.flow.peak_search import Intervals, Sums, search
 
 OUTPUTS, SEGMENTS, TERMS = 3, 4, 5
 

@@ -20,6 +20,7 @@ from beamsim.analyses.run.linear_filter import Extreme, higher, lower, recurrenc
 from beamsim.analyses.run.low_pass import LowPassFilter, butterworth, known_times
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
+from beamsim.flow.cubic import Cubic
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Complexes, Floats, Ints
@@ -93,12 +94,8 @@ class FilteredPanels:
         h = (self.ends[panel + 1] - self.ends[panel])[:, None]
         h = np.where(h > 0, h, 1.0)  # a motion that ends where it begins
         s = (times - self.ends[panel])[:, None] / h
-        y, a, b = self.value[panel], h * self.slope[panel], h * self.slope[panel + 1]
-        rise = self.value[panel + 1] - y
-        c2, c3 = 3 * rise - 2 * a - b, a + b - 2 * rise
-        if slope:
-            return np.asarray((a + s * (2 * c2 + s * 3 * c3)) / h)
-        return np.asarray(y + s * (a + s * (c2 + s * c3)))
+        cubic = Cubic(self.value[panel], self.value[panel + 1], h * self.slope[panel], h * self.slope[panel + 1])
+        return cubic.slope_at(s) / h if slope else cubic.at(s)
 
 
 class _Part(NamedTuple):
