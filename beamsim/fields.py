@@ -38,7 +38,9 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
-from typing import Any, NamedTuple, TypeVar, dataclass_transform
+from inspect import get_annotations
+from types import NoneType, UnionType
+from typing import Any, NamedTuple, TypeVar, Union, dataclass_transform, get_args, get_origin
 
 import numpy as np
 
@@ -550,16 +552,15 @@ def _default(field: Any) -> Callable[[], Any] | None:
 
 
 def _annotation(cls: type, name: str) -> Any:
-    owner = next(base for base in cls.__mro__ if name in vars(base).get("__annotations__", {}))
-    text = vars(owner)["__annotations__"][name]
-    return eval(text, vars(sys.modules[owner.__module__])) if isinstance(text, str) else text
+    owner = next(base for base in cls.__mro__ if name in get_annotations(base))
+    annotation = get_annotations(owner)[name]
+    return eval(annotation, vars(sys.modules[owner.__module__])) if isinstance(annotation, str) else annotation
 
 
 def _without_none(annotation: Any) -> tuple[Any, bool]:
-    options = (
-        getattr(annotation, "__args__", ()) if type(annotation).__name__ in ("UnionType", "_UnionGenericAlias") else ()
-    )
-    inner = [option for option in options if option is not type(None)]
+    """The type without None, and whether it had it: ``Floats | None``, or the same as an `Optional`."""
+    options = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else ()
+    inner = [option for option in options if option is not NoneType]
     return (inner[0], True) if len(inner) == 1 else (annotation, False)
 
 

@@ -140,9 +140,14 @@ def deferred() -> Iterator[Callable[[], None]]:
         take_effect()
 
 
+def never(frame: FrameType | None) -> bool:
+    """In no frame."""
+    return False
+
+
 @contextmanager
-def kept(keep: Callable[[BaseException], None], lost_in: Callable[[FrameType | None], bool]) -> Iterator[None]:
-    """Keep what signals raise in the block, and raise it only in frames that do not lose it.
+def kept(keep: Callable[[BaseException], None], lost_in: Callable[[FrameType | None], bool] = never) -> Iterator[None]:
+    """Keep what signals raise in the block, and raise it, but for frames that lose it.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.matrix_files.op4 import write_op4
+from beamsim.matrix_files.nastran import write_op4
 from beamsim.structures.dof_table import DofTable, write_dof_table
 from beamsim.typing import Floats, Ints
 

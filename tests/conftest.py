@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 import typer.testing
 from hypothesis import settings
-from numba.core.dispatcher import Dispatcher
 
 import beamsim
 from beamsim.analyses.run.result import RunResult
@@ -47,7 +46,7 @@ if os.environ.get("CI"):
 
 
 def pytest_configure() -> None:
-    """Let workers and the commands that tests start keep bytecode beside the sources, as compiled kernels are.
+    """Let workers and the commands that tests start keep bytecode beside the sources.
 
     Where the environment forbids that, each process compiles the package's sources again: a third of a short command.
     """
@@ -63,28 +62,6 @@ KERNEL_CASES: list[tuple[str, str, dict[str, Any]]] = [
     ("frequency_response", "chain_two_dof", {}),
     ("run", "random_vibration", {"run.duration": 0.1, "run.spectrum.last": 0.05, "run.convergence": "off"}),
 ]
-
-
-def untraced(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function during which no tracer is called: that of coverage makes compilation 40 % longer."""
-
-    def call(*args: Any, **options: Any) -> Any:
-        tracer = sys.gettrace()
-        sys.settrace(None)
-        try:
-            return function(*args, **options)
-        finally:
-            sys.settrace(tracer)
-            _take_over()
-
-    return call
-
-
-def _take_over() -> None:
-    """Be called: coverage's tracer takes over when a function is called, and must before the caller returns."""
-
-
-Dispatcher.compile = untraced(Dispatcher.compile)  # little of the package runs meanwhile: its own compilation
 
 
 @contextmanager

@@ -15,7 +15,7 @@ WORTHLESS_REDUCTION = 0.1
 
 def reduction_checked(outcome: Outcome, modes: ModeTable) -> Outcome:
     """The outcome, which is not to be trusted where the reduced receptance has no useful bound."""
-    if modes.reduction_bound is None or not modes.reduction_bound > WORTHLESS_REDUCTION:
+    if not modes.reduction_bound > WORTHLESS_REDUCTION:
         return outcome
     return Outcome.of(
         OutcomeCode.REDUCTION_NOT_ACCURATE, *(() if outcome.complete else (outcome,)),

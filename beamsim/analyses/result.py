@@ -35,8 +35,7 @@ MODES = (
     Entry("closed_frequencies_hz", of="modes.closed_frequencies_hz"),
     Entry("kept_modes", of="modes.kept_modes"),
     Entry("static_vectors", of="modes.static_vectors"),
-    Entry("reduction_error", label="reduction", of="modes.reduction_error"),
-    Entry("reduction_bound", label="bound of the reduction", of="modes.reduction_bound"),
+    Entry("reduction_bound", label="reduction", of="modes.reduction_bound"),
     Entry("probe_bound", of="modes.probe_bound"),
     Entry("highest_frequency_hz", of="modes.highest_frequency_hz"),
 )

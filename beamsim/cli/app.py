@@ -71,8 +71,8 @@ def run(
         str | None,
         typer.Option(
             "--against",
-            metavar="METHOD[:STEP]",
-            help="Compare with a time stepper: newmark:5e-5, hht:5e-5 (step in s) or dop853.",
+            metavar="reference[:RTOL]",
+            help="Compare with the reference integrator, at a relative tolerance of 1e-8 or as given.",
         ),
     ] = None,
     debug: Debug = False,
@@ -82,10 +82,10 @@ def run(
     from beamsim.cli.progress import progress_of
 
     if against is not None:
-        from beamsim.analyses.run.against import Stepper
         from beamsim.analyses.run.against import against as compare_with
+        from beamsim.analyses.run.against import tolerance_of
 
-        stepper = Stepper.parse(against)
+        rtol = tolerance_of(against)
     scenario, target = prepared("run", case, set_, output, check=check)
     reporting = Reporting(not no_plots, json, quiet, check)
     bar = progress_of(
@@ -96,7 +96,7 @@ def run(
 
         result = simulate(scenario, progress, computation.stop)
         if against is not None and not result.outcome.interrupted:
-            result = compare_with(result, stepper, computation.stop)
+            result = compare_with(result, rtol, computation.stop)
         computation.result = result
 
 
@@ -231,6 +231,7 @@ for module in dict.fromkeys(
         *(kind.commands for kind in KINDS.values() if kind.commands != __name__),
         "beamsim.cli.structures",
         "beamsim.cli.pad",
+        "beamsim.cli.warmup",
         "beamsim.cli.html_report",
     ]
 ):

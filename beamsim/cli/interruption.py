@@ -10,7 +10,6 @@ from types import FrameType
 
 from beamsim.cli.failures import interruption_behind, say
 from beamsim.errors import ExitCode
-from beamsim.flow.stopping import CompilationStopped, between_compilations, is_compiling, loses_exceptions
 from beamsim.interrupts import SignalBlock, handled, kept
 
 STOPPING = "beamsim: stopping after the current point and saving the partial result; press again to stop immediately"
@@ -24,23 +23,18 @@ class Interruption:
         self.signal = 0  # number of the signal received, or 0
         self.kept = False  # whether there is something to keep: once the analysis has asked
         self.writes = ""  # name of the result file, from when it is written
-        self.raised: KeyboardInterrupt | None = None  # by a signal, where it ends more than the next check would
+        self.raised: KeyboardInterrupt | None = None  # by a signal before there is something to keep
 
     def __call__(self) -> bool:
         """Whether a signal was received."""
-        if not self.kept:
-            self.raise_lost()
-            self.kept = True
+        if self.raised is not None:  # and dropped by Python, in a destructor or a callback
+            raise self.raised
+        self.kept = True
         return self.signal != 0
 
     def begin_writing(self, file: str) -> None:
         """From here on the first signal waits until the file of this name is complete; nothing is lost by it."""
         self.writes, self.kept = file, True
-
-    def raise_lost(self) -> None:
-        """Raise what a signal has raised, if it was lost."""
-        if self.raised is not None and not getattr(self.raised, "caught", False):
-            raise self.raised
 
 
 @contextmanager
@@ -48,8 +42,7 @@ def interruptible() -> Iterator[Interruption]:
     """Yield an object that the first SIGINT or SIGTERM sets; the second has its previous effect.
 
     Until the analysis asks for the first time it reads, builds its model and makes its input, of which nothing can be
-    kept: the first signal ends it there at once. Where a kernel is being compiled, which takes seconds, the first
-    one ends that as well. A file that `Interruption.begin_writing` names is written to its end.
+    kept: the first signal ends it there at once. A file that `Interruption.begin_writing` names is written to its end.
 
     Signals that the process was started to ignore (``nohup``, background jobs of a shell) stay ignored.
     """
@@ -60,14 +53,12 @@ def interruptible() -> Iterator[Interruption]:
         block.end()
         if interruption.kept:
             say(WRITING.format(file=interruption.writes) if interruption.writes else STOPPING)
-            if interruption.writes or not is_compiling(frame):
-                return
-        interruption.raised = CompilationStopped() if interruption.kept else KeyboardInterrupt()
-        if not loses_exceptions(frame):
-            raise interruption.raised
+            return
+        interruption.raised = KeyboardInterrupt()
+        raise interruption.raised
 
     try:
-        with handled(request, also_default=True), _checked_between_compilations(interruption.raise_lost):
+        with handled(request, also_default=True):
             yield interruption
     except BaseException as error:  # nothing was found that could be kept
         behind = error if isinstance(error, KeyboardInterrupt) else interruption_behind(error)
@@ -78,24 +69,12 @@ def interruptible() -> Iterator[Interruption]:
 
 @contextmanager
 def raised_again() -> Iterator[Callable[[], None]]:
-    """Yield a function that raises what SIGINT or SIGTERM has raised within the block, if it was lost.
-
-    Python drops what a signal raises while a callback of the compiler runs.
-    """
+    """Yield a function that raises what SIGINT or SIGTERM has raised within the block, if Python dropped it."""
     raised: list[BaseException] = []
 
     def check() -> None:
         if raised:
             raise raised[0]
 
-    with kept(raised.append, loses_exceptions), _checked_between_compilations(check):
+    with kept(raised.append):
         yield check
-
-
-@contextmanager
-def _checked_between_compilations(check: Callable[[], None]) -> Iterator[None]:
-    between_compilations.append(check)
-    try:
-        yield
-    finally:
-        between_compilations.remove(check)

@@ -9,13 +9,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from beamsim.cli.failures import say
-from beamsim.flow.stopping import is_compiling
 
 SHOWN_AFTER_S = 2.0  # what takes less needs no report
 LINE_EVERY_S = 5.0  # where there is no terminal
 LINE_AT_LEAST_EVERY_S = 30.0
 LINE_SHARE = 0.1  # of the time so far, between two lines of a long computation
-COMPILING = "compiling the numerical kernels, once for this processor"
 
 
 class Progress:
@@ -25,8 +23,6 @@ class Progress:
     ----------
     label : what is done, "simulating case.yaml".
     afterwards : what is done from fraction 1 on, of which no fraction is known; the label where nothing follows.
-
-    While kernels are compiled, that is what is being done.
     """
 
     def __init__(self, label: str, afterwards: str = "") -> None:
@@ -45,8 +41,6 @@ class Progress:
     @property
     def label(self) -> str:
         """What is being done."""
-        if is_compiling(sys._current_frames().get(threading.main_thread().ident or 0)):
-            return COMPILING
         return self._label if self._first is None or self.fraction is not None else self._afterwards
 
     @property
@@ -69,7 +63,7 @@ class Progress:
 
     def __str__(self) -> str:
         label = self.label
-        if self.fraction is None or label == COMPILING:
+        if self.fraction is None:
             return f"{label}, {duration(self.elapsed)} so far"
         remaining = self.remaining()
         left = f"{duration(self.elapsed)} so far" if remaining is None else f"{_about(remaining)} remain"

@@ -184,19 +184,16 @@ def _natural_frequencies(result: Result, opened: Sequence[float]) -> dict[str, s
     return states if opened != closed else {"": states["open"]}
 
 
-def _reduction(result: Result, error: float) -> str:
+def _reduction(result: Result, bound: float) -> str:
     s = result.summary
     kept = f"{counted(s['kept_modes'], 'mode')} and {counted(s['static_vectors'], 'static vector')}"
-    return f"{kept}, estimated error {error:.2g}"
-
-
-def _reduction_bound(result: Result, bound: float) -> str:
     if math.isnan(bound):
-        return "not known"
-    highest = amount(result.summary["highest_frequency_hz"], "Hz")
-    probes = result.summary.get("probe_bound")
+        return f"{kept}, error not known"
+    probes = s.get("probe_bound")
     beside = "" if probes is None or math.isnan(probes) else f", {probes:.2g} between these and the probes,"
-    return f"{bound:.2g} of the receptance at contacts and loads{beside} up to {highest}"
+    highest = s.get("highest_frequency_hz")  # which earlier files lack
+    up_to = "" if highest is None else f" up to {amount(highest, 'Hz')}"
+    return f"{kept}, error below {bound:.2g} of the receptance at contacts and loads{beside}{up_to}"
 
 
 def base_correction(result: Result, share: float) -> str:
@@ -261,7 +258,6 @@ def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:
 SHARED: Texts = {
     "margins": margins,
     "open_frequencies_hz": _natural_frequencies,
-    "reduction_error": _reduction,
-    "reduction_bound": _reduction_bound,
+    "reduction_bound": _reduction,
 }
 """Texts of the entries that several analyses share."""

@@ -315,7 +315,7 @@ def _solver(result: RunResult, time: float) -> str:
 
 
 def _against(result: RunResult, compared: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Columns: figure and place, the run, the time stepper, the difference; then states, times and cost."""
+    """Columns: value and place, the run, the reference, the difference; then states, times and cost."""
     rows: list[tuple[str, ...]] = [("", "exact", compared["method"], "difference")]
     for figure, places in compared["figures"].items():
         for place, value in places.items():
@@ -334,10 +334,7 @@ def _against(result: RunResult, compared: Mapping[str, Any]) -> Iterator[tuple[s
     costs = compared["exact_processor_time_s"], compared["processor_time_s"]
     factor = f"{costs[1] / costs[0]:.3g} times" if costs[0] > 0 else ""
     rows.append(("processor time", *(amount(cost, "s") for cost in costs), factor))
-    steps = "steps" if math.isfinite(compared["step_s"]) else "evaluations"
-    rows.append((steps, str(result.work.evaluations), str(compared["steps"]), ""))
-    if compared["unsettled_steps"]:
-        rows.append(("steps without settled contacts", "", str(compared["unsettled_steps"]), ""))
+    rows.append(("evaluations", str(result.work.evaluations), str(compared["evaluations"]), ""))
     widths = [max(len(row[k]) for row in rows) for k in range(4)]
     for row in rows:
         yield "", "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()

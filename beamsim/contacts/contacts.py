@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.contacts.laws import ContactLaw, Phase, kelvin_voigt
+from beamsim.contacts.laws import JOINT, OWN, PRESSING, ContactLaw, LawArrays, OneSidedSpring, kelvin_voigt
 from beamsim.dataclass import dataclass
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -17,7 +16,8 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 class PhaseArrays(NamedTuple):
     """The contacts and their laws as padded arrays, for compiled code: m contacts, P phases, G guards, R states.
 
-    A row of 3 + R factors multiplies the penetration, its rate, 1, and the contact's own internal states.
+    A row of 3 + R factors multiplies the penetration, its rate, 1, and the contact's own internal states; see
+    `beamsim.contacts.laws.LawArrays`.
     """
 
     shape: Any  # (m, n)
@@ -30,8 +30,6 @@ class PhaseArrays(NamedTuple):
     touching: Any  # (m, P) bool
     force: Any  # (m, P, 3 + R) the force's row
     dynamics: Any  # (m, P, R, 3 + R) rows of the rates of the internal states
-    stored: Any  # (m, P, 1 + R, 1 + R) Q of the energy z^T Q z / 2 at zero penetration, z = (1, internal states)
-    losses: Any  # (m, P, R) power lost with the square of the internal states' rates, N s/m
     guards: Any  # (m, P) number of guards
     guard: Any  # (m, P, G, 3 + R) their rows
     next: Any  # (m, P, G) phase that follows
@@ -48,12 +46,10 @@ class Watched:
     contact: Ints  # (w,) contact that each function belongs to
     row: Floats  # (w, 3) factors of the penetration, its rate, and 1
     internal: Floats  # (w, r) factors of all internal states
+    joint: Floats  # (w, 3) factors of the force that presses the contact, of its rate, and of its own where it holds
     guards: int  # g
     following: Ints  # (g,) phase of the guard's contact after its event
-    reaction: Floats  # (w,) factor of the contact's force, where it holds
     reset: Ints  # (g,) first of the rows that give the internal states after the event, -1 without a reset
-    pressing: Floats  # (w,) factor of the force of the contact that presses the function's own
-    pressing_rate: Floats  # (w,) s, factor of that force's rate
 
 
 @dataclass(frozen=True)
@@ -92,16 +88,19 @@ class Contacts:
         return sum(law.internal_states for law in self.laws)
 
     @cached_property
-    def _with_states(self) -> list[int]:
-        """The contacts whose laws have internal states."""
-        return [j for j, law in enumerate(self.laws) if law.internal_states]
+    def _owner(self) -> Ints:
+        """(r,) contact of each internal state."""
+        return np.repeat(np.arange(self.count), self.arrays.states)
+
+    @cached_property
+    def _column(self) -> Ints:
+        """(r,) column of each internal state in the rows of its contact's law."""
+        return np.asarray(OWN + np.arange(self.internal_states) - self.arrays.first[self._owner])
 
     @cached_property
     def sliders(self) -> Ints:
         """Numbers of the internal states that rest but where a contact slides or yields."""
-        a = self.arrays
-        rubbing = [j for j, law in enumerate(self.laws) if law.rubs and law.internal_states]
-        return np.array([a.first[j] + i for j in rubbing for i in range(a.states[j])], dtype=np.int64)
+        return np.flatnonzero(np.array([law.rubs for law in self.laws], dtype=bool)[self._owner])
 
     @cached_property
     def stiffness(self) -> Floats:
@@ -126,7 +125,7 @@ class Contacts:
     @cached_property
     def damped(self) -> bool:
         """Whether any phase dissipates."""
-        resisted = any(p.dashpot != 0.0 for law in self.laws for p in law.phases)
+        resisted = any(p.lost.rate != 0.0 for law in self.laws for p in law.phases)
         return resisted or self.internal_states > 0 or any(law.rubs for law in self.laws)
 
     @property
@@ -144,50 +143,48 @@ class Contacts:
         return self.split()
 
     def split(self) -> Contacts:
-        """One contact for each part of a law that is a sum of one-sided springs; other laws are unchanged."""
+        """One contact for each part of a law that is a sum of one-sided springs.
+
+        Other laws are unchanged, and those of contacts that press others.
+        """
         if all(law.family is not None for law in self.laws):
             return self
-        owner: list[int] = []
-        direction, gap, laws = [], [], []
-        for j, law in enumerate(self.laws):
-            if law.family is not None or law.parts is None:
-                owner.append(j)
-                direction.append(1.0)
-                gap.append(self.gap[j])
-                laws.append(law)
-                continue
-            for part in law.parts:
-                owner.append(j)
-                direction.append(part.direction)
-                gap.append(part.direction * self.gap[j] + part.offset)
-                laws.append(kelvin_voigt(part.stiffness, part.dashpot))
-        d = np.array(direction)
-        return Contacts(self.shape[owner], d * self.sign[owner], np.array(gap), self.on_ground[owner], tuple(laws),
-            self.levers[owner])  # fmt: skip
+        owner, direction = self.owners_of_parts
+        parts = [part for parts in self._parts for part in parts]
+        laws = tuple(
+            self.laws[j] if part is None else kelvin_voigt(part.stiffness, part.dashpot)
+            for j, part in zip(owner.tolist(), parts, strict=True)
+        )
+        offset = np.array([0.0 if part is None else part.offset for part in parts])
+        pressed_by = None
+        if self.pressed_by is not None:
+            first = np.append(np.searchsorted(owner, np.arange(self.count)), -1)
+            pressed_by = first[self.pressed_by][owner]
+        return Contacts(
+            self.shape[owner], direction * self.sign[owner], direction * self.gap[owner] + offset,
+            self.on_ground[owner], laws, self.levers[owner], pressed_by,
+        )  # fmt: skip
+
+    @cached_property
+    def _parts(self) -> list[tuple[OneSidedSpring | None, ...]]:
+        """Of each contact its one-sided springs; None where it stays as it is."""
+        whole = set(self.pressing.tolist())
+        return [
+            (None,) if law.family is not None or law.parts is None or j in whole else law.parts
+            for j, law in enumerate(self.laws)
+        ]
 
     @property
     def owners_of_parts(self) -> tuple[Ints, Floats]:
         """Of each contact of `split` which one it is a part of, and the direction of its force in that one's."""
-        if all(law.family is not None for law in self.laws):
-            return np.arange(self.count), np.ones(self.count)
-        parts = [
-            (j, part.direction if part is not None else 1.0)
-            for j, law in enumerate(self.laws)
-            for part in ((None,) if law.family is not None or law.parts is None else law.parts)
-        ]
-        return np.array([j for j, _ in parts], dtype=np.int64), np.array([sign for _, sign in parts])
+        owner = np.repeat(np.arange(self.count), [len(parts) for parts in self._parts])
+        directions = [1.0 if part is None else part.direction for parts in self._parts for part in parts]
+        return owner, np.array(directions)
 
     @property
     def clearances(self) -> Floats:
         """Gaps of all one-sided springs, m: one per breakpoint of a piecewise-linear law."""
         return self.split().gap
-
-    def take(self, which: slice) -> Contacts:
-        """A selection of the contacts."""
-        return Contacts(
-            self.shape[which], self.sign[which], self.gap[which], self.on_ground[which], self.laws[which],
-            self.levers[which],
-        )  # fmt: skip
 
     def with_others(self, others: Contacts) -> Contacts:
         """These contacts followed by the others."""
@@ -195,10 +192,35 @@ class Contacts:
             np.concatenate([self.shape, others.shape]), np.concatenate([self.sign, others.sign]),
             np.concatenate([self.gap, others.gap]), np.concatenate([self.on_ground, others.on_ground]),
             self.laws + others.laws, np.concatenate([self.levers, others.levers]),
+            _pressed_by(self, others),
         )  # fmt: skip
 
+    def with_first(self, first: Contacts) -> Contacts:
+        """The contacts with the first ones replaced by others, which press and are pressed as these were."""
+        rest = slice(first.count, None)
+        others = replace(self, shape=self.shape[rest], sign=self.sign[rest], gap=self.gap[rest],
+                         on_ground=self.on_ground[rest], laws=self.laws[rest], lever=self.levers[rest],
+                         pressed_by=None)  # fmt: skip
+        return replace(first.with_others(others), pressed_by=self.pressed_by)
+
     def with_numbers(self, contact: int, stiffness: float, dashpot: float) -> Contacts:
-        """The contacts with another stiffness and dashpot of one contact, whose law is made of these."""
+        """The contacts with other numbers of one contact.
+
+        Parameters
+        ----------
+        contact : its number.
+        stiffness, dashpot : of its law, N/m and N s/m.
+
+        Returns
+        -------
+        Contacts
+            With a law of the same kind.
+
+        Raises
+        ------
+        ValueError
+            If the law is not made of these two.
+        """
         law = self.laws[contact].with_numbers(stiffness, dashpot)
         return replace(self, laws=(*self.laws[:contact], law, *self.laws[contact + 1 :]))
 
@@ -215,7 +237,7 @@ class Contacts:
     @property
     def start(self) -> Ints:
         """(m,) phases from which the search for those of a given motion starts."""
-        return self.arrays.start.copy()  # type: ignore[no-any-return]
+        return np.asarray(self.arrays.start.copy())
 
     @cached_property
     def pressed(self) -> Ints:
@@ -229,7 +251,13 @@ class Contacts:
 
     def pressing_factors(self, phases: Ints) -> Floats:
         """Of each of `pressed` the factor of the pressing force in its own, in phases (..., m)."""
-        return np.asarray(self._pressing_factors[self.pressed, phases[..., self.pressed]])
+        return np.asarray(self.tables.lost[self.pressed, phases[..., self.pressed], PRESSING])
+
+    def pressing_stretches(self, phases: Ints) -> Floats:
+        """Of each of `pressed` the stretch of its spring for a unit of the pressing force, m/N, in phases (..., m)."""
+        place = self.pressed, phases[..., self.pressed]
+        strained, factor = self.tables.energy[(*place, PRESSING, PRESSING)], self.tables.lost[(*place, PRESSING)]
+        return np.asarray(np.divide(strained, factor, out=np.zeros_like(factor), where=factor != 0.0))
 
     def presses(self, phases: Ints) -> bool:
         """Whether a force of one contact depends on that of another in these phases."""
@@ -248,10 +276,19 @@ class Contacts:
         return np.asarray(self.arrays.touching[np.arange(self.count), phases])
 
     def touch_changes(self, initial: Ints, time: Floats, contact: Ints, phase: Ints) -> Ints:
-        """(E,) what each event changes: 1 where contact is made, -1 where it ends, 0 between phases of one kind.
+        """What each event changes.
 
-        ``initial`` (m,) are the phases at the beginning, ``time``, ``contact`` and ``phase`` (E,) the events. An event
-        at the very beginning that leads to the phase there stands for entering it: contact was not there before.
+        An event at the very beginning that leads to the phase there stands for entering it: contact was not there
+        before.
+
+        Parameters
+        ----------
+        initial : (m,) phases at the beginning.
+        time, contact, phase : (E,) of the events: time, s, contact, and its phase afterwards.
+
+        Returns
+        -------
+        (E,) 1 where contact is made, -1 where it ends, 0 between phases of one kind.
         """
         after = np.asarray(self.arrays.touching[contact, phase], dtype=np.int64)
         changes = np.zeros(contact.size, dtype=np.int64)
@@ -266,15 +303,25 @@ class Contacts:
         return changes
 
     def after(self, phases: Ints, contact: int, following: int) -> Ints:
-        """The phases after one contact has changed its phase, and those that it presses where it touches or lets go."""
+        """The phases after an event.
+
+        Parameters
+        ----------
+        phases : (m,) before it.
+        contact : that changes its phase; where it touches or lets go, those that it presses change theirs.
+        following : the contact's new phase.
+
+        Returns
+        -------
+        (m,) phases.
+        """
         before, phases = phases[contact], phases.copy()
         phases[contact] = following
         if self.pressed.size:
             touches = self.arrays.touching[contact, following]
             if touches != self.arrays.touching[contact, before]:
                 for j in self.pressed[self.pressing == contact].tolist():
-                    now = self.laws[j].phases[phases[j]]
-                    then = now.when_pressed if touches else now.when_released
+                    then = self.laws[j].phases[phases[j]].otherwise
                     phases[j] = phases[j] if then is None else then
         return phases
 
@@ -284,14 +331,22 @@ class Contacts:
             return phases
         phases, touches = phases.copy(), self.touching(phases)
         for j, i in zip(self.pressed.tolist(), self.pressing.tolist(), strict=True):
-            released = self.laws[j].phases[start[j]].when_released
+            released = self.laws[j].phases[start[j]].otherwise
             phases[j] = start[j] if touches[i] or released is None else released
         return phases
 
     def border(self, contact: int, before: int, after: int) -> tuple[float, bool]:
-        """Penetration at which a contact changes from one phase to another, m, and whether it is larger afterwards.
+        """Where a contact changes from one phase to another.
 
-        If the border does not depend on the penetration alone: zero, and whether the contact touches afterwards.
+        Parameters
+        ----------
+        contact : its number.
+        before, after : the two phases.
+
+        Returns
+        -------
+        Penetration there, m, and whether it is larger afterwards. If the border does not depend on the penetration
+        alone: zero, and whether the contact touches afterwards.
         """
         a = self.arrays
         guards = a.next[contact, before, : a.guards[contact, before]]
@@ -302,60 +357,80 @@ class Contacts:
 
     def force_rows(self, phases: Ints) -> tuple[Floats, Floats]:
         """Forces in given phases (m,): (m, 3) factors of penetration, rate and 1; (m, r) of all internal states."""
-        rows = self.arrays.force[np.arange(self.count), phases]
-        internal = np.zeros((self.count, self.internal_states))
-        for j in self._with_states:
-            first, r = self.arrays.first[j], self.arrays.states[j]
-            internal[j, first : first + r] = rows[j, 3 : 3 + r]
-        return rows[:, :3], internal
+        rows = self.tables.force[np.arange(self.count), phases]
+        return rows[:, :OWN], self._of_all_states(rows, np.arange(self.count))
+
+    def _of_all_states(self, rows: Floats, contact: Ints) -> Floats:
+        """(k, r) factors of all internal states from rows (k, C) of laws of contacts (k,)."""
+        return np.where(contact[:, None] == self._owner, rows[:, self._column], 0.0)
 
     def own_internal(self, internal: Floats) -> Floats:
         """(nt, m, R) internal states of each contact from all of them (nt, r)."""
-        a = self.arrays
-        out = np.zeros((internal.shape[0], self.count, a.dynamics.shape[2]))
-        for j in self._with_states:
-            out[:, j, : a.states[j]] = internal[:, a.first[j] : a.first[j] + a.states[j]]
+        out = np.zeros((internal.shape[0], self.count, self.tables.losses.shape[2]))
+        out[:, self._owner, self._column - OWN] = internal
         return out
 
     def forces(self, phases: Ints, penetration: Floats, rate: Floats, internal: Floats) -> Floats:
-        """(nt, m) forces, N, without what others press; ``internal`` is (nt, r), the others (nt, m)."""
+        """Forces of all contacts, without what others press.
+
+        Parameters
+        ----------
+        phases : (m,) or (nt, m).
+        penetration, rate : (nt, m), m and m/s.
+        internal : (nt, r) internal states of all contacts.
+
+        Returns
+        -------
+        (nt, m) N.
+        """
         row = self.arrays.force[np.arange(self.count), phases]
         force = row[..., 0] * penetration + row[..., 1] * rate + row[..., 2]
         return np.asarray(force + np.sum(row[..., 3:] * self.own_internal(internal), axis=-1))
 
     def stored_energy(self, phases: Ints, penetration: Floats, internal: Floats) -> Floats:
-        """(nt,) energy stored in all contacts, J; arrays as for `forces`."""
-        contact, p = np.arange(self.count), self.own_internal(internal)
-        row, stored = self.arrays.force[contact, phases], self.arrays.stored[contact, phases]
-        constant = row[..., 2] - self.friction(phases)
-        by_penetration = 0.5 * row[..., 0] * penetration + constant + np.sum(row[..., 3:] * p, axis=-1)
-        z = np.concatenate([np.ones((*p.shape[:2], 1)), p], axis=2)
-        energy = by_penetration * penetration + 0.5 * np.einsum("tji,tjik,tjk->tj", z, stored, z)
+        """Energy stored in all contacts.
+
+        Parameters
+        ----------
+        phases, penetration, internal : as for `forces`.
+
+        Returns
+        -------
+        (nt,) J.
+        """
+        pressing = np.zeros_like(penetration)
         if self.pressed.size:
-            normal = self.forces(phases, penetration, np.zeros_like(penetration), internal)[:, self.pressing]
-            strained = self.pressing_factors(phases) * normal
-            energy[:, self.pressed] += 0.5 * self._compliances[self.pressed, phases[..., self.pressed]] * strained**2
-        return np.asarray(energy.sum(axis=1))
+            forces = self.forces(phases, penetration, np.zeros_like(penetration), internal)
+            pressing[:, self.pressed] = forces[:, self.pressing]
+        own, R = self.own_internal(internal), self.tables.rates.shape[2]
+        columns = [0, *range(2, OWN + R), OWN + R]
+        energy = np.zeros(penetration.shape[0])
+        for j, law in enumerate(self.laws):
+            z = np.column_stack([penetration[:, j], np.ones(energy.size), own[:, j], pressing[:, j]])
+            for k in range(len(law.phases)):
+                now = np.flatnonzero(np.broadcast_to(phases, penetration.shape)[:, j] == k)
+                energy[now] += 0.5 * np.sum(
+                    z[now] @ self.tables.energy[j, k][np.ix_(columns, columns)] * z[now], axis=1
+                )
+        return energy
 
     def losses(self, phases: Ints) -> tuple[Floats, Floats]:
         """Dissipated power in given phases: (m,) per squared penetration rate, (r,) per squared rate of a state."""
-        a, contact = self.arrays, np.arange(self.count)
-        losses = a.losses[contact, phases]
-        internal = [losses[j, : a.states[j]] for j in self._with_states]
-        return a.force[contact, phases, 1], np.concatenate([np.zeros(0), *internal])
+        of_states = self.tables.losses[self._owner, phases[self._owner], self._column - OWN]
+        return self.tables.lost[np.arange(self.count), phases, 1], of_states
 
     def friction(self, phases: Ints) -> Floats:
         """(..., m) constant part of each force whose work is lost, N, in phases (..., m)."""
-        return np.asarray(self._friction[np.arange(self.count), phases])
+        return np.asarray(self.tables.lost[np.arange(self.count), phases, 2])
 
     def holds(self, phases: Ints) -> Bools:
         """(m,) whether the force of each contact is what keeps its penetration."""
-        return np.asarray(self._holding[np.arange(self.count), phases])
+        return np.asarray(self.tables.holds[np.arange(self.count), phases])
 
     @cached_property
     def may_hold(self) -> Bools:
         """(m,) whether a phase of each contact holds."""
-        return np.asarray(self._holding.any(axis=1))
+        return np.asarray(self.tables.holds.any(axis=1))
 
     @cached_property
     def ever_hold(self) -> bool:
@@ -364,11 +439,8 @@ class Contacts:
 
     def starting_at(self, rate: Floats, least: Floats) -> Ints:
         """(m,) phases from which the search starts at penetration rates, m/s; those below ``least`` are none."""
-        phases = self.start
-        for j, law in enumerate(self.laws):
-            if law.sliding is not None and abs(rate[j]) > least[j]:
-                phases[j] = law.sliding[0 if rate[j] > 0.0 else 1]
-        return phases
+        moving = np.where(np.abs(rate) > least, rate, 0.0)
+        return np.array([law.starting_at(v) for law, v in zip(self.laws, moving.tolist(), strict=True)], dtype=np.int64)
 
     def event_losses(self, before: Ints, after: Ints) -> Floats:
         """(n, m) energy lost, J, where the phases change from ``before`` to ``after``, (n, m) each."""
@@ -382,24 +454,17 @@ class Contacts:
     def _losing_events(self) -> Floats:
         """(2, m, P, P) energy lost when a contact changes from one phase to another, J, and for a unit of the pressing
         force squared, m/N."""
-        most = self.arrays.touching.shape[1]
+        a, most = self.tables, self.arrays.touching.shape[1]
         out = np.zeros((2, self.count, most, most))
-        for j, law in enumerate(self.laws):
-            for k, phase in enumerate(law.phases):
-                for guard in phase.guards:
-                    out[:, j, k, guard.next] = guard.loss, guard.pressing_loss
+        j, k, g = np.nonzero(a.event_loss.any(axis=-1))
+        out[:, j, k, a.next[j, k, g]] = a.event_loss[j, k, g].T
         return out
 
     def energy_slopes(self, phases: Ints) -> tuple[Floats, Floats]:
         """Derivatives of the energy at zero penetration by all internal states: (r, r) factors of these, and (r,) at
         zero."""
-        a, r = self.arrays, self.internal_states
-        by_states, constant = np.zeros((r, r)), np.zeros(r)
-        for j in self._with_states:
-            states = slice(a.first[j], a.first[j] + a.states[j])
-            stored = a.stored[j, phases[j], : 1 + a.states[j], : 1 + a.states[j]]
-            by_states[states, states], constant[states] = stored[1:, 1:], stored[1:, 0]
-        return by_states, constant
+        form = self.tables.energy[self._owner, phases[self._owner], self._column]
+        return self._of_all_states(form, self._owner), form[:, 2]
 
     def resting_phases(self, penetration: Floats) -> Ints:
         """(m,) phases after a long rest at penetrations (m,), m."""
@@ -427,140 +492,89 @@ class Contacts:
         Returns (r, r) factors of the states themselves, and (r, m, 3) factors of each contact's penetration, its rate,
         and 1.
         """
-        a, r = self.arrays, self.internal_states
-        dynamics, drive = np.zeros((r, r)), np.zeros((r, self.count, 3))
-        for j in self._with_states:
-            first, count = a.first[j], a.states[j]
-            rows = a.dynamics[j, phases[j], :count]
-            dynamics[first : first + count, first : first + count] = rows[:, 3 : 3 + count]
-            drive[first : first + count, j] = rows[:, :3]
-        return dynamics, drive
+        rates = self.tables.rates[self._owner, phases[self._owner], self._column - OWN]
+        drive = np.zeros((self.internal_states, self.count, OWN))
+        drive[np.arange(self.internal_states), self._owner] = rates[:, :OWN]
+        return self._of_all_states(rates, self._owner), drive
 
     def coupled(self, phases: Ints) -> bool:
         """Whether internal states and structure drive each other in these phases."""
-        return self.internal_states > 0 and bool(self._coupled[np.arange(self.count), phases].any())
-
-    @cached_property
-    def _coupled(self) -> Bools:
-        """(m, P) phases in which a contact's internal states and the structure drive each other."""
-        return self._of_phases(lambda phase: phase.coupled) > 0.0
-
-    @cached_property
-    def _holding(self) -> Bools:
-        """(m, P) `holds` of each phase."""
-        return self._of_phases(lambda phase: phase.holds) > 0.0
-
-    @cached_property
-    def _reactions(self) -> Floats:
-        """(m, P, G) `reaction` of each guard."""
-        out = np.zeros(self.arrays.next.shape)
-        for j, law in enumerate(self.laws):
-            for k, phase in enumerate(law.phases):
-                out[j, k, : len(phase.guards)] = [guard.reaction for guard in phase.guards]
-        return out
-
-    @cached_property
-    def _friction(self) -> Floats:
-        """(m, P) `friction` of each phase."""
-        return self._of_phases(lambda phase: phase.friction)
-
-    @cached_property
-    def _pressing_factors(self) -> Floats:
-        """(m, P) `pressing` of each phase."""
-        return self._of_phases(lambda phase: phase.pressing)
-
-    @cached_property
-    def _compliances(self) -> Floats:
-        """(m, P) `compliance` of each phase."""
-        return self._of_phases(lambda phase: phase.compliance)
-
-    def pressing_compliances(self, phases: Ints) -> Floats:
-        """Of each of `pressed` the `compliance` of its phase, m/N."""
-        return np.asarray(self._compliances[self.pressed, phases[self.pressed]])
+        return self.internal_states > 0 and bool(self.tables.coupled[np.arange(self.count), phases].any())
 
     def kept(self, phases: Ints) -> tuple[Ints, Floats]:
-        """The contacts (k,) whose internal state is to be written anew in these phases, and `kept` of each (k, 2)."""
-        given = [(j, self.laws[j].phases[phases[j]].kept) for j in self._with_states]
-        of = [(j, kept) for j, kept in given if kept is not None]
-        return np.array([j for j, _ in of], dtype=np.int64), np.array([kept for _, kept in of]).reshape(-1, 2)
+        """The contacts (k,) whose internal state is to be written anew in these phases; (k, 2) how.
+
+        It is the penetration less a stretch, whose constant, m, and factor of the pressing force, m/N, are given.
+        """
+        given = [(j, law.phases[phases[j]].written) for j, law in enumerate(self.laws)]
+        of = [(j, row.constant, row.pressing) for j, row in given if row is not None]
+        return np.array([j for j, *_ in of], dtype=np.int64), np.array([row for _, *row in of]).reshape(-1, 2)
 
     @property
     def jointly_acting(self) -> bool:
         """Whether reactions, or forces that other contacts press, act between contacts and structure."""
         return self.ever_hold or self.pressed.size > 0
 
-    def _of_phases(self, number: Callable[[Phase], float]) -> Floats:
-        """(m, P) a number of each phase of each contact."""
-        out = np.zeros(self.arrays.touching.shape)
-        for j, law in enumerate(self.laws):
-            out[j, : len(law.phases)] = [number(phase) for phase in law.phases]
-        return out
-
     def watched(self, phases: Ints) -> Watched:
         """What ends a contact state: the guards of its phases, contact by contact."""
-        a = self.arrays
+        a, tables = self.arrays, self.tables
         number = a.guards[np.arange(self.count), phases]
         contact = np.repeat(np.arange(self.count), number)
         place = contact, phases[contact], np.arange(contact.size) - np.repeat(np.cumsum(number) - number, number)
-        table, first = a.guard[place], np.full(contact.size, -1)
+        table, first = tables.guard[place], np.full(contact.size, -1)
         for g in np.flatnonzero(a.resets[place]):
             j = contact[g]
             first[g] = contact.size
-            table = np.vstack([table, a.reset[j, phases[j], place[2][g], : a.states[j]]])
+            table = np.vstack([table, tables.reset[j, phases[j], place[2][g], : a.states[j]]])
             contact = np.append(contact, np.full(a.states[j], j))
-        internal = np.zeros((contact.size, self.internal_states))
-        for g in np.flatnonzero(a.states[contact]):
-            j = contact[g]
-            internal[g, a.first[j] : a.first[j] + a.states[j]] = table[g, 3 : 3 + a.states[j]]
-        reaction, pressing, pressing_rate = np.zeros((3, contact.size))
-        reaction[: first.size] = self._reactions[place]
-        for rubbing in self.pressed.tolist():
-            for i in np.flatnonzero(contact[: first.size] == rubbing).tolist():
-                guard = self.laws[rubbing].phases[phases[rubbing]].guards[place[2][i]]
-                pressing[i], pressing_rate[i] = guard.pressing, guard.pressing_rate
-                if guard.reset_pressing:
-                    pressing[first[i]] = guard.reset_pressing
-        return Watched(
-            contact, table[:, :3], internal, place[2].size, a.next[place], reaction, first, pressing, pressing_rate
-        )
+        internal = self._of_all_states(table, contact)
+        return Watched(contact, table[:, :OWN], internal, table[:, -JOINT:], place[2].size, a.next[place], first)
+
+    @cached_property
+    def tables(self) -> LawArrays:
+        """The laws' arrays side by side, (m, ...), filled up with zeros."""
+        R = max((law.internal_states for law in self.laws), default=0)
+        laws = [law.arrays if law.internal_states == R else law.arrays_with(R) for law in self.laws]
+        P = max((a.touching.size for a in laws), default=1)
+        G = max((a.next.shape[1] for a in laws), default=1)
+        out = LawArrays.empty((self.count, P), G, R)
+        for j, law in enumerate(laws):
+            for padded, given in zip(out, law, strict=True):
+                room: tuple[int | slice, ...] = (j, *(slice(size) for size in given.shape))
+                padded[room] = given
+        return out
 
     @cached_property
     def arrays(self) -> PhaseArrays:
-        """The laws as padded arrays."""
-        m = self.count
-        P = max((len(law.phases) for law in self.laws), default=1)
-        G = max((len(p.guards) for law in self.laws for p in law.phases), default=1)
-        states = np.array([law.internal_states for law in self.laws], dtype=np.int64)
-        R = int(states.max(initial=0))
-        out = PhaseArrays(
-            np.ascontiguousarray(self.shape), np.asarray(self.sign, dtype=float), np.asarray(self.gap, dtype=float),
-            np.asarray(self.felt, dtype=float), np.array([law.start for law in self.laws], dtype=np.int64),
-            np.cumsum(states) - states, states, np.zeros((m, P), dtype=bool), np.zeros((m, P, 3 + R)),
-            np.zeros((m, P, R, 3 + R)), np.zeros((m, P, 1 + R, 1 + R)), np.zeros((m, P, R)),
-            np.zeros((m, P), dtype=np.int64), np.zeros((m, P, G, 3 + R)),
-            np.zeros((m, P, G), dtype=np.int64), np.zeros((m, P, G), dtype=bool), np.zeros((m, P, G, R, 3 + R)),
-            np.zeros((m, P, G), dtype=bool), np.zeros((m, P, G, 3 + R)),
-        )  # fmt: skip
-        for j, law in enumerate(self.laws):
-            r = law.internal_states
-            for k, phase in enumerate(law.phases):
-                out.touching[j, k] = phase.touching
-                out.force[j, k, : 3 + r] = phase.row(r)
-                out.stored[j, k, 0, 0] = 2.0 * phase.energy
-                if r:
-                    out.dynamics[j, k, :r, :3] = phase.drive or 0.0
-                    out.dynamics[j, k, :r, 3 : 3 + r] = phase.dynamics or 0.0
-                    out.stored[j, k, 1 : 1 + r, 1 : 1 + r] = phase.stored or 0.0
-                    out.stored[j, k, 0, 1 : 1 + r] = out.stored[j, k, 1 : 1 + r, 0] = phase.stored_linear or 0.0
-                    out.losses[j, k, :r] = phase.losses or 0.0
-                out.guards[j, k] = len(phase.guards)
-                for i, guard in enumerate(phase.guards):
-                    out.guard[j, k, i, : 3 + r] = guard.row(r)
-                    out.next[j, k, i] = guard.next
-                    if guard.reset is not None:
-                        out.resets[j, k, i] = True
-                        out.reset[j, k, i, :r, : 3 + r] = guard.reset
-                    jump = law.jump(k, i)
-                    out.jump[j, k, i, : 3 + r] = jump
-                    out.jumps[j, k, i] = bool(jump.any())
-        return out
+        """The contacts and their laws for compiled code."""
+        laws, states = self.tables, np.array([law.internal_states for law in self.laws], dtype=np.int64)
+        own = OWN + laws.losses.shape[2]
+        of_own = {
+            name: np.ascontiguousarray(rows[..., :own])
+            for name, rows in (("force", laws.force), ("dynamics", laws.rates), ("guard", laws.guard),
+                               ("reset", laws.reset), ("jump", laws.jump))
+        }  # fmt: skip
+        return PhaseArrays(
+            shape=np.ascontiguousarray(self.shape),
+            sign=np.asarray(self.sign, dtype=float),
+            gap=np.asarray(self.gap, dtype=float),
+            felt=np.asarray(self.felt, dtype=float),
+            start=np.array([law.start for law in self.laws], dtype=np.int64),
+            first=np.cumsum(states) - states,
+            states=states,
+            touching=laws.touching,
+            guards=laws.guards,
+            next=laws.next,
+            resets=laws.resets,
+            jumps=of_own["jump"].any(axis=-1),
+            **of_own,
+        )
+
+
+def _pressed_by(first: Contacts, others: Contacts) -> Ints | None:
+    """Which contact presses each of those of both."""
+    if first.pressed_by is None and others.pressed_by is None:
+        return None
+    pressing = [np.full(c.count, -1) if c.pressed_by is None else c.pressed_by for c in (first, others)]
+    pressing[1] = np.where(pressing[1] >= 0, pressing[1] + first.count, -1)
+    return np.concatenate(pressing)

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.contacts.nonnegative import nonnegative_least_squares
 from beamsim.dataclass import dataclass
 from beamsim.errors import NotTrustedError
 from beamsim.typing import Bools, Floats, Ints
@@ -24,14 +23,13 @@ from beamsim.typing import Bools, Floats, Ints
 # Relative size of what counts as round-off in loads and gaps.
 NODE = 1e-13  # of a contact's shape: a deflection in a rigid-body motion that is zero
 _ROUND_OFF = 1e-10
-_CANCELLED = 1e-13  # of the stiffnesses of a law's parts: a slope that is zero
+_CANCELLED = 1e-13  # of the parts of a sum: what is left where they cancel
+_STEPS = 500  # of Newton's method
 # Method of multipliers for the balance of rigid-body modes: weight of each pass (compliance of the contacts = 1). It
 # has to grow: soft contacts that carry the load alone converge as one over weight times their share of the stiffness.
 _PENALTIES = (*(10.0**p for p in range(3, 11)), *(1e10,) * 20)
 
-_REFINEMENTS, _REFINES = 3, 1e-2  # steps of the refinement, and the largest share that one changes
-_SETTLED = 1e-16  # of each coordinate: a step that ends the refinement
-_REFINED = 1e-11  # of each coordinate: less than this was round-off already
+_REFINEMENTS = 3  # steps of the refinement
 
 UNBALANCED = "the loads are not in balance: no support or snubber can hold the structure against them"
 FLOATS = "the structure floats: it has rigid-body motions that no support or closed snubber holds in place"
@@ -103,6 +101,11 @@ def find_equilibrium(
     loads : (L, n) constant loads; kept separate so that a balance can be distinguished from round-off.
     cubic : cubic springs, if any (Newton's method then starts from the equilibrium of the linear springs).
 
+    Returns
+    -------
+    Equilibrium
+        Coordinates and forces, or why there are none.
+
     Raises
     ------
     NotTrustedError
@@ -159,14 +162,10 @@ def _refined(
             step = scale * np.linalg.solve(matrix, scale * -residual.astype(float))
         except np.linalg.LinAlgError:
             return equilibrium
-        if not np.linalg.norm(step / scale) <= _REFINES * np.linalg.norm(exact.astype(float) / scale):
-            return equilibrium
+        if not np.linalg.norm(step / scale) <= 1e-2 * np.linalg.norm(exact.astype(float) / scale):
+            return equilibrium  # no refinement
         exact += step
-        if np.all(np.abs(step) <= _SETTLED * np.abs(exact)):
-            break
     if np.any(exact[n:] * springs.stiffness[closed] <= 0):
-        return equilibrium
-    if np.all(np.abs(exact[:n] - equilibrium.q) <= _REFINED * np.abs(exact[:n])):
         return equilibrium
     pressed = equilibrium.force.copy()
     pressed[closed] = exact[n:]
@@ -211,8 +210,13 @@ def _balanced(away: Floats, push: Floats) -> bool:
         return False
     scale = np.linalg.norm(away, axis=1)
     unit = away / np.where(scale > 0, scale, 1.0)[:, None]
-    n = nonnegative_least_squares(unit.T, -push / size)
-    return bool(np.linalg.norm(unit.T @ n + push / size) <= _ROUND_OFF)
+    return bool(_least_residual(unit.T, -push / size) <= _ROUND_OFF)
+
+
+def _least_residual(matrix: Floats, target: Floats) -> float:
+    from scipy.optimize import nnls
+
+    return float(nnls(matrix, target)[1])
 
 
 def _held(away: Floats, closed: Bools, touching: Bools) -> bool:
@@ -227,8 +231,7 @@ def _held(away: Floats, closed: Bools, touching: Bools) -> bool:
     # Stiemke: only d = 0 satisfies stops @ d >= 0 if a combination of the rows with positive weights is zero.
     stops = stops / np.linalg.norm(stops, axis=1)[:, None]
     target = -stops.sum(axis=0)
-    weights = nonnegative_least_squares(stops.T, target)
-    return bool(np.linalg.norm(stops.T @ weights - target) <= _ROUND_OFF * stops.shape[0])
+    return bool(_least_residual(stops.T, target) <= _ROUND_OFF * stops.shape[0])
 
 
 def _contact_forces(compliance: Floats, clearance: Floats, away: Floats, push: Floats) -> tuple[Floats, Floats]:
@@ -242,6 +245,8 @@ def _contact_forces(compliance: Floats, clearance: Floats, away: Floats, push: F
     m, rigid = away.shape
     if m == 0 or (rigid == 0 and np.all(clearance >= 0.0)):
         return np.zeros(m), np.zeros(rigid)
+    from scipy.optimize import nnls
+
     # Forces are scaled by the compliance of each contact, rigid-body coordinates by the deflection at the contacts.
     s = 1.0 / np.sqrt(np.diag(compliance))
     t = np.linalg.norm(away * s[:, None], axis=0)
@@ -251,7 +256,7 @@ def _contact_forces(compliance: Floats, clearance: Floats, away: Floats, push: F
     for weight in _PENALTIES:
         upper = np.asarray(np.linalg.cholesky(compliance + weight * away @ away.T).T, dtype=float)
         linear = clearance + away @ (drift + weight * push)
-        force = nonnegative_least_squares(upper, -np.linalg.solve(upper.T, linear))
+        force = nnls(upper, -np.linalg.solve(upper.T, linear))[0]
         drift = drift + weight * (away.T @ force + push)
         exact = _meet_conditions(compliance, clearance, away, push, force > 0, drift)
         if exact is not None:
@@ -296,70 +301,104 @@ def _loose(away: Floats) -> Floats:
     return np.asarray(vt[int(np.sum(s > _ROUND_OFF * s.max(initial=0.0))) :])
 
 
+@dataclass(frozen=True)
+class _Energy:
+    """The energy of a structure, its springs and loads, by the coordinates."""
+
+    stiffness: Floats  # (n,) diagonal of K
+    springs: Springs
+    cubic: CubicSprings
+    load: Floats  # (n,)
+
+    @property
+    def normal(self) -> Floats:
+        """(m, n) opening of each spring for a unit of each coordinate."""
+        return self.springs.sign[:, None] * self.springs.shape
+
+    def penetration(self, q: Floats) -> Floats:
+        """(m,) of each spring, 0 where it is open."""
+        return np.maximum(-self.springs.gap - self.normal @ q, 0.0)
+
+    def value(self, q: Floats) -> tuple[float, float]:
+        """Energy and the size of its parts."""
+        parts = (
+            0.5 * self.stiffness * q**2,
+            0.5 * self.springs.stiffness * self.penetration(q) ** 2,
+            0.25 * self.cubic.stiffness * (self.cubic.shape @ q) ** 4,
+            -self.load * q,
+        )
+        return float(sum(p.sum() for p in parts)), float(sum(np.abs(p).sum() for p in parts))
+
+    def slope(self, q: Floats) -> tuple[Floats, float, float]:
+        """Gradient, the size of its parts, and their round-off: gaps of stiff springs cancel."""
+        delta, k, bent = self.penetration(q), self.springs.stiffness, self.cubic.shape
+        terms = (
+            self.stiffness * q,
+            -self.normal.T @ (k * delta),
+            bent.T @ (self.cubic.stiffness * (bent @ q) ** 3),
+            -self.load,
+        )
+        cancelling = np.abs(self.springs.gap) + np.abs(self.normal) @ np.abs(q)
+        noise = _CANCELLED * np.abs(self.normal.T) @ np.where(delta > 0, np.abs(k) * cancelling, 0.0)
+        size = float(max(np.abs(t).max(initial=0.0) for t in terms))
+        return np.asarray(sum(terms)), size, float(noise.max(initial=0.0))
+
+    def tangent(self, q: Floats) -> Floats:
+        """(n, n) derivative of the gradient."""
+        closed, bent = self.penetration(q) > 0, self.cubic.shape
+        normal = self.normal[closed]
+        tangent = np.diag(self.stiffness) + normal.T @ (self.springs.stiffness[closed, None] * normal)
+        return np.asarray(tangent + bent.T @ ((3 * self.cubic.stiffness * (bent @ q) ** 2)[:, None] * bent))
+
+    @property
+    def stiffest(self) -> float:
+        """Size of the tangent: of the structure, of all springs closed, and of cubic ones that hold the load."""
+        reach = np.abs(self.cubic.shape).max(axis=1)
+        reach = np.where(reach > 0, reach, 1.0)
+        scales = [
+            self.stiffness,
+            np.abs(self.springs.stiffness) @ self.normal**2,
+            np.cbrt(np.abs(self.cubic.stiffness) * (np.abs(self.load).max() / reach) ** 2) * reach**2,
+        ]
+        return float(max(np.max(scale, initial=1e-290) for scale in scales))
+
+
 def _by_newton(
-    stiffness: Floats, springs: Springs, load: Floats, cubic: CubicSprings | None, start: Equilibrium
+    stiffness: Floats, springs: Springs, load: Floats, cubic: CubicSprings, start: Equilibrium
 ) -> Equilibrium:
     """Levenberg-damped Newton's method on the energy of all springs (smooth except at the contacts).
 
     The minimum of a convex energy is unique unless the energy is constant in some direction from it.
     """
-    normal = springs.sign[:, None] * springs.shape
-    bent, third = (np.zeros((0, stiffness.size)), np.zeros(0)) if cubic is None else (cubic.shape, cubic.stiffness)
-
-    def energy(q: Floats) -> tuple[float, float]:
-        """Energy and the size of its parts."""
-        delta = np.maximum(-springs.gap - normal @ q, 0.0)
-        parts = (0.5 * stiffness * q**2, 0.5 * springs.stiffness * delta**2, 0.25 * third * (bent @ q) ** 4, -load * q)
-        return float(sum(p.sum() for p in parts)), float(sum(np.abs(p).sum() for p in parts))
-
-    def derivatives(q: Floats) -> tuple[Floats, Floats, float, float]:
-        """Gradient, tangent, the size of the gradient's parts, and their round-off: gaps of stiff springs cancel."""
-        delta = np.maximum(-springs.gap - normal @ q, 0.0)
-        w = bent @ q
-        terms = [stiffness * q, -normal.T @ (springs.stiffness * delta), bent.T @ (third * w**3), -load]
-        closed = normal[delta > 0]
-        tangent = np.diag(stiffness) + closed.T @ (springs.stiffness[delta > 0, None] * closed)
-        tangent += bent.T @ ((3 * third * w**2)[:, None] * bent)
-        cancelling = np.abs(springs.gap) + np.abs(normal) @ np.abs(q)
-        noise = 1e-13 * np.abs(normal.T) @ np.where(delta > 0, np.abs(springs.stiffness) * cancelling, 0.0)
-        size = float(max(np.abs(t).max(initial=0.0) for t in terms))
-        return np.sum(terms, axis=0), tangent, size, float(noise.max(initial=0.0))
-
+    energy = _Energy(stiffness, springs, cubic, load)
     q = np.zeros_like(stiffness) if start.q is None else start.q
-    reach = np.abs(bent).max(axis=1)
-    reach = np.where(reach > 0, reach, 1.0)
-    scales = [
-        stiffness,
-        np.abs(springs.stiffness) @ normal**2,
-        np.cbrt(np.abs(third) * (np.abs(load).max() / reach) ** 2) * reach**2,  # tangent where it holds the load
-    ]
-    largest = float(max(np.max(scale, initial=1e-290) for scale in scales))
-    floor = 1e-12 * largest
+    floor = 1e-12 * energy.stiffest
     damping = floor
-    value, parts = energy(q)
-    for _ in range(500):
-        gradient, tangent, size, _ = derivatives(q)
-        if np.abs(gradient).max(initial=0.0) <= 1e-13 * size:
+    value, parts = energy.value(q)
+    for _ in range(_STEPS):
+        gradient, size, _ = energy.slope(q)
+        if np.abs(gradient).max(initial=0.0) <= _CANCELLED * size:
             break
-        step = np.linalg.solve(tangent + damping * np.eye(q.size), -gradient)
-        trial, trial_parts = energy(q + step)
+        step = np.linalg.solve(energy.tangent(q) + damping * np.eye(q.size), -gradient)
+        trial, trial_parts = energy.value(q + step)
         better = bool(trial <= value + 1e-15 * abs(value))
         if not better and trial <= value + _ROUND_OFF * parts:  # soft parts are the round-off of stiff ones: by slope
-            better = bool(abs(derivatives(q + step)[0] @ step) <= 0.5 * abs(gradient @ step))
+            better = bool(abs(energy.slope(q + step)[0] @ step) <= 0.5 * abs(gradient @ step))
         if better:
             q, value, parts, damping = q + step, trial, trial_parts, max(damping / 10, floor)
         else:
             damping *= 10
-    gradient, _, size, noise = derivatives(q)
-    nothing = np.full(springs.stiffness.size, np.nan)
+    gradient, size, noise = energy.slope(q)
+    nothing, softens = np.full(springs.stiffness.size, np.nan), bool(np.any(springs.stiffness < 0))
     residual = float(np.abs(gradient).max(initial=0.0))
     # far away the forces of the parts of a softening spring cancel: their sum is compared with loads that do not grow
-    given = float(np.abs(load).max(initial=0.0) + np.abs((springs.stiffness * springs.gap) @ normal).max(initial=0.0))
-    if residual > 1e-9 * size + noise or (np.any(springs.stiffness < 0) and residual > 1e-6 * given):
+    given = float(np.abs(load).max(initial=0.0))
+    given += float(np.abs((springs.stiffness * springs.gap) @ energy.normal).max(initial=0.0))
+    if residual > 1e-9 * size + noise or (softens and residual > 1e-6 * given):
         return Equilibrium(None, nothing, start.reason or UNBALANCED)
-    if np.any(springs.stiffness < 0) and not _unique(stiffness, springs, bent, q):
+    if softens and not _unique(stiffness, springs, cubic.shape, q):
         return Equilibrium(None, nothing, FLOATS)
-    return Equilibrium(q, springs.stiffness * np.maximum(-springs.gap - normal @ q, 0.0))
+    return Equilibrium(q, springs.stiffness * energy.penetration(q))
 
 
 def _unique(stiffness: Floats, springs: Springs, bent: Floats, q: Floats) -> bool:

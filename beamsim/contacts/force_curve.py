@@ -53,9 +53,21 @@ class FittedCurve:
 
 
 def fit_curve(deflection: Floats, force: Floats, segments: int) -> FittedCurve:
-    """The rising curve through zero with at most so many segments that is closest to points in the mean square.
+    """The rising curve through zero that is closest to points in the mean square.
 
-    Points at negative deflections are taken as points without contact. Raises ValueError where no force is positive.
+    Parameters
+    ----------
+    deflection, force : (p,) points, m and N; those at negative deflections are points without contact.
+    segments : largest number of them.
+
+    Returns
+    -------
+    FittedCurve
+
+    Raises
+    ------
+    ValueError
+        Where no force is positive, or the force does not rise.
     """
     used = deflection > 0.0
     x, y = deflection[used], force[used]

@@ -19,35 +19,19 @@ coefficients with twice that: no motion sticks so.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.contacts.laws import ContactLaw, Guard, Phase
+from beamsim.contacts.laws import DEPTH, ContactLaw, Guard, LawRow, LawSpring, Phase
 
 STICK, FORWARDS, BACKWARDS = 0, 1, 2  # phases
 FREE = 3  # of a contact that another one presses; without a spring those of motions to either side, 3 and 4
 DIRECTION = np.array([0.0, 1.0, -1.0, 0.0, 0.0])  # of sliding, by phase
-
-
-class FrictionForces(NamedTuple):
-    """The numbers of a friction contact under a constant normal force."""
-
-    normal: float  # N
-    static: float  # N
-    sliding: float  # N
-    stiffness: float  # N/m, of the tangential spring; infinite without one
-
-    @property
-    def snap(self) -> float:
-        """How far the slider moves at once where sliding begins, m."""
-        return (self.static - self.sliding) / self.stiffness
-
-    @property
-    def snap_loss(self) -> float:
-        """Energy of the spring that is lost there, J."""
-        return 0.5 * (self.static + self.sliding) * self.snap
+_SIDES = ((FORWARDS, 1.0), (BACKWARDS, -1.0))  # phases of sliding and the direction of their friction force
+_NAMES = {FORWARDS: "sliding forwards", BACKWARDS: "sliding backwards"}
+_STRETCH = LawRow(penetration=1.0, internal=(-1.0,))  # of the tangential spring
 
 
 def _written(static: float, sliding: float) -> float:
@@ -68,9 +52,22 @@ def drops(law: ContactLaw) -> bool:
     """
     stick = law.phases[STICK]
     if not stick.holds:
-        return any(guard.loss > 0.0 or guard.pressing_loss > 0.0 for guard in stick.guards)
-    slide = law.phases[FORWARDS]
-    return any(abs(guard.reaction) * (slide.friction + slide.pressing) < 1.0 - 1e-12 for guard in stick.guards)
+        return bool(law.arrays.event_loss[STICK].any())
+    return any(abs(guard.row.reaction) * sliding_limit(law) < 1.0 - 1e-12 for guard in stick.guards)
+
+
+def snap(law: ContactLaw) -> float:
+    """How far the slider moves at once where sliding begins, m; of a pressed contact for a unit of the force, m/N."""
+    stick, slide = law.phases[STICK].guards[0].row, law.phases[FORWARDS]
+    if not slide.springs:
+        return 0.0
+    return (stick.constant + stick.pressing - sliding_limit(law)) / slide.springs[0].stiffness
+
+
+def sliding_limit(law: ContactLaw) -> float:
+    """The friction force while a contact slides, N; of a pressed contact the coefficient."""
+    lost = law.phases[FORWARDS].lost
+    return lost.constant + lost.pressing
 
 
 @lru_cache(maxsize=1024)
@@ -83,55 +80,45 @@ def friction_law(stiffness: float, static: float, sliding: float, start: float =
     static, sliding : friction forces at which sliding begins and while it lasts, N.
     start : friction force at the beginning of a motion, N, below the static one.
 
+    Returns
+    -------
+    ContactLaw
+        With the phases STICK, FORWARDS and BACKWARDS, and one internal state, the slider.
+
     Examples
     --------
     >>> law = friction_law(1e4, 3.0, 2.0)
-    >>> [(phase.name, phase.stiffness, phase.force) for phase in law.phases]
+    >>> [(phase.name, phase.stiffness, phase.lost.constant) for phase in law.phases]
     [('stick', 10000.0, 0.0), ('sliding forwards', 0.0, 2.0), ('sliding backwards', 0.0, -2.0)]
     """
-    k = stiffness
-    lost = 0.5 * (static - sliding) * (static + sliding) / k  # of the spring's energy when sliding begins
-    memory: dict[str, Any] = {"dynamics": ((0.0,),), "drive": ((0.0, 0.0, 0.0),)}
-    breaks_away = tuple(
-        Guard(phase, penetration=-sign * k, internal=(sign * k,), constant=static, loss=lost)
-        for phase, sign in ((FORWARDS, 1.0), (BACKWARDS, -1.0))
-    )
-    stick = Phase("stick", breaks_away, touching=True, stiffness=k, internal=(-k,), stored=((k,),), **memory)
-    slides = tuple(
-        Phase(
-            name, (Guard(STICK, rate=sign, reset=((1.0, 0.0, -sign * sliding / k, 0.0),)),), touching=False,
-            force=sign * sliding, friction=sign * sliding, energy=0.5 * sliding**2 / k,
-            kept=(-sign * _written(static, sliding) / k, 0.0), **memory,
-        )
-        for name, sign in (("sliding forwards", 1.0), ("sliding backwards", -1.0))
-    )  # fmt: skip
     return ContactLaw(
-        (stick, *slides),
+        _behind_spring(stiffness, static, sliding, pressed=False),
         internal_states=1,
         static=(),
-        settled=lambda penetration: (penetration - start / k,),
+        settled=lambda penetration: (penetration - start / stiffness,),
         resting_force=start,
     )
 
 
 @lru_cache(maxsize=1024)
 def rigid_friction_law(static: float, sliding: float, start: float = 0.0) -> ContactLaw:
-    """Dry friction of a face that does not move at all while it sticks; numbers as in :func:`friction_law`.
+    """Dry friction of a face that does not move at all while it sticks.
+
+    Parameters
+    ----------
+    static, sliding, start : see :func:`friction_law`, N.
+
+    Returns
+    -------
+    ContactLaw
+        With the phases STICK, FORWARDS and BACKWARDS.
 
     Examples
     --------
-    >>> [(phase.name, phase.holds, phase.force) for phase in rigid_friction_law(3.0, 2.0).phases]
+    >>> [(phase.name, phase.holds, phase.lost.constant) for phase in rigid_friction_law(3.0, 2.0).phases]
     [('stick', True, 0.0), ('sliding forwards', False, 2.0), ('sliding backwards', False, -2.0)]
     """
-    breaks_away = tuple(
-        Guard(phase, constant=1.0, reaction=-sign / static) for phase, sign in ((FORWARDS, 1.0), (BACKWARDS, -1.0))
-    )  # relative: of several that are exceeded at once, the one that is exceeded most lets go first
-    slides = tuple(
-        Phase(name, (Guard(STICK, rate=sign),), touching=False, force=sign * sliding, friction=sign * sliding)
-        for name, sign in (("sliding forwards", 1.0), ("sliding backwards", -1.0))
-    )
-    stick = Phase("stick", breaks_away, touching=True, holds=True)
-    return ContactLaw((stick, *slides), sliding=(FORWARDS, BACKWARDS), static=(), resting_force=start)
+    return ContactLaw(_rigid(static, sliding, pressed=False), static=(), resting_force=start)
 
 
 @lru_cache(maxsize=1024)
@@ -143,60 +130,77 @@ def pressed_friction_law(stiffness: float | None, static: float, sliding: float)
     stiffness : of the tangential spring, N/m; None: the face does not move at all while it sticks.
     static, sliding : coefficients of friction.
 
+    Returns
+    -------
+    ContactLaw
+        With phases without force beside STICK, FORWARDS and BACKWARDS, which last while the other contact is open.
+
     Examples
     --------
     >>> law = pressed_friction_law(None, 0.3, 0.2)
-    >>> [(phase.name, phase.pressing, phase.when_released) for phase in law.phases[:3]]
+    >>> [(phase.name, phase.lost.pressing, phase.otherwise) for phase in law.phases[:3]]
     [('stick', 0.0, 3), ('sliding forwards', 0.2, 3), ('sliding backwards', -0.2, 4)]
     """
-    if stiffness is None:
-        return _rigid_and_pressed(static, sliding)
-    k = stiffness
-    resting: dict[str, Any] = {"dynamics": ((0.0,),), "drive": ((0.0, 0.0, 0.0),)}
-    following: dict[str, Any] = {"dynamics": ((0.0,),), "drive": ((0.0, 1.0, 0.0),)}
-    here = ((1.0, 0.0, 0.0, 0.0),)
-    lost = 0.5 * (static - sliding) * (static + sliding) / k
+    if stiffness is not None:
+        free = Phase("free", (), touching=False, rates=(LawRow(rate=1.0),), written=LawRow(), otherwise=STICK)
+        phases = [replace(phase, otherwise=FREE) for phase in _behind_spring(stiffness, static, sliding, pressed=True)]
+        return ContactLaw((*phases, free), internal_states=1, static=(), settled=lambda penetration: (penetration,))
+    stick, *slides = _rigid(static, sliding, pressed=True)
+    touching = [replace(stick, otherwise=FREE)]
+    frees = []
+    for slide, (phase, sign) in zip(slides, _SIDES, strict=True):
+        touching.append(replace(slide, otherwise=FREE + phase - FORWARDS))
+        turns = Guard(FREE + BACKWARDS - phase, LawRow(rate=sign))
+        frees.append(Phase(slide.name.replace("sliding", "free,"), (turns,), touching=False, otherwise=phase))
+    return ContactLaw((*touching, *frees), static=())
+
+
+def _plus(row: LawRow, limit: float, pressed: bool) -> LawRow:
+    """A row with a friction force, which is constant or follows the force of another contact."""
+    return row._replace(pressing=limit) if pressed else row._replace(constant=limit)
+
+
+def _behind_spring(k: float, static: float, sliding: float, pressed: bool) -> tuple[Phase, ...]:
+    """Sticking and sliding behind a tangential spring.
+
+    While a pressed contact slides the internal state follows the face, and it is set where sliding ends.
+    """
     breaks_away = tuple(
         Guard(
-            phase, penetration=-sign * k, internal=(sign * k,), pressing=static, reset=here, pressing_loss=lost
+            phase,
+            _plus(LawRow(penetration=-sign * k, internal=(sign * k,)), static, pressed),
+            (DEPTH,) if pressed else None,
         )
-        for phase, sign in ((FORWARDS, 1.0), (BACKWARDS, -1.0))
-    )  # fmt: skip
-    stick = Phase(
-        "stick", breaks_away, touching=True, stiffness=k, internal=(-k,), stored=((k,),), when_released=FREE, **resting
+        for phase, sign in _SIDES
     )
-    slides = tuple(
-        Phase(
-            name,
-            (
-                Guard(
-                    STICK, rate=sign, pressing_rate=-sliding / k, reset=here, reset_pressing=-sign * sliding / k
-                ),
-            ),
-            touching=False, pressing=sign * sliding, compliance=1.0 / k,
-            kept=(0.0, -sign * _written(static, sliding) / k), when_released=FREE, **following,
-        )
-        for name, sign in (("sliding forwards", 1.0), ("sliding backwards", -1.0))
-    )  # fmt: skip
-    free = Phase("free", (), touching=False, kept=(0.0, 0.0), when_pressed=STICK, **following)
-    return ContactLaw((stick, *slides, free), internal_states=1, static=(), settled=lambda penetration: (penetration,))
-
-
-def _rigid_and_pressed(static: float, sliding: float) -> ContactLaw:
-    """Dry friction under the force of another contact, of a face that does not move at all while it sticks."""
-    breaks_away = tuple(
-        Guard(phase, pressing=1.0, reaction=-sign / static) for phase, sign in ((FORWARDS, 1.0), (BACKWARDS, -1.0))
-    )
-    slides, frees = [], []
-    for name, sign, other in (("forwards", 1.0, FREE + 1), ("backwards", -1.0, FREE)):
-        own = FREE if sign > 0.0 else FREE + 1
+    slides = []
+    for phase, sign in _SIDES:
+        stretch, written = sign * sliding / k, sign * _written(static, sliding) / k
+        ends = LawRow(rate=sign, pressing_rate=-sliding / k if pressed else 0.0)
         slides.append(
             Phase(
-                f"sliding {name}", (Guard(STICK, rate=sign),), touching=False, pressing=sign * sliding,
-                when_released=own,
+                _NAMES[phase], (Guard(STICK, ends, reset=(_plus(DEPTH, -stretch, pressed),)),), touching=False,
+                springs=(LawSpring(k, _plus(LawRow(), stretch, pressed)),),
+                lost=_plus(LawRow(), sign * sliding, pressed),
+                rates=(LawRow(rate=1.0),) if pressed else (), written=_plus(LawRow(), written, pressed),
             )
         )  # fmt: skip
-        back = FORWARDS if sign > 0.0 else BACKWARDS
-        frees.append(Phase(f"free, {name}", (Guard(other, rate=sign),), touching=False, when_pressed=back))
-    stick = Phase("stick", breaks_away, touching=True, holds=True, when_released=FREE)
-    return ContactLaw((stick, *slides, *frees), sliding=(FORWARDS, BACKWARDS), static=())
+    return Phase("stick", breaks_away, touching=True, springs=(LawSpring(k, _STRETCH),)), *slides
+
+
+def _rigid(static: float, sliding: float, pressed: bool) -> tuple[Phase, ...]:
+    """Sticking and sliding of a face without a spring.
+
+    Its guards are relative: of several limits that are exceeded at once, the one that is exceeded most lets go first.
+    """
+    breaks_away = tuple(Guard(phase, _plus(LawRow(reaction=-sign / static), 1.0, pressed)) for phase, sign in _SIDES)
+    slides = (
+        Phase(
+            _NAMES[phase],
+            (Guard(STICK, LawRow(rate=sign)),),
+            touching=False,
+            lost=_plus(LawRow(), sign * sliding, pressed),
+        )
+        for phase, sign in _SIDES
+    )
+    return Phase("stick", breaks_away, touching=True, holds=True), *slides

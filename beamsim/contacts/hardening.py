@@ -12,10 +12,10 @@ is the residual crush, at most :math:`f / k_h`. The work of the slider is lost.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
-from beamsim.contacts.laws import ContactLaw, Guard, OneSidedSpring, Phase
+from beamsim.contacts.laws import DEPTH, ContactLaw, Guard, LawRow, LawSpring, OneSidedSpring, Phase
 
 OPEN, ELASTIC, LOADING, UNLOADING = 0, 1, 2, 3  # phases; the last two yield
 
@@ -31,47 +31,40 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
     hardening : stiffness while it yields, N/m, positive and below ``stiffness``.
     dashpot : beside the springs in contact, N s/m.
 
+    Returns
+    -------
+    ContactLaw
+        With the phases OPEN, ELASTIC, LOADING and UNLOADING, and one internal state, the slider.
+
     Examples
     --------
     >>> law = hardening_law(1e5, 100.0, 2e4)
-    >>> [(phase.name, phase.stiffness, phase.force) for phase in law.phases]
+    >>> [(phase.name, phase.stiffness, phase.lost.constant) for phase in law.phases]
     [('open', 0.0, 0.0), ('elastic', 100000.0, 0.0), ('loading', 20000.0, 80.0), ('unloading', 20000.0, -80.0)]
     """
     k_s = stiffness - hardening
     f = yield_force * k_s / stiffness
     share = k_s / stiffness  # of the slider's position, at which the face is
-    memory: dict[str, Any] = {"dynamics": ((0.0,),), "drive": ((0.0, 0.0, 0.0),)}
-    touching: dict[str, Any] = {"touching": True, "dashpot": dashpot, **memory}
-    slider = {sign: ((1.0, 0.0, -sign * f / k_s, 0.0),) for sign in (1.0, -1.0)}
+    face, beside = LawRow(internal=(share,)), LawSpring(hardening, DEPTH)
     open_ = Phase(
-        "open", (Guard(ELASTIC, penetration=-1.0, internal=(share,)),), touching=False,
-        stored=((hardening * share,),), **memory,
+        "open", (Guard(ELASTIC, LawRow(-1.0, internal=(share,))),), touching=False,
+        springs=(LawSpring(hardening, face), LawSpring(k_s, LawRow(internal=(share - 1.0,)))),
     )  # fmt: skip
     elastic = Phase(
         "elastic",
         (
-            Guard(OPEN, penetration=1.0, internal=(-share,)),
-            Guard(LOADING, penetration=-k_s, internal=(k_s,), constant=f),
-            Guard(UNLOADING, penetration=k_s, internal=(-k_s,), constant=f),
+            Guard(OPEN, LawRow(1.0, internal=(-share,))),
+            Guard(LOADING, LawRow(-k_s, internal=(k_s,), constant=f)),
+            Guard(UNLOADING, LawRow(k_s, internal=(-k_s,), constant=f)),
         ),
-        stiffness=stiffness, internal=(-k_s,), stored=((k_s,),), **touching,
-    )  # fmt: skip
-    energy = 0.5 * f**2 / k_s
-    loading = Phase(
-        "loading", (Guard(ELASTIC, rate=1.0, reset=slider[1.0]),),
-        stiffness=hardening, force=f, friction=f, energy=energy, kept=(-f / k_s, 0.0), **touching,
-    )  # fmt: skip
-    unloading = Phase(
-        "unloading",
-        (
-            Guard(OPEN, penetration=hardening, constant=-f, reset=slider[-1.0]),
-            Guard(ELASTIC, rate=-1.0, reset=slider[-1.0]),
-        ),
-        stiffness=hardening, force=-f, friction=-f, energy=energy, kept=(f / k_s, 0.0), **touching,
+        touching=True, springs=(beside, LawSpring(k_s, LawRow(1.0, internal=(-1.0,)))), lost=LawRow(rate=dashpot),
     )  # fmt: skip
 
-    def settled(penetration: float) -> tuple[float, ...]:
-        return (max(penetration - f / k_s, 0.0),)
+    springs, damping = (beside, LawSpring(k_s, LawRow(constant=f / k_s))), LawRow(rate=dashpot, constant=f)
+    loading = _yielding("loading", springs, damping, ((ELASTIC, LawRow(rate=1.0)),))
+    springs, damping = (beside, LawSpring(k_s, LawRow(constant=-f / k_s))), LawRow(rate=dashpot, constant=-f)
+    lets_go = LawRow(penetration=hardening, constant=-f)
+    unloading = _yielding("unloading", springs, damping, ((OPEN, lets_go), (ELASTIC, LawRow(rate=-1.0))))
 
     return ContactLaw(
         (open_, elastic, loading, unloading),
@@ -82,25 +75,35 @@ def hardening_law(stiffness: float, yield_force: float, hardening: float, dashpo
             OneSidedSpring(1.0, stiffness, dashpot, 0.0),
             OneSidedSpring(1.0, hardening - stiffness, 0.0, yield_force / stiffness),
         ),
-        settled=settled,
+        settled=lambda penetration: (max(penetration - f / k_s, 0.0),),
     )
 
 
-def yields(law: ContactLaw) -> bool:
-    """Whether a law is that of a stop that yields: it loses work in phases in which its force still rises.
-
-    Examples
-    --------
-    >>> yields(hardening_law(1e5, 100.0, 2e4))
-    True
-    """
-    return any(phase.friction != 0.0 and phase.stiffness != 0.0 for phase in law.phases)
+def _yielding(
+    name: str, springs: tuple[LawSpring, LawSpring], lost: LawRow, ends: Sequence[tuple[int, LawRow]]
+) -> Phase:
+    """A phase that yields: its second spring has a constant stretch, with which it goes on where yielding ends."""
+    stretch = springs[1].stretch
+    slider = (LawRow(1.0, constant=-stretch.constant),)
+    guards = tuple(Guard(following, row, reset=slider) for following, row in ends)
+    return Phase(name, guards, touching=True, springs=springs, lost=lost, written=stretch)
 
 
 def residual_crush(law: ContactLaw, phase: int, penetration: float, slider: float) -> float:
-    """How far the face of a stop is from where it was when new, m, in a motion at a penetration, m."""
-    (face,) = law.phases[OPEN].guards[0].internal
-    reset = law.phases[phase].guards[-1].reset
-    if phase in (LOADING, UNLOADING) and reset is not None:  # where it would stay if it were unloaded now
-        slider = reset[0][0] * penetration + reset[0][2]
+    """How far the face of a stop is from where it was when new.
+
+    Parameters
+    ----------
+    law : of :func:`hardening_law`.
+    phase : number of the phase that it is in.
+    penetration, slider : of the motion, m.
+
+    Returns
+    -------
+    The residual crush, m; in a phase that yields that after unloading from there.
+    """
+    (face,) = law.phases[OPEN].guards[0].row.internal
+    yielding = law.phases[phase].written
+    if yielding is not None:  # where it would stay if it were unloaded now
+        slider = penetration - yielding.constant
     return face * slider

@@ -37,9 +37,18 @@ def loop_width(deflection: Floats, force: Floats) -> float:
 
 
 def fit_branch(time: Floats, deflection: Floats, force: Floats, knots: Floats) -> BranchOfLoop:
-    """The Maxwell branch that, beside a curve with these knots, fits a record best; relaxed at its beginning.
+    """The Maxwell branch that, beside a curve, fits a record best; it is relaxed at its beginning.
 
     For a given relaxation time the record is linear in the slopes and the branch's stiffness.
+
+    Parameters
+    ----------
+    time, deflection, force : (t,) the record, s, m and N; times increase.
+    knots : of the curve, m, the first zero.
+
+    Returns
+    -------
+    BranchOfLoop
     """
     from scipy.optimize import minimize_scalar, nnls
 
@@ -63,7 +72,17 @@ def fit_branch(time: Floats, deflection: Floats, force: Floats, knots: Floats) -
 
 
 def relaxed_part(time: Floats, deflection: Floats, relaxation_time: float) -> Floats:
-    """p of ``tau p' = delta - p`` with the deflection straight between its samples, p at rest at the first."""
+    """p of ``tau p' = delta - p`` with the deflection straight between its samples, p at rest at the first.
+
+    Parameters
+    ----------
+    time, deflection : (t,) samples, s and m.
+    relaxation_time : tau, s.
+
+    Returns
+    -------
+    (t,) m.
+    """
     p = np.empty(time.size)
     p[0] = deflection[0]
     h = np.diff(time) / relaxation_time

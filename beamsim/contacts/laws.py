@@ -1,27 +1,29 @@
 r"""Contact laws as sets of phases.
 
-While a phase lasts, the normal force is linear in the penetration :math:`\delta`, its rate and the law's internal
-states p,
+A law sees the penetration :math:`\delta` and its rate, its internal states p, and, where another contact presses it,
+that one's force N and its rate. A phase is made of springs whose stretch is linear in these, of a part of the force
+whose work is lost, and of the rates of p,
 
-.. math:: N = k\,\delta + c\,\dot\delta + N_0 + h^T p, \qquad \dot p = A\,p + b_\delta\,\delta + b_r\,\dot\delta + b_0 .
+.. math:: E = \sum_i \tfrac12 k_i s_i^2 + F_i s_i + E_i, \qquad
+          T = \frac{\partial E}{\partial\delta} + c\,\dot\delta + R + \mu N, \qquad
+          \dot p = A\,p + b_\delta\,\delta + b_r\,\dot\delta + b_0 .
 
-The energy stored is :math:`k\delta^2/2 + (N_0 - R)\delta + \delta\,h^T p + p^T S p/2 + s^T p + E_0`, the power lost
-:math:`c\,\dot\delta^2 + R\,\dot\delta + \sum_i l_i \dot p_i^2`, R being the part of N_0 whose work is lost. A phase
-lasts while its guards, linear in :math:`\delta`, :math:`\dot\delta`, p and 1, stay positive. The guard that reaches
-zero first names the phase that follows; where the law needs it, the internal states start there from an affine
-function of the same quantities. A law of another kind is another list of phases, nothing else changes:
+The power lost is :math:`(c\,\dot\delta + R + \mu N)\,\dot\delta + \sum_i l_i \dot p_i^2`. A phase lasts while its
+guards, linear in all of these, stay positive. The guard that reaches zero first names the phase that follows; where the
+law needs it, the internal states start there from affine functions of the same quantities. What is stored less
+afterwards is lost at the event. A law of another kind is another list of phases, nothing else changes:
 
-* a *table* of forces: one phase a segment, as in :func:`piecewise_linear`, with the offset N_0;
-* a *Maxwell branch* of stiffness k and relaxation time tau: one internal state with A = -1/tau, b_delta = 1/tau,
-  and a force k (delta - p), so h = -k and k is added to the phase's stiffness; S = k, l = k tau;
+* a *table* of forces: one phase a segment, as in :func:`piecewise_linear`, whose spring has a force at zero stretch;
+* a *Maxwell branch* of stiffness k and relaxation time tau: a spring of the stretch delta - p, p' = (delta - p) / tau,
+  and l = k tau;
 * a law that *never pulls*: one more guard on each phase that touches, the force itself;
 * *friction* with a tangential spring (:mod:`beamsim.contacts.friction`): delta is the tangential motion; sticking is a
-  phase with a stiffness (the slider is an internal state that rests), sliding in either direction one with a constant
+  phase with a spring (the slider is an internal state that rests), sliding in either direction one with a constant
   force, whose work is lost;
 * *friction* without one: sticking is a phase that holds, whatever its force has to be, and its guards are those of the
   force;
-* friction under the *force of another contact*: what is proportional to that force is written as ``pressing``, and the
-  phases say which one follows where the other contact ends and begins;
+* friction under the *force of another contact*: its guards, what is lost and the stretch of its spring are proportional
+  to that force, and the phases say which one follows where the other contact begins or ceases to touch;
 * *kinematic hardening* (:mod:`beamsim.contacts.hardening`): the two together, an elastic phase and one for yielding in
   either direction, whose resets set the slider where yielding ends.
 """
@@ -30,47 +32,67 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
-SMALLEST_JUMP = 1e-12  # of the terms it is made of: a smaller jump of the force at a guard is round-off
+SMALLEST_JUMP = 1e-12  # of the terms it is made of: a smaller jump of force or energy at a guard is round-off
+OWN, JOINT = 3, 3  # columns of a row before the internal states, and after them
+PRESSING, PRESSING_RATE, REACTION = -3, -2, -1  # the columns after them
+
+
+class LawRow(NamedTuple):
+    """A linear function of what a law sees: factors of the quantities."""
+
+    penetration: float = 0.0
+    rate: float = 0.0
+    constant: float = 0.0
+    internal: tuple[float, ...] = ()  # (r,) of the internal states
+    pressing: float = 0.0  # of the force of the contact that presses this one
+    pressing_rate: float = 0.0  # of that force's rate
+    reaction: float = 0.0  # of the contact's own force, in a phase that holds
+
+    def array(self, internal_states: int) -> Floats:
+        """(3 + r + 3,) factors: penetration, rate, 1; internal states; pressing force, its rate, reaction."""
+        row = np.zeros(OWN + internal_states + JOINT)
+        row[:OWN] = self.penetration, self.rate, self.constant
+        row[OWN : OWN + len(self.internal)] = self.internal
+        row[-JOINT:] = self.pressing, self.pressing_rate, self.reaction
+        return row
+
+    def of_scaled_forces(self, factor: float) -> LawRow:
+        """The function that has the same value where all forces are multiplied by a factor."""
+        return self._replace(
+            pressing=self.pressing / factor,
+            pressing_rate=self.pressing_rate / factor,
+            reaction=self.reaction / factor,
+        )
+
+
+class LawSpring(NamedTuple):
+    """An elastic element of a phase, with the energy ``stiffness s^2 / 2 + force s + energy`` at the stretch s, m."""
+
+    stiffness: float  # N/m
+    stretch: LawRow
+    force: float = 0.0  # N
+    energy: float = 0.0  # J
 
 
 @dataclass(frozen=True)
 class Guard:
     """A function that is positive while its phase lasts, and the phase that follows.
 
-    It is ``penetration * delta + rate * delta' + internal @ p + constant``. ``reset`` gives the internal states with
-    which the next phase starts: one row (penetration, rate, 1, then one factor for each internal state) for each of
-    them; None where they go on as they are. ``loss`` is the energy that is lost at the event, J, and ``reaction`` the
-    factor of the force in a phase that holds.
-
-    Of a contact that another one presses: the function has ``pressing`` times that one's force besides, and
-    ``pressing_rate`` times its rate; the first internal state starts with ``reset_pressing`` times it besides, and
-    ``pressing_loss`` times its square is lost.
+    ``reset`` gives the internal states with which the next phase starts; None where they go on as they are.
     """
 
     next: int
-    penetration: float = 0.0
-    rate: float = 0.0
-    constant: float = 0.0
-    internal: tuple[float, ...] = ()
-    reset: tuple[tuple[float, ...], ...] | None = None
-    loss: float = 0.0
-    reaction: float = 0.0
-    pressing: float = 0.0
-    pressing_rate: float = 0.0  # s
-    reset_pressing: float = 0.0  # m/N
-    pressing_loss: float = 0.0  # m/N
-
-    def row(self, internal_states: int) -> Floats:
-        """(3 + r,) factors of the penetration, its rate, 1, and the internal states."""
-        return _row(self.penetration, self.rate, self.constant, self.internal, internal_states)
+    row: LawRow
+    reset: tuple[LawRow, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -80,33 +102,84 @@ class Phase:
     name: str
     guards: tuple[Guard, ...]
     touching: bool  # shown to users as closed; of friction whether it sticks
-    stiffness: float = 0.0  # N/m
-    dashpot: float = 0.0  # N s/m
-    force: float = 0.0  # N, at zero penetration
-    internal: tuple[float, ...] = ()  # (r,) h
-    dynamics: tuple[tuple[float, ...], ...] = ()  # (r, r) A, 1/s
-    drive: tuple[tuple[float, float, float], ...] = ()  # (r, 3) b_delta, b_r, b_0
-    stored: tuple[tuple[float, ...], ...] = ()  # (r, r) S, N/m, symmetric
-    stored_linear: tuple[float, ...] = ()  # (r,) s, N
+    springs: tuple[LawSpring, ...] = ()
+    lost: LawRow = LawRow()  # the part of the force whose work is lost: c, R and mu
+    rates: tuple[LawRow, ...] = ()  # (r,) of the internal states, which rest by default
     losses: tuple[float, ...] = ()  # (r,) l, N s/m
-    energy: float = 0.0  # J, E_0
-    friction: float = 0.0  # N, R
-    holds: bool = False  # the force is what keeps the penetration at its value, and the numbers above are zero
-    pressing: float = 0.0  # factor of the force of the contact that presses it, whose work is lost
-    compliance: float = 0.0  # m/N, of a spring that this force strains
-    kept: tuple[float, float] | None = None  # m, m/N: a state to be started from again has its internal state at the
-    # penetration plus the first plus so much of the pressing force, which tells the phase; None: it tells it as it is
-    when_pressed: int | None = None  # phase that follows where the contact that presses it begins to touch
-    when_released: int | None = None  # and where that ends
-
-    def row(self, internal_states: int) -> Floats:
-        """(3 + r,) factors of the force, as those of a guard."""
-        return _row(self.stiffness, self.dashpot, self.force, self.internal, internal_states)
+    holds: bool = False  # the force is what keeps the penetration at its value
+    written: LawRow | None = (
+        None  # m; where the internal state does not tell the phase, a state to be started from again
+    )
+    # is written with the penetration less this stretch
+    otherwise: int | None = None  # phase that follows where the contact that presses it begins or ceases to touch
 
     @property
-    def coupled(self) -> bool:
-        """Whether internal states and structure move together: one drives the other."""
-        return any(self.internal) or any(any(row[:2]) for row in self.drive)
+    def stiffness(self) -> float:
+        """N/m, force per penetration."""
+        return float(sum(s.stiffness * s.stretch.penetration**2 for s in self.springs))
+
+    def force(self, internal_states: int) -> Floats:
+        """(3 + r + 3,) factors of the force, as those of `LawRow.array`."""
+        return np.asarray(self.energy(internal_states)[0] + self.lost.array(internal_states))
+
+    def energy(self, internal_states: int) -> Floats:
+        """(3 + r + 3, 3 + r + 3) Q of the energy z^T Q z / 2, z as for `LawRow.array`."""
+        form = np.zeros((OWN + internal_states + JOINT,) * 2)
+        for spring in self.springs:
+            stretch = spring.stretch.array(internal_states)
+            form += spring.stiffness * np.outer(stretch, stretch)
+            form[2] += spring.force * stretch
+            form[:, 2] += spring.force * stretch
+            form[2, 2] += 2.0 * spring.energy
+        return form
+
+
+class LawArrays(NamedTuple):
+    """A law as arrays of P phases, G guards, r states and the columns of `LawRow.array`; filled up with zeros."""
+
+    touching: Bools  # (P,)
+    force: Floats  # (P, C) the force's row
+    lost: Floats  # (P, C) the part whose work is lost
+    energy: Floats  # (P, C, C) forms, see `Phase.energy`
+    rates: Floats  # (P, r, C) rows of the rates of the internal states
+    losses: Floats  # (P, r) power lost with the square of these rates, N s/m
+    holds: Bools  # (P,)
+    guards: Ints  # (P,) number of guards
+    guard: Floats  # (P, G, C) their rows
+    next: Ints  # (P, G) phase that follows
+    resets: Bools  # (P, G)
+    reset: Floats  # (P, G, r, C) rows of the internal states after the event
+    jump: Floats  # (P, G, C) row of the force's jump, see `_jump`
+    event_loss: Floats  # (P, G, 2) J, and m/N for the square of the pressing force; see `_event_loss`
+
+    @property
+    def coupled(self) -> Bools:
+        """(..., P) whether internal states and structure move together in a phase: one drives the other."""
+        driven = self.rates[..., :2].any(axis=(-2, -1))
+        return np.asarray(self.force[..., OWN:-JOINT].any(axis=-1) | driven)
+
+    @classmethod
+    def empty(cls, leading: tuple[int, ...], guards: int, states: int) -> LawArrays:
+        """Arrays of zeros.
+
+        Parameters
+        ----------
+        leading : sizes before those of a phase, the last of them P.
+        guards, states : G and r.
+
+        Returns
+        -------
+        LawArrays
+        """
+        columns = OWN + states + JOINT
+        sizes: dict[str, tuple[int, ...]] = {
+            "touching": (), "force": (columns,), "lost": (columns,), "energy": (columns, columns),
+            "rates": (states, columns), "losses": (states,), "holds": (), "guards": (), "guard": (guards, columns),
+            "next": (guards,), "resets": (guards,), "reset": (guards, states, columns), "jump": (guards, columns),
+            "event_loss": (guards, 2),
+        }  # fmt: skip
+        kinds = {"touching": bool, "holds": bool, "resets": bool, "guards": np.int64, "next": np.int64}
+        return cls(**{name: np.zeros((*leading, *size), kinds.get(name, float)) for name, size in sizes.items()})
 
 
 @dataclass(frozen=True)
@@ -128,7 +201,6 @@ class ContactLaw:
     phases : all of them; guards name them by their place here.
     internal_states : r, the same in every phase.
     start : phase from which the one that belongs to a given motion is looked for.
-    sliding : where `start` holds, the phases in which motions begin whose penetration rises, and falls.
     parts : one-sided springs whose forces add up to the law's; None where there are none (internal states, phases that
         end by the force).
     stiffness, dashpot : those of slow motions in contact, from which natural frequencies follow.
@@ -145,7 +217,6 @@ class ContactLaw:
     phases: tuple[Phase, ...]
     internal_states: int = 0
     start: int = 0
-    sliding: tuple[int, int] | None = None
     parts: tuple[OneSidedSpring, ...] | None = None
     stiffness: float = np.nan
     dashpot: float = np.nan
@@ -202,32 +273,68 @@ class ContactLaw:
     @property
     def recovers(self) -> bool:
         """Whether its released face moves by itself, so that contact depends on internal states."""
-        guarded = any(any(guard.internal) for phase in self.phases for guard in phase.guards)
+        guarded = any(any(guard.row.internal) for phase in self.phases for guard in phase.guards)
         return guarded and not self.rubs
 
     @property
     def yields(self) -> bool:
-        """Whether it is a stop that loses work in a phase of its own, and stays crushed."""
-        return any(phase.friction != 0.0 and phase.stiffness > 0.0 for phase in self.phases)
+        """Whether it is a stop that loses work in phases in which its force still rises, and stays crushed."""
+        return any(phase.lost.constant != 0.0 and phase.stiffness != 0.0 for phase in self.phases)
 
     @property
     def rubs(self) -> bool:
         """Whether it loses work in a phase of its own, as dry friction does."""
-        return any(phase.friction != 0.0 or phase.holds for phase in self.phases) or self.needs_pressing
+        return any(phase.lost.constant != 0.0 or phase.holds for phase in self.phases) or self.needs_pressing
 
     @property
     def needs_pressing(self) -> bool:
         """Whether its force depends on that of another contact, which presses it."""
-        return any(phase.when_released is not None for phase in self.phases)
+        return any(phase.otherwise is not None for phase in self.phases)
+
+    @cached_property
+    def arrays(self) -> LawArrays:
+        """The phases as arrays."""
+        return self.arrays_with(self.internal_states)
+
+    def arrays_with(self, internal_states: int) -> LawArrays:
+        """The same with room for more internal states than the law has."""
+        r = internal_states
+        most = max(len(phase.guards) for phase in self.phases)
+        out = LawArrays.empty((len(self.phases),), most, r)
+        for k, phase in enumerate(self.phases):
+            out.touching[k], out.holds[k], out.guards[k] = phase.touching, phase.holds, len(phase.guards)
+            out.force[k], out.lost[k], out.energy[k] = phase.force(r), phase.lost.array(r), phase.energy(r)
+            out.losses[k, : len(phase.losses)] = phase.losses
+            for i, row in enumerate(phase.rates):
+                out.rates[k, i] = row.array(r)
+            for g, guard in enumerate(phase.guards):
+                out.guard[k, g], out.next[k, g] = guard.row.array(r), guard.next
+                out.resets[k, g] = guard.reset is not None
+                for i, row in enumerate(guard.reset or ()):
+                    out.reset[k, g, i] = row.array(r)
+                out.jump[k, g] = _jump(phase, self.phases[guard.next], guard, r)
+                out.event_loss[k, g] = _event_loss(phase, self.phases[guard.next], guard, r)
+        return out
+
+    def starting_at(self, rate: float) -> int:
+        """The phase from which the one of a motion with a rate of the penetration, m/s, is looked for.
+
+        A face that holds at rest and moves slides against its force.
+        """
+        start = self.phases[self.start]
+        if not start.holds or rate == 0.0:
+            return self.start
+        return next(guard.next for guard in start.guards if guard.row.reaction * rate < 0.0)
 
     def resting_phase(self, penetration: float) -> int:
         """The phase after a long rest at a penetration, m: a guard that is negative hands over to the one it names."""
-        r = self.internal_states
-        motion = np.array([penetration, 0.0, 1.0, *self.settled_states(penetration)])
+        a, motion = self.arrays, np.array([penetration, 0.0, 1.0, *self.settled_states(penetration)])
         phase, visited = self.start, {self.start}
         while True:
-            guards = self.phases[phase].guards
-            following = [g.next for g in guards if g.row(r) @ motion < 0.0 and g.next not in visited]
+            count = a.guards[phase]
+            signs = a.guard[phase, :count, : motion.size] @ motion
+            following = [k for k, sign in zip(a.next[phase].tolist(), signs, strict=False) if sign < 0.0]
+            following = [k for k in following if k not in visited]
             if not following:
                 return phase
             phase = following[0]
@@ -235,35 +342,35 @@ class ContactLaw:
 
     def dynamic_stiffness(self, phase: int, omega: Floats) -> Complexes:
         """(w,) force per penetration of small motions within a phase at frequencies, rad/s."""
-        now, r = self.phases[phase], self.internal_states
-        iw: Complexes = np.asarray(1j * np.asarray(omega), dtype=complex)
-        stiffness = np.asarray(now.stiffness + iw * now.dashpot, dtype=complex)
-        if not r or not any(now.internal):
-            return stiffness
-        return np.asarray(stiffness + self._moved(now, iw)[..., 0] @ np.array(now.internal))
+        force, iw = self.arrays.force[phase], 1j * np.asarray(omega, dtype=float)
+        internal = force[OWN : OWN + self.internal_states]
+        stiffness = np.asarray(force[0] + iw * force[1], dtype=complex)
+        return np.asarray(stiffness + self.moved_states(phase, iw) @ internal) if internal.any() else stiffness
 
     def dynamic_stiffness_slope(self, phase: int, omega: Floats) -> Complexes:
         """(w,) derivative of `dynamic_stiffness` by the frequency, N s/m."""
-        now, r = self.phases[phase], self.internal_states
-        iw: Complexes = np.asarray(1j * np.asarray(omega), dtype=complex)
-        slope = np.full(iw.shape, 1j * now.dashpot, dtype=complex)
-        if not r or not any(now.internal):
+        force, r, iw = self.arrays.force[phase], self.internal_states, 1j * np.asarray(omega, dtype=float)
+        slope, internal = np.full(iw.shape, 1j * force[1], dtype=complex), force[OWN : OWN + r]
+        if not internal.any():
             return slope
-        driven = np.array(now.drive, dtype=float).reshape(r, 3)[:, 1, None]
-        turned = np.linalg.solve(iw[:, None, None] * np.eye(r) - np.array(now.dynamics), driven - self._moved(now, iw))
-        return np.asarray(slope + 1j * turned[..., 0] @ np.array(now.internal))
+        driven = self.arrays.rates[phase][:, 1] - self.moved_states(phase, iw)
+        return np.asarray(slope + 1j * self._solved(phase, iw, driven) @ internal)
+
+    def moved_states(self, phase: int, iw: Any) -> Complexes:
+        """(w, r) internal states per penetration of small motions within a phase; ``iw`` (w,) is i omega."""
+        rates = self.arrays.rates[phase]
+        return self._solved(phase, iw, rates[:, 0] + iw[:, None] * rates[:, 1])
+
+    def _solved(self, phase: int, iw: Complexes, driven: Complexes) -> Complexes:
+        """(w, r) solutions of ``i omega p = A p + driven``."""
+        r = self.internal_states
+        moving = iw[:, None, None] * np.eye(r) - self.arrays.rates[phase][:, OWN : OWN + r]
+        return np.asarray(np.linalg.solve(moving, driven[..., None])[..., 0])
 
     def relaxation(self, omega: Floats) -> tuple[Complexes, Complexes]:
         """(w,) dynamic stiffness of the branches of a two-sided law, N/m, and its derivative by the frequency."""
         static = self.dynamic_stiffness(self.start, np.zeros(1))[0]
         return self.dynamic_stiffness(self.start, omega) - static, self.dynamic_stiffness_slope(self.start, omega)
-
-    def _moved(self, now: Phase, iw: Complexes) -> Complexes:
-        """(w, r, 1) internal states per penetration of small motions within a phase."""
-        r = self.internal_states
-        drive = np.array(now.drive, dtype=float).reshape(r, 3)
-        driven = (drive[:, 0] + iw[:, None] * drive[:, 1])[..., None]
-        return np.linalg.solve(iw[:, None, None] * np.eye(r) - np.array(now.dynamics), driven)
 
     def with_numbers(self, stiffness: float, dashpot: float) -> ContactLaw:
         """The same kind of law with other numbers."""
@@ -272,22 +379,33 @@ class ContactLaw:
         return self.family(stiffness, dashpot)
 
     def scaled(self, factor: float) -> ContactLaw:
-        """The law with its force multiplied by a positive factor; its internal states move as before."""
+        """The law with all forces multiplied by a positive factor, that of a contact that presses it too.
+
+        Its internal states move as before.
+        """
         if self.family is not None:
             return self.family(factor * self.stiffness, factor * self.dashpot)
+
+        def rows(given: tuple[LawRow, ...]) -> tuple[LawRow, ...]:
+            return tuple(row.of_scaled_forces(factor) for row in given)
+
         phases = tuple(
             replace(
                 p,
-                stiffness=factor * p.stiffness,
-                dashpot=factor * p.dashpot,
-                force=factor * p.force,
-                energy=factor * p.energy,
-                friction=factor * p.friction,
-                internal=tuple(factor * x for x in p.internal),
-                stored=tuple(tuple(factor * x for x in row) for row in p.stored),
-                stored_linear=tuple(factor * x for x in p.stored_linear),
+                springs=tuple(
+                    LawSpring(
+                        factor * s.stiffness, s.stretch.of_scaled_forces(factor), factor * s.force, factor * s.energy
+                    )
+                    for s in p.springs
+                ),
+                lost=p.lost._replace(rate=factor * p.lost.rate, constant=factor * p.lost.constant),
+                rates=rows(p.rates),
                 losses=tuple(factor * x for x in p.losses),
-                guards=tuple(replace(g, loss=factor * g.loss) for g in p.guards),
+                written=None if p.written is None else p.written.of_scaled_forces(factor),
+                guards=tuple(
+                    replace(g, row=g.row.of_scaled_forces(factor), reset=None if g.reset is None else rows(g.reset))
+                    for g in p.guards
+                ),
             )
             for p in self.phases
         )
@@ -298,6 +416,7 @@ class ContactLaw:
             static=_scaled(self.static, factor),
             stiffness=factor * self.stiffness,
             dashpot=factor * self.dashpot,
+            resting_force=factor * self.resting_force,
             undamped_law=None if self.undamped_law is None else self.undamped_law.scaled(factor),
         )
 
@@ -310,12 +429,14 @@ class ContactLaw:
         phases = tuple(
             replace(
                 a,
-                stiffness=a.stiffness + amount * b.stiffness,
-                force=a.force + amount * b.force,
-                energy=a.energy + amount * b.energy,
+                springs=tuple(
+                    LawSpring(s.stiffness + amount * t.stiffness, s.stretch, s.force + amount * t.force,
+                           s.energy + amount * t.energy)
+                    for s, t in zip(a.springs, b.springs, strict=True)
+                ),
             )
             for a, b in zip(self.phases, other.phases, strict=True)
-        )
+        )  # fmt: skip
         parts = tuple(
             replace(a, stiffness=a.stiffness + amount * b.stiffness)
             for a, b in zip(self.parts, other.parts, strict=True)
@@ -331,33 +452,55 @@ class ContactLaw:
         if not self.has_undamped_form:
             raise ValueError("this contact law has no undamped form")
         parts = None if self.parts is None else tuple(replace(s, dashpot=0.0) for s in self.parts)
-        return replace(self, phases=tuple(replace(p, dashpot=0.0) for p in self.phases), parts=parts, dashpot=0.0)
+        phases = tuple(replace(p, lost=p.lost._replace(rate=0.0)) for p in self.phases)
+        return replace(self, phases=phases, parts=parts, dashpot=0.0)
 
-    def jump(self, phase: int, guard: int) -> Floats:
-        """(3 + r,) factors of the force's jump at a guard, before the event's quantities.
 
-        At the event the guard is zero, so that a multiple of it may be taken away: what is left vanishes exactly where
-        the force is continuous.
-        """
-        r = self.internal_states
-        now, g = self.phases[phase], self.phases[phase].guards[guard]
-        after = self.phases[g.next].row(r)
-        row = after.copy()
-        if g.reset is not None:
-            row[3:] = 0.0
-            row += after[3:] @ np.array(g.reset, dtype=float).reshape(r, 3 + r)
-        row -= now.row(r)
-        function = g.row(r)
-        size = np.abs(after) + np.abs(now.row(r))
-        if not function.any():  # it depends on other forces alone
-            return row
-        pivot = int(np.flatnonzero(function)[0])
-        factor = row[pivot] / function[pivot]
-        row -= factor * function
-        size += abs(factor) * np.abs(function)
-        row[pivot] = 0.0
-        row[np.abs(row) <= SMALLEST_JUMP * size] = 0.0
-        return row
+def _jump(before: Phase, after: Phase, guard: Guard, internal_states: int) -> Floats:
+    """(3 + r + 3,) factors of the force's jump at a guard, before the event's quantities.
+
+    At the event the guard is zero, so that a multiple of it may be taken away: what is left vanishes exactly where
+    the force is continuous. Without what depends on other forces.
+    """
+    old, new = before.force(internal_states), after.force(internal_states)
+    function = guard.row.array(internal_states)
+    old[-JOINT:], new[-JOINT:], function[-JOINT:] = 0.0, 0.0, 0.0
+    row = new @ _reset_map(guard, internal_states) - old
+    size = np.abs(new) + np.abs(old)
+    if not function.any():  # it depends on other forces alone
+        return np.asarray(row)
+    pivot = int(np.flatnonzero(function)[0])
+    factor = row[pivot] / function[pivot]
+    row -= factor * function
+    size += abs(factor) * np.abs(function)
+    row[pivot] = 0.0
+    row[np.abs(row) <= SMALLEST_JUMP * size] = 0.0
+    return np.asarray(row)
+
+
+def _event_loss(before: Phase, after: Phase, guard: Guard, internal_states: int) -> Floats:
+    """(2,) energy lost at a guard, J, and for the square of the pressing force, m/N.
+
+    It is what is stored less afterwards, written without the first quantity by which the guard tells another.
+    """
+    old, new = before.energy(internal_states), after.energy(internal_states)
+    reset, function = _reset_map(guard, internal_states), guard.row.array(internal_states)
+    at_guard = np.eye(function.size)
+    pivots = [column for column in (0, *range(OWN, OWN + internal_states)) if function[column] != 0.0]
+    if pivots:
+        at_guard[pivots[0]] -= function / function[pivots[0]]
+    lost = at_guard.T @ (old - reset.T @ new @ reset) @ at_guard
+    size = np.abs(at_guard).T @ (np.abs(old) + np.abs(reset).T @ np.abs(new) @ np.abs(reset)) @ np.abs(at_guard)
+    lost[np.abs(lost) <= SMALLEST_JUMP * size] = 0.0
+    return np.array([0.5 * lost[2, 2], 0.5 * lost[PRESSING, PRESSING]])
+
+
+def _reset_map(guard: Guard, internal_states: int) -> Floats:
+    """(C, C) the quantities after the event of a guard by those before."""
+    out = np.eye(OWN + internal_states + JOINT)
+    for i, row in enumerate(guard.reset or ()):
+        out[OWN + i] = row.array(internal_states)
+    return out
 
 
 def _scaled(springs: tuple[OneSidedSpring, ...] | None, factor: float) -> tuple[OneSidedSpring, ...] | None:
@@ -366,12 +509,7 @@ def _scaled(springs: tuple[OneSidedSpring, ...] | None, factor: float) -> tuple[
     return tuple(replace(s, stiffness=factor * s.stiffness, dashpot=factor * s.dashpot) for s in springs)
 
 
-def _row(penetration: float, rate: float, constant: float, internal: tuple[float, ...], r: int) -> Floats:
-    row = np.zeros(3 + r)
-    row[0], row[1], row[2] = penetration, rate, constant
-    if internal:
-        row[3:] = internal
-    return row
+DEPTH = LawRow(penetration=1.0)  # the penetration itself
 
 
 @lru_cache(maxsize=1024)
@@ -385,8 +523,14 @@ def kelvin_voigt(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
     """
     return ContactLaw(
         (
-            Phase("open", (Guard(1, penetration=-1.0),), touching=False),
-            Phase("closed", (Guard(0, penetration=1.0),), touching=True, stiffness=stiffness, dashpot=dashpot),
+            Phase("open", (Guard(1, LawRow(penetration=-1.0)),), touching=False),
+            Phase(
+                "closed",
+                (Guard(0, DEPTH),),
+                touching=True,
+                springs=(LawSpring(stiffness, DEPTH),),
+                lost=LawRow(rate=dashpot),
+            ),
         ),
         parts=(OneSidedSpring(1.0, stiffness, dashpot, 0.0),),
         stiffness=stiffness,
@@ -405,13 +549,28 @@ def no_tension(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
     """
     if dashpot <= 0.0:
         return replace(kelvin_voigt(stiffness, dashpot), family=no_tension)
-    relaxing = ((-stiffness / dashpot,),)
-    meets = Guard(1, penetration=-1.0, internal=(1.0,), reset=((0.0, 0.0, 0.0, 0.0),))
-    lets_go = Guard(0, penetration=stiffness, rate=dashpot, reset=((1.0, 0.0, 0.0, 0.0),))
+    compression = LawRow(internal=(1.0,))
+    relaxing = (LawRow(internal=(-stiffness / dashpot,)),)
+    meets = Guard(1, LawRow(penetration=-1.0, internal=(1.0,)), reset=(LawRow(),))
+    lets_go = Guard(0, LawRow(penetration=stiffness, rate=dashpot), reset=(DEPTH,))
     return ContactLaw(
         (
-            Phase("released", (meets,), touching=False, dynamics=relaxing, stored=((stiffness,),), losses=(dashpot,)),
-            Phase("closed", (lets_go,), touching=True, stiffness=stiffness, dashpot=dashpot, dynamics=relaxing),
+            Phase(
+                "released",
+                (meets,),
+                touching=False,
+                springs=(LawSpring(stiffness, compression),),
+                rates=relaxing,
+                losses=(dashpot,),
+            ),
+            Phase(
+                "closed",
+                (lets_go,),
+                touching=True,
+                springs=(LawSpring(stiffness, DEPTH),),
+                lost=LawRow(rate=dashpot),
+                rates=relaxing,
+            ),
         ),
         internal_states=1,
         stiffness=stiffness,
@@ -421,15 +580,28 @@ def no_tension(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
 
 
 def piecewise_linear(breakpoints: Sequence[float], slopes: Sequence[float], at_rest: int) -> ContactLaw:
-    """A continuous force with given slopes between breakpoints, less the straight line of the segment ``at_rest``.
+    """A continuous force with given slopes between breakpoints, less the straight line of one segment.
 
-    Zero penetration lies in the segment ``at_rest``, whose slope belongs to the linear structure. Neighbours of the
-    same slope are one segment.
+    Parameters
+    ----------
+    breakpoints : penetrations, increasing, m.
+    slopes : of the segments between them, one more, N/m. Neighbours of the same slope are one segment.
+    at_rest : number of the segment in which zero penetration lies, whose slope belongs to the linear structure.
+
+    Returns
+    -------
+    ContactLaw
+        With one phase a segment.
+
+    Raises
+    ------
+    ValueError
+        If breakpoints do not increase, or their number does not fit.
 
     Examples
     --------
     >>> law = piecewise_linear([-1.0, 2.0], [5.0, 3.0, 1.0], 1)
-    >>> [(phase.stiffness, phase.force) for phase in law.phases]
+    >>> [(spring.stiffness, spring.force) for phase in law.phases for spring in phase.springs]
     [(2.0, 2.0), (0.0, 0.0), (-2.0, 4.0)]
     """
     if len(slopes) != len(breakpoints) + 1 or any(b <= a for a, b in pairwise(breakpoints)):
@@ -447,19 +619,11 @@ def piecewise_linear(breakpoints: Sequence[float], slopes: Sequence[float], at_r
     for i, slope in enumerate(slopes):
         guards = []
         if i > 0:
-            guards.append(Guard(i - 1, penetration=1.0, constant=-breakpoints[i - 1]))
+            guards.append(Guard(i - 1, LawRow(penetration=1.0, constant=-breakpoints[i - 1])))
         if i < len(breakpoints):
-            guards.append(Guard(i + 1, penetration=-1.0, constant=breakpoints[i]))
-        phases.append(
-            Phase(
-                f"segment {i + 1}",
-                tuple(guards),
-                touching=i != at_rest,
-                stiffness=slope - slopes[at_rest],
-                force=force[i],
-                energy=energy[i],
-            )
-        )
+            guards.append(Guard(i + 1, LawRow(penetration=-1.0, constant=breakpoints[i])))
+        spring = LawSpring(slope - slopes[at_rest], DEPTH, force[i], energy[i])
+        phases.append(Phase(f"segment {i + 1}", tuple(guards), touching=i != at_rest, springs=(spring,)))
     parts = [OneSidedSpring(-1.0, slopes[i] - slopes[i + 1], 0.0, -breakpoints[i]) for i in range(at_rest)]
     parts += [
         OneSidedSpring(1.0, slopes[i + 1] - slopes[i], 0.0, breakpoints[i]) for i in range(at_rest, len(breakpoints))

@@ -15,12 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from beamsim.contacts.force_curve import ForceCurve
-from beamsim.contacts.laws import ContactLaw, Guard, Phase, piecewise_linear
+from beamsim.contacts.laws import DEPTH, OWN, ContactLaw, Guard, LawRow, LawSpring, Phase, piecewise_linear
 from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
@@ -39,13 +38,13 @@ def table_law(curve: ForceCurve, dashpot: float = 0.0) -> ContactLaw:
     Examples
     --------
     >>> law = table_law(ForceCurve(np.array([0.0, 1.0, 3.0]), np.array([0.0, 2.0, 10.0])))
-    >>> [(phase.name, phase.stiffness, phase.force) for phase in law.phases]
+    >>> [(phase.name, spring.stiffness, spring.force) for phase in law.phases for spring in phase.springs]
     [('open', 0.0, 0.0), ('segment 1', 2.0, 0.0), ('segment 2', 4.0, -2.0)]
     """
     law = piecewise_linear(curve.deflection[:-1].tolist(), [0.0, *curve.slopes.tolist()], 0)
     names = ["open", *(f"segment {i + 1}" for i in range(len(law.phases) - 1))]
     phases = tuple(
-        replace(phase, name=name, dashpot=dashpot if phase.touching else 0.0)
+        replace(phase, name=name, lost=LawRow(rate=dashpot if phase.touching else 0.0))
         for name, phase in zip(names, law.phases, strict=True)
     )
     assert law.parts is not None
@@ -56,12 +55,21 @@ def table_law(curve: ForceCurve, dashpot: float = 0.0) -> ContactLaw:
 def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[MaxwellBranch] = ()) -> ContactLaw:
     """A pad that never pulls and recovers by itself; see the module's equations.
 
-    The internal states are the compression u of the released face, where there is a dashpot, then the p of the
-    branches. In contact u means nothing: it starts from zero and decays.
+    Parameters
+    ----------
+    curve : force over deflection, N and m.
+    dashpot : beside it, N s/m.
+    branches : beside both.
+
+    Returns
+    -------
+    ContactLaw
+        The internal states are the compression u of the released face, where there is a dashpot, then the p of the
+        branches. In contact u means nothing: it starts from zero and decays.
     """
     count = curve.slopes.size
     pad = _Pad(curve, dashpot, tuple(branches))
-    phases = [pad.released(i, count) for i in range(count)] + [pad.touching(i, count) for i in range(count)]
+    phases = [pad.released(i) for i in range(count)] + [pad.touching(i) for i in range(count)]
 
     def settled(penetration: float) -> tuple[float, ...]:
         return (0.0,) * pad.first + (max(penetration, 0.0),) * len(branches)
@@ -83,24 +91,25 @@ def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> C
     Examples
     --------
     >>> (phase,) = relaxing_law(None, [MaxwellBranch(3.0, 0.5)]).phases
-    >>> phase.stiffness, phase.internal, phase.dynamics, phase.drive
-    (3.0, (-3.0,), ((-2.0,),), ((2.0, 0.0, 0.0),))
+    >>> phase.stiffness, phase.force(1)[:4].tolist(), phase.rates[0].array(1)[:4].tolist()
+    (3.0, [3.0, 0.0, 0.0, -3.0], [2.0, 0.0, 0.0, -2.0])
     """
-    k = [b.stiffness for b in branches]
-    rows = np.zeros((len(k), 3 + len(k)))
-    for j, branch in enumerate(branches):
-        rows[j, 0], rows[j, 3 + j] = 1.0 / branch.relaxation_time, -1.0 / branch.relaxation_time
-    memory: dict[str, Any] = {
-        **_motion(rows), "internal": tuple(-x for x in k), "stored": _tuples(np.diag(k)),
-        "losses": tuple(b.stiffness * b.relaxation_time for b in branches),
-    }  # fmt: skip
+    pad = _Pad(ForceCurve(np.zeros(1), np.zeros(1)), 0.0, tuple(branches))
     phases = (Phase("stretched", (), touching=False),) if law is None else law.phases
     return ContactLaw(
-        tuple(replace(phase, stiffness=phase.stiffness + sum(k), **memory) for phase in phases),
-        internal_states=len(k),
+        tuple(
+            replace(
+                phase,
+                springs=(*phase.springs, *pad.of_branches(pad.delta)),
+                rates=pad.relaxing(pad.delta),
+                losses=pad.losses,
+            )
+            for phase in phases
+        ),
+        internal_states=pad.states,
         start=0 if law is None else law.start,
         static=() if law is None else law.parts,
-        settled=lambda stretch: (stretch,) * len(k),
+        settled=lambda stretch: (stretch,) * pad.states,
     )
 
 
@@ -114,7 +123,7 @@ class _Pad:
 
     @property
     def first(self) -> int:
-        """Number of the first branch's state."""
+        """Number of the first branch's state; before it that of the face, beside a dashpot."""
         return 1 if self.dashpot > 0.0 else 0
 
     @property
@@ -122,110 +131,96 @@ class _Pad:
         return self.first + len(self.branches)
 
     @property
-    def k(self) -> Floats:
-        """(r,) stiffness of the branch of each state, zero of u."""
-        return np.array([0.0] * self.first + [b.stiffness for b in self.branches])
+    def delta(self) -> Floats:
+        """(3 + r,) row of the penetration."""
+        return self.unit(0)
+
+    def unit(self, column: int) -> Floats:
+        """(3 + r,) row of one quantity."""
+        return np.asarray(np.eye(OWN + self.states)[column])
+
+    @property
+    def losses(self) -> tuple[float, ...]:
+        """Of the dashpot with the rate of the face, and of the branches' dashpots."""
+        return (self.dashpot,) * self.first + tuple(b.stiffness * b.relaxation_time for b in self.branches)
 
     def offset(self, i: int) -> float:
         """Force at zero deflection on the line of a segment, N."""
         return float(self.curve.force[i] - self.curve.slopes[i] * self.curve.deflection[i])
 
-    def energy(self, i: int) -> float:
-        """Energy at zero deflection on the parabola of a segment, J."""
-        x, force = self.curve.deflection[: i + 1], self.curve.force[: i + 1]
-        below = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(x)))
-        return below - 0.5 * float(self.curve.slopes[i] * x[i] ** 2) - self.offset(i) * float(x[i])
+    def of_branches(self, compression: Floats) -> tuple[LawSpring, ...]:
+        """The springs of the branches, compressed by a row."""
+        stretches = [_row(compression - self.unit(OWN + j)) for j in range(self.first, self.states)]
+        return tuple(LawSpring(b.stiffness, stretch) for b, stretch in zip(self.branches, stretches, strict=True))
 
-    def stiffness(self, i: int) -> float:
-        return float(self.curve.slopes[i] + self.k.sum())
+    def springs(self, i: int, compression: Floats) -> tuple[LawSpring, ...]:
+        """Curve and branches on a segment, compressed by a row."""
+        x, force, slope = self.curve.deflection[: i + 1], self.curve.force[: i + 1], float(self.curve.slopes[i])
+        below = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(x)))
+        energy = below - 0.5 * slope * float(x[i]) ** 2 - self.offset(i) * float(x[i])
+        return (LawSpring(slope, _row(compression), self.offset(i), energy), *self.of_branches(compression))
+
+    def force(self, i: int, compression: Floats) -> Floats:
+        """(3 + r,) row of the force of curve and branches on a segment, compressed by a row."""
+        k = np.array([b.stiffness for b in self.branches])
+        row = (float(self.curve.slopes[i]) + k.sum()) * compression
+        row[2] += self.offset(i)
+        row[OWN + self.first :] -= k
+        return np.asarray(row)
 
     def face(self, i: int) -> Floats:
         """(3 + r,) row of u in the released phase of a segment."""
-        row = np.zeros(3 + self.states)
         if self.first:
-            row[3] = 1.0
-        else:
-            row[2], row[3:] = -self.offset(i) / self.stiffness(i), self.k / self.stiffness(i)
-        return row
+            return self.unit(OWN)
+        without = self.force(i, np.zeros(OWN + self.states))
+        return np.asarray(-without / self.force(i, self.delta)[0])
 
-    def losses(self) -> tuple[float, ...]:
-        """Of the dashpot with the rate of u, and of the branches' dashpots."""
-        return (self.dashpot,) * self.first + tuple(b.stiffness * b.relaxation_time for b in self.branches)
+    def relaxing(self, compression: Floats) -> tuple[LawRow, ...]:
+        """Rates of the branches' states, compressed by a row."""
+        return tuple(
+            _row((compression - self.unit(OWN + j)) / branch.relaxation_time)
+            for j, branch in enumerate(self.branches, start=self.first)
+        )
 
-    def rates(self, i: int, compression: Floats, *, released: bool) -> Floats:
-        """(r, 3 + r) rows of the rates of the states, the branches being compressed by a row."""
-        rows = np.zeros((self.states, 3 + self.states))
-        for j, branch in enumerate(self.branches, start=self.first):
-            rows[j] = compression / branch.relaxation_time
-            rows[j, 3 + j] -= 1.0 / branch.relaxation_time
-        if self.first:
-            rows[0, 3] = -self.stiffness(i) / self.dashpot
-            if released:
-                rows[0, 3:] += self.k / self.dashpot
-                rows[0, 2] = -self.offset(i) / self.dashpot
-        return rows
+    def recovering(self, i: int, *, released: bool) -> tuple[LawRow, ...]:
+        """The rate of u, where it is a state: its dashpot moves by the force; in contact it decays."""
+        if not self.first:
+            return ()
+        force = self.force(i, self.unit(OWN))
+        return (_row(-(force if released else force[OWN] * self.unit(OWN)) / self.dashpot),)
 
-    def crossings(self, i: int, count: int, compression: Floats, shift: int) -> list[Guard]:
-        """Guards at the ends of a segment."""
+    def crossings(self, i: int, compression: Floats, shift: int) -> list[Guard]:
+        """Guards at the ends of a segment; ``shift`` is the number of the first segment's phase."""
         guards = []
         if i > 0:
-            guards.append(_guard(i - 1 + shift, compression, -self.curve.deflection[i]))
-        if i + 1 < count:
-            guards.append(_guard(i + 1 + shift, -compression, self.curve.deflection[i + 1]))
+            guards.append(Guard(i - 1 + shift, _row(compression, -self.curve.deflection[i])))
+        if i + 1 < self.curve.slopes.size:
+            guards.append(Guard(i + 1 + shift, _row(-compression, self.curve.deflection[i + 1])))
         return guards
 
-    def reset(self, face: Floats | None) -> tuple[tuple[float, ...], ...] | None:
-        """The states after contact is made (face None) or lost: those of the branches go on."""
-        if not self.first:
-            return None
-        rows = np.zeros((self.states, 3 + self.states))
-        rows[:, 3:] = np.eye(self.states)
-        rows[0] = 0.0 if face is None else face
-        return tuple(map(tuple, rows.tolist()))
+    def reset(self, face: LawRow) -> tuple[LawRow, ...] | None:
+        """The states after contact is made or lost: those of the branches go on."""
+        return (face, *(_row(self.unit(OWN + j)) for j in range(1, self.states))) if self.first else None
 
-    def released(self, i: int, count: int) -> Phase:
+    def released(self, i: int) -> Phase:
         face = self.face(i)
-        delta = np.eye(3 + self.states)[0]
-        meets = replace(_guard(count + i, face - delta), reset=self.reset(None))
-        # energy of the curve and of the branches with u in the place of the penetration
-        quadratic, linear = np.zeros((self.states, self.states)), np.zeros(self.states)
-        u, constant = face[3:], float(face[2])
-        slope, offset = float(self.curve.slopes[i]), self.offset(i)
-        quadratic += slope * np.outer(u, u)
-        linear += (slope * constant + offset) * u
-        energy = self.energy(i) + offset * constant + 0.5 * slope * constant**2
-        for j, k in enumerate(self.k):
-            stretch = u - np.eye(self.states)[j]
-            quadratic += k * np.outer(stretch, stretch)
-            linear += k * constant * stretch
-            energy += 0.5 * float(k) * constant**2
+        meets = Guard(self.curve.slopes.size + i, _row(face - self.delta), self.reset(LawRow()))
         return Phase(
-            f"released {i + 1}", (meets, *self.crossings(i, count, face, 0)), touching=False,
-            **_motion(self.rates(i, face, released=True)), stored=_tuples(quadratic),
-            stored_linear=tuple(linear.tolist()), losses=self.losses(), energy=energy,
+            f"released {i + 1}", (meets, *self.crossings(i, face, 0)), touching=False, springs=self.springs(i, face),
+            rates=(*self.recovering(i, released=True), *self.relaxing(face)), losses=self.losses,
         )  # fmt: skip
 
-    def touching(self, i: int, count: int) -> Phase:
-        delta = np.eye(3 + self.states)[0]
-        force = np.concatenate([[self.stiffness(i), self.dashpot, self.offset(i)], -self.k])
-        lets_go = replace(_guard(i, force), reset=self.reset(delta))
-        losses = (0.0,) * self.first + self.losses()[self.first :]
+    def touching(self, i: int) -> Phase:
+        force = self.force(i, self.delta)
+        force[1] = self.dashpot
+        lets_go = Guard(i, _row(force), self.reset(DEPTH))
         return Phase(
-            f"segment {i + 1}", (lets_go, *self.crossings(i, count, delta, count)), touching=True,
-            stiffness=self.stiffness(i), dashpot=self.dashpot, force=self.offset(i), internal=tuple((-self.k).tolist()),
-            **_motion(self.rates(i, delta, released=False)), stored=_tuples(np.diag(self.k)), losses=losses,
-            energy=self.energy(i),
+            f"segment {i + 1}", (lets_go, *self.crossings(i, self.delta, self.curve.slopes.size)), touching=True,
+            springs=self.springs(i, self.delta), lost=LawRow(rate=self.dashpot),
+            rates=(*self.recovering(i, released=False), *self.relaxing(self.delta)),
+            losses=(0.0,) * self.first + self.losses[self.first :],
         )  # fmt: skip
 
 
-def _guard(following: int, row: Floats, constant: float = 0.0) -> Guard:
-    return Guard(following, float(row[0]), float(row[1]), float(row[2]) + constant, tuple(row[3:].tolist()))
-
-
-def _motion(rows: Floats) -> dict[str, Any]:
-    """Dynamics and drive of internal states from the rows of their rates."""
-    return {"dynamics": _tuples(rows[:, 3:]), "drive": _tuples(rows[:, :3])}
-
-
-def _tuples(rows: Floats) -> tuple[tuple[float, ...], ...]:
-    return tuple(map(tuple, rows.tolist()))
+def _row(own: Floats, constant: float = 0.0) -> LawRow:
+    return LawRow(float(own[0]), float(own[1]), float(own[2] + constant), tuple(own[OWN:].tolist()))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.equilibrium import Springs, find_equilibrium
+from beamsim.contacts.equilibrium import Equilibrium, Springs, find_equilibrium
 from beamsim.contacts.force_curve import ForceCurve
 from beamsim.contacts.hardening import hardening_law
 from beamsim.contacts.laws import ContactLaw, kelvin_voigt, no_tension
@@ -27,9 +27,26 @@ LAWS = {"kelvin_voigt": kelvin_voigt, "no_tension": no_tension}  # by their name
 
 
 def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Floats, rigid: int) -> float:
-    """c = 2 xi k / Omega, N s/m, Omega the first natural frequency with only this snubber closed.
+    """The dashpot of a damping ratio, ``c = 2 xi k / Omega``.
 
-    Rigid-body modes (frequency zero) are skipped. Raises ValueError if there is no other mode.
+    Omega is the first natural frequency with only this snubber closed; rigid-body modes are skipped.
+
+    Parameters
+    ----------
+    ratio : xi.
+    stiffness : k, N/m.
+    omega : (n,) rad/s, open structure, the first ``rigid`` of them zero.
+    shape : (n,) deflection at the snubber for a unit of each coordinate.
+    rigid : number of rigid-body coordinates.
+
+    Returns
+    -------
+    N s/m.
+
+    Raises
+    ------
+    ValueError
+        If there is no mode but rigid-body modes.
     """
     closed = closed_frequencies(omega, shape[None, :], np.array([stiffness]), rigid)
     moving = closed[closed > 0]
@@ -50,6 +67,16 @@ def build_contacts(
     shape : (m, n) deflection at each for a unit of each coordinate.
     omega : (n,) rad/s, open structure.
     rigid : number of rigid-body coordinates.
+
+    Returns
+    -------
+    Contacts
+        One for each snubber.
+
+    Raises
+    ------
+    ScenarioError
+        Where a damping ratio has no meaning.
     """
     snubbers = [item for _, _, item in located]
     dashpot = np.zeros(len(snubbers))
@@ -133,6 +160,14 @@ def _balancing(normal: Floats, force: Floats, push: Floats) -> str:
     return "balance the loads: the nearest preloads that do are " + ", ".join(f"{x:.6g} N" for x in nearest)
 
 
+def _unreached(located: Located, equilibrium: Equilibrium, remedy: str) -> Problem:
+    return Problem(
+        f"{path_text(located.path)}.preload",
+        f"= {located.item.preload:g} N cannot be reached: with it, {equilibrium.reason}",
+        f"give a gap instead, hold the structure, or {remedy}",
+    )
+
+
 def resolve_preloads(
     contacts: Contacts,
     located: Sequence[Located],
@@ -141,11 +176,24 @@ def resolve_preloads(
     loads: Floats,
     cubic: CubicSprings,
 ) -> Contacts:
-    """Contacts whose gaps give the specified preloads (of the first of them) as contact forces at static equilibrium.
+    """Contacts whose gaps give the specified preloads as contact forces at static equilibrium.
 
     At that equilibrium a preloaded snubber is a constant force s phi P, so the other contacts determine the shape; its
     gap then follows from the penetration at which its law pushes with P, P / k of a spring. A structure that floats
     between preloaded snubbers stays where it is drawn: any rigid-body motion would only shift their gaps.
+
+    Parameters
+    ----------
+    contacts : the first of them snubbers.
+    located : the snubbers, some with a preload, N.
+    stiffness : (n,) diagonal of K, rad^2/s^2, the first ``rigid`` of them zero.
+    rigid : number of rigid-body coordinates.
+    loads : (L, n) constant loads.
+    cubic : cubic springs.
+
+    Returns
+    -------
+    Contacts
 
     Raises
     ------
@@ -167,16 +215,7 @@ def resolve_preloads(
     if q is None:
         normal = (contacts.sign[:, None] * contacts.shape)[given, :rigid]
         remedy = _balancing(normal, force[given], loads[:, :rigid].sum(axis=0))
-        raise ScenarioError(
-            [
-                Problem(
-                    f"{path_text(located[i].path)}.preload",
-                    f"= {force[i]:g} N cannot be reached: with it, {equilibrium.reason}",
-                    f"give a gap instead, hold the structure, or {remedy}",
-                )
-                for i in np.flatnonzero(given).tolist()
-            ]
-        )
+        raise ScenarioError([_unreached(located[i], equilibrium, remedy) for i in np.flatnonzero(given).tolist()])
     w = contacts.shape @ q
     pressed = np.array(
         [law.static_penetration(p) if p > 0.0 else 0.0 for law, p in zip(contacts.laws, force, strict=True)]

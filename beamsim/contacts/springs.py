@@ -21,7 +21,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.contacts.friction import FrictionForces, friction_law, pressed_friction_law, rigid_friction_law
+from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.laws import ContactLaw, piecewise_linear
 from beamsim.contacts.pads import MaxwellBranch, relaxing_law
 from beamsim.dataclass import dataclass
@@ -51,7 +51,7 @@ class SpringInfo:
     cubic: float  # N/m^3
     linear: float  # N/m, the slope about zero
     law: ContactLaw | None  # the force apart from the linear part and the cubic one, by the stretch
-    friction: FrictionForces | None = None  # of friction under a constant normal force
+    normal_force: float | None = None  # N, of friction where it is constant
 
     @property
     def felt(self) -> float:
@@ -75,9 +75,20 @@ class SpringInfo:
 def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) -> tuple[SpringInfo, ...]:
     """Springs, joints and friction contacts with laws.
 
-    ``shape`` (count, n) is the stretch of each for a unit of each coordinate, ``levers`` (count,) the displacement of
-    its place for a unit displacement of the base.
-    Raises ScenarioError if breakpoints do not increase, as cases of a study that varies them may.
+    Parameters
+    ----------
+    springs : and where they are written.
+    shape : (count, n) stretch of each for a unit of each coordinate.
+    levers : (count,) displacement of its place for a unit displacement of the base.
+
+    Returns
+    -------
+    (count,) springs.
+
+    Raises
+    ------
+    ScenarioError
+        If breakpoints do not increase, as cases of a study that varies them may.
     """
     infos: list[SpringInfo] = []
     numbers: tuple[float, float, ContactLaw | None]
@@ -107,17 +118,10 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
         infos.append(
             SpringInfo(
                 spring.name, spring.kind, places, masses, row, on_ground, float(lever), cubic, linear, own,
-                _friction_forces(spring) if spring.kind == FRICTION else None,
+                spring.constant_force if spring.kind == FRICTION and spring.pressed_by is None else None,
             )
         )  # fmt: skip
     return tuple(infos)
-
-
-def _friction_forces(contact: Any) -> FrictionForces | None:
-    if contact.pressed_by is not None:
-        return None
-    stiffness = np.inf if contact.stiffness is None else float(contact.stiffness)
-    return FrictionForces(contact.constant_force, contact.static_force, contact.sliding_force, stiffness)
 
 
 def _law_of_friction(contact: Any) -> ContactLaw:

@@ -13,6 +13,7 @@ Sources are numbered: inputs 0 … F-1, free amplitudes from F.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.flow.held import held_contacts
 from beamsim.flow.invariant_blocks import Block, SimpleModes, block_diagonalise, second_order_blocks
-from beamsim.flow.neighbouring_modes import SMALLEST, can_update, neighbouring_modes
+from beamsim.flow.neighbouring_modes import can_update, neighbouring_modes
 from beamsim.flow.sources import Sources
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -99,7 +100,8 @@ class ContactState:
     simple_count: int  # e, of the first free amplitudes, those of eigenvalues with blocks of their own
     blocks: list[Block]  # the others
     basis_of_source: Ints  # (F,) the basis function of each input
-    basis_below_source: Ints  # (F,) the one a power lower (-1 where power is 0)
+    # (F,) the term in which each input drives its own basis function, and the one a power lower (-1: none)
+    terms_of_sources: tuple[Ints, Ints]
 
     @cached_property
     def exponential(self) -> bool:
@@ -188,14 +190,6 @@ class ContactState:
         amplitudes = np.arange(self.basis_of_source.size + self.projector.shape[0])
         return np.asarray(self.term_source == amplitudes[:, None], dtype=float)
 
-    @cached_property
-    def terms_of_sources(self) -> tuple[Ints, Ints]:
-        """(F,) the term in which each input drives its own basis function, and the one a power lower (-1: none)."""
-        terms = {(int(b), int(s)): t for t, (b, s) in enumerate(zip(self.term_basis, self.term_source, strict=True))}
-        driven = [terms[int(b), f] for f, b in enumerate(self.basis_of_source)]
-        lowered = [terms.get((int(b), f), -1) for f, b in enumerate(self.basis_below_source)]
-        return np.array(driven, dtype=np.int64), np.array(lowered, dtype=np.int64)
-
     def roughness(self, output: LinearOutput, coefficients: Complexes) -> Floats:
         """(T, k) bound on the parts of each term's coefficient before they cancel.
 
@@ -252,53 +246,107 @@ def build_state(
     longest_window: float,
     known: ContactState | None = None,
 ) -> ContactState:
-    """Diagonalise the system with its contacts in given phases and tabulate its flow.
+    """Diagonalise the system with its contacts in given phases and tabulate its flow; see `contact_modes`."""
+    return tabulated(contact_modes(system, forcing, sources, base_channel, phases, longest_window, known), sources)
 
-    ``base_channel`` is the channel of the base displacement (-1 without), ``longest_window`` an upper limit
-    on the length of a segment, s. Cost: one symmetric eigenvalue problem of order n and, where damping or internal
-    states couple modes, one unsymmetric of the order of these; from a ``known`` state of the same system with few
-    contacts in other phases none, where :func:`beamsim.flow.neighbouring_modes.neighbouring_modes` is exact.
+
+@dataclass(frozen=True)
+class ContactModes:
+    """A contact state under all loads that differ in their signals alone."""
+
+    phases: Ints  # (m,) of the contacts
+    internal_states: int  # r
+    simple: SimpleModes  # one of each conjugate pair
+    blocks: list[Block]  # the others
+    horizon: float  # s, longest segment for which series hold
+    load: Floats  # (F, n + r) per unit of each source, without what reactions balance
+    slope: Floats  # (F, n + r) ... of its time derivative
+    loads: SourceLoads
+    rates: Callable[[Complexes, Complexes, Complexes], Complexes] | None  # where contacts act
+
+    @cached_property
+    def whole(self) -> SimpleModes:
+        """Both of each pair."""
+        return self.simple.whole()
+
+    def longest(self, sources: Sources, source: int) -> float:
+        """s, time for which the response to a source holds."""
+        return min(self.horizon, float(sources.longest_piece[source]))
+
+    def respond(self, terms: _Terms, sources: Sources, f: int) -> None:
+        """Add the response to a source."""
+        nu, p = complex(sources.exponent[f]), int(sources.power[f])
+        polynomial = np.zeros((p + 1, terms.size), dtype=complex)
+        polynomial[:, -self.load.shape[1] :] = _driving(self.load[f], self.slope[f], nu, p)
+        if not np.any(polynomial):
+            return
+        _forced(terms, self.whole, self.blocks, polynomial, nu, f, self.longest(sources, f))
+        if self.rates is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
+            own = _driving(self.loads.load[f], self.loads.slope[f], nu, p)
+            force = _driving(self.loads.force[f], self.loads.force_slope[f], nu, p)
+            rest = _residual(terms, self.rates, own, force, nu, f)
+            if np.any(rest):
+                _forced(terms, self.whole, self.blocks, rest, nu, f, self.longest(sources, f))
+
+
+def contact_modes(
+    system: PiecewiseLinearSystem,
+    forcing: Forcing,
+    sources: Sources,
+    base_channel: int,
+    phases: Ints,
+    longest_window: float,
+    known: ContactState | None = None,
+) -> ContactModes:
+    """Diagonalise the system with its contacts in given phases.
+
+    Cost: one symmetric eigenvalue problem of order n and, where damping or internal states couple modes, one
+    unsymmetric of the order of these; none from a ``known`` state of the same phases, or of few other ones where
+    :func:`beamsim.flow.neighbouring_modes.neighbouring_modes` is exact.
+
+    Parameters
+    ----------
+    system, forcing : the structure and what its loads act on.
+    sources : of the loads' signals; of them the number and the channels count.
+    base_channel : the channel of the base displacement (-1 without).
+    phases : (m,) of the contacts.
+    longest_window : upper limit on the length of a segment, s.
+    known : a contact state of the same system.
     """
-    n, F = system.size, sources.count
     acting = _acting(system, phases)
     simple, blocks = _diagonalise(system, phases, acting, longest_window, known)
-    X, Xi, lam = simple
     radius = max((b.radius for b in blocks), default=0.0)
-    horizon = min(longest_window, 1.0 / radius if radius > 0 else np.inf)
-    window = min(horizon, float(sources.longest_piece.max()))
-
     loads = _loads_of_sources(system, forcing, sources, base_channel, phases)
-    load, load_slope = _free(system, phases, *loads.total())
-    responding = simple.whole() if n < SMALLEST else simple  # few modes: faster with their conjugates
-    terms = _Terms(2 * n + system.contacts.internal_states)
+    load, slope = _free(system, phases, *loads.total())
+    return ContactModes(
+        phases.copy(), system.contacts.internal_states, simple, blocks,
+        float(min(longest_window, 1.0 / radius if radius > 0 else np.inf)), load, slope, loads,
+        _rates_of(system, phases, loads) if acting.stiffness.size else None,
+    )  # fmt: skip
+
+
+def tabulated(modes: ContactModes, sources: Sources) -> ContactState:
+    """The tables of a contact state: the responses to the sources, and the free motion."""
+    X, Xi, lam = modes.simple
+    F, terms = sources.count, _Terms(X.shape[0])
     basis_of_source = np.empty(F, dtype=np.int64)
     basis_below = np.full(F, -1, dtype=np.int64)
     for f in range(F):
         basis_of_source[f] = terms.add(sources.exponent[f], sources.power[f], f, None)
         if sources.power[f] > 0:
             basis_below[f] = terms.add(sources.exponent[f], sources.power[f] - 1, f, None)
-    rates = _rates_of(system, phases, loads) if acting.stiffness.size else None
     for f in range(F):
-        nu, p = complex(sources.exponent[f]), int(sources.power[f])
-        polynomial = np.zeros((p + 1, terms.size), dtype=complex)
-        polynomial[:, n:] = _driving(load[f], load_slope[f], nu, p)
-        longest = min(horizon, float(sources.longest_piece[f]))
-        if not np.any(polynomial):
-            continue
-        _forced(terms, responding, blocks, polynomial, nu, f, longest)
-        if rates is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
-            own = _driving(loads.load[f], loads.slope[f], nu, p)
-            force = _driving(loads.force[f], loads.force_slope[f], nu, p)
-            rest = _residual(terms, rates, own, force, nu, f)
-            if np.any(rest):
-                _forced(terms, responding, blocks, rest, nu, f, longest)
-
+        modes.respond(terms, sources, f)
+    number = {key: t for t, key in enumerate(terms.terms)}
+    driven = np.array([number[b, f] for f, b in enumerate(basis_of_source.tolist())], dtype=np.int64)
+    lowered = np.array([number.get((b, f), -1) for f, b in enumerate(basis_below.tolist())], dtype=np.int64)
     forced = terms.take()
     free_basis = [terms.basis.setdefault((value, 0), len(terms.basis)) for value in lam.tolist()]
     free_vectors = X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]
     projector = [Xi]
     source = F + lam.size
-    for block in blocks:
+    window = min(modes.horizon, float(sources.longest_piece.max()))
+    for block in modes.blocks:
         projector.append(block.left)
         series = _series(block, window)
         for column in range(block.matrix.shape[0]):
@@ -309,20 +357,37 @@ def build_state(
 
     of_blocks, basis = terms.take(), list(terms.basis)
     return ContactState(
-        phases=phases.copy(),
-        internal_states=system.contacts.internal_states,
+        phases=modes.phases,
+        internal_states=modes.internal_states,
         exponent=np.array([b[0] for b in basis], dtype=complex),
         power=np.array([b[1] for b in basis], dtype=np.int64),
-        projector=np.ascontiguousarray(np.concatenate(projector) if blocks else Xi),
+        projector=np.ascontiguousarray(np.concatenate(projector) if modes.blocks else Xi),
         term_basis=np.concatenate([forced[0], np.array(free_basis, dtype=np.int64), of_blocks[0]]),
         term_source=np.concatenate([forced[1], F + np.arange(lam.size), of_blocks[1]]),
         term_vector=np.concatenate([forced[2], free_vectors, of_blocks[2]]),
-        horizon=float(horizon),
+        horizon=modes.horizon,
         simple_count=lam.size,
-        blocks=blocks,
+        blocks=modes.blocks,
         basis_of_source=basis_of_source,
-        basis_below_source=basis_below,
+        terms_of_sources=(driven, lowered),
     )
+
+
+def retuned(state: ContactState, modes: ContactModes, sources: Sources) -> ContactState | None:
+    """A contact state under sources with other exponents; None where the response to one takes other terms then."""
+    exponent, vector = state.exponent.copy(), state.term_vector.copy()
+    before = exponent[state.basis_of_source]
+    exponent[state.basis_of_source] = sources.exponent
+    if sources.power.any() or not np.array_equal(exponent[state.basis_of_source], sources.exponent):
+        return None
+    for f in np.flatnonzero(before != sources.exponent).tolist():
+        terms = _Terms(vector.shape[1])
+        modes.respond(terms, sources, f)
+        of_source = np.flatnonzero(state.term_source == f)
+        if of_source.size != 1 or len(terms.terms) > 1 or any(power for _, power in terms.basis):
+            return None
+        vector[of_source] = terms.response(complex(sources.exponent[f]), 0, f)
+    return replace(state, exponent=exponent, term_vector=vector)
 
 
 def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats]:
@@ -400,7 +465,9 @@ def _acting(system: PiecewiseLinearSystem, phases: Ints) -> _Acting:
 def _diagonalise(
     system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, window: float, known: ContactState | None
 ) -> tuple[SimpleModes, list[Block]]:
-    """Simple modes, one of each conjugate pair, and blocks of the others: from a neighbour's, or anew."""
+    """Simple modes, one of each conjugate pair, and blocks of the others: known ones, from a neighbour's, or anew."""
+    if known is not None and np.array_equal(known.phases, phases):
+        return known.simple, known.blocks
     n, contacts = system.size, system.contacts
     inside = contacts.internal_states
     together = contacts.coupled(phases)
@@ -686,45 +753,22 @@ def _forced(
 def _forced_simple(
     terms: _Terms, modes: SimpleModes, polynomial: Complexes, nu: complex, source: int, window: float
 ) -> None:
-    """Response of simple modes, and of conjugates not among them, to ``sum_p polynomial[p] tau^p e^{nu tau}``."""
-    beta = modes.left[:, -polynomial.shape[1] :] @ polynomial.T
-    _respond(terms, modes.right, modes.eigenvalue, beta, nu, source, window)
-    pair = modes.eigenvalue.imag > 0.0
-    if np.all(modes.eigenvalue.imag >= 0.0) and pair.any():
-        beta = modes.left[:, -polynomial.shape[1] :] @ polynomial.conj().T
-        beta[~pair] = 0.0
-        _respond(terms, modes.right, modes.eigenvalue, beta, nu.conjugate(), source, window, conjugate=True)
-
-
-def _respond(
-    terms: _Terms,
-    X: Complexes,
-    lam: Complexes,
-    beta: Complexes,
-    nu: complex,
-    source: int,
-    window: float,
-    *,
-    conjugate: bool = False,
-) -> None:
-    """Response of eigenvalues to ``sum_p beta[:, p] tau^p e^{nu tau}``, or its conjugate."""
+    """Response of simple modes, both of each pair, to ``sum_p polynomial[p] tau^p e^{nu tau}``."""
+    X, lam = modes.right, modes.eigenvalue
     if lam.size == 0:
         return
+    beta = modes.left[:, -polynomial.shape[1] :] @ polynomial.T
     degree = beta.shape[1] - 1
-    exponent = nu.conjugate() if conjugate else nu
     near = np.abs(nu - lam) * window < _series_limit(degree)
     if not near.all():
         away, w = np.where(near, 1.0, nu - lam), np.zeros(lam.size, dtype=complex)
         for p in range(degree, -1, -1):
             w = np.where(near, 0.0, beta[:, p] - (p + 1) * w) / away
-            response = X @ w
-            terms.add(exponent, p, source, response.conj() if conjugate else response)
+            terms.add(nu, p, source, X @ w)
     near &= beta.any(axis=1)
     if near.any():
-        shift = np.diag(lam[near] - nu)
-        for power, v in _power_series(shift, beta[near], window):
-            response = X[:, near] @ v
-            terms.add(exponent, power, source, response.conj() if conjugate else response)
+        for power, v in _power_series(np.diag(lam[near] - nu), beta[near], window):
+            terms.add(nu, power, source, X[:, near] @ v)
 
 
 def _series_limit(degree: int) -> float:

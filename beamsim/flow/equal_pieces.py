@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.flow.basis import as_real, largest_curvature
+from beamsim.flow.basis import as_real
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.sources import MANY_PIECES
 from beamsim.flow.stopping import check_stop
@@ -186,37 +186,3 @@ def integrals_alike(
             for q, form in enumerate(forms):
                 out[part, q] = np.einsum("ni,ni->n", x @ form, x)
     return single
-
-
-def rule_out_maxima(motion: Segments, table: Complexes, highest: Floats, when: Floats) -> Ints:
-    """Segments that may hold a larger value than ``highest``, which first rises to the largest one at a start.
-
-    Between two points a function exceeds the straight line by no more than an eighth of the largest curvature times the
-    square of their distance. ``highest`` (signs, k) is of outputs with coefficients ``table`` (S, T, k) and, with two
-    signs, of their negatives; ``when``, in s, follows.
-    """
-    groups, single = alike(motion, np.arange(motion.time.size), motion.length)
-    possible, bounds = [single], [np.full((single.size, *highest.shape), np.inf)]
-    for group in groups:
-        tables, of_state = motion.flow.states[group.state], table[group.state]
-        first, last = (
-            output_map(motion, group.state, _basis(motion, group.state, tau), of_state) for tau in (0.0, group.tau)
-        )
-        bend = group.tau**2 / 8.0 * largest_curvature(tables.exponent, tables.power, group.tau)
-        curvature = np.zeros((first.shape[0] // 2, of_state.shape[1]))
-        of_terms = bend[tables.term_basis, None] * np.abs(of_state[: tables.term_basis.size])
-        np.add.at(curvature, tables.term_source, of_terms)
-        for part in blocks(group):
-            zeta = amplitudes(motion, group.state, part)
-            start, end, over = as_real(zeta) @ first, as_real(zeta) @ last, np.abs(zeta) @ curvature
-            for sign, known, at in zip((1.0, -1.0), highest, when, strict=False):
-                best = start.argmax(axis=0) if sign > 0.0 else start.argmin(axis=0)
-                reached = sign * start[best, np.arange(best.size)]
-                better = reached > known
-                known[better], at[better] = reached[better], motion.time[part[best[better]]]
-            bound = [np.maximum(start, end) + over, over - np.minimum(start, end)][: highest.shape[0]]
-            higher = np.logical_or.reduce([(b > known).any(axis=1) for b, known in zip(bound, highest, strict=True)])
-            possible.append(part[higher])
-            bounds.append(np.stack([b[higher] for b in bound], axis=1))
-    higher = (np.concatenate(bounds) > highest).any(axis=(1, 2))  # than what was reached later
-    return np.sort(np.concatenate(possible)[higher])

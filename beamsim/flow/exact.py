@@ -12,7 +12,18 @@ import numpy as np
 from beamsim.contacts.contacts import Watched
 from beamsim.dataclass import dataclass
 from beamsim.flow.basis import basis_derivatives
-from beamsim.flow.contact_state import ContactState, LinearOutput, OutputOf, acting_loads, build_state, state_matrices
+from beamsim.flow.contact_state import (
+    ContactModes,
+    ContactState,
+    LinearOutput,
+    OutputOf,
+    acting_loads,
+    build_state,
+    contact_modes,
+    retuned,
+    state_matrices,
+    tabulated,
+)
 from beamsim.flow.equal_steps import PieceStep, as_arrays, common_length, step_of
 from beamsim.flow.first_derivatives import (
     HIGHEST_DERIVATIVE,
@@ -22,7 +33,7 @@ from beamsim.flow.first_derivatives import (
     InputsAtStart,
 )
 from beamsim.flow.held import held_contacts
-from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
+from beamsim.flow.sources import Sources, compile_sources, retuned_sources, sources_of_pieces
 from beamsim.flow.state_tables import StateTables
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.streamed import CubicRecord, common_record
@@ -46,6 +57,11 @@ def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
     """Number of contact states whose tables fit into ``memory`` bytes."""
     N, watched = 2 * system.size + system.contacts.internal_states, 2 * system.contacts.count
     return max(FEWEST_STATES, int(memory / (32.0 * N * N + 24.0 * N * watched)))
+
+
+def _fastest(state: ContactState) -> tuple[float, float]:
+    """Largest exponent, 1/s, and highest frequency, rad/s."""
+    return float(np.abs(state.exponent).max()), float(np.abs(state.exponent.imag).max())
 
 
 class StartOfMotion(NamedTuple):
@@ -87,6 +103,15 @@ class ExactFlow:
     states: list[ContactState] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
+        self._relatives: dict[bytes, ContactModes] | None = None  # shared with flows under other loads
+        self._load()
+        slowest = self.system.stiffness[self.system.stiffness > 0]
+        period = LONGEST_WINDOW_RADIANS / float(np.sqrt(slowest.min())) if slowest.size else np.inf
+        self.longest_window = min(period, max(self.duration, 1e-300))
+        self._clear()
+
+    def _load(self, before: Sources | None = None) -> None:
+        """Put the channels of the forcing and of the observers together; ``before`` are other signals' sources."""
         channels = list(self.forcing.signal)
         self.base_channel = -1
         if self.forcing.base_displacement is not None and bool(self.system.contacts.felt.any()):
@@ -97,19 +122,17 @@ class ExactFlow:
         self._channels = tuple(channels)
         record = self.record
         if record is None:
-            self.sources = compile_sources(self._channels, self.duration)
+            like = None if before is None else retuned_sources(before, self._channels)
+            self.sources = compile_sources(self._channels, self.duration) if like is None else like
         else:
             self.sources = sources_of_pieces(self._channels, *(self.pieces or (0, record.pieces)), self.duration)
-        slowest = self.system.stiffness[self.system.stiffness > 0]
-        period = LONGEST_WINDOW_RADIANS / float(np.sqrt(slowest.min())) if slowest.size else np.inf
-        self.longest_window = min(period, max(self.duration, 1e-300))
         self._length = common_length(self.sources) if record is None else record.step
-        self._clear()
         self._inputs: Inputs | None = None
 
     def _clear(self) -> None:
         """Remove all states."""
         self.states = []
+        self._functions: list[LinearOutput] = []  # watched in each of them
         self.visited: list[Ints] = []  # phases of all states visited
         self._built_states: list[tuple[float, float]] = []  # their largest exponent, 1/s, and highest frequency, rad/s
         self._visit: list[int] = []  # number among them of each state that is kept
@@ -131,6 +154,72 @@ class ExactFlow:
         flow.pieces = first, last
         flow.sources = sources_of_pieces(self._channels, first, last, self.duration)
         flow._inputs = flow._steps = None
+        return flow
+
+    def under(self, forcing: Forcing) -> ExactFlow:
+        """The same flow under other loads: the modes of its contact states are shared, responses to the loads are new.
+
+        ``forcing`` differs in its signals alone; what each load acts on stays as it is.
+        """
+        if self._relatives is None:
+            self._relatives = {}
+        for state in self.states:
+            if state.phases.tobytes() not in self._relatives:
+                self._relate(state.phases, state)
+        flow = copy(self)
+        flow.forcing = forcing
+        flow._load(self.sources)
+        if np.array_equal(flow.sources.channel, self.sources.channel):
+            flow._retune()
+        else:
+            flow.__dict__.pop("penetrations", None)
+            flow._clear()
+        return flow
+
+    def _relate(self, phases: Ints, known: ContactState | None) -> None:
+        """Keep the modes of a contact state for flows under other loads."""
+        assert self._relatives is not None
+        self._relatives[phases.tobytes()] = contact_modes(
+            self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window, known
+        )
+
+    def _retune(self) -> None:
+        """Rewrite the responses to the loads in the contact states so far."""
+        assert self._relatives is not None
+        states = []
+        for state in self.states:
+            new = retuned(state, self._relatives[state.phases.tobytes()], self.sources)
+            if new is None:
+                return self._clear()
+            states.append(new)
+        watches = [
+            state.coefficients(output, self.sources) for state, output in zip(states, self._functions, strict=True)
+        ]
+        guards = [watched.guards for watched in self._tables.watched]
+        roughness = [
+            state.roughness(output, watch)[:, :count]
+            for state, output, watch, count in zip(states, self._functions, watches, guards, strict=True)
+        ]
+        self._tables = self._tables.retuned(states, watches, roughness)
+        self.states, self._functions = states, list(self._functions)
+        self.visited, self._visit, self._visits = list(self.visited), list(self._visit), dict(self._visits)
+        self._built_states = [_fastest(state) for state in states]
+        self._at_start, self._there, self._step, self._steps = {}, {}, [], None
+
+    def with_system(self, system: PiecewiseLinearSystem) -> ExactFlow:
+        """The flow of another structure, or of other contacts with as many phases, under the same loads."""
+        flow = copy(self)
+        flow.system = system
+        flow.__dict__.pop("penetrations", None)
+        flow._load()
+        flow._clear()
+        flow._relatives = {}
+        same = system.stiffness is self.system.stiffness and system.damping is self.system.damping
+        if same and np.array_equal(flow.sources.channel, self.sources.channel):
+            free = (
+                m for m in (self._relatives or {}).values() if not (system.acts(m.phases) or self.system.acts(m.phases))
+            )
+            flow._relatives = {modes.phases.tobytes(): modes for modes in free}
         return flow
 
     @property
@@ -182,16 +271,16 @@ class ExactFlow:
         roughness = state.roughness(output, watch)[:, : watched.guards]
         index = self._tables.append(state, watched, watch, np.ascontiguousarray(roughness))
         state = self._tables.kept_once(index, state)
-        largest = float(np.abs(state.exponent).max()), float(np.abs(state.exponent.imag).max())
-        self._built_states.append(largest)
+        self._built_states.append(_fastest(state))
         visit = self._visits.setdefault(phases.tobytes(), len(self.visited))
         if visit == len(self.visited):
             self.visited.append(state.phases)
         if index == len(self.states):
             self.states.append(state)
             self._visit.append(visit)
+            self._functions.append(output)
         else:
-            self.states[index], self._visit[index] = state, visit
+            self.states[index], self._visit[index], self._functions[index] = state, visit, output
         if self._length is not None:
             guards = np.ascontiguousarray(watch[:, : watched.guards])
             self._step[index : index + 1] = [step_of(state, guards, roughness, self.sources, self._length)]
@@ -208,13 +297,13 @@ class ExactFlow:
 
         if (there := self._there.get(phases.tobytes())) is not None:
             return there
+        if self._relatives is not None:
+            if phases.tobytes() not in self._relatives:
+                nearest = self._tables.nearest(phases)
+                self._relate(phases, None if nearest is None else self.states[nearest])
+            return tabulated(self._relatives[phases.tobytes()], self.sources)
         contacts = self.system.contacts
-        if (
-            self.shared is None
-            or contacts.internal_states
-            or contacts.force_rows(phases)[0].any()
-            or contacts.holds(phases).any()
-        ):
+        if self.shared is None or self.system.acts(phases):
             nearest = self._tables.nearest(phases)
             return build(None if nearest is None else self.states[nearest])
         parts = (
@@ -283,6 +372,12 @@ class ExactFlow:
         """An all-zero output to fill in."""
         F = self.sources.count
         return LinearOutput(np.zeros((count, self.size)), np.zeros((count, F)), np.zeros((count, F)))
+
+    def constant_output(self, values: Floats) -> LinearOutput:
+        """Outputs (k,) that do not change."""
+        output = self.empty_output(values.size)
+        output.direct[:, 0] = values
+        return output
 
     @property
     def size(self) -> int:
@@ -379,16 +474,17 @@ class ExactFlow:
     def watched(self, watched: Watched, phases: Ints) -> LinearOutput:
         """The functions watched in a contact state (see `beamsim.contacts.contacts.Watched`)."""
         functions = self._combined(watched.contact, watched.row, watched.internal)
-        if watched.pressing.any() or watched.pressing_rate.any():
+        pressing, rate, reaction = watched.joint.T[:, :, None]
+        if pressing.any() or rate.any():
             of = np.zeros((watched.contact.size, self.system.contacts.pressed.size))
             of[:] = watched.contact[:, None] == self.system.contacts.pressed
-            functions += self.pressing_forces(phases).combined(of * watched.pressing[:, None])
-            if watched.pressing_rate.any():
-                functions += self.pressing_force_rates(phases).combined(of * watched.pressing_rate[:, None])
+            functions += self.pressing_forces(phases).combined(of * pressing)
+            if rate.any():
+                functions += self.pressing_force_rates(phases).combined(of * rate)
         held = held_contacts(self.system, phases)
         if held is None:
             return functions
-        functions += self.reactions(phases).some(watched.contact).scaled(watched.reaction[:, None])
+        functions += self.reactions(phases).some(watched.contact).scaled(reaction)
         resting = held.resting(self.penetrations[1].row[:, self.system.size : 2 * self.system.size])
         for g in np.flatnonzero(resting[watched.contact[: watched.guards]]).tolist():
             if watched.row[g, 1] != 0.0:
@@ -402,10 +498,10 @@ class ExactFlow:
         """
         contacts = self.system.contacts
         limit = next(x for x in contacts.laws[contact].phases[following].guards if x.next == phases[contact])
-        joined = self.reactions(contacts.after(phases, contact, following)).scaled(-FIRST * limit.reaction)
+        joined = self.reactions(contacts.after(phases, contact, following)).scaled(-FIRST * limit.row.reaction)
         functions.row[g], functions.direct[g] = joined.row[contact], joined.direct[contact]
         functions.direct_slope[g] = joined.direct_slope[contact]
-        functions.direct[g, 0] -= FIRST * limit.constant
+        functions.direct[g, 0] -= FIRST * limit.row.constant
 
     def _combined(self, contact: Ints, row: Floats, internal: Floats) -> LinearOutput:
         """Combinations of penetrations, their rates, 1 (k, 3) and internal states (k, r), for each of ``contact``."""
@@ -434,7 +530,6 @@ class ExactFlow:
         phases, entered = contacts.pressed_at_start(start, start), np.zeros(contacts.count, dtype=bool)
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)[0]
-        inputs = self._inputs_at_start(given)
         unvisited = [set(range(len(law.phases))) - {int(k)} for law, k in zip(contacts.laws, start, strict=True)]
 
         entered_by = np.zeros(contacts.count, dtype=np.int64)  # order of the derivative
@@ -447,13 +542,13 @@ class ExactFlow:
         while True:
             index = self.state_index(phases)
             watched = self._tables.watched[index]
-            signs, orders = self._first_signs(watched, phases, inputs, state)
+            signs, orders = self._first_signs(index, phases, given, state)
             acting = [g for g in range(watched.guards) if signs[g] < 0 and hands_over(watched, g, int(orders[g]))]
             if not acting:
                 return StartOfMotion(phases, entered & (phases != start), state)
             g = min(acting, key=lambda g: orders[g])
             j, following = int(watched.contact[g]), int(watched.following[g])
-            state = self._after_event(watched, g, phases, inputs, state)
+            state = self._after_event(watched, g, phases, given, state)
             unvisited[j].discard(following)
             if following == start[j]:
                 unvisited[j].clear()
@@ -463,19 +558,19 @@ class ExactFlow:
             entered[j] |= orders[g] > 0
             entered_by[j] = orders[g]
 
-    def _after_event(self, watched: Watched, guard: int, phases: Ints, inputs: InputsAtStart, state: Floats) -> Floats:
+    def _after_event(self, watched: Watched, guard: int, phases: Ints, given: Complexes, state: Floats) -> Floats:
         """(N,) state with the internal states that the event of a guard gives its contact."""
         if watched.reset[guard] < 0:
             return state
         arrays, j, count = self.system.contacts.arrays, watched.contact[guard], self.sources.count
         after = self.watched(watched, phases).some(watched.reset[guard] + np.arange(arrays.states[j]))
-        values, slopes = inputs.value[:1, :count], inputs.value[:1, count:]
+        values, slopes = np.split(self._inputs_at_start(given, 0).value, [count], axis=1)
         state, first = state.copy(), 2 * self.system.size + arrays.first[j]
         state[first : first + arrays.states[j]] = after.values(state[None, :], values, slopes)[0]
         return state
 
-    def _first_signs(self, watched: Watched, phases: Ints, inputs: InputsAtStart, state: Floats) -> tuple[Floats, Ints]:
-        """(g,) signs and orders of the first derivatives of guards at a start that are beyond their round-off.
+    def _first_signs(self, index: int, phases: Ints, given: Complexes, state: Floats) -> tuple[Floats, Ints]:
+        """(g,) signs and orders of the first derivatives of a contact state's guards that are beyond their round-off.
 
         A sign is 0 where all derivatives are within round-off. The derivatives of the state follow from the equation of
         motion: in a sum over the modes of a stiff contact the round-off of the highest would hide them.
@@ -483,26 +578,27 @@ class ExactFlow:
         key = phases.tobytes()
         functions = self._at_start.get(key)
         if functions is None:
-            guards = self.watched(watched, phases).some(slice(0, watched.guards))
-            signs, orders = FunctionsAtStart.of(guards, watched.guards).signs(inputs, state, 0)
+            count = self._tables.watched[index].guards
+            guards = self._functions[index].some(slice(0, count))
+            signs, orders = FunctionsAtStart.of(guards, count).signs(self._inputs_at_start(given, 0), state, 0)
             if signs.all():
                 return signs, orders
             if len(self._at_start) == FEWEST_STATES:
                 self._at_start.clear()
-            functions = FunctionsAtStart.of(self._above_rates(guards, phases), watched.guards)
+            functions = FunctionsAtStart.of(self._above_rates(guards, phases), count)
             self._at_start[key] = functions
+        inputs = self._inputs_at_start(given, HIGHEST_DERIVATIVE)
         for highest in (USUAL_DERIVATIVE, HIGHEST_DERIVATIVE):
             signs, orders = functions.signs(inputs, state, highest)
             if signs.all():
                 break
         return signs, orders
 
-    def _inputs_at_start(self, given: Complexes) -> InputsAtStart:
-        """The inputs with amplitudes (F,) at the start of a piece."""
-        orders = HIGHEST_DERIVATIVE + 2
-        inputs = given * basis_derivatives(self.sources.exponent, self.sources.power, 0.0, orders)
+    def _inputs_at_start(self, given: Complexes, highest: int) -> InputsAtStart:
+        """The inputs with amplitudes (F,) at the start of a piece, with derivatives up to the highest."""
+        inputs = given * basis_derivatives(self.sources.exponent, self.sources.power, 0.0, highest + 2)
         pairs = np.hstack([inputs[:-1], inputs[1:]])
-        fit = self._round_off_of_fits(given)
+        fit = self._round_off_of_fits(given)[: highest + 1]
         return InputsAtStart(pairs.real, np.abs(pairs), np.hstack([fit, np.zeros_like(fit)]))
 
     def inputs_at(self, times: Floats, orders: int = 1) -> Floats:

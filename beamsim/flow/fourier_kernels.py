@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.flow.compiled import inner, kernel
+from beamsim.flow.compiled import kernel
 from beamsim.flow.integral_kernels import moments
 from beamsim.flow.kernels import _coefficients, _exp, _fill_sources
 
 
-@inner
+@kernel
 def _exponential_integral(s, T, e):  # type: ignore[no-untyped-def]
     """``int_0^T e^{s tau} d tau`` with e = e^{sT}; a series where the difference would cancel."""
     x = s * T

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from beamsim.flow.compiled import inner, kernel
+from beamsim.flow.compiled import kernel
 from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _outputs, _parts, _rows
 
 DEAD = 45.0  # decay, in powers of e, after which an exponential no longer counts
@@ -22,7 +22,7 @@ INVERSE = 1.0 / np.maximum(np.arange(512.0), 1.0)  # of integers beyond any degr
 LONG_TURN = 60.0  # rad of the fastest motion that has not decayed: from here on the closed form is cheaper than panels
 
 
-@inner
+@kernel
 def moments(x, ex, top, out):  # type: ignore[no-untyped-def]
     """``int_0^1 s^q e^{x s} ds`` for q = 0 ... top, with ex = e^x; the direction of recursion that is stable."""
     xr, xi = x.real, x.imag  # parts: dividing a complex number by a real one would cost as much as by a complex one
@@ -71,7 +71,7 @@ def moments(x, ex, top, out):  # type: ignore[no-untyped-def]
             q -= 1
 
 
-@inner
+@kernel
 def _integral(lam, tau, e):  # type: ignore[no-untyped-def]
     """int_0^tau exp(lam s) ds with e = exp(lam tau)."""
     x = lam * tau
@@ -80,7 +80,7 @@ def _integral(lam, tau, e):  # type: ignore[no-untyped-def]
     return (e - 1.0) / lam
 
 
-@inner
+@kernel
 def _fill_pairs(rows, group, degree, groups, power, nb, weight, plus, minus):  # type: ignore[no-untyped-def]
     """Coefficients (Q, G, G, R) of ``tau^r e^{(a + b) tau}``, and with b conjugate, in the integrands; a <= b.
 
@@ -117,7 +117,7 @@ def _fill_pairs(rows, group, degree, groups, power, nb, weight, plus, minus):  #
                         minus[q, h, g, r] += w * across.conjugate()
 
 
-@inner
+@kernel
 def _closed_form(exponent, degree, groups, plus, minus, tau, e, moment, out):  # type: ignore[no-untyped-def]
     """Integrals (Q,) from 0 to tau of what `_fill_pairs` wrote."""
     Q = out.size
@@ -149,7 +149,7 @@ def _closed_form(exponent, degree, groups, plus, minus, tau, e, moment, out):  #
                     out[q] += total.real
 
 
-@inner
+@kernel
 def _fastest_alive(exponent, power, nb, tau):  # type: ignore[no-untyped-def]
     """Largest magnitude of an exponent whose basis function has not decayed at tau."""
     fastest = 0.0

@@ -14,15 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import allocating, inner, kernel, summing
+from beamsim.flow.compiled import kernel, summing
 
 EPS = 2.220446049250313e-16
-LARGEST_SQUARE = 1e130  # larger outputs are left out of the search for extremes
 BELOW = 10.0  # tolerances, that a function lies below zero by more than round-off
 TAYLOR = 8  # order of the derivative that is bounded where bounds on the curvature allow short steps only
 CLOSE, PATIENCE = 1e6, 8  # a function within so many round-offs is close to zero; steps there before TAYLOR
-LIKE_NOISE = 1e3  # a value within so many tolerances of an extreme is close to it
-TOGETHER = 64  # outputs whose extremes are searched for in one march
 ROUGHER = 1e3  # round-off of the coordinates of a start, in that of a segment
 AT_ONCE = 1e-10  # share of a segment: a function below zero for so short a time after an event is so by round-off
 
@@ -62,7 +59,7 @@ class Inputs(NamedTuple):
     group_last: Any  # (F,)
 
 
-@inner
+@kernel
 def _exp(re: float, im: float, tau: float) -> complex:
     size = 1.0 if re == 0.0 else math.exp(re * tau)
     if im == 0.0:
@@ -71,7 +68,7 @@ def _exp(re: float, im: float, tau: float) -> complex:
     return complex(size * math.cos(angle), size * math.sin(angle))
 
 
-@inner
+@kernel
 def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):  # type: ignore[no-untyped-def]
     """Amplitudes of all sources at the start (time t, state y) of a segment in state s; ``rest`` (N,) is for work."""
     F = inputs.exponent.size
@@ -111,7 +108,7 @@ def _project(projector, count, y, amplitude):  # type: ignore[no-untyped-def]
         amplitude[i] = complex(real, imag)
 
 
-@inner
+@kernel
 def _fill_basis(exponent, power, nb, tau, value):  # type: ignore[no-untyped-def]
     """Basis functions at tau."""
     for b in range(nb):
@@ -125,7 +122,7 @@ def _fill_basis(exponent, power, nb, tau, value):  # type: ignore[no-untyped-def
             value[b] = v
 
 
-@inner
+@kernel
 def _evaluate(exponent, power, nb, count, gamma, size, tau, H, out):  # type: ignore[no-untyped-def]
     """Value, slope, bound on the curvature over [tau, reach] and round-off level of the first functions; returns reach.
 
@@ -185,7 +182,7 @@ def _evaluate(exponent, power, nb, count, gamma, size, tau, H, out):  # type: ig
     return reach
 
 
-@inner
+@kernel
 def _safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
     """Longest step from g > 0 over which g + slope h - bound h^2 / 2 stays positive."""
     if bound <= 0.0:
@@ -198,9 +195,9 @@ def _safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
     return (slope + root) / bound
 
 
-@allocating
-def _taylor_step(exponent, power, nb, gamma, size, j, sign, tau, reach, value):  # type: ignore[no-untyped-def]
-    """Step from value > 0 over which a function with the derivatives of ``sign`` times function j stays positive.
+@kernel
+def _taylor_step(exponent, power, nb, gamma, size, j, tau, reach, value):  # type: ignore[no-untyped-def]
+    """Step from value > 0 over which function j stays positive.
 
     Where terms cancel, a function and its first derivatives are small; the bound on its curvature is not. So the
     derivatives up to the seventh are evaluated, with their round-off, and the eighth is bounded.
@@ -223,7 +220,7 @@ def _taylor_step(exponent, power, nb, gamma, size, j, sign, tau, reach, value): 
                 total += part * lam ** (k - i)
                 rough += part * r ** (k - i)
                 factor *= (k - i) * (p - i) / (i + 1.0)
-            derivative[k] += sign * (g * total).real
+            derivative[k] += (g * total).real
             noise[k] += doubt * rough
         if lam.real > 0.0:
             level = size[b, j] * math.exp(lam.real * reach)
@@ -242,7 +239,7 @@ def _taylor_step(exponent, power, nb, gamma, size, j, sign, tau, reach, value): 
         step *= 0.5
 
 
-@inner
+@kernel
 def _is_close(out, least, floors):  # type: ignore[no-untyped-def]
     """Whether some function is zero within a multiple of its round-off."""
     close = False
@@ -251,7 +248,7 @@ def _is_close(out, least, floors):  # type: ignore[no-untyped-def]
     return close
 
 
-@inner
+@kernel
 def _long_step(exponent, power, nb, gamma, size, out, least, floors, tau, reach):  # type: ignore[no-untyped-def]
     """As `_next_step` where no function is at zero, by higher derivatives for those whose curvature stops it early."""
     step = reach - tau
@@ -259,11 +256,11 @@ def _long_step(exponent, power, nb, gamma, size, out, least, floors, tau, reach)
         lifted = out[0, j] + 2.0 * max(out[3, j], least[j], floors[j])
         h = _safe_step(lifted, out[1, j], out[2, j])
         if h < step:
-            step = min(step, max(h, _taylor_step(exponent, power, nb, gamma, size, j, 1.0, tau, reach, lifted)))
+            step = min(step, max(h, _taylor_step(exponent, power, nb, gamma, size, j, tau, reach, lifted)))
     return step
 
 
-@inner
+@kernel
 def _coefficients(tables, s, table, zeta, count, gamma):  # type: ignore[no-untyped-def]
     """Coefficients (B, count) of the basis functions in functions tabulated per term."""
     for b in range(tables.n_basis[s]):
@@ -276,7 +273,7 @@ def _coefficients(tables, s, table, zeta, count, gamma):  # type: ignore[no-unty
             gamma[b, j] += table[s, q, j] * z
 
 
-@inner
+@kernel
 def _combine(tables, s, table, zeta, count, gamma, size):  # type: ignore[no-untyped-def]
     """As `_coefficients`, and the magnitudes into ``size``."""
     _coefficients(tables, s, table, zeta, count, gamma)
@@ -285,7 +282,7 @@ def _combine(tables, s, table, zeta, count, gamma, size):  # type: ignore[no-unt
             size[b, j] = abs(gamma[b, j])
 
 
-@inner
+@kernel
 def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
     N = y.size
     for k in range(N):
@@ -298,7 +295,7 @@ def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
                 y[k] += v.real * a.real - v.imag * a.imag
 
 
-@inner
+@kernel
 def _fill_least(tables, s, zeta, H, least):  # type: ignore[no-untyped-def]
     """Round-off that cancelling terms leave in the watched functions on a segment of length H."""
     for j in range(least.size):
@@ -310,7 +307,7 @@ def _fill_least(tables, s, zeta, H, least):  # type: ignore[no-untyped-def]
             least[j] += a * tables.roughness[s, q, j]
 
 
-@inner
+@kernel
 def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-untyped-def]
     """What each watched function may be below zero where a segment begins with an event.
 
@@ -328,7 +325,7 @@ def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-unt
             floors[j] = min(-2.0 * out[0, j], max(1e-9 * scale, AT_ONCE * H * out[1, j]))
 
 
-@inner
+@kernel
 def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
     """(step, hit): a step over which no watched function can reach zero; the function at zero already (-1: none).
 
@@ -350,7 +347,7 @@ def _next_step(out, least, floors, longest):  # type: ignore[no-untyped-def]
     return step, hit
 
 
-@inner
+@kernel
 def _fill_floors_at_start(out, least, floors):  # type: ignore[no-untyped-def]
     """The same where the motion begins, of functions that rise from zero.
 
@@ -361,7 +358,7 @@ def _fill_floors_at_start(out, least, floors):  # type: ignore[no-untyped-def]
             floors[j] = min(-2.0 * out[0, j], ROUGHER * max(out[3, j], least[j]))
 
 
-@inner
+@kernel
 def _follow_zeros(out, least, tau, slopes, floors):  # type: ignore[no-untyped-def]
     """Slope, at the start of a segment, of each function that has not risen from zero since; -inf for the others.
 
@@ -380,7 +377,7 @@ def _follow_zeros(out, least, tau, slopes, floors):  # type: ignore[no-untyped-d
     return share
 
 
-@inner
+@kernel
 def _leaves_at_once(out, least, tau, slopes, hit):  # type: ignore[no-untyped-def]
     """Whether a function below zero at tau has been so since the segment began; ``slopes`` by `_follow_zeros`.
 
@@ -390,7 +387,7 @@ def _leaves_at_once(out, least, tau, slopes, hit):  # type: ignore[no-untyped-de
     return slopes[hit] * tau > -0.5 * max(out[3, hit], least[hit])
 
 
-@inner
+@kernel
 def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
     """Time of the zero next to tau, by one Newton step where the curvature allows it."""
     g, slope, bound = out[0, hit], out[1, hit], out[2, hit]
@@ -399,7 +396,7 @@ def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
     return tau
 
 
-@inner
+@kernel
 def _first_internal(tables, contact, size):  # type: ignore[no-untyped-def]
     """Index of the first internal state of a contact in a state vector of a given size."""
     first = size + tables.first[contact]
@@ -408,7 +405,7 @@ def _first_internal(tables, contact, size):  # type: ignore[no-untyped-def]
     return first
 
 
-@allocating
+@kernel
 def _parts(table):  # type: ignore[no-untyped-def]
     """Real and imaginary parts of a table; loops compile in a fraction of the time that array functions take."""
     real, imag = np.empty(table.shape), np.empty(table.shape)
@@ -420,7 +417,7 @@ def _parts(table):  # type: ignore[no-untyped-def]
     return real, imag
 
 
-@inner
+@kernel
 def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
     """Write the internal states after a guard's event into y; ``basis`` is evaluated at the event."""
     column = tables.reset[s, guard]
@@ -436,7 +433,7 @@ def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
         y[first + i] = total
 
 
-@inner
+@kernel
 def _rows(tables, s, real, imag, zeta, rows_real, rows_imag):  # type: ignore[no-untyped-def]
     """Coefficients (B, k) of the basis functions, from a table in two parts; the loop over outputs is the inner one."""
     k = real.shape[2]
@@ -453,7 +450,7 @@ def _rows(tables, s, real, imag, zeta, rows_real, rows_imag):  # type: ignore[no
                 rows_imag[b, j] += real[s, q, j] * z.imag + imag[s, q, j] * z.real
 
 
-@inner
+@kernel
 def _outputs(rows_real, rows_imag, basis, nb, out):  # type: ignore[no-untyped-def]
     """Real part of every function, from `_rows`."""
     for j in range(out.size):
@@ -468,52 +465,7 @@ def _outputs(rows_real, rows_imag, basis, nb, out):  # type: ignore[no-untyped-d
                 out[j] += rows_real[b, j] * re - rows_imag[b, j] * im
 
 
-@inner
-def _climb(exponent, power, nb, gamma, size, tau, H, out):  # type: ignore[no-untyped-def]
-    """A local maximum near tau: secant steps on the slope, kept inside [0, H]; returns (time, value)."""
-    _evaluate(exponent, power, nb, gamma.shape[1], gamma, size, tau, H, out)
-    best, best_tau = out[0, 0], tau
-    left, slope_left = tau, out[1, 0]
-    if slope_left <= 0.0:
-        return best_tau, best
-    step = slope_left / out[2, 0] if out[2, 0] > 0.0 else H
-    right, slope_right = left, slope_left
-    for _ in range(200):
-        right = min(left + step, H)
-        _evaluate(exponent, power, nb, gamma.shape[1], gamma, size, right, H, out)
-        slope_right = out[1, 0]
-        if out[0, 0] > best:
-            best, best_tau = out[0, 0], right
-        if slope_right <= 0.0 or right >= H:
-            break
-        left, slope_left = right, slope_right
-        step *= 2.0
-    if slope_right > 0.0:
-        return best_tau, best
-    side = 0
-    for _ in range(60):
-        middle = left + slope_left / (slope_left - slope_right) * (right - left)
-        if not (left < middle < right):
-            break
-        _evaluate(exponent, power, nb, gamma.shape[1], gamma, size, middle, H, out)
-        if out[0, 0] > best:
-            best, best_tau = out[0, 0], middle
-        if out[1, 0] > 0.0:
-            left, slope_left = middle, out[1, 0]
-            if side == 1:
-                slope_right *= 0.5
-            side = 1
-        else:
-            right, slope_right = middle, out[1, 0]
-            if side == -1:
-                slope_left *= 0.5
-            side = -1
-        if abs(out[1, 0]) * (right - left) <= 1e-13 * abs(best):
-            break
-    return best_tau, best
-
-
-@inner
+@kernel
 def _bounds(exponent, power, nb, H, largest, bend):  # type: ignore[no-untyped-def]
     """Largest size of every basis function, and of its second derivative, on [0, H]."""
     for b in range(nb):
@@ -533,7 +485,7 @@ def _bounds(exponent, power, nb, H, largest, bend):  # type: ignore[no-untyped-d
             bend[b] = (r2 * H * H + 2.0 * p * math.sqrt(r2) * H + p * (p - 1.0)) * size * level
 
 
-@inner
+@kernel
 def _clear_ahead(exponent, power, nb, gamma, size, least, H, largest, bend):  # type: ignore[no-untyped-def]
     """Whether functions with high powers of time stay positive on [0, H], by value, slope and curvature at its start.
 
@@ -560,146 +512,3 @@ def _clear_ahead(exponent, power, nb, gamma, size, least, H, largest, bend):  # 
         if value <= 2.0 * max(least[j], 8.0 * EPS * total) or _safe_step(value, slope, bound) < H:
             return False
     return True
-
-
-@inner
-def _stays_below(highest, value, rate, curve, H):  # type: ignore[no-untyped-def]
-    """Whether value + rate t + curve t^2 / 2 stays below ``highest`` on [0, H]."""
-    return value < highest and _safe_step(highest - value, -rate, curve) >= H
-
-
-@kernel
-def extremes(  # type: ignore[no-untyped-def]
-    tables, inputs, table, seg_time, seg_length, seg_state, seg_piece, seg_y, highest, when, relative, at, most
-):
-    """Raise ``highest`` (k,) to the largest value of each output over all segments, ``when`` (k,) with it.
-
-    Returns the number of evaluations, and whether it is done. If not, ``most`` were used: called again it goes on from
-    ``at`` (segment, output, time within the segment).
-
-    The same certified march as the contact search, on ``highest - output``: a stretch is skipped only where the
-    curvature bound proves that it holds no value above ``highest`` (1 + relative). Outputs march together, so that they
-    share the exponentials; an output drops out where the bound proves that the rest of the segment holds none of it.
-    """
-    k = table.shape[2]
-    # each is written before it is read; zeros would take longer to compile
-    zeta = np.empty(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
-    rest = np.empty(tables.projector.shape[2])
-    B = tables.exponent.shape[1]
-    gamma, size, out = np.empty((B, TOGETHER), dtype=np.complex128), np.empty((B, TOGETHER)), np.empty((4, TOGETHER))
-    gamma_of_one, size_of_one, out_of_one = np.empty((B, 1), dtype=np.complex128), np.empty((B, 1)), np.empty((4, 1))
-    output, limit = np.empty(TOGETHER, dtype=np.int64), np.empty(TOGETHER)
-    largest, bend = np.empty(B), np.empty(B)
-    ceiling, first, rate, curve = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-    real, imag = _parts(table)
-    magnitude = np.empty(table.shape)
-    for s in range(table.shape[0]):
-        for q in range(table.shape[1]):
-            for j in range(k):
-                magnitude[s, q, j] = abs(table[s, q, j])
-    evaluations = 0
-    for g in range(int(at[0]), seg_time.size):
-        at[0] = g
-        s = seg_state[g]
-        nb = tables.n_basis[s]
-        H = seg_length[g]
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
-        exponent = tables.exponent[s]
-        power = tables.power[s]
-        _bounds(exponent, power, nb, H, largest, bend)
-        for j in range(k):
-            ceiling[j] = 0.0
-            first[j] = 0.0
-            rate[j] = 0.0
-            curve[j] = 0.0
-        for q in range(tables.n_terms[s]):
-            b = tables.term_basis[s, q]
-            z = zeta[tables.term_source[s, q]]
-            if z == 0.0:
-                continue
-            highest_part, bent = abs(z) * largest[b], abs(z) * bend[b]
-            constant = exponent[b] == 0.0 and power[b] == 0
-            for j in range(k):
-                value = real[s, q, j] * z.real - imag[s, q, j] * z.imag
-                ceiling[j] += value if constant else highest_part * magnitude[s, q, j]
-                curve[j] += bent * magnitude[s, q, j]
-            if power[b] == 0:
-                w = exponent[b] * z
-                for j in range(k):
-                    first[j] += real[s, q, j] * z.real - imag[s, q, j] * z.imag
-                    rate[j] += real[s, q, j] * w.real - imag[s, q, j] * w.imag
-            elif power[b] == 1:
-                for j in range(k):
-                    rate[j] += real[s, q, j] * z.real - imag[s, q, j] * z.imag
-        for begin in range(int(at[1]), k, TOGETHER):
-            tau = at[2]
-            at[1], at[2] = begin, 0.0
-            count = 0
-            for j in range(begin, min(begin + TOGETHER, k)):
-                # most segments hold no new extreme, as a bound on them or on their start proves: first with what
-                # all outputs share, then with the output's own coefficients, whose parts have cancelled
-                if ceiling[j] <= highest[j] or _stays_below(highest[j], first[j], rate[j], curve[j], H):
-                    continue
-                for b in range(nb):
-                    gamma[b, count] = 0.0
-                for q in range(tables.n_terms[s]):
-                    gamma[tables.term_basis[s, q], count] += table[s, q, j] * zeta[tables.term_source[s, q]]
-                top, bent = 0.0, 0.0
-                for b in range(nb):
-                    size[b, count] = abs(gamma[b, count])
-                    constant = exponent[b] == 0.0 and power[b] == 0
-                    top += gamma[b, count].real if constant else size[b, count] * largest[b]
-                    bent += size[b, count] * bend[b]
-                if top <= highest[j] or _stays_below(highest[j], first[j], rate[j], bent, H):
-                    continue
-                if not abs(top) < LARGEST_SQUARE:  # steps are square roots of products, which would overflow
-                    continue
-                output[count], limit[count] = j, top
-                count += 1
-            near_zero = 0
-            while count > 0:
-                if evaluations > most:
-                    at[2] = tau
-                    return evaluations, False
-                reach = _evaluate(exponent, power, nb, count, gamma, size, tau, H, out)
-                evaluations += count
-                h = reach - tau
-                close = False
-                for i in range(count - 1, -1, -1):
-                    j = output[i]
-                    f, slope, bound, noise = out[0, i], out[1, i], out[2, i], out[3, i]
-                    if f > highest[j]:
-                        highest[j] = f
-                        when[j] = seg_time[g] + tau
-                    slack = relative * abs(highest[j]) + 4.0 * noise
-                    if slope > 0.0 and highest[j] - f <= slack:
-                        for b in range(nb):
-                            gamma_of_one[b, 0], size_of_one[b, 0] = gamma[b, i], size[b, i]
-                        top, value = _climb(exponent, power, nb, gamma_of_one, size_of_one, tau, H, out_of_one)
-                        if value > highest[j]:
-                            highest[j] = value
-                            when[j] = seg_time[g] + top
-                        slack = relative * abs(highest[j]) + 4.0 * noise
-                    safe = _safe_step(highest[j] - f + slack, -slope, bound)
-                    value = highest[j] - f + slack
-                    near = value < max(LIKE_NOISE * slack, CLOSE * noise)
-                    if near and near_zero > PATIENCE and safe < 0.1 * (reach - tau) and value > 0.0:
-                        safe = max(safe, _taylor_step(exponent, power, nb, gamma, size, i, -1.0, tau, reach, value))
-                    close = close or near
-                    within = limit[i] <= highest[j] + slack  # all of the segment is, as of a motion at rest
-                    if within or (reach >= H and safe >= H - tau):  # done with it here: the last takes its place
-                        count -= 1
-                        output[i], limit[i] = output[count], limit[count]
-                        for b in range(nb):
-                            gamma[b, i], size[b, i] = gamma[b, count], size[b, count]
-                    elif safe < h:
-                        h = safe
-                near_zero = near_zero + 1 if close else 0
-                if tau >= H:
-                    break
-                before = tau
-                tau = min(tau + h, H)
-                if tau == before:
-                    tau = min(H, tau + H * 1e-9)
-        at[1] = 0.0
-    return evaluations, True

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import allocating, inner, summing
+from beamsim.flow.compiled import kernel, summing
 from beamsim.flow.integral_kernels import SMALL, UPWARD, moments
 
 LANES = 16  # of a block
@@ -28,14 +28,14 @@ class Lanes(NamedTuple):
     group: Any  # (G,) groups that are in the lanes, in order
 
 
-@allocating
+@kernel
 def make_lanes(G, K):  # type: ignore[no-untyped-def]
     """Work arrays for G groups and K outputs."""
     blocks = 2 * G // LANES + 1
     return Lanes(np.zeros((blocks, BLOCK)), np.zeros((blocks, K, 2 * LANES)), np.zeros(G, dtype=np.int64))
 
 
-@inner
+@kernel
 def fill_lanes(work, G, K):  # type: ignore[no-untyped-def]
     """Take up the live groups that have no powers of time; returns their number."""
     lanes, count = work.lanes, 0
@@ -63,7 +63,7 @@ def fill_lanes(work, G, K):  # type: ignore[no-untyped-def]
     return count
 
 
-@inner
+@kernel
 def integrate_lanes(row, last, factor, top, shift, end, front, moment):  # type: ignore[no-untyped-def]
     """``front int_0^1 factor(s) exp((x_l + shift) s) ds`` of a block's first lanes.
 

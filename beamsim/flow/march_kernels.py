@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import allocating, inner, kernel, summing
+from beamsim.flow.compiled import kernel, summing
 from beamsim.flow.kernels import (
     PATIENCE,
     _clear_ahead,
@@ -72,7 +72,7 @@ class PieceSteps(NamedTuple):
     round_off: float  # s, within which a piece has that length
 
 
-@allocating
+@kernel
 def _walk(tables, inputs, steps, s, piece, end, most, y, log, n_seg):  # type: ignore[no-untyped-def]
     """Carry y over whole pieces in state s, at most so many, until one may hold an event; returns their number."""
     F, N, Z, g = inputs.exponent.size, y.size, tables.n_free[s], tables.n_guards[s]
@@ -314,7 +314,7 @@ def march(  # type: ignore[no-untyped-def]
     return DONE, t, piece, state, guard, n_seg, n_ev, n_eval
 
 
-@inner
+@kernel
 def _since(swept, piece, t, time):  # type: ignore[no-untyped-def]
     """Time from a position to a time of the motion."""
     if swept is None:

@@ -6,6 +6,7 @@ Shared by all flows of :mod:`beamsim.flow.periodic_flow`.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -95,20 +96,57 @@ class PeriodicForcing:
         moving = self.at(omega, level)[1] * np.exp(np.multiply.outer(times, iw))
         return moving.sum(axis=1).real, (moving * iw).sum(axis=1).real
 
+    @cached_property
+    def _rows(self) -> tuple[Ints, Complexes, Floats]:
+        """(L,) harmonic, (L,) phasor and (L, n) load of each signal: the real and imaginary parts that are not zero."""
+        parts = [
+            (h, c, row) for h, of in enumerate(self.force) for c, row in ((1.0, of.real), (1j, of.imag)) if row.any()
+        ]
+        load = np.array([row for _, _, row in parts]).reshape(len(parts), self.force.shape[1])
+        return (
+            np.array([h for h, _, _ in parts], dtype=np.int64),
+            np.array([c for _, c, _ in parts], dtype=complex),
+            load,
+        )
+
+    @cached_property
+    def _moves(self) -> Ints:
+        """Harmonics in which the base moves."""
+        return np.flatnonzero(self.base)
+
     def signals(self, omega: float, level: float) -> Forcing:
-        """The same loads for :class:`beamsim.flow.exact.ExactFlow`."""
-        force, base, _, _ = self.at(omega, level)
-        load: list[Floats] = []
-        signal: list[Signal] = []
-        for h in range(self.count):
-            w = float(self.multiple[h]) * omega
-            load += [force[h].real, force[h].imag]
-            signal += [Signal.harmonic(1.0, w, np.pi / 2), Signal.harmonic(-1.0, w)]
-        displacement = None
-        if np.any(base):
-            displacement = Signal.harmonic(np.abs(base), self.multiple * omega, np.angle(base) + np.pi / 2)
-        n = self.force.shape[1]
-        return Forcing(np.array(load).reshape(len(load), n), tuple(signal), displacement)
+        """The same loads for :class:`beamsim.flow.exact.ExactFlow`; what they act on depends on neither number.
+
+        Raises
+        ------
+        NotFinite
+        """
+        amplitude, exponent = self._amplitudes(omega, level)
+        check_finite(amplitude)
+        check_finite(exponent)
+        start, count = np.zeros(1), self._rows[0].size
+        signals = [Signal(start, exponent[k : k + 1], amplitude[None, k : k + 1, None]) for k in range(count)]
+        base = Signal(start, exponent[count:], amplitude[None, count:, None]) if self._moves.size else None
+        return Forcing(self._rows[2], tuple(signals), base)
+
+    def _amplitudes(self, omega: float, level: float) -> tuple[Complexes, Complexes]:
+        """Amplitudes and exponents of the signals of the loads and then of the base."""
+        harmonic, phasor, _ = self._rows
+        ratio = omega / self.reference
+        force = phasor * (level * ratio ** self.force_power[harmonic])
+        base = self.base[self._moves] * (level * ratio ** self.base_power[self._moves])
+        multiple = np.append(self.multiple[harmonic], self.multiple[self._moves])
+        return np.concatenate([force, base]), np.asarray(1j * multiple * omega)
+
+    def rates_of_signals(self, omega: float, level: float, parameter: Frequency | Level) -> tuple[Complexes, Complexes]:
+        """Derivatives of the same by the frequency or the level."""
+        harmonic = self._rows[0]
+        if isinstance(parameter, Level):
+            amplitude = self._amplitudes(omega, 1.0)[0]
+            return amplitude, np.zeros_like(amplitude)
+        power = np.append(self.force_power[harmonic], self.base_power[self._moves])
+        multiple = np.append(self.multiple[harmonic], self.multiple[self._moves])
+        return self._amplitudes(omega, level)[0] * power / omega, np.asarray(1j * multiple)
 
 
 @dataclass(frozen=True)
@@ -154,22 +192,6 @@ class ContactDirection:
             along,
         )
 
-    def law_rates(self, contacts: Contacts) -> tuple[Floats, Floats]:
-        """Derivatives of the phases' forces, (m, P, 3) factors of penetration, rate and 1, and (m, P) of the rate at
-        which a single internal state moves by itself."""
-        a = contacts.arrays
-        force = np.zeros((*a.touching.shape, 3)) if self.along is None else self.along.arrays.force[:, :, :3].copy()
-        decay = np.zeros(a.touching.shape)
-        for j in np.flatnonzero((self.stiffness != 0.0) | (self.dashpot != 0.0)):
-            law, dk, dc = contacts.laws[j], self.stiffness[j], self.dashpot[j]
-            law.with_numbers(law.stiffness, law.dashpot)  # only laws that are made of these have such a derivative
-            for k, phase in enumerate(law.phases):
-                if phase.touching:
-                    force[j, k, :2] += dk, dc
-                if law.internal_states:
-                    decay[j, k] = -(dk - law.stiffness / law.dashpot * dc) / law.dashpot
-        return force, decay
-
 
 @dataclass(frozen=True)
 class StructureDirection:
@@ -182,7 +204,6 @@ class StructureDirection:
     damping: Floats  # (n, n) symmetric, 1/s
     mass: Floats  # (n, n) symmetric
     load: Floats  # (n,) constant loads
-    force: Complexes  # (H, n) periodic loads, as they are at the present frequency and level
 
     @classmethod
     def of(
@@ -192,20 +213,16 @@ class StructureDirection:
         damping: Any = 0.0,
         mass: Any = 0.0,
         load: Any = 0.0,
-        force: Any = None,
-        harmonics: int = 0,
     ) -> StructureDirection:
-        """Matrices (n, n) or their diagonals (n,), loads (n,) and (H, n); what is not given does not change."""
+        """Matrices (n, n) or their diagonals (n,), and a load (n,); what is not given does not change."""
 
         def matrix(value: Any) -> Floats:
             value = np.asarray(value, dtype=float)
             return np.array(value if value.ndim == 2 else np.diag(np.broadcast_to(value, size)))
 
-        none = np.zeros((harmonics, size), dtype=complex)
         return cls(
             matrix(stiffness), matrix(damping), matrix(mass),
             np.array(np.broadcast_to(np.asarray(load, dtype=float), size)),
-            none if force is None else np.array(force, dtype=complex),
         )  # fmt: skip
 
 
@@ -233,7 +250,7 @@ class Passage:
     duration: float  # s
     time: Floats  # (G,) start of each segment, s
     length: Floats  # (G,) s
-    state: Ints  # (G,) contact state of each segment
+    phases: Ints  # (G, m) of the contacts in each segment
     y: Floats  # (G, N) at each segment's start
     event_time: Floats  # (E,) s
     event_contact: Ints  # (E,)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import allocating, inner
+from beamsim.flow.compiled import kernel
 from beamsim.flow.kernels import EPS, _exp
 
 FINEST = 1e-10  # of an output's range: peaks are found to this
@@ -46,7 +46,7 @@ class Peaks(NamedTuple):
     stack: Any  # (80, 8)
 
 
-@allocating
+@kernel
 def make_peaks(G, P, K):  # type: ignore[no-untyped-def]
     """Work arrays for K outputs of G groups with P powers."""
     return Peaks(
@@ -67,13 +67,13 @@ def make_peaks(G, P, K):  # type: ignore[no-untyped-def]
     )
 
 
-@inner
+@kernel
 def size(z):  # type: ignore[no-untyped-def]
     """Of a complex number; a tenth of the cost of abs, which avoids overflow."""
     return math.sqrt(z.real * z.real + z.imag * z.imag)
 
 
-@inner
+@kernel
 def _fill(work, G, K):  # type: ignore[no-untyped-def]
     """Coefficients of all outputs, their slopes and curvatures; returns the number of columns."""
     peaks = work.peaks
@@ -103,7 +103,7 @@ def _fill(work, G, K):  # type: ignore[no-untyped-def]
     return first
 
 
-@inner
+@kernel
 def _turn(work, G, s, out):  # type: ignore[no-untyped-def]
     """Exponentials of the groups at s."""
     for g in range(G):
@@ -112,7 +112,7 @@ def _turn(work, G, s, out):  # type: ignore[no-untyped-def]
             out[g] = _exp(lam.real, lam.imag, s)
 
 
-@inner
+@kernel
 def _values(work, G, K, columns, first):  # type: ignore[no-untyped-def]
     """Rows of the grid at the points of a block, which begins at index ``first``."""
     peaks = work.peaks
@@ -140,7 +140,7 @@ def _values(work, G, K, columns, first):  # type: ignore[no-untyped-def]
                 out[i] += real * row[i] - imag * row[EQUAL + i]
 
 
-@inner
+@kernel
 def _value(work, G, j, s, out):  # type: ignore[no-untyped-def]
     """Value, slope and curvature of one output at any s."""
     peaks = work.peaks
@@ -164,7 +164,7 @@ def _value(work, G, j, s, out):  # type: ignore[no-untyped-def]
     out[0], out[1], out[2] = v0, v1, v2
 
 
-@inner
+@kernel
 def _bounds(work, G, K, out):  # type: ignore[no-untyped-def]
     """Bounds on the second and the fourth derivative from where the groups have turned to until 1."""
     for j in range(K):
@@ -190,7 +190,7 @@ def _bounds(work, G, K, out):  # type: ignore[no-untyped-def]
             out[j, 1] += level * (a4 + r * (4.0 * a3 + r * (6.0 * a2 + r * (4.0 * a1 + r * a0))))
 
 
-@inner
+@kernel
 def _round_off(work, G, out):  # type: ignore[no-untyped-def]
     """That of the outputs (K,) anywhere on the segment."""
     for j in range(out.size):
@@ -203,7 +203,7 @@ def _round_off(work, G, out):  # type: ignore[no-untyped-def]
                 out[j] += work.length[j, g, 0] * level
 
 
-@inner
+@kernel
 def search_peaks(work, G, K, scale, high, low):  # type: ignore[no-untyped-def]
     """Raise the highest and lower the lowest values so far (K,) to those of the segment; ``scale`` are the ranges.
 
@@ -260,7 +260,7 @@ def search_peaks(work, G, K, scale, high, low):  # type: ignore[no-untyped-def]
         low[j] = -_highest(work, G, j, -1.0, last, slack, -low[j])
 
 
-@inner
+@kernel
 def _highest(work, G, j, sign, last, slack, best):  # type: ignore[no-untyped-def]
     """Largest value of ``sign * output j`` on the segment, at least ``best``, from the grid of `search_peaks`."""
     peaks = work.peaks
@@ -283,7 +283,7 @@ def _highest(work, G, j, sign, last, slack, best):  # type: ignore[no-untyped-de
     return best
 
 
-@inner
+@kernel
 def _may_exceed(limit, sign, at_left, at_right, bounds, h):  # type: ignore[no-untyped-def]
     """Whether ``sign`` times an output may be above a limit between two points with a distance h.
 
@@ -311,7 +311,7 @@ def _may_exceed(limit, sign, at_left, at_right, bounds, h):  # type: ignore[no-u
     return max(top, fa + u * (da + u * (c + u * e))) + fourth / 384.0 > limit
 
 
-@inner
+@kernel
 def _cubic(sign, at_left, at_right, h):  # type: ignore[no-untyped-def]
     """Of the cubic with the values and slopes of two points, in u = t / h: slopes at the ends, factors of u^2, u^3."""
     rise = sign * (at_right[0] - at_left[0])
@@ -319,7 +319,7 @@ def _cubic(sign, at_left, at_right, h):  # type: ignore[no-untyped-def]
     return da, db, 3.0 * rise - 2.0 * da - db, da + db - 2.0 * rise
 
 
-@inner
+@kernel
 def _top(da, c, e):  # type: ignore[no-untyped-def]
     """Where within (0, 1) a cubic with slope da + 2 c u + 3 e u^2 has its maximum; 0 if it has none there."""
     square = c * c - 3.0 * e * da
@@ -333,7 +333,7 @@ def _top(da, c, e):  # type: ignore[no-untyped-def]
     return u if u < 1.0 and u > 0.0 else 0.0
 
 
-@inner
+@kernel
 def _newton(work, G, j, sign, u, v, t, third, slack, best):  # type: ignore[no-untyped-def]
     """The same where the curvature is negative from u to v, the slope positive at u and negative at v; t is a guess.
 
@@ -363,7 +363,7 @@ def _newton(work, G, j, sign, u, v, t, third, slack, best):  # type: ignore[no-u
     return best
 
 
-@inner
+@kernel
 def _climb(work, G, j, sign, left, right, at_left, at_right, bounds, slack, best):  # type: ignore[no-untyped-def]
     """Largest value of ``sign * output j`` between two points, at least ``best``, to within ``slack``.
 

@@ -36,15 +36,15 @@ class PeriodicFlow(ABC):
     omega: float  # rad/s, of the loads
     level: float  # factor of the loads
     size: int  # N, of the state
-    passages: int  # carried so far
+
+    @property
+    @abstractmethod
+    def passages(self) -> int:
+        """Motions computed so far, of this flow and of those that come from it."""
 
     @abstractmethod
-    def set(self, omega: float | None = None, level: float | None = None) -> None:
-        """Change frequency and level."""
-
-    @abstractmethod
-    def starting_state(self, z: Floats, t: float = 0.0) -> Ints:
-        """Phases of the contacts at a motion (N,)."""
+    def under(self, omega: float | None = None, level: float | None = None) -> Self:
+        """The flow of the same structure at another frequency and level."""
 
     @abstractmethod
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
@@ -64,24 +64,16 @@ class PeriodicFlow(ABC):
         """
 
     @abstractmethod
-    def phases_in(self, passage: Passage) -> Ints:
-        """(G, m) phases of the contacts in each segment of a passage."""
-
-    @abstractmethod
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state at increasing times within a passage."""
 
-    def states_evenly(self, passage: Passage, count: int) -> Floats:
-        """(count, N) the state at equidistant times of a passage from t = 0, the end left out."""
-        return self.states_at(passage, np.arange(float(count)) * (passage.duration / count))
-
     @abstractmethod
     def with_contacts(self, contacts: Contacts) -> Self:
-        """The flow of the same structure with other contacts of as many phases, its states numbered alike."""
+        """The flow of the same structure with other contacts of as many phases."""
 
     @abstractmethod
     def with_damping(self, damping: Floats) -> Self:
-        """The flow of the same structure with another damping matrix (n, n), its states numbered alike."""
+        """The flow of the same structure with another damping matrix (n, n)."""
 
     @property
     @abstractmethod

@@ -58,13 +58,13 @@ def power_balance(flow: ExactFlow, phases: Ints) -> tuple[Floats, Floats]:
     lost = dashpot[:, None] * rate  # (m, Z) parts of the contacts' forces whose work is lost
     lost[:, -1] += friction
     if contacts.presses(phases):
-        of_pressed, compliance = contacts.pressing_factors(phases), contacts.pressing_compliances(phases)
+        of_pressed, stretch = contacts.pressing_factors(phases), contacts.pressing_stretches(phases)[:, None]
         normal, rising = _rows(flow.pressing_forces(phases)), _rows(flow.pressing_force_rates(phases))
         rubbing = of_pressed[:, None] * normal
         lost[contacts.pressed] += rubbing
-        strained = compliance[:, None] * of_pressed[:, None] * rubbing  # E grows with it times the force's change
+        strained = stretch * rubbing  # E grows with it times the force's change
         gradient += normal[:, :N].T @ strained
-        form += rubbing.T @ (rate[contacts.pressed] - (of_pressed * compliance)[:, None] * rising)
+        form += rubbing.T @ (rate[contacts.pressed] - stretch * rising)
         by_inputs = np.zeros_like(normal)
         by_inputs[:, N + inputs : N + 2 * inputs] = normal[:, N : N + inputs]
         form += strained.T @ by_inputs

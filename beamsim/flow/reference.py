@@ -22,6 +22,8 @@ from beamsim.flow.stopping import never
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Bools, Floats, Ints
 
+ROUND_OFF = 1e-15  # of the parts of a guard, that a sum of them is known to
+
 
 @dataclass(frozen=True)
 class ReferenceTrajectory:
@@ -157,8 +159,8 @@ def integrate(
                 break
             contact, guard = right_hand_side.guards[hit]
             right_hand_side.reset(contact, guard, t, y)
-            y[-1] += guard.loss
-            phases = contacts.after(phases, contact, guard.next)
+            before, phases = phases, contacts.after(phases, contact, guard.next)
+            y[-1] += contacts.event_losses(before[None], phases[None]).sum()
             ev_time.append(t)
             ev_contact.append(contact)
             ev_phase.append(guard.next)
@@ -293,20 +295,27 @@ class _RightHandSide:
         """Start the contact's internal states anew, in y, where the guard says so."""
         if guard.reset is not None:
             first = 2 * self.n + self.flow.system.contacts.arrays.first[contact]
-            new = [self._value(contact, np.array(row), t, y) for row in guard.reset]
+            new = [self._value(contact, row.array(len(guard.reset)), t, y) for row in guard.reset]
             y[first : first + len(new)] = new
 
     def events(self) -> list[Callable[[float, Floats], float]]:
         return [self._event(contact, guard) for contact, guard in self.guards]
 
     def _event(self, contact: int, guard: Guard) -> Callable[[float, Floats], float]:
-        row = guard.row(self.flow.system.contacts.laws[contact].internal_states)
+        """Passes zero where the guard lies below it by more than the round-off of its parts, so that a contact whose
+        two sides move together at no distance does not open and close without end."""
+        contacts = self.flow.system.contacts
+        row = guard.row.array(contacts.laws[contact].internal_states)
+        shape, gap = np.abs(contacts.shape[contact]), abs(float(contacts.gap[contact]))
 
         def value(t: float, y: Floats) -> float:
-            if guard.reaction:
+            size = np.abs(y[: 2 * self.n]).reshape(2, self.n) @ shape
+            parts = abs(row[0]) * (gap + size[0]) + abs(row[1]) * size[1]
+            floor = ROUND_OFF * (parts + abs(row[2]))
+            if guard.row.reaction:
                 self(t, y)
-                return self._value(contact, row, t, y) + guard.reaction * float(self.reactions[contact])
-            return self._value(contact, row, t, y)
+                return float(self._value(contact, row, t, y) + guard.row.reaction * self.reactions[contact] + floor)
+            return float(self._value(contact, row, t, y) + floor)
 
         value.terminal = True  # type: ignore[attr-defined]
         value.direction = -1.0  # type: ignore[attr-defined]

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.flow.compiled import allocating, kernel, summing
+from beamsim.flow.compiled import kernel, summing
 
 MOST_ITERATIONS = 60
 COINCIDENT = 1e-10  # relative distance below which two poles count as one
@@ -66,7 +66,7 @@ def _sums(pole_re, pole_im, res_re, res_turned, zero_re, zero_im, near, x, y, th
     out[0], out[1], out[2] = complex(s_re, s_im), complex(d_re, d_im), complex(n_re, n_im)
 
 
-@allocating
+@kernel
 def _find_zeros(pole, residue, k, c, near, offset):  # type: ignore[no-untyped-def]
     """Zeros of the secular function in the upper half-plane, as offsets from poles; whether all were found.
 

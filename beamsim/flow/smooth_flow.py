@@ -7,7 +7,8 @@ No closed form exists: motion and variational equations are integrated by Taylor
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from copy import copy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -59,10 +60,10 @@ class SmoothFlow(PeriodicFlow):
     omega: float = 1.0
     level: float = 1.0
     on_ground: Bools | Floats | None = None
-    passages: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
         n = self.system.size
+        self._carried = [0]  # shared by all flows that come from this one
         if not self.system.contacts.one_sided:
             raise ValueError(
                 "a no_tension snubber with a dashpot cannot be combined with cubic springs; use kelvin_voigt"
@@ -81,10 +82,17 @@ class SmoothFlow(PeriodicFlow):
             np.empty(STEPS_A_CALL, dtype=np.bool_),
         )  # fmt: skip
 
-    def set(self, omega: float | None = None, level: float | None = None) -> None:
-        """Change frequency and level."""
-        self.omega = self.omega if omega is None else float(omega)
-        self.level = self.level if level is None else float(level)
+    @property
+    def passages(self) -> int:
+        """Motions computed so far, of this flow and of those that come from it."""
+        return self._carried[0]
+
+    def under(self, omega: float | None = None, level: float | None = None) -> SmoothFlow:
+        """The flow of the same structure at another frequency and level."""
+        flow = copy(self)
+        flow.omega = self.omega if omega is None else float(omega)
+        flow.level = self.level if level is None else float(level)
+        return flow
 
     def _arrays(self, parameters: Sequence[Parameter]) -> Any:
         from beamsim.flow.taylor_kernels import SmoothSystem
@@ -116,7 +124,7 @@ class SmoothFlow(PeriodicFlow):
             by_force, by_base, by_frequency, by_cubic, by_stiffness, by_gap,
         )  # fmt: skip
 
-    def starting_state(self, z: Floats, t: float = 0.0) -> Ints:
+    def _starting_state(self, z: Floats, t: float) -> Ints:
         """Phases of the contacts, 1 where one is closed; at zero gap the one that is approached is."""
         n, c = self.system.size, self.system.contacts
         d, d_rate = self.base_motion(t)
@@ -129,10 +137,10 @@ class SmoothFlow(PeriodicFlow):
         """The state after ``duration``, with its derivatives; see :class:`beamsim.flow.periodic_flow.PeriodicFlow`."""
         from beamsim.flow import taylor_kernels
 
-        m, P, N = self.system.contacts.count, len(parameters), self.size
-        self.passages += 1
+        P, N = len(parameters), self.size
+        self._carried[0] += 1
         arrays = self._arrays(parameters)
-        y, closed = start.copy(), self.starting_state(start, t) > 0
+        y, closed = start.copy(), self._starting_state(start, t) > 0
         sens, slope = np.eye(N, N + P), np.zeros(N)
         end, toggled, steps = t + duration, -1, 0
         parts: list[tuple[NDArray[np.generic], ...]] = []
@@ -153,7 +161,7 @@ class SmoothFlow(PeriodicFlow):
             raise WorkExceeded(f"no end after {steps} steps and {event[0].size} contact events")
         return Passage(
             start, y, sens[:, :N].copy(), sens[:, N:].copy(), slope, duration,
-            time, length, touching @ (1 << np.arange(m)), states, event[0], event[1], event[2].astype(np.int64),
+            time, length, touching.astype(np.int64), states, event[0], event[1], event[2].astype(np.int64),
         )  # fmt: skip
 
     def cubic_stretch(self, y: Floats, times: Floats) -> Floats:
@@ -171,15 +179,11 @@ class SmoothFlow(PeriodicFlow):
         """rad/s: a step of the series is at most `RADIANS` of it."""
         return RADIANS / self._longest
 
-    def phases_in(self, passage: Passage) -> Ints:
-        """(G, m) phases of the contacts in each segment of a passage, 1 where one is closed."""
-        return np.asarray((passage.state[:, None] >> np.arange(self.system.contacts.count)) & 1)
-
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state (q, q') at increasing times within a passage."""
         from beamsim.flow import taylor_kernels
 
-        closed = self.phases_in(passage) > 0
+        closed = passage.phases > 0
         out = np.empty((times.size, 2 * self.system.size))
         taylor_kernels.sample_smooth(
             self._arrays(()), passage.time, closed, passage.y, np.ascontiguousarray(times), out

@@ -7,6 +7,7 @@ Source 0 is the constant one, which carries dead loads and gaps.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -67,6 +68,18 @@ class Sources:
         return last
 
 
+def retuned_sources(sources: Sources, channels: tuple[Signal, ...]) -> Sources | None:
+    """The sources of channels with other amplitudes and exponents; None where they have powers of time or pieces."""
+    starts = np.array([0.0, *(start for signal in channels for start in signal.start)])
+    if sources.power.any() or starts.any() or any(signal.coefficient.shape[2] > 1 for signal in channels):
+        return None
+    exponent = np.concatenate([np.zeros(1, dtype=complex), *(signal.exponent for signal in channels)])
+    if exponent.size != sources.count:
+        return None
+    amplitude = np.concatenate([np.ones(1, dtype=complex), *(signal.coefficient[0, :, 0] for signal in channels)])
+    return replace(sources, amplitude=amplitude[None], exponent=exponent)
+
+
 def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> Sources:
     """Merge the channels' breakpoints and list their basis functions, for a motion of a duration, s."""
     start = np.unique(np.concatenate([np.zeros(1)] + [c.start for c in channels]))
@@ -77,9 +90,9 @@ def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> S
         c = _about(signal, start)
         for i, nu in enumerate(signal.exponent):
             used = np.flatnonzero(np.any(c[:, i, :] != 0, axis=0))
-            if used.size == 0:
+            if used.size == 0 and nu == 0:
                 continue
-            degree = int(used[-1])
+            degree = int(used.max(initial=0))  # a harmonic of amplitude zero stays: there are derivatives by it
             exponent += [complex(nu)] * (degree + 1)
             power += list(range(degree + 1))
             channel += [index] * (degree + 1)
@@ -121,6 +134,8 @@ def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, durat
 
 def _about(signal: Signal, start: Floats) -> Complexes:
     """Coefficients (P, E, D) of the signal about new piece starts that include its own."""
+    if np.array_equal(signal.start, start):
+        return signal.coefficient
     k = np.clip(np.searchsorted(signal.start, start, side="right") - 1, 0, None)
     shift = start - signal.start[k]
     c = signal.coefficient[k].copy()

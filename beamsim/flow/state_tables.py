@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import replace
 from operator import lt
 from typing import TYPE_CHECKING, TypeVar
@@ -139,6 +140,20 @@ class StateTables:
             grown[:known] = 0
         grown[(slice(known), *map(slice, old.shape[1:]))] = old[:known]
         return grown
+
+    def retuned(self, states: list[ContactState], watches: list[Complexes], roughness: list[Floats]) -> StateTables:
+        """The same states with other responses to the loads, and their watched functions as `append` takes them."""
+        tables = copy(self)
+        tables._tables = None
+        tables.watched, tables._phases, tables._used = list(self.watched), list(self._phases), list(self._used)
+        tables._index = dict(self._index)
+        tables._arrays = {name: array.copy() for name, array in self._arrays.items()}
+        for index, (state, watch, size) in enumerate(zip(states, watches, roughness, strict=True)):
+            rows = {"exponent": state.exponent, "term_vector": state.term_vector, "watch": watch, "roughness": size}
+            for name, row in rows.items():
+                place: tuple[int | slice, ...] = (index, *map(slice, row.shape))
+                tables._arrays[name][place] = row
+        return tables
 
     def kept_once(self, index: int, state: ContactState) -> ContactState:
         """A state whose large arrays are those of the tables, which hold them anyhow."""

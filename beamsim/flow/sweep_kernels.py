@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import allocating, inner
+from beamsim.flow.compiled import kernel
 from beamsim.flow.integral_kernels import moments
 from beamsim.flow.kernels import EPS, _coefficients, _exp
 from beamsim.flow.lane_kernels import LANES, fill_lanes, integrate_lanes, make_lanes, sum_lanes
@@ -125,7 +125,7 @@ class ForcedPart(NamedTuple):
     work: Any  # see `_Work`
 
 
-@inner
+@kernel
 def _shift(c, degree, by):  # type: ignore[no-untyped-def]
     """Coefficients of a polynomial about another point, in place."""
     for i in range(degree):
@@ -133,7 +133,7 @@ def _shift(c, degree, by):  # type: ignore[no-untyped-def]
             c[p] += by * c[p + 1]
 
 
-@inner
+@kernel
 def _forced_response(forced, windows, s, k, x, H, c, beta, w, U):  # type: ignore[no-untyped-def]
     """Channels c (L, D + 1) and forced state U (Q, N) about the point ``x`` after the start of window k.
 
@@ -225,7 +225,7 @@ def _forced_response(forced, windows, s, k, x, H, c, beta, w, U):  # type: ignor
     return used
 
 
-@inner
+@kernel
 def _forced_rows(row, channel, slope, count, U, used, c, D, omega, out):  # type: ignore[no-untyped-def]
     """Coefficients (count, Q) of the forced part of linear outputs."""
     N = U.shape[1]
@@ -246,7 +246,7 @@ def _forced_rows(row, channel, slope, count, U, used, c, D, omega, out):  # type
                     out[j, p] += channel[j, a] * c[a, p] + slope[j, a] * rate
 
 
-@allocating
+@kernel
 def make_response(swept, tables, N):  # type: ignore[no-untyped-def]
     """Work arrays of the forced response, empty where nothing is swept."""
     if swept is None:
@@ -270,7 +270,7 @@ def make_response(swept, tables, N):  # type: ignore[no-untyped-def]
     )
 
 
-@inner
+@kernel
 def respond(swept, response, s, k, x, H, y):  # type: ignore[no-untyped-def]
     """Forced response on a segment of length H that starts with state y, ``x`` after the start of window k.
 
@@ -284,7 +284,7 @@ def respond(swept, response, s, k, x, H, y):  # type: ignore[no-untyped-def]
     return used
 
 
-@inner
+@kernel
 def watch_response(tables, swept, response, s, k, used, H, least):  # type: ignore[no-untyped-def]
     """The forced part of the watched functions, and its round-off, added to ``least``."""
     outputs, U = swept.outputs, response.state
@@ -313,7 +313,7 @@ def watch_response(tables, swept, response, s, k, used, H, least):  # type: igno
             )
 
 
-@inner
+@kernel
 def add_watched(response, used, omega, tau, reach, count, out):  # type: ignore[no-untyped-def]
     """Add the forced part ``Re[e^{i omega tau} sum_q watch_q tau^q]`` to the result of `kernels._evaluate`."""
     cw, aw = response.watch, response.watch_size
@@ -341,7 +341,7 @@ def add_watched(response, used, omega, tau, reach, count, out):  # type: ignore[
         out[3, j] += EPS * (8.0 + abs(angle)) * near
 
 
-@inner
+@kernel
 def add_forced(poly, used, omega, tau, first, out):  # type: ignore[no-untyped-def]
     """Add ``Re[e^{i omega tau} sum_q poly[j, q] tau^q]`` to ``out[first + j]``."""
     turn = complex(math.cos(omega * tau), math.sin(omega * tau))
@@ -352,7 +352,7 @@ def add_forced(poly, used, omega, tau, first, out):  # type: ignore[no-untyped-d
         out[first + j] += v.real * turn.real - v.imag * turn.imag
 
 
-@inner
+@kernel
 def add_forced_state(response, used, omega, tau, y):  # type: ignore[no-untyped-def]
     """Add the forced response at tau to the state; the loop over its entries is the inner one."""
     turn = complex(math.cos(omega * tau), math.sin(omega * tau))
@@ -365,7 +365,7 @@ def add_forced_state(response, used, omega, tau, y):  # type: ignore[no-untyped-
         y[i] += v[i].real * turn.real - v[i].imag * turn.imag
 
 
-@inner
+@kernel
 def balance_segment(tables, swept, response, s, k, tau, zeta, basis, used, start, y):  # type: ignore[no-untyped-def]
     """Add to its cycle how far a segment, from ``start`` to y after tau, is from the balance of energies.
 
@@ -433,7 +433,7 @@ def balance_segment(tables, swept, response, s, k, tau, zeta, basis, used, start
         cycles.energy[cycle] = energy
 
 
-@inner
+@kernel
 def output_response(swept, response, s, k, used):  # type: ignore[no-untyped-def]
     """The forced part of the outputs."""
     outputs = swept.outputs
@@ -443,7 +443,7 @@ def output_response(swept, response, s, k, used):  # type: ignore[no-untyped-def
     )  # fmt: skip
 
 
-@inner
+@kernel
 def end_window(windows, cycles, k):  # type: ignore[no-untyped-def]
     """The outputs' range over the cycle that ends with window k, if one does."""
     cycle = windows.cycle[k]
@@ -473,7 +473,7 @@ class _Work(NamedTuple):
     peaks: Any  # see `beamsim.flow.peak_kernels.Peaks`
 
 
-@allocating
+@kernel
 def _make_work(outputs, K, B, DM):  # type: ignore[no-untyped-def]
     G = outputs.group_exponent.shape[1] + 1
     P = MOST_POWERS
@@ -494,7 +494,7 @@ def _make_work(outputs, K, B, DM):  # type: ignore[no-untyped-def]
     )
 
 
-@inner
+@kernel
 def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: ignore[no-untyped-def]
     """Add a segment of length T, ``x`` after the start of window k, to the record of its cycle."""
     outputs, windows, cycles, work = swept.outputs, swept.windows, swept.cycles, response.work
@@ -562,7 +562,7 @@ def keep_segment(tables, swept, response, s, k, x, T, zeta, used):  # type: igno
         _add_harmonics(work, windows, groups + 1, K, count, k, x, T, omega, cycles, cycle)
 
 
-@inner
+@kernel
 def _add_squares(work, G, K, count, T, cycles, cycle):  # type: ignore[no-untyped-def]
     """Integral of the square of every output: sum of products of pairs of groups, in closed form.
 
@@ -614,7 +614,7 @@ def _add_squares(work, G, K, count, T, cycles, cycle):  # type: ignore[no-untype
                     cycles.square[cycle, j] += twice * total
 
 
-@inner
+@kernel
 def _add_harmonics(work, windows, G, K, count, k, x, T, omega, cycles, cycle):  # type: ignore[no-untyped-def]
     """Integral over the phase of ``output * exp(-i order phase)``, a tracking filter in closed form; for order 0 the
     integral of the output over time. The first ``count`` pairs of lanes are the groups without powers of time."""

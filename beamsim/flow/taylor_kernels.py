@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import allocating, inner, kernel
+from beamsim.flow.compiled import kernel
 
 ORDER = 26
 LOOKS = 24  # times in a step at which the gaps are evaluated
@@ -52,13 +52,13 @@ class SmoothSystem(NamedTuple):
     d_gap: Any  # (P, m)
 
 
-@inner
+@kernel
 def _turned(angle: float) -> complex:
     """``e^{i angle}``."""
     return complex(math.cos(angle), math.sin(angle))
 
 
-@inner
+@kernel
 def _base_series(s, t, d):  # type: ignore[no-untyped-def]
     """Taylor coefficients (ORDER + 1,) of the base's displacement."""
     d[:] = 0.0
@@ -69,7 +69,7 @@ def _base_series(s, t, d):  # type: ignore[no-untyped-def]
             term *= complex(0.0, s.frequency[h] / (k + 1))
 
 
-@inner
+@kernel
 def _varied_base_series(s, t, p, dd):  # type: ignore[no-untyped-def]
     """The same of its derivative by a parameter (zero by the start, p = -1)."""
     dd[:] = 0.0
@@ -85,7 +85,7 @@ def _varied_base_series(s, t, p, dd):  # type: ignore[no-untyped-def]
             term *= complex(0.0, s.frequency[h] / (k + 1))
 
 
-@inner
+@kernel
 def _penetration_coefficient(s, j, q, d, k):  # type: ignore[no-untyped-def]
     """Taylor coefficient k of contact j's penetration."""
     value = -s.gap[j] if k == 0 else 0.0
@@ -95,7 +95,7 @@ def _penetration_coefficient(s, j, q, d, k):  # type: ignore[no-untyped-def]
     return value
 
 
-@allocating
+@kernel
 def _series(s, closed, t, q, v, x, x2, x3, d):  # type: ignore[no-untyped-def]
     """Taylor coefficients (ORDER + 1, n) of q and v from their values in row 0; of the cubic springs' stretch; of d."""
     _base_series(s, t, d)
@@ -148,7 +148,7 @@ def _series(s, closed, t, q, v, x, x2, x3, d):  # type: ignore[no-untyped-def]
             phase[h] *= complex(0.0, s.frequency[h] / (k + 1))
 
 
-@allocating
+@kernel
 def _varied(s, closed, t, q, v, x2, x3, d, p, dq, dv, dx, dd):  # type: ignore[no-untyped-def]
     """The same of a derivative of the motion; p is the parameter's number, -1 for a derivative by the start."""
     _varied_base_series(s, t, p, dd)
@@ -209,7 +209,7 @@ def _varied(s, closed, t, q, v, x2, x3, d, p, dq, dv, dx, dd):  # type: ignore[n
             phase[h] *= complex(0.0, s.frequency[h] / (k + 1))
 
 
-@inner
+@kernel
 def _penetration(s, j, q, d, h):  # type: ignore[no-untyped-def]
     """Penetration of contact j and its first two derivatives at h into a step."""
     value = 0.0
@@ -222,7 +222,7 @@ def _penetration(s, j, q, d, h):  # type: ignore[no-untyped-def]
     return value, rate, bend
 
 
-@inner
+@kernel
 def _first_event(s, closed, toggled, q, d, h):  # type: ignore[no-untyped-def]
     """First (time, contact) within (0, h) at which a contact changes, (h, -1) without one."""
     best = h
@@ -310,7 +310,7 @@ def _first_event(s, closed, toggled, q, d, h):  # type: ignore[no-untyped-def]
     return best, which
 
 
-@inner
+@kernel
 def _length(q, v, scale):  # type: ignore[no-untyped-def]
     """Step at which the last two terms are below the round-off of the motion."""
     n = q.shape[1]
@@ -329,7 +329,7 @@ def _length(q, v, scale):  # type: ignore[no-untyped-def]
     return h
 
 
-@inner
+@kernel
 def _add_up(c, h, out):  # type: ignore[no-untyped-def]
     n = out.size
     for i in range(n):

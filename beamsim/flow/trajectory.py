@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import ContactState, OutputOf
-from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, rule_out_maxima, sample_alike
+from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, sample_alike
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.peak_bounds import Candidates, candidates, peak_searches
-from beamsim.flow.peak_search import search
+from beamsim.flow.extrema import Extrema, Search, Waves
 from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.state_tables import pad, visited_states
 from beamsim.flow.stopping import check_stop
@@ -22,14 +20,9 @@ from beamsim.flow.term_integrals import AT_ONCE, IntegratedForm, products_on_seg
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-if TYPE_CHECKING:
-    from beamsim.flow.kernels import Tables
-
+LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
 EVEN = 16  # samples, from which on equal steps are exploited
-PEAK_TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
-BELOW_SAMPLED = 1e-8  # relative distance below a sampled largest value from which the search starts
 WORK_A_CALL = 20_000_000  # of a kernel, in products; about a tenth of a second
-EVALUATIONS_A_CALL = 50_000  # of a kernel that searches
 FEW_EVEN = 4096  # samples at equal steps, up to which exponentials of each cost no more than making use of the steps
 MOST_EVEN = 2**16  # ... up to which products of matrices do, and the kernel for them need not be compiled
 EVEN_A_SEGMENT = 16  # ... on the average of the segments, or of outputs, at least
@@ -317,71 +310,80 @@ class Trajectory:
             return self
         return self.only(np.flatnonzero(lasts))
 
-    @property
-    def bounded(self) -> bool:
-        """Whether `maxima` looks at every segment before it searches, so that values known before save no work."""
-        plain = self.segments > 0 and not self.flow.dropped and not many_pieces(self)
-        return plain and self.exponentials
+    def extrema(
+        self, output_of: OutputOf, edges: Floats | None = None, share: Ints | None = None, squares: Ints | None = None
+    ) -> Extrema:
+        """Smallest and largest values of K outputs over the continuous motion, with their times.
 
-    def maxima(
-        self,
-        output_of: OutputOf,
-        seed: Floats,
-        when: Floats,
-    ) -> tuple[Floats, Floats, int]:
-        """Largest values (k,) of outputs over the whole continuous motion, with their times.
+        They are reached, limits from within at both ends of a segment included, and certified to 1e-10 of their size.
 
-        With seeds (2, k), those of the outputs and of their negatives. ``seed`` and ``when`` are values that are known
-        to be reached, or -inf; the better they are, the less the work where the motion is not `bounded`. The result is
-        within 1e-10 of the true maximum, relatively: the search skips only what a curvature bound proves to be lower.
-        Also returned: the number of evaluations of that search.
+        Parameters
+        ----------
+        edges : (W + 1,) s, increasing: the extremes between each two of them, (W, K) in place of (K,). Where there is
+            no motion they are infinite.
+        share : (K,) of outputs with equal numbers only the smallest and the largest value of all is sought; the others
+            keep values that they reach.
+        squares : (K,) first of each group of consecutive outputs, where half the sums of their squares are asked for.
+
+        Raises
+        ------
+        Stopped
+            Where a stop is requested.
         """
-        highest, at = (np.atleast_2d(np.array(values, dtype=float)) for values in (seed, when))
-        evaluations = 0
-        whole = self.lasting
-        many = many_pieces(whole)
-        if many:
-            whole = whole.only(rule_out_maxima(whole, self.flow.output_table(output_of), highest, at))
-        for part in whole.parts():
-            if many or not part.exponentials:
-                table = _both_signs(part.flow.output_table(output_of), highest.shape[0])
-                evaluations += part._search(part.flow.tables(), part.state, table, highest.ravel(), at.ravel())
-                continue
-            possible = candidates(part, output_of, highest, at)
-            for sums, intervals in peak_searches(part, possible, highest):
-                evaluations += search(sums, intervals, highest.ravel(), at.ravel())
-            evaluations += sum(part._search_huge(of_state, highest, at) for of_state in possible)
-        return highest.reshape(np.shape(seed)), at.reshape(np.shape(seed)), evaluations
+        outputs = output_of(self.flow.system.contacts.start).row.shape[0]
+        largest = max(float(np.abs(self.y).max(initial=0.0)), float(np.abs(self.final_y).max(initial=0.0)))
+        scale = 2.0 ** max(0.0, np.ceil(np.log2(largest / LARGEST))) if largest > LARGEST else 1.0
+        search = Search.of(outputs, 1 if edges is None else edges.size - 1, share, squares)
+        for part in self.lasting.parts():
+            search.add(part._waves(output_of, edges, scale, squares is None))
+        found = search.extrema()
+        unit = scale if squares is None else scale**2
+        low, high = unit * found.low, unit * found.high
+        if edges is None:
+            return Extrema(low[0], found.when_low[0], high[0], found.when_high[0], found.evaluations)
+        return replace(found, low=low, high=high)
 
-    def _search_huge(self, possible: Candidates, highest: Floats, when: Floats) -> int:
-        """The same on segments with huge terms."""
-        above = possible.some(np.isinf(possible.bound))
-        if not above.segment.size:
-            return 0
-        segments, outputs = np.unique(above.segment), np.unique(above.output)
-        known, times = highest.ravel()[outputs], when.ravel()[outputs]
-        reached = known - BELOW_SAMPLED * np.abs(known)  # else the search is content with a sample near a peak
-        evaluations = self.only(segments)._search(
-            self.flow.tables_of(above.state), np.zeros(segments.size, dtype=np.int64),
-            above.coefficients(outputs, highest.shape[1])[None], reached, times,
-        )  # fmt: skip
-        better = outputs[reached > known]
-        highest.ravel()[better], when.ravel()[better] = reached[reached > known], times[reached > known]
-        return evaluations
+    def _waves(self, output_of: OutputOf, edges: Floats | None, scale: float, acting: bool) -> list[Waves]:
+        """What is searched, by contact state; of those ``acting`` some are always zero, and left out."""
+        segment, begin, end, window = self._cut(edges)
+        of_state, waves = self.state[segment], []
+        for number in visited_states(of_state):
+            state, parts = self.flow.states[number], np.flatnonzero(of_state == number)
+            output = output_of(state.phases)
+            used = np.flatnonzero(output.acts) if acting else np.arange(output.row.shape[0])
 
-    def _search(self, tables: Tables, state: Ints, table: Complexes, highest: Floats, when: Floats) -> int:
-        """Raise ``highest`` (k,) and ``when`` by the certified search; returns the number of evaluations."""
-        from beamsim.flow import kernels
+            def amplitudes(rows: Ints, of: Ints = segment[parts], state: ContactState = state) -> Complexes:
+                given = self.flow.sources.amplitudes_at(self.time[of[rows]], self.piece[of[rows]])
+                return state.amplitudes(given, self.y[of[rows]]) / scale
 
-        at, evaluations, done = np.zeros(3), 0, False
-        while not done:
-            check_stop()
-            used, done = kernels.extremes(
-                tables, self.flow.inputs(), table, self.time, self.length, state, self.piece, self.y, highest, when,
-                PEAK_TOLERANCE, at, EVALUATIONS_A_CALL,
+            table = state.coefficients(output.some(used), self.flow.sources)
+            wave = Waves(
+                state.exponent, state.power, state.term_basis, state.term_source, table, used, amplitudes,
+                self.time[segment[parts]], self.length[segment[parts]], begin[parts], end[parts], window[parts],
             )  # fmt: skip
-            evaluations += int(used)
-        return evaluations
+            waves.append(wave)
+        return waves
+
+    def _cut(self, edges: Floats | None) -> tuple[Ints, Floats, Floats, Ints]:
+        """Parts (n,) of segments between edges: the segment, begin and end as shares of it, and between which edges."""
+        count = self.time.size
+        if edges is None:
+            return np.arange(count), np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64)
+        stop = self.time + self.length
+        first = np.searchsorted(edges, self.time, side="right") - 1
+        last = np.maximum(np.searchsorted(edges, stop, side="left"), first + 1)
+        segment: Ints = np.repeat(np.arange(count), last - first)
+        begun = np.cumsum(last - first) - last
+        window: Ints = np.arange(segment.size) - begun[segment]
+        inside = (window >= 0) & (window < edges.size - 1)
+        segment, window = segment[inside], window[inside]
+        length = np.where(self.length > 0.0, self.length, 1.0)[segment]
+        begin = np.clip((edges[window] - self.time[segment]) / length, 0.0, 1.0)
+        end = np.clip((edges[window + 1] - self.time[segment]) / length, 0.0, 1.0)
+        end = np.where(stop[segment] <= edges[window + 1], 1.0, end)
+        apart = 4.0 * np.finfo(float).eps * np.abs(stop[segment]) / length  # less is round-off of an edge
+        kept = (end - begin > apart) | ((begin == 0.0) & (end == 1.0))
+        return segment[kept], begin[kept], end[kept], window[kept]
 
     def product_integrals(
         self,
@@ -556,11 +558,6 @@ def _groups(exponent: Complexes, power: Ints) -> tuple[Ints, Ints]:
 def _real_parts(table: Complexes) -> Floats:
     """(2 T, k) what real and imaginary parts of terms in turn give of the real parts of outputs (T, k) of them."""
     return np.stack([table.real, -table.imag], axis=1).reshape(-1, table.shape[1])
-
-
-def _both_signs(table: Complexes, signs: int) -> Complexes:
-    """A table (S, T, k), followed by its negative where two signs are asked for."""
-    return np.concatenate([table, -table], axis=2) if signs == 2 else table
 
 
 @cache

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
-from functools import cache
 
 import numpy as np
 
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Carried, Log, Motion, carry
 from beamsim.flow.stopping import never
-from beamsim.flow.trajectory import EVEN, Trajectory
-from beamsim.outcomes import COMPLETE
-from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Floats
 
 
@@ -40,7 +37,6 @@ def simulate(
     -------
     Trajectory : segments, events and counters; sample it for outputs.
     """
-    _load_kernels()
     begin = clock.process_time()
     end = float(flow.duration if duration is None else duration)
     motion, begun = start(flow, initial_state)
@@ -79,24 +75,3 @@ def motion_of(flow: ExactFlow, motion: Motion, begun: Log, carried: Carried, pro
         )  # fmt: skip
     trajectory = Trajectory(flow, motion.time, *log, motion.y, carried.evaluations, carried.outcome, processor_time_s)
     return trajectory if np.all(np.isfinite(motion.y)) else trajectory.up_to_finite()
-
-
-@cache
-def _load_kernels() -> None:
-    """Compile the kernels, or load them from the cache, once per process and outside every measured time.
-
-    Those that sample the motion are among them, so that a motion that is stopped is kept without a compilation.
-    """
-    from beamsim.contacts.contacts import Contacts
-    from beamsim.contacts.laws import kelvin_voigt
-
-    one = np.ones(1)
-    contacts = Contacts(np.ones((1, 1)), one, one, np.zeros(1, dtype=bool), (kelvin_voigt(1.0),))
-    system = PiecewiseLinearSystem(one, np.zeros((1, 1)), contacts, np.zeros(1))
-    flow = ExactFlow(system, Forcing(np.zeros((0, 1)), ()), 1.0)
-    y = np.zeros(2)
-    log = Log.sized(2, y.size)
-    _, segments, events, evaluations = Motion(y, flow.state_index(flow.starting_state(y))).advance(flow, 1.0, log, 100)
-    log = log.first(segments, events)
-    motion = Trajectory(flow, 1.0, *log._replace(state=flow.visits(log.state)), y, evaluations, COMPLETE, 0.0)
-    motion.sample(np.linspace(0.0, 1.0, EVEN), lambda phases: flow.empty_output(1))

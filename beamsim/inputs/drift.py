@@ -1,21 +1,25 @@
 """Base motion of a swept sine without drift.
 
 An acceleration :math:`\\mathrm{Re}[\\alpha e^{i\\varphi}]` whose frequency changes leaves two constants in its double
-integral. On a smooth stretch of the sweep (one direction, one power of the frequency) they are fixed by integrating
-from that side on which the frequency grows without bound, along a path in the complex plane on which the exponential
-decays. With :math:`p = \\dot f / (2\\pi f^2)` and the amplitude :math:`\\alpha \\propto f^s`,
+integral: an offset of the velocity, with which the base drifts away, and one of the displacement. The motion without
+drift is that whose amplitudes change as slowly as that of the acceleration. With
+:math:`p = \\dot f / (2\\pi f^2)`, the relative change of the frequency in a radian, and
+:math:`\\alpha \\propto f^s`, it is
 
 .. math:: v = \\mathrm{Re}\\Big[\\frac{\\alpha}{i\\omega} K_v e^{i\\varphi}\\Big], \\qquad
-          d = \\mathrm{Re}\\Big[\\frac{\\alpha}{(i\\omega)^2} K_d e^{i\\varphi}\\Big],
+          d = \\mathrm{Re}\\Big[\\frac{\\alpha}{(i\\omega)^2} K_d e^{i\\varphi}\\Big].
+
+While the sweep is slow, repeated integration by parts gives both factors as series in p; their first terms are summed
+by Gauss-Laguerre quadrature of
 
 .. math:: K_v = \\int_0^\\infty g(y)\\, e^{-y} dy, \\qquad K_d = \\int_0^\\infty h(y)\\, g(y)\\, e^{-y} dy
 
 with :math:`g = (1 + ipy)^s e^{-ipy^2/2}`, :math:`h = y` for a linear sweep and :math:`g = (1 + ipy)^{s-1}`,
-:math:`h = \\log(1 + ipy) / (ip)` for a logarithmic one. Both factors tend to 1 in slow sweeps.
-
-Where the level itself changes within a radian, as on the steep line of a log-log table that stands for a step, g grows
-faster than the exponential decays. There the acceleration is integrated along the time, from the quieter end of the
-stretch, where the motion is the one that belongs to a constant level.
+:math:`h = \\log(1 + ipy) / (ip)` for a logarithmic one. p falls as the frequency grows. Where a sweep is fast, the
+constants are those of the same sweep, led on to the frequency at which it is slow: from there the acceleration is
+integrated in time, back to where the motion is asked for. On the steep line of a log-log table that stands for a step,
+the level changes within a radian, and it is integrated from the quieter end of the line instead, where the motion is
+the one that belongs to a constant level.
 
 Where two stretches meet, at a corner or step of the profile or at a turn, v and d jump by :math:`J_v` and
 :math:`J_d`. The jumps are impulses :math:`J_v \\delta + J_d \\delta'` of the acceleration; they are replaced by
@@ -40,17 +44,114 @@ from beamsim.typing import Complexes, Floats, Ints
 if TYPE_CHECKING:
     from numpy.polynomial import Polynomial
 
-SLOW = 0.01  # change of frequency per radian up to which the Gauss-Laguerre rule is exact to round-off
-LAGUERRE_NODES = 12
-STEP = 0.05  # of the double-exponential rule
+SLOW = 0.01  # change of frequency per radian up to which 12 nodes of the Gauss-Laguerre rule are exact to round-off
+STEEP = 0.5  # change of the logarithm of the level in a radian, from which a line is integrated from its quieter end
 SAME_TURNS = 1e-9  # cycles that are not told apart
-SAMPLES = 201  # of a pulse, to find its largest value
 WORTH_SAYING = 0.01  # share of the level
 HALF_WIDTH = 2.0  # of a correction, in cycles
-LARGE_POWER = 4.0  # up to which the factors are accurate in a sweep of any rate
-STEEP = 0.5  # change of the logarithm of the level per radian, above which a large power is integrated in time
-PANEL = 1.0  # radians, and change of the logarithm of the level, on a panel of the Gauss-Legendre rule
-LEGENDRE_NODES = 16
+
+
+def drift_free(leg: Leg, power: float, frequency_hz: Floats) -> tuple[Complexes, Complexes]:
+    """Factors of the velocity and the displacement without drift.
+
+    Parameters
+    ----------
+    leg : direction and rate of the sweep.
+    power : s, of the frequency with which the acceleration grows.
+    frequency_hz : (F,) Hz; the leg's law of frequency goes on beyond its ends.
+
+    Returns
+    -------
+    tuple
+        K_v and K_d, (F,) each, 1 in a sweep without end; see the equations above.
+    """
+    velocity, displacement = (np.empty(frequency_hz.shape, dtype=complex) for _ in range(2))
+    p = np.abs(leg.change_per_radian(frequency_hz))
+    slow = p <= SLOW
+    velocity[slow], displacement[slow] = _of_a_slow_sweep(leg, power, frequency_hz[slow])
+    if not slow.all():
+        fast_hz, ratio = frequency_hz[~slow], p[~slow] / SLOW
+        first_hz = float((fast_hz * (ratio if leg.logarithmic else np.sqrt(ratio)))[0])
+        factors = _of_a_slow_sweep(leg, power, np.array([first_hz]))
+        velocity[~slow], displacement[~slow] = _integrated(leg, power, first_hz, factors, fast_hz)
+    return velocity, displacement
+
+
+def _of_a_slow_sweep(leg: Leg, power: float, frequency_hz: Floats) -> tuple[Complexes, Complexes]:
+    node, weight = _laguerre_rule()
+    p = leg.change_per_radian(frequency_hz)[:, None]
+    growth = 0.5 * np.log1p((p * node) ** 2) + 1j * np.arctan(p * node)  # log(1 + ipy) without cancellation
+    if leg.logarithmic:
+        value, arm = np.exp((power - 1) * growth), growth / (1j * p)
+    else:
+        value, arm = np.exp(power * growth - 0.5j * p * node**2), node
+    return np.asarray(value @ weight), np.asarray((value * arm) @ weight)
+
+
+@cache
+def _laguerre_rule() -> tuple[Floats, Floats]:
+    node, weight = np.polynomial.laguerre.laggauss(12)
+    return node, weight
+
+
+def _integrated(
+    leg: Leg, power: float, first_hz: float, factors: tuple[Complexes, Complexes], frequency_hz: Floats
+) -> tuple[Complexes, Complexes]:
+    """Factors (F,) at frequencies from those, (1,) each, at the first one, by integration of the acceleration in time.
+
+    The displacement is the integral of the acceleration times the time that is left.
+    """
+    from scipy.integrate import quad_vec
+
+    first, first_nu = np.array(first_hz), 2j * np.pi * first_hz
+    time = leg.time_from(first, frequency_hz)
+
+    def acceleration(t: Floats) -> Complexes:
+        turns = leg.turns_after(first, t)
+        return np.asarray((leg.frequency_after(first, t) / first_hz) ** power * np.exp(2j * np.pi * turns))
+
+    def integrands(x: float) -> Complexes:
+        change = first_nu * time * acceleration(x * time)
+        return np.array([change, first_nu * time * (1 - x) * change])
+
+    gained, _ = quad_vec(integrands, 0.0, 1.0, epsabs=1e-14, epsrel=1e-13, norm="max", limit=1000)
+    K_v, K_d = factors
+    ratio = 2j * np.pi * frequency_hz / first_nu
+    now = acceleration(time)
+    return (K_v + gained[0]) / now * ratio, (K_d + K_v * first_nu * time + gained[1]) / now * ratio**2
+
+
+def motion_without_drift(
+    leg: Leg, profile: Profile, piece: int, frequency_hz: Floats, alpha: Complexes
+) -> tuple[Complexes, Complexes]:
+    """Complex velocity and displacement of a base on one piece of a profile.
+
+    Parameters
+    ----------
+    leg : direction and rate of the sweep.
+    profile : level over frequency.
+    piece : number of the profile's piece.
+    frequency_hz : (F,) Hz, on that piece.
+    alpha : (F,) m/s^2, complex accelerations at these frequencies.
+
+    Returns
+    -------
+    tuple
+        (F,) m/s and (F,) m.
+    """
+    power = float(profile.power[piece])
+    low, high = sorted((leg.first_hz, leg.last_hz))
+    if piece > 0:
+        low = max(low, float(profile.edge[piece]))
+    if piece + 1 < profile.edge.size:
+        high = min(high, float(profile.edge[piece + 1]))
+    if abs(power * leg.change_per_radian(np.array(low))) > STEEP:
+        quiet = low if power > 0 else high
+        factors = _integrated(leg, power, quiet, drift_free(leg, 0.0, np.array([quiet])), frequency_hz)
+    else:
+        factors = drift_free(leg, power, frequency_hz)
+    nu = 2j * np.pi * frequency_hz
+    return alpha / nu * factors[0], alpha / nu**2 * factors[1]
 
 
 @cache
@@ -61,127 +162,6 @@ def _pulse() -> tuple[Polynomial, Polynomial, Polynomial]:
     pulse = 35 / 32 * Polynomial([1.0, 0.0, -1.0]) ** 3
     rise = pulse.integ(lbnd=-1)
     return pulse, rise, rise.integ(lbnd=-1)
-
-
-def drift_free(leg: Leg, power: float, frequency_hz: Floats) -> tuple[Complexes, Complexes]:
-    """Factors (K_v, K_d) of the velocity and the displacement without drift, at frequencies (F,) of a leg.
-
-    Accurate to about 1e-14 for powers up to `LARGE_POWER`, and for others in sweeps in which the level does not change
-    by more than `STEEP` in a radian. In slow sweeps by Gauss-Laguerre quadrature, which is exact for the first terms of
-    the asymptotic series; else by double-exponential quadrature (H. Takahasi and M. Mori, 1974) on a path turned by 45
-    degrees, on which the integrands neither oscillate fast nor come near their branch points.
-    """
-    change = leg.change_per_radian(frequency_hz)
-    velocity, displacement = np.empty(change.shape, dtype=complex), np.empty(change.shape, dtype=complex)
-    slow = np.abs(change) <= SLOW
-    for part, rule in ((slow, _laguerre), (~slow, _double_exponential)):
-        if part.any():
-            p = np.abs(change[part])
-            velocity[part], displacement[part] = _integrals(p, power, leg.logarithmic, *rule(p, leg.logarithmic))
-    falling = change < 0
-    return np.where(falling, velocity.conj(), velocity), np.where(falling, displacement.conj(), displacement)
-
-
-def _laguerre(p: Floats, logarithmic: bool) -> tuple[Complexes, Complexes, Floats]:
-    node, weight = _laguerre_rule()
-    return node.astype(complex), (weight * np.exp(node)).astype(complex), np.ones(p.shape)
-
-
-@cache
-def _laguerre_rule() -> tuple[Floats, Floats]:
-    node, weight = np.polynomial.laguerre.laggauss(LAGUERRE_NODES)
-    return node, weight
-
-
-def _double_exponential(p: Floats, logarithmic: bool) -> tuple[Complexes, Complexes, Floats]:
-    x = np.arange(-5.5, 5.0, STEP)
-    turn = np.exp(-0.25j * np.pi)
-    node = np.exp(x - np.exp(-x)) * turn
-    # the integrand of a linear sweep decays as exp(-p |y|^2 / 2) where that is faster
-    return node, node * (1 + np.exp(-x)) * STEP, np.ones(p.shape) if logarithmic else 1 / (1 + np.sqrt(p))
-
-
-def _integrals(
-    p: Floats, power: float, logarithmic: bool, node: Complexes, weight: Complexes, scale: Floats
-) -> tuple[Complexes, Complexes]:
-    """K_v and K_d by a rule whose nodes are stretched by ``scale``."""
-    velocity, displacement = np.zeros(p.shape, dtype=complex), np.zeros(p.shape, dtype=complex)
-    for x, w in zip(node, weight, strict=True):
-        y = scale * x
-        z = 1j * p * y
-        growth = 0.5 * np.log1p(2 * z.real + np.abs(z) ** 2) + 1j * np.arctan2(z.imag, 1 + z.real)  # log(1 + z)
-        if logarithmic:
-            value, arm = scale * w * np.exp((power - 1) * growth - y), growth / (1j * p)
-        else:
-            value, arm = scale * w * np.exp(power * growth - y - 0.5 * z * y), y
-        velocity += value
-        displacement += value * arm
-    return velocity, displacement
-
-
-@cache
-def _legendre_rule() -> tuple[Floats, Floats]:
-    node, weight = np.polynomial.legendre.leggauss(LEGENDRE_NODES)
-    return node, weight
-
-
-def motion_without_drift(
-    leg: Leg, profile: Profile, piece: int, frequency_hz: Floats, alpha: Complexes
-) -> tuple[Complexes, Complexes]:
-    """Complex velocity and displacement (F,) that belong to accelerations ``alpha`` (F,) on one piece of a profile."""
-    power = float(profile.power[piece])
-    low, high = sorted((leg.first_hz, leg.last_hz))
-    if piece > 0:
-        low = max(low, float(profile.edge[piece]))
-    if piece + 1 < profile.edge.size:
-        high = min(high, float(profile.edge[piece + 1]))
-    fastest = abs(float(leg.change_per_radian(np.array(low))))
-    if abs(power) > LARGE_POWER and abs(power) * fastest > STEEP:
-        return _from_the_quiet_end(leg, profile, piece, (low, high) if power > 0 else (high, low), frequency_hz, alpha)
-    K_v, K_d = drift_free(leg, power, frequency_hz)
-    nu = 2j * np.pi * frequency_hz
-    return alpha / nu * K_v, alpha / nu**2 * K_d
-
-
-def _from_the_quiet_end(
-    leg: Leg, profile: Profile, piece: int, ends: tuple[float, float], frequency_hz: Floats, alpha: Complexes
-) -> tuple[Complexes, Complexes]:
-    """The same by Gauss-Legendre quadrature in time, from the first of the two ``ends`` of the piece, Hz."""
-    quiet = np.array(ends[0])
-    power, rate = float(profile.power[piece]), leg.signed_rate
-    amplitude = float(profile.amplitude[piece] * (ends[0] / profile.edge[piece]) ** power)
-
-    def time_to(frequency: Floats) -> Floats:
-        return np.asarray((np.log(frequency / quiet) if leg.logarithmic else frequency - quiet) / rate)
-
-    def turning(time: Floats) -> Complexes:
-        return np.asarray(np.exp(2j * np.pi * leg.turns_after(quiet, time)))
-
-    time = time_to(frequency_hz)
-    order = np.argsort(np.abs(time), kind="stable")
-    stops = np.concatenate([[0.0], time[order]])
-    swing = 2 * np.pi * leg.turns_after(quiet, stops)
-    growth = power * np.log(leg.frequency_after(quiet, stops) / quiet)
-    panels = np.ceil(np.maximum(np.abs(np.diff(swing)), np.abs(np.diff(growth))) / PANEL).astype(int).clip(1)
-    gap = np.repeat(np.arange(panels.size), panels)
-    within = np.arange(gap.size) - np.repeat(np.cumsum(panels) - panels, panels)
-    length = (np.diff(stops) / panels)[gap]
-    begin = stops[gap] + within * length
-    node, weight = _legendre_rule()
-    to_end = 0.5 * np.outer(length, 1.0 - node)  # s, from a node to the end of its panel
-    at = (begin + length)[:, None] - to_end
-    level = amplitude * (leg.frequency_after(quiet, at) / quiet) ** power
-    sine = 0.5 * length[:, None] * weight * level * turning(at)
-    nu = 2j * np.pi * ends[0]
-    K_v, K_d = drift_free(leg, 0.0, quiet[None])
-    velocity = amplitude / nu * K_v[0] + np.concatenate([[0.0], np.cumsum(sine.sum(axis=1))])
-    gain = velocity[:-1] * length + (sine * to_end).sum(axis=1)
-    displacement = amplitude / nu**2 * K_d[0] + np.cumsum(gain)
-    last = np.cumsum(panels) - 1
-    out = np.empty((2, time.size), dtype=complex)
-    out[:, order] = velocity[last + 1], displacement[last]
-    out *= alpha / np.abs(alpha) / turning(time)
-    return out[0], out[1]
 
 
 @dataclass(frozen=True)
@@ -240,7 +220,7 @@ class CorrectionSize:
         """The size of the correction that is largest in relation to the level; overlapping ones add up."""
         largest = cls(0.0, 0.0, 0.0)
         for correction in corrections:
-            near = correction.time + correction.half_width * np.linspace(-1.0, 1.0, SAMPLES)
+            near = correction.time + correction.half_width * np.linspace(-1.0, 1.0, 201)
             overlapping = [
                 c for c in corrections if abs(c.time - correction.time) < c.half_width + correction.half_width
             ]

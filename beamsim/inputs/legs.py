@@ -25,9 +25,7 @@ class Leg:
     @property
     def duration(self) -> float:
         """Duration, s."""
-        if self.logarithmic:
-            return float(np.log(self.last_hz / self.first_hz) / self.signed_rate)
-        return float((self.last_hz - self.first_hz) / self.signed_rate)
+        return float(self.time_from(np.array(self.first_hz), np.array(self.last_hz)))
 
     @property
     def cycles(self) -> float:
@@ -51,6 +49,11 @@ class Leg:
         if self.logarithmic:
             return np.asarray(first_hz * np.exp(self.signed_rate * time))
         return np.asarray(first_hz + self.signed_rate * time)
+
+    def time_from(self, first_hz: Floats, frequency_hz: Floats) -> Floats:
+        """Time, s, from one frequency to another: the inverse of `frequency_after`."""
+        change = np.log(frequency_hz / first_hz) if self.logarithmic else frequency_hz - first_hz
+        return np.asarray(change / self.signed_rate)
 
     def change_per_radian(self, frequency_hz: Floats) -> Floats:
         """Relative change of the frequency while the phase grows by a radian."""

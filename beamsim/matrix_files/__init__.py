@@ -1,4 +1,4 @@
-"""Matrices in files of other programs: OP4, DMIG, Abaqus, MatrixMarket, Harwell-Boeing, MATLAB and NumPy.
+"""Matrices in files of other programs: OP2, OP4, DMIG, Abaqus, MatrixMarket, Harwell-Boeing, MATLAB and NumPy.
 
 Never here: what the matrices mean for a structure.
 Begin with `read`, which chooses the format; `matrix` is what every reader returns.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.typing import Ints
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Directions of a node in the order of their numbers 1 to 6."""
@@ -22,66 +23,69 @@ Dof = tuple[int, str]
 class FileMatrix:
     """One matrix of a file."""
 
-    name: str
+    name: str  # in lower case
     values: Any  # (rows, columns) sparse, real or complex
     rows: tuple[Dof, ...] | None = None  # None where the file only counts them
     columns: tuple[Dof, ...] | None = None
 
 
-def direction_of(component: int) -> str:
-    """Direction of a component, 1 to 6; of 0, a scalar point, and of any other number that of a mode.
-
-    >>> direction_of(3), direction_of(0)
-    ('z', 'modal')
-    """
-    return DIRECTIONS[component - 1] if 1 <= component <= 6 else MODAL
-
-
-def component_of(direction: str) -> int:
-    """Component of a direction, 1 to 6; 0 for a mode."""
-    return DIRECTIONS.index(direction) + 1 if direction in DIRECTIONS else 0
-
-
-def mirrored(values: Any) -> Any:
-    """The symmetric matrix of which a file holds one triangle; a matrix with entries in both is returned as it is."""
-    from scipy.sparse import tril, triu
-
-    above, below = triu(values, 1), tril(values, -1)
-    one_triangle = values.shape[0] == values.shape[1] and (above.nnz == 0) != (below.nnz == 0)
-    return (values + above.T + below.T).tocsc() if one_triangle else values
-
-
-def labelled(name: str, entries: dict[tuple[Dof, Dof], complex], symmetric: bool | None, square: bool) -> FileMatrix:
-    """The matrix of entries by the degrees of freedom of row and column, in order of node and component.
+def file_matrix(name: str, values: Any, *, one_triangle: bool = False) -> FileMatrix:
+    """A matrix whose file only counts its degrees of freedom, without entries of zero.
 
     Parameters
     ----------
-    symmetric : whether one triangle stands for both; None where the entries tell.
-    square : whether rows and columns have the same degrees of freedom.
+    name : of the matrix.
+    values : (rows, columns) sparse or dense, real or complex.
+    one_triangle : whether one triangle stands for both where the other is empty.
+
+    Returns
+    -------
+    FileMatrix
+        Without names of rows and columns.
     """
-    from scipy.sparse import csc_array
+    from scipy.sparse import csc_array, tril, triu
 
-    rows = _in_order({row for row, _ in entries} | ({column for _, column in entries} if square else set()))
-    columns = rows if square else _in_order({column for _, column in entries})
-    row_number, column_number = ({dof: i for i, dof in enumerate(dofs)} for dofs in (rows, columns))
-    numbers = np.array(list(entries.values()))
-    if not np.iscomplexobj(numbers) or not np.any(numbers.imag):
-        numbers = np.real(numbers).astype(float)
-    i = np.array([row_number[row] for row, _ in entries], dtype=np.int64)
-    j = np.array([column_number[column] for _, column in entries], dtype=np.int64)
-    values = csc_array((numbers, (i, j)), shape=(len(rows), len(columns)))
-    if symmetric is not False and square:
-        values = _reflected(values, i, j, numbers) if symmetric else mirrored(values)
-    return FileMatrix(name, values, rows, columns)
+    matrix = csc_array(values)
+    matrix.eliminate_zeros()
+    if one_triangle and matrix.shape[0] == matrix.shape[1]:
+        above, below = triu(matrix, 1), tril(matrix, -1)
+        if above.nnz == 0 or below.nnz == 0:
+            matrix = (matrix + above.T + below.T).tocsc()
+    return FileMatrix(name, matrix)
 
 
-def _reflected(values: Any, i: Ints, j: Ints, numbers: Any) -> Any:
-    """Entries of either triangle, each also on the other side."""
-    from scipy.sparse import csc_array
+def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = False) -> FileMatrix:
+    """The matrix of entries by degrees of freedom, in order of node and component; entries of one place are summed.
 
-    off = i != j
-    return values + csc_array((numbers[off], (j[off], i[off])), shape=values.shape)
+    Parameters
+    ----------
+    name : of the matrix.
+    entries : (n, 5) node and component of the row, those of the column, and the number, real or complex.
+    square : whether rows and columns have the same degrees of freedom.
+    one_triangle : whether one triangle stands for both where the other is empty.
+
+    Returns
+    -------
+    FileMatrix
+        With names of rows and columns.
+    """
+    from scipy.sparse import coo_array
+
+    entries = np.asarray(entries)
+    nodes, components = entries[:, 0:4:2].real.astype(int), entries[:, 1:4:2].real.astype(int)
+    dofs = 7 * nodes + np.where((components >= 1) & (components <= 6), components, 0)
+    rows, columns = (np.unique(dofs if square else dofs[:, k]) for k in (0, 1))
+    numbers = entries[:, 4] if np.any(entries[:, 4].imag) else entries[:, 4].real
+    at = np.searchsorted(rows, dofs[:, 0]), np.searchsorted(columns, dofs[:, 1])
+    values = coo_array((numbers, at), shape=(rows.size, columns.size))
+    matrix = file_matrix(name, values, one_triangle=one_triangle)
+    return replace(matrix, rows=names_of(rows // 7, rows % 7), columns=names_of(columns // 7, columns % 7))
 
 
-def _in_order(dofs: set[Dof]) -> tuple[Dof, ...]:
-    return tuple(sorted(dofs, key=lambda dof: (dof[0], component_of(dof[1]))))
+def names_of(nodes: Iterable[int], components: Iterable[int]) -> tuple[Dof, ...]:
+    """Names of degrees of freedom by node and component, 1 to 6, or 0 of a scalar point.
+
+    >>> names_of([7, 101], [3, 0])
+    ((7, 'z'), (101, 'modal'))
+    """
+    return tuple((int(n), (MODAL, *DIRECTIONS)[c]) for n, c in zip(nodes, components, strict=True))

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from beamsim.errors import MethodError
 from beamsim.matrix_files.abaqus import read_abaqus
-from beamsim.matrix_files.dmig import read_dmig
 from beamsim.matrix_files.harwell_boeing import read_harwell_boeing
-from beamsim.matrix_files.matrix import FileMatrix
-from beamsim.matrix_files.op4 import read_op4
-
-FORMATS = {
-    ".op4": "OP4", ".pch": "DMIG", ".dmig": "DMIG", ".bdf": "DMIG", ".dat": "DMIG", ".mtx": "MatrixMarket or Abaqus",
-    ".mm": "MatrixMarket", ".hb": "Harwell-Boeing", ".rua": "Harwell-Boeing", ".rsa": "Harwell-Boeing",
-    ".mat": "MATLAB", ".npz": "NumPy",
-}  # fmt: skip
-"""Format by ending."""
+from beamsim.matrix_files.matrix import FileMatrix, file_matrix
+from beamsim.matrix_files.nastran import read_dmig, read_op2, read_op4
 
 
 def read_matrix(path: Path, name: str | None) -> FileMatrix:
@@ -30,19 +24,17 @@ def read_matrix(path: Path, name: str | None) -> FileMatrix:
         About ``file`` or ``name``: it does not exist or cannot be read, it has no matrix of that name, or several.
     """
     matrices = read_matrices(path, name)
-    known = ", ".join(matrix.name for matrix in matrices)
+    found = [matrix for matrix in matrices if name is None or matrix.name.lower() == name.lower()]
+    if found and (name is not None or len(found) == 1):
+        return found[0]
+    known = ", ".join(matrix.name for matrix in read_matrices(path)) or "none"
     if name is None:
-        if len(matrices) != 1:
-            raise MethodError("file", f"holds {len(matrices)} matrices", f"name one: {known}")
-        return matrices[0]
-    for matrix in matrices:
-        if matrix.name.lower() == name.lower():
-            return matrix
-    raise MethodError("name", f"= {name} is not a matrix of {path.name}", f"it holds {known or 'none'}")
+        raise MethodError("file", f"holds {len(found)} matrices", f"name one: {known}")
+    raise MethodError("name", f"= {name} is not a matrix of {path.name}", f"it holds {known}")
 
 
-def read_matrices(path: Path, name: str | None = None) -> Sequence[FileMatrix]:
-    """All matrices of a file; with ``name`` the entries of others may be left out.
+def read_matrices(path: Path, name: str | None = None) -> list[FileMatrix]:
+    """All matrices of a file; with ``name``, in any case, others may be left out.
 
     Raises
     ------
@@ -52,86 +44,79 @@ def read_matrices(path: Path, name: str | None = None) -> Sequence[FileMatrix]:
     ending = path.suffix.lower()
     if ending not in FORMATS:
         raise MethodError("file", f"= {path.name} has an unknown ending", f"known are {', '.join(FORMATS)}")
+    called, reader = FORMATS[ending]
     try:
-        if ending == ".op4":
-            return read_op4(path, name.lower() if name else None)
-        if FORMATS[ending] == "DMIG":
-            return read_dmig(path)
-        if ending in (".mtx", ".mm"):
-            with open(path, "rb") as file:
-                market = file.read(14).lower() == b"%%matrixmarket"
-            return [_market(path)] if market else [read_abaqus(path)]
-        if FORMATS[ending] == "Harwell-Boeing":
-            return [read_harwell_boeing(path)]
-        return _matlab(path) if ending == ".mat" else _numpy(path)
+        path.open("rb").close()
+        return reader(path, name and name.lower())
+    except MethodError:
+        raise
     except OSError as error:
         raise MethodError("file", f"= {path} cannot be read ({error.strerror or error})", "check the path") from None
-    except (ValueError, KeyError, NotImplementedError, EOFError) as error:
-        raise MethodError("file", f"= {path.name} cannot be read as {FORMATS[ending]} ({error})") from None
+    except Exception as error:  # of a damaged file libraries raise errors of any kind
+        raise MethodError("file", f"= {path.name} cannot be read as {called} ({error})", "write it again") from None
 
 
-def _matrix(name: str, values: Any) -> FileMatrix:
-    from scipy.sparse import csc_array
-
-    return FileMatrix(name, csc_array(values))
-
-
-def _market(path: Path) -> FileMatrix:
+def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:
     from scipy.io import mmread
 
-    return _matrix(path.stem.lower(), mmread(path))
-
-
-def _matlab(path: Path) -> list[FileMatrix]:
-    """Arrays of two dimensions; version 7.3 is HDF5."""
     with open(path, "rb") as file:
-        hdf5 = b"MATLAB 7.3" in file.read(128)[:10]
-    if not hdf5:
-        from scipy.io import loadmat
-        from scipy.io.matlab import MatReadError
+        market = file.read(14).lower() == b"%%matrixmarket"
+    return [file_matrix(path.stem.lower(), mmread(path)) if market else read_abaqus(path)]
 
-        try:
-            items = loadmat(path, spmatrix=False)
-        except MatReadError as error:
-            raise ValueError(error) from None
-        return [_matrix(name, values) for name, values in items.items() if _is_matrix(values)]
+
+def _matlab(path: Path, _: str | None) -> list[FileMatrix]:
     import h5py
+    from scipy.io import loadmat
 
-    with h5py.File(path) as stored:
-        return [_matrix(name, _hdf5_values(item)) for name, item in stored.items() if not name.startswith("#")]
+    if not h5py.is_hdf5(path):
+        return _named(loadmat(path, spmatrix=False).items())
+    with h5py.File(path) as stored:  # version 7.3
+        return _named((name, _hdf5_matrix(item)) for name, item in stored.items())
 
 
-def _hdf5_values(item: Any) -> Any:
-    """A matrix of a version 7.3 file: sparse as a group, dense as a data set with its axes in MATLAB's order."""
-    import h5py
+def _hdf5_matrix(item: Any) -> Any:
+    """A sparse matrix is a group of three arrays; a dense one is a data set with its axes in MATLAB's order."""
     from scipy.sparse import csc_array
 
-    if isinstance(item, h5py.Group):
-        columns = item["jc"][()]
-        rows, data = (item[key][()] if key in item else [] for key in ("ir", "data"))
-        return csc_array((_plain(data), rows, columns), shape=(int(item.attrs["MATLAB_sparse"]), len(columns) - 1))
-    return _plain(item[()]).T
+    if "MATLAB_sparse" not in item.attrs:
+        return _array(item).T
+    pointers = item["jc"][()]
+    numbers, rows = (_array(item[key]) if key in item else [] for key in ("data", "ir"))
+    return csc_array((numbers, rows, pointers), shape=(int(item.attrs["MATLAB_sparse"]), len(pointers) - 1))
 
 
-def _plain(values: Any) -> Any:
-    """Complex numbers as such."""
-    names = getattr(values.dtype, "names", None) if hasattr(values, "dtype") else None
-    return values["real"] + 1j * values["imag"] if names else values
+def _array(item: Any) -> Any:
+    """Numbers of a data set; complex ones have two fields. Of a group, which is a structure, nothing."""
+    values = np.asarray(item[()] if hasattr(item, "dtype") else None)
+    return values["real"] + 1j * values["imag"] if values.dtype.names else values
 
 
-def _is_matrix(values: Any) -> bool:
-    kind = getattr(getattr(values, "dtype", None), "kind", "")
-    return kind in "fciu" and kind != "" and values.ndim == 2
-
-
-def _numpy(path: Path) -> list[FileMatrix]:
-    """Arrays of two dimensions by name, or the sparse matrix of `scipy.sparse.save_npz`."""
-    import numpy as np
-
-    with np.load(path, allow_pickle=False) as stored:
-        names = set(stored.files)
-        if not {"format", "shape", "data"} <= names:
-            return [_matrix(name, stored[name]) for name in stored.files if _is_matrix(stored[name])]
+def _numpy(path: Path, _: str | None) -> list[FileMatrix]:
+    """Arrays by name, or the sparse matrix of `scipy.sparse.save_npz`."""
     from scipy.sparse import load_npz
 
-    return [_matrix(path.stem.lower(), load_npz(path))]
+    with np.load(path, allow_pickle=False) as stored:
+        if not {"format", "shape", "data"} <= set(stored.files):
+            return _named(stored.items())
+    return [file_matrix(path.stem.lower(), load_npz(path))]
+
+
+def _named(items: Iterable[tuple[str, Any]]) -> list[FileMatrix]:
+    """Arrays of numbers with two dimensions; names with # and __ are of the file itself."""
+    return [
+        file_matrix(name, values)
+        for name, values in items
+        if not name.startswith(("#", "__")) and values.ndim == 2 and values.dtype.kind in "fciu"
+    ]
+
+
+FORMATS: dict[str, tuple[str, Callable[[Path, str | None], list[FileMatrix]]]] = {
+    ".op4": ("OP4", read_op4),
+    ".op2": ("OP2", read_op2),
+    **dict.fromkeys((".pch", ".dmig", ".bdf", ".dat"), ("DMIG", read_dmig)),
+    **dict.fromkeys((".mtx", ".mm"), ("MatrixMarket or Abaqus", _market_or_abaqus)),
+    **dict.fromkeys((".hb", ".rua", ".rsa"), ("Harwell-Boeing", lambda path, _: [read_harwell_boeing(path)])),
+    ".mat": ("MATLAB", _matlab),
+    ".npz": ("NumPy", _numpy),
+}
+"""Name of the format, and its reader of a path and a name, by ending."""

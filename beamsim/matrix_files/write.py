@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from beamsim.matrix_files.op4 import write_op4
+from beamsim.matrix_files.nastran import write_op4
 
 ENDINGS = (".op4", ".mat", ".mtx", ".npz")
 """OP4, MATLAB, MatrixMarket, NumPy; the first two hold several matrices, of the others each has a file."""

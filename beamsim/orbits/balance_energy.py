@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.orbits.aft import close_intervals
-from beamsim.orbits.balanced_contacts import pad_stiffness
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
@@ -56,15 +55,11 @@ def energy_error(
     stored = 0.5 * (_values(velocity, angle) ** 2).sum(axis=1)
     stored += 0.5 * _values(coordinates, angle) ** 2 @ system.stiffness
     contacts = system.contacts
-    for j in motion.contacts.plain.tolist():
+    for j in range(contacts.count):
         delta = _penetration(contacts, j, coordinates, base)
         pushed, rubbed = _of_contact(contacts, j, delta, turning * delta, base_rate)
         work, lost = work + pushed / fundamental, lost + rubbed / fundamental
         stored += 0.5 * contacts.stiffness[j] * np.maximum(_values(delta, angle), 0.0) ** 2
-    if motion.contacts.remember:
-        pushed, rubbed, held = _of_pads(motion, base)
-        work, lost = work + period * pushed, lost + period * rubbed
-        stored += _values(held[0], angle) * _values(held[1], angle)
     if cubic is not None and cubic.count:
         stretch = _values(coordinates, angle) @ cubic.shape.T + np.multiply.outer(_values(base, angle), cubic.felt)
         stored += 0.25 * stretch**4 @ cubic.stiffness
@@ -103,32 +98,6 @@ def _of_contact(
             force = contacts.stiffness[j] * _values(delta, angle) + contacts.dashpot[j] * speed
             pushed -= contacts.sign[j] * contacts.felt[j] * float(share @ (force * _values(base_rate, angle)))
     return pushed, rubbed
-
-
-def _of_pads(motion: HarmonicMotion, base: Complexes) -> tuple[float, float, tuple[Complexes, Complexes]]:
-    """Mean power that the moving ground puts into pads and springs that relax, and that they lose, W, and two signals
-    (H + 1,) whose product is about as large as the energy they store."""
-    contacts = motion.contacts
-    w: Floats = np.arange(float(motion.highest + 1)) * motion.fundamental
-    springs, forces = contacts.springs, motion.forces
-    pushed = lost = 0.0
-    size = np.zeros((2, w.size), dtype=complex)
-    for pad, face in zip(contacts.pads, contacts.faces(forces, motion.fundamental), strict=True):
-        stiffness, _ = pad_stiffness(pad.law, w)
-        lost += 0.5 * float(np.sum(w * stiffness.imag * np.abs(face) ** 2))
-        pushed -= _mean_power(springs.felt[pad.row] * forces[:, pad.row], w, base)
-        size += 0.5 * np.array([pad.sign * forces[:, pad.row], face])
-    for spring in contacts.relaxing:
-        stretch = motion.placed[:, spring.row] + springs.felt[spring.row] * base
-        stiffness, _ = spring.law.relaxation(w)
-        lost += 0.5 * float(np.sum(w * stiffness.imag * np.abs(stretch) ** 2))
-        pushed -= _mean_power(springs.felt[spring.row] * forces[:, spring.row], w, base)
-    return pushed, lost, (size[0], size[1])
-
-
-def _mean_power(force: Complexes, w: Floats, motion: Complexes) -> float:
-    """Of a force (H + 1,) through a motion (H + 1,), W."""
-    return 0.5 * float(np.sum(force.conj() * 1j * w * motion).real)
 
 
 @cache

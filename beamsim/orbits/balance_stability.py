@@ -1,15 +1,12 @@
-r"""Harmonic balance as a problem whose special points can be found, at a cost that does not grow with the model.
+"""Harmonic balance as a problem whose special points can be found, at a cost that does not grow with the model.
 
-Stability is that of a structure reduced for it: modes far above the motion's highest harmonic follow the springs
-statically, so that the modes below and the residual vector of every spring are enough; the compliance that the springs
-see stays as it is. Hill's method (:mod:`beamsim.orbits.hill`) then gives the multipliers. Where its eigenvalue problem
-is large, the motion is handed to shooting, whose multipliers are exact; Hill's method remains where shooting comes to
-no motion beside it. At a fold, where the two branches end at slightly different values, shooting is corrected across
-its branch instead of at the same value.
+Stability is that of the same motion by shooting: the balance gives the start, Newton's method corrects it, and the
+transition matrix over a period has the multipliers. Where Newton comes to no motion beside it, those are of the passage
+that begins as the motion does, as good as its harmonics are. At a fold, where the two branches end at slightly
+different values, shooting is corrected across its branch instead of at the same value.
 
-The product of matrix exponentials between the instants of contact would be cheaper still, but is worth little: at 21
-harmonics those instants are good to 1e-3 and the multipliers of a stiff stop wrong by a factor of two, where Hill's,
-consistent with the balance, are right to 1e-3.
+The structure is reduced for that: modes far above the motion's highest harmonic follow the springs statically, so that
+the modes below and the residual vector of every spring are enough; the compliance that the springs see stays as it is.
 """
 
 from __future__ import annotations
@@ -24,12 +21,12 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.dataclass import dataclass
 from beamsim.flow.passage import Passage, PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow, floquet_multipliers
-from beamsim.orbits.balanced_contacts import sampled_faces
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, correct_across, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance
-from beamsim.orbits.hill import hill_multipliers
 from beamsim.orbits.shooting import STABLE, ForcedOrbits
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
@@ -41,7 +38,6 @@ Finder = Callable[[ForcedOrbits], BranchPoint | None]
 
 MARGIN = 1.5  # modes up to this multiple of the motion's highest harmonic are kept
 SMALL = 8  # coordinates that are kept as they are
-LARGEST_HILL = 40  # coordinates times harmonics up to which Hill's method is used at once
 NEAR = 0.2  # how far the motion of shooting may be from that of the balance, relative to its size
 
 
@@ -93,42 +89,10 @@ class BalancedOrbits(ForcedBalance):
         return values
 
     def _multipliers(self, point: BranchPoint, motion: HarmonicMotion) -> Complexes:
-        if self.cubic is not None and self.cubic.count:
-            return hill_multipliers(self.system, motion, self.cubic)
         highest = motion.highest * motion.fundamental
         if self._reduced is None or highest > self._reduced[0]:
             # further than needed, so that the structure stays the same along a branch
             self._reduced = (1.5 * highest, *self._reduce(1.5 * highest))
-        system = self._reduced[1].flow.system
-        if self.contacts.remember:  # Hill's method knows no internal states
-            exact = self._by_shooting(point, motion)
-            return self._of_transition(point, motion) if exact is None else exact
-        if system.size * (2 * motion.highest + 1) > LARGEST_HILL:
-            exact = self._by_shooting(point, motion)
-            if exact is not None:
-                return exact
-        return hill_multipliers(system, motion)
-
-    def _reduce(self, highest: float) -> tuple[ForcedOrbits, Floats]:
-        system, basis = reduced_for_stability(self.system, highest)
-        loads: PeriodicForcing = replace(self.forcing, force=self.forcing.force @ basis)
-        return ForcedOrbits(VariationalFlow(system, loads, self.omega, self.level), multiple=self.multiple), basis
-
-    def _state_at_start(self, point: BranchPoint) -> Floats:
-        """The state of a motion at t = 0, in the reduced structure."""
-        assert self._reduced is not None
-        n, basis, state = self.system.size, self._reduced[2], self.states_at_start(point)
-        return np.concatenate([state[:n] @ basis, state[n : 2 * n] @ basis, state[2 * n :]])
-
-    def _of_transition(self, point: BranchPoint, motion: HarmonicMotion) -> Complexes:
-        """Multipliers of the passage that begins as the motion does; as good as its harmonics are."""
-        assert self._reduced is not None
-        flow = self._reduced[1].flow
-        flow.set(*self.at(point.parameter))
-        return floquet_multipliers(flow.carry(self._state_at_start(point), motion.period).transition)
-
-    def _by_shooting(self, point: BranchPoint, motion: HarmonicMotion) -> Complexes | None:
-        assert self._reduced is not None
         orbits = self._reduced[1]
         omega, level = self.at(point.parameter)
         orbits.omega, orbits.level = omega, level
@@ -137,7 +101,27 @@ class BalancedOrbits(ForcedBalance):
             beside = correct(orbits, guess, Settings())
             if beside is not None and float(np.max(np.abs((beside.u - guess) / beside.scale))) < NEAR:
                 return orbits.multipliers(beside)
-        return None
+        return floquet_multipliers(orbits.flow.under(omega, level).carry(guess[:-1], motion.period).transition)
+
+    def _reduce(self, highest: float) -> tuple[ForcedOrbits, Floats]:
+        """The shooting problem of the structure reduced for motions up to a frequency, rad/s, and its coordinates."""
+        flow: PeriodicFlow
+        if self.cubic is not None and self.cubic.count:
+            springs, basis = self.cubic, np.eye(self.system.size)
+            flow = SmoothFlow(
+                self.system, springs.shape, springs.stiffness, self.forcing, self.omega, self.level, springs.felt
+            )
+        else:
+            system, basis = reduced_for_stability(self.system, highest)
+            loads: PeriodicForcing = replace(self.forcing, force=self.forcing.force @ basis)
+            flow = VariationalFlow(system, loads, self.omega, self.level)
+        return ForcedOrbits(flow, multiple=self.multiple), basis
+
+    def _state_at_start(self, point: BranchPoint) -> Floats:
+        """The state of a motion at t = 0, in the reduced structure."""
+        assert self._reduced is not None
+        n, basis, state = self.system.size, self._reduced[2], point.data.states(np.zeros(1))[0]
+        return np.concatenate([state[:n] @ basis, state[n:] @ basis])
 
     def first_motion(self, value: float, forward: float, find: Finder) -> BranchPoint | None:
         """A motion at a value of the parameter: from the linear response, else from one that shooting finds.
@@ -162,22 +146,15 @@ class BalancedOrbits(ForcedBalance):
         """The shooting problem of the reduced structure at a value, and its coordinates in the given ones."""
         omega, level = self.at(value)
         orbits, basis = self._reduce(self.harmonics * omega / self.multiple)
-        orbits.flow.set(omega, level)
-        return ForcedOrbits(orbits.flow, multiple=self.multiple), basis
+        return ForcedOrbits(orbits.flow.under(omega, level), multiple=self.multiple), basis
 
     def from_passage(
         self, local: ForcedOrbits, basis: Floats, passage: Passage, value: float, forward: float = 1.0
     ) -> BranchPoint | None:
         """The balanced motion beside one of the reduced structure over a period."""
         times = np.linspace(0.0, passage.duration, 8 * self.harmonics, endpoint=False)
-        flow, n = local.flow, local.flow.system.size
-        y = flow.states_at(passage, times)
-        pads = []
-        if self.contacts.pads:
-            here = np.clip(np.searchsorted(passage.time, times, side="right") - 1, 0, passage.time.size - 1)
-            felt = (*flow.penetration_of(y, times), y[:, 2 * n :])
-            pads = sampled_faces(self.contacts.pads, flow.system.contacts, felt, flow.phases_in(passage)[here])
-        return solve_at(self, self.guess(y[:, :n] @ basis.T, value, pads), Settings(iterations=20), value, forward)
+        q = local.flow.states_at(passage, times)[:, : local.flow.system.size]
+        return solve_at(self, self.guess(q @ basis.T, value), Settings(iterations=20), value, forward)
 
     def orbit(self, point: BranchPoint) -> Orbit:
         """What a converged point means."""

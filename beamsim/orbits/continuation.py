@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import field
-from functools import cache, partial
+from functools import cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -194,11 +194,10 @@ def correct(
 ) -> BranchPoint | None:
     """The point of the branch with ``row . (u / scale) = target``; None where Newton's method does not converge.
 
-    A problem may have its own ``newton`` with the same meaning. ``reference`` (scaled) orients the tangent; with
-    ``orient`` not zero the determinant does. ``furthest`` limits the distance from the guess.
+    ``reference`` (scaled) orients the tangent; with ``orient`` not zero the determinant does. ``furthest`` limits the
+    distance from the guess.
     """
-    method = getattr(problem, "newton", None) or partial(newton, problem)
-    converged: Converged | None = method(guess, row, target, scale, settings, furthest)
+    converged = newton(problem, guess, row, target, scale, settings, furthest)
     if converged is None:
         return None
     tangent, sign = _null_vector(converged.jacobian, reference)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import inner, kernel
+from beamsim.flow.compiled import kernel
 from beamsim.flow.kernels import _coefficients, _exp, _fill_sources
 from beamsim.flow.peak_kernels import make_peaks, search_peaks, size
 
@@ -23,7 +23,7 @@ class ExponentialGroups(NamedTuple):
     peaks: Any  # see `beamsim.flow.peak_kernels.Peaks`
 
 
-@inner
+@kernel
 def _fill(work, tables, s, gamma, T):  # type: ignore[no-untyped-def]
     """The segment of length T in state s whose outputs have the coefficients gamma (B, K)."""
     for b in range(tables.n_basis[s]):

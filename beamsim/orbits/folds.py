@@ -50,14 +50,12 @@ class TwoParameterCurve:
         if omega <= 0:
             raise ArithmeticError("the frequency became negative")
         if self.second == "level":
-            flow = self.orbits.flow
-            flow.set(omega, value)
-            return flow, Level()
+            self.orbits.flow = self.orbits.flow.under(omega, value)
+            return self.orbits.flow, Level()
         if self._moved is None or self._moved[0] != value:
             self._moved = (value, *self.second(value))
         _, flow, direction = self._moved
-        flow.set(omega, self.orbits.level)
-        return flow, direction
+        return flow.under(omega, self.orbits.level), direction
 
     def _passage(self, u: Floats) -> tuple[Passage, Floats, Floats]:
         """The passage at u, M - I, and the residual's columns by both parameters."""

@@ -6,14 +6,12 @@ forces, the motions of fundamental frequency :math:`\Omega` solve
 .. math:: R_h = W_h - W^0_h(\Omega) - G_h(\Omega)\, (\Lambda_h(W) + S W_h) = 0, \qquad h = 0 \dots H,
 
 where the receptances G carry the whole linear structure (:mod:`beamsim.orbits.condensation`) and the springs' forces
-are Galerkin's, without aliasing (:mod:`beamsim.orbits.aft`); pads that relax are springs behind a linear compliance
-(:mod:`beamsim.orbits.balanced_contacts`). The unknowns are ``2 H + 1`` numbers a spring, whatever
+are Galerkin's, without aliasing (:mod:`beamsim.orbits.aft`). The unknowns are ``2 H + 1`` numbers a spring, whatever
 the model's size. Problems are those of :mod:`beamsim.orbits.continuation`; the Jacobian is exact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -24,7 +22,6 @@ from beamsim.errors import MethodError
 from beamsim.flow.stopping import check_stop
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
 from beamsim.orbits.balance_energy import energy_error
-from beamsim.orbits.balanced_contacts import BalancedContacts, balanced_contacts
 from beamsim.orbits.condensation import Condensation, Receptances
 from beamsim.orbits.harmonic_motion import HarmonicMotion
 from beamsim.typing import Complexes, Floats
@@ -65,8 +62,13 @@ class _Springs:
     """One-sided and cubic springs behind one condensed structure."""
 
     def __init__(self, system: PiecewiseLinearSystem, cubic_springs: CubicSprings | None, typical: float) -> None:
-        self.contacts = balanced_contacts(system.contacts, typical)
-        c = self.contacts.springs
+        if not system.contacts.one_sided:
+            raise MethodError(
+                "contacts", "whose laws have internal states (a dashpot that never pulls, Maxwell branches, friction, "
+                "hardening) are beyond harmonic balance", "use shooting, or leave these out",
+            )  # fmt: skip
+        c = system.contacts.one_sided_parts()
+        self.owner, self.direction = system.contacts.owners_of_parts
         self.rows = c.shape if cubic_springs is None else np.vstack([c.shape, cubic_springs.shape])
         if self.rows.shape[0] == 0:
             raise MethodError("", "harmonic balance needs a contact or a nonlinear spring", "it is linear without one")
@@ -84,7 +86,7 @@ class _Springs:
         tangent = np.zeros((self.count, 2 * H + 1), dtype=complex)
         h = np.arange(H + 1)
         closed = []
-        for j in range(self.contacts.one_sided):
+        for j in range(c.count):
             s = float(c.sign[j])
             D = -s * (W[:, j] + c.felt[j] * base)
             D[0] = D[0].real - c.gap[j]
@@ -97,16 +99,6 @@ class _Springs:
             by_x[j] = -rate[:, None] * toeplitz(contact.chi, H, H)
             by_w[:, j] = s * 1j * h * c.dashpot[j] * contact.positive
             by_w[:, j] += c.felt[j] * (by_x[j] @ to_real(base_w))
-            by_l[:, j] = c.felt[j] * (by_x[j] @ to_real(base_l))
-        for spring in self.contacts.relaxing:
-            j = spring.row
-            x = W[:, j] + c.felt[j] * base
-            relaxed, slope = spring.law.relaxation(h * omega)
-            value[:, j] = -relaxed * x
-            by_x[j, 0, 0] = -relaxed[0].real
-            by_x[j, h[1:], 2 * h[1:] - 1] = -relaxed[1:]
-            by_x[j, h[1:], 2 * h[1:]] = -1j * relaxed[1:]
-            by_w[:, j] = c.felt[j] * (by_x[j] @ to_real(base_w)) - h * slope * x
             by_l[:, j] = c.felt[j] * (by_x[j] @ to_real(base_l))
         for i, k in enumerate(self.cubic):
             j = c.count + i
@@ -121,19 +113,19 @@ class _Springs:
         return _Forces(value, by_x, by_w, by_l, tangent, tuple(closed))
 
 
-def _times(matrices: Complexes, vectors: Complexes) -> Complexes:
-    """(H + 1, r) products of matrices (H + 1, r, r) with vectors, harmonic by harmonic."""
-    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
-
-
 def _rows_real(R: Complexes) -> Floats:
     """((2H + 1) r,) real equations, harmonic by harmonic."""
     return to_real(R).ravel()
 
 
-def _residual(W: Complexes, receptances: Receptances, total: Complexes, behind: Complexes) -> Floats:
-    """Of the deflections, with ``total = force + S W`` and the deflections ``behind`` of the structure's, of pads."""
-    return _rows_real(W - receptances.response - (receptances.receptance @ total[:, :, None])[:, :, 0] - behind)
+def _times(matrices: Complexes, vectors: Complexes) -> Complexes:
+    """(H + 1, r) products of matrices (H + 1, r, r) with vectors, harmonic by harmonic."""
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
+def _residual(W: Complexes, receptances: Receptances, total: Complexes) -> Floats:
+    """Of the deflections, with ``total = force + S W``."""
+    return _rows_real(W - receptances.response - _times(receptances.receptance, total))
 
 
 def _with_shifts(by_x: Complexes, S: Complexes) -> Complexes:
@@ -146,14 +138,11 @@ def _with_shifts(by_x: Complexes, S: Complexes) -> Complexes:
     return M
 
 
-def _jacobian(receptances: Receptances, S: Complexes, by_x: Complexes, behind: Complexes | None = None) -> Floats:
-    """((2H+1) r, (2H+1) r) derivative of the residual by the real coefficients; ``behind`` (H + 1, r, r) is that of the
-    deflections of pads by the forces."""
+def _jacobian(receptances: Receptances, S: Complexes, by_x: Complexes) -> Floats:
+    """((2H+1) r, (2H+1) r) derivative of the residual by the real coefficients."""
     r, hs, xs = by_x.shape
     k, i = np.arange(1, hs), np.arange(r)
     J = -np.einsum("hij,jhx->hixj", receptances.receptance, _with_shifts(by_x, S))
-    if behind is not None:
-        J -= np.einsum("hij,jhx->hixj", behind, by_x)
     J[0, i, 0, i] += 1.0
     J[k[:, None], i, 2 * k[:, None] - 1, i] += 1.0
     J[k[:, None], i, 2 * k[:, None], i] += 1j
@@ -166,7 +155,7 @@ class ForcedBalance:
 
     Parameters
     ----------
-    system : the structure and its contacts; their laws do not rub (:mod:`beamsim.orbits.balanced_contacts`).
+    system : the structure and its contacts, whose laws have no internal states.
     forcing : its periodic loads.
     harmonics : H.
     parameter : the excitation's frequency (rad/s) or its level.
@@ -196,18 +185,6 @@ class ForcedBalance:
                 "harmonics", f"= {self.harmonics} does not reach the excitation's {least}", f"use {least} or more"
             )
         self._springs = _Springs(self.system, self.cubic, self.omega)
-
-    def states_at_start(self, point: BranchPoint) -> Floats:
-        """(2n + r,) the state of a motion at t = 0, internal states of contacts included."""
-        motion: HarmonicMotion = point.data
-        base = self._loads(*self.at(point.parameter))[1]
-        internal = motion.contacts.states_at_start(motion.forces, motion.deflections, base, motion.fundamental)
-        return np.append(motion.states(np.zeros(1))[0], internal)
-
-    @property
-    def contacts(self) -> BalancedContacts:
-        """The contacts as one-sided springs and linear elements."""
-        return self._springs.contacts
 
     @property
     def rows(self) -> Floats:
@@ -249,27 +226,21 @@ class ForcedBalance:
         S = structure.shifts(self.harmonics)
         receptances = structure.at(w, F, nu * dF)  # derivatives by the fundamental frequency: nu times those by omega
         forces = self._springs.forces(W, w, d, nu * dd, ld)
-        contacts, f = self._springs.contacts, forces.value
-        placed = W
-        pads = None
-        if contacts.pads:
-            pads = contacts.compliance(self.harmonics, w, r)
-            placed = W - _times(pads[0], f)  # of the structure, which the springs S hold
-        total = f + S * placed
+        total = forces.value + S * W
         J = np.empty((u.size - 1, u.size))
-        held = receptances.receptance * S[:, None, :]
-        behind = None if pads is None else pads[0] - held @ pads[0]  # deflections by forces beyond the structure's
-        J[:, :-1] = _jacobian(receptances, S, forces.by_deflection, behind)
+        J[:, :-1] = _jacobian(receptances, S, forces.by_deflection)
         if self.parameter == "frequency":
             moved = _times(receptances.receptance_slope, total) + _times(receptances.receptance, forces.by_frequency)
-            if pads is not None and behind is not None:
-                moved += _times(behind, forces.by_frequency) + _times(pads[1] - held @ pads[1], f)
             J[:, -1] = -_rows_real(receptances.response_slope + moved) / nu
         else:
             by_load = structure.at(w, lF, np.zeros_like(lF)).response + _times(receptances.receptance, forces.by_level)
-            J[:, -1] = -_rows_real(by_load if behind is None else by_load + _times(behind, forces.by_level))
-        motion = HarmonicMotion(w, structure, F, W, f, forces.closed, forces.tangent, placed, contacts)
-        return _residual(W, receptances, total, W - placed), J, motion
+            J[:, -1] = -_rows_real(by_load)
+        springs = self._springs
+        motion = HarmonicMotion(
+            w, structure, F, W, forces.value, forces.closed, forces.tangent, springs.system.contacts, springs.owner,
+            springs.direction,
+        )  # fmt: skip
+        return _residual(W, receptances, total), J, motion
 
     def energy_error(self, point: BranchPoint) -> float:
         """Imbalance of work and losses of a motion over a period; see :mod:`beamsim.orbits.balance_energy`."""
@@ -279,7 +250,7 @@ class ForcedBalance:
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Deflections by the size of each spring's motion, or its gap."""
-        size = _sizes(u[:-1].reshape(-1, self._springs.count), self._springs.contacts.springs.gap)
+        size = _sizes(u[:-1].reshape(-1, self._springs.count), self._springs.system.contacts.gap)
         omega = abs(self.omega) if self.parameter == "frequency" else max(abs(float(u[-1])), 1e-12)
         return np.append(size, omega), size
 
@@ -297,16 +268,9 @@ class ForcedBalance:
             ]
         return np.append(_rows_real(W), value)
 
-    def guess(self, coordinates: Floats, value: float, pads: Sequence[tuple[Floats, Floats]] = ()) -> Floats:
-        """Unknowns of a motion known at N equidistant times of a period, (N, n) coordinates.
-
-        ``pads`` are (N,) force and face of every pad.
-        """
-        deflections = coordinates @ self.rows.T
-        for pad, (force, face) in zip(self._springs.contacts.pads, pads, strict=True):
-            deflections[:, pad.row] += pad.sign * (face - force / pad.stiffness)
-            deflections[:, pad.corners] = face[:, None]
-        return np.append(_rows_real(_harmonics(deflections, self.harmonics)), value)
+    def guess(self, coordinates: Floats, value: float) -> Floats:
+        """Unknowns of a motion known at N equidistant times of a period, (N, n) coordinates."""
+        return np.append(_rows_real(_harmonics(coordinates @ self.rows.T, self.harmonics)), value)
 
 
 def _sizes(x: Floats, clearances: Floats) -> Floats:

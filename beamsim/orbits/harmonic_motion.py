@@ -6,10 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
+from beamsim.contacts.contacts import Contacts
 from beamsim.dataclass import dataclass
-from beamsim.orbits.balanced_contacts import BalancedContacts
 from beamsim.orbits.condensation import Condensation
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Complexes, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,13 +23,14 @@ class HarmonicMotion:
     forces: Complexes  # (H + 1, r) their forces on the structure
     closed: tuple[Floats, ...]  # (c, 2) of every one-sided spring, the phases during which it is closed, rad
     tangent: Complexes  # (r, 2H + 1) two-sided coefficients of the contact's indicator, or of a cubic spring's 3 w²
-    placed: Complexes  # (H + 1, r) deflections of the structure, which differ from those of springs in pads
-    contacts: BalancedContacts
+    springs: Contacts  # (m,) the one-sided springs
+    owner: Ints  # (m,) contact that each is a part of
+    direction: Floats  # (m,) of its force in that of the contact
 
     @cached_property
     def coordinates(self) -> Complexes:
         """(H + 1, n) Q: q(t) = Re sum Q_h e^{i h fundamental t}; of the model's size, so only on request."""
-        return self.structure.coordinates(self.fundamental, self.load, self.forces, self.placed)
+        return self.structure.coordinates(self.fundamental, self.load, self.forces, self.deflections)
 
     @property
     def period(self) -> float:

@@ -1,7 +1,4 @@
-"""Paths of systems by one number: the third kind of parameter of :class:`beamsim.orbits.shooting.ForcedOrbits`.
-
-States are numbered alike in all flows of a path, so that a passage found with one can be read with another.
-"""
+"""Paths of systems by one number: the third kind of parameter of :class:`beamsim.orbits.shooting.ForcedOrbits`."""
 
 from __future__ import annotations
 
@@ -70,7 +67,7 @@ class DampingPath:
         """The flow at a parameter, and the direction there."""
         flow, n = self.flow, self.flow.system.size
         grown = float(np.exp(parameter - 1.0))
-        direction = StructureDirection.of(n, damping=self.unit * grown * self._critical, harmonics=flow.loads.count)
+        direction = StructureDirection.of(n, damping=self.unit * grown * self._critical)
         added = np.diag(self.unit * (grown - 1.0) * self._critical)
         self.flow = flow.with_damping(self._damping + added)
         return self.flow, direction

@@ -149,9 +149,8 @@ def find_phase_resonance(problem: ForcedOrbits, start: Floats, omega: float) -> 
     z[: start.size] = start
     u = np.append(z, omega)
     scale = problem.scale(u)[0]
-    problem.flow.set(omega, problem.level)
     try:  # the direction in which the motion moves along itself
-        slope = problem.flow.carry(z, 2 * np.pi / omega).slope
+        slope = problem.flow.under(omega, problem.level).carry(z, 2 * np.pi / omega).slope
     except ArithmeticError:
         return None
     along = np.append(slope, 0.0) / scale

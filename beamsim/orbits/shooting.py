@@ -17,18 +17,15 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage, StructureDirection
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.flow.variational import VariationalFlow, floquet_multipliers
+from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, FailedSearch, Orbit, SpecialPoint, recorded
-from beamsim.orbits.compiled_newton import NotCompiled, compiled_newton
 from beamsim.orbits.continuation import (
-    Converged,
     Settings,
     between,
     branch_point_between,
     correct,
     follow_orbits,
     locate,
-    newton,
     solve_at,
 )
 from beamsim.orbits.grazing import cyclic, grazings, smooth_pieces, turned_at
@@ -53,7 +50,7 @@ class ForcedOrbits:
 
     Parameters
     ----------
-    flow : system and loads.
+    flow : system and loads; later the one last asked for.
     parameter : the continuation parameter: ``"frequency"`` (rad/s), ``"level"``, or a path of systems (stiffness, gap,
         position …).
     multiple : periods of the excitation in one of the motion.
@@ -71,7 +68,6 @@ class ForcedOrbits:
         self._smallest = max(1e-3 * float(np.max(np.abs(contacts.clearances), initial=0.0)), 1e-30)
         self._n2 = 2 * self.flow.system.size
         self._may_rest = np.vstack([self._one[self._n2 + contacts.sliders], self._faces()])
-        # the flow may be shared: what doesn't change here is set again with what does
         self.omega, self.level = self.flow.omega, self.flow.level
 
     def _faces(self) -> Floats:
@@ -98,16 +94,14 @@ class ForcedOrbits:
         if self.parameter == "frequency":
             if value <= 0:
                 raise ArithmeticError("the frequency became negative")
-            self.flow.set(value, self.level)
+            self.flow = self.flow.under(value, self.level)
             return self.flow, None
         if self.parameter == "level":
-            self.flow.set(self.omega, value)
+            self.flow = self.flow.under(self.omega, value)
             return self.flow, None
         if self._moved is None or self._moved[0] != value:
-            flow, direction = self.parameter(value)
-            flow.set(self.omega, self.level)
-            self._moved = (value, flow, direction)
-        return self._moved[1], self._moved[2]
+            self._moved = (value, *self.parameter(value))
+        return self._moved[1].under(self.omega, self.level), self._moved[2]
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
         """``z(T) - z(0)`` with its Jacobian."""
@@ -144,22 +138,6 @@ class ForcedOrbits:
         resting = candidates[np.abs(change).max(axis=1) < RESTS]
         _, size, rows = np.linalg.svd(resting, full_matrices=False)
         return np.asarray(rows[size > RESTS])  # of several that are held at one place one is enough
-
-    def newton(
-        self, guess: Floats, row: Floats, target: float, scale: Floats, settings: Settings, furthest: float
-    ) -> Converged | None:
-        """Newton's method, see :func:`beamsim.orbits.continuation.newton`: compiled where the flow allows that."""
-        flow = self.flow
-        if not isinstance(self.parameter, str) or not isinstance(flow, VariationalFlow) or self._may_rest.size:
-            return newton(self, guess, row, target, scale, settings, furthest)
-        kind = Frequency() if self.parameter == "frequency" else Level()
-        try:
-            return compiled_newton(
-                flow, kind, self.omega, self.level, self.multiple, self._smallest, guess, row, target, scale, settings,
-                furthest,
-            )  # fmt: skip
-        except NotCompiled:
-            return newton(self, guess, row, target, scale, settings, furthest)
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Displacements by the largest amplitude of the state, velocities by it times omega."""

@@ -142,7 +142,7 @@ class ContactStiffness(SpringFamily):
         return moved_system(self.system, self.direction, factor - 1.0)
 
     def _flow(self, system: PiecewiseLinearSystem, factor: float, twin: Any) -> VariationalFlow:
-        return VariationalFlow(system, twin=twin)
+        return VariationalFlow(system) if twin is None else twin.with_system(system)
 
     def _direction(self) -> ContactDirection:
         return self.direction

@@ -145,6 +145,13 @@ class TableShape(Shape):
         if any(len(row) != expected for row in rows) or (self.y is not None and len(rows) != len(self.x)):
             raise fail("are not as many as the positions", "give a value at each position", ("values",))
 
+    def on_the_body(self, body: Body) -> dict[str, object]:
+        """The positions in m, by key, where they are given as shares."""
+        if self.y is None:
+            return {"x": tuple(body.on_the_body(x) for x in self.x)}
+        corners = [body.on_the_body((x, 0.0)) for x in self.x], [body.on_the_body((0.0, y)) for y in self.y]
+        return {key: tuple(corner[k] for corner in corners[k]) for k, key in enumerate("xy")}  # type: ignore[index]
+
     @property
     def two_dimensional(self) -> bool:
         """With positions in two directions."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -18,6 +18,7 @@ from beamsim.scenario.messages import describe
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.tree import Node, from_python, located, node_at, parse, path_parts
 from beamsim.scenario.units import units_written
+from beamsim.scenario.written import written
 
 USED: dict[str, frozenset[str]] = {
     "run": frozenset({"run", "limits"}),
@@ -81,16 +82,41 @@ def _unused(root: Node, command: str) -> frozenset[str]:
 def _read(source: str | FilePath | Mapping[str, Any] | Scenario) -> tuple[Node, str]:
     """Return the tree, `extends` resolved, and the name for output files."""
     if isinstance(source, Scenario):
-        root = from_python(source.model_dump(mode="json", by_alias=True, exclude_none=True))
-        for at, _ in named_files(source):  # stay relative to where they were written
-            node_at(root, at).file = str(source.folder_of(*at) / f"{source.source}.yaml")
-        return root, source.source
+        return _tree(source), source.source
     if isinstance(source, Mapping):
         return resolve_extends(from_python(source), FilePath()), "scenario"
     if isinstance(source, str) and ("\n" in source or source.lstrip().startswith("{")):
         return resolve_extends(parse(source, "<text>"), FilePath()), "scenario"
     path = FilePath(source)
     return resolve_extends(read_file(path), path.parent, (path.resolve(),)), path.stem
+
+
+def _tree(scenario: Scenario, places: Iterable[Path] = ()) -> Node:
+    """The tree of a scenario as it was written, with what holds these places."""
+    files = [at for at, _ in named_files(scenario)]
+    root = from_python(written(scenario, [*places, *files]))
+    for at in files:  # stay relative to where they were written
+        node_at(root, at).file = str(scenario.folder_of(*at) / f"{scenario.source}.yaml")
+    return root
+
+
+def replacing(scenario: Scenario, places: Iterable[Path]) -> Callable[[Mapping[Path, object]], Scenario]:
+    """What gives the same scenario with other values at these places, many times; what follows from them follows.
+
+    Raises
+    ------
+    ScenarioError
+        By the function, as `load_scenario` raises it.
+    """
+    tree = _tree(scenario, places)
+
+    def with_values(values: Mapping[Path, object]) -> Scenario:
+        root = tree.copy()
+        for place, value in values.items():
+            node_at(root, place[:-1]).value[place[-1]] = from_python(value)
+        return _validated(root).with_source(scenario.source, root)
+
+    return with_values
 
 
 def _validated(root: Node) -> Scenario:

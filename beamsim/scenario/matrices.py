@@ -21,7 +21,7 @@ class MatrixSource(Schema):
     """A matrix in a file."""
 
     file: FileName
-    """OP4, punched DMIG, MatrixMarket, Abaqus, Harwell-Boeing, MATLAB or NumPy; relative to the scenario's folder."""
+    """OP2, OP4, DMIG, MatrixMarket, Abaqus, Harwell-Boeing, MATLAB or NumPy; relative to the scenario's folder."""
     name: Text | None = None
     """Name of the matrix in the file, upper or lower case; not needed where the file holds one."""
 

@@ -15,7 +15,7 @@ from beamsim.scenario.base import Path, Schema, UnknownValueError, Variants, kno
 from beamsim.scenario.beam import AnyBeam
 from beamsim.scenario.body import Body, Located
 from beamsim.scenario.display import DisplayUnits
-from beamsim.scenario.distributed import AnyDeadLoad
+from beamsim.scenario.distributed import AnyDeadLoad, TableShape
 from beamsim.scenario.excitation import Excitation, NoExcitation
 from beamsim.scenario.input_files import Record, SolvedFiles, records_of
 from beamsim.scenario.limits import Limits
@@ -156,6 +156,11 @@ class Scenario(Schema):
         copy._left_out = warnings
         return copy
 
+    @property
+    def text(self) -> dict[str, Any] | None:
+        """What was read as plain data, `extends` and overrides merged; None of a scenario made otherwise."""
+        return None if self._text is None else self._text.plain()
+
     def with_solved_files(self, files: SolvedFiles) -> Scenario:
         """Return the same scenario as that of a result, whose files are looked for and compared."""
         copy = self.model_copy()
@@ -192,7 +197,7 @@ class Scenario(Schema):
     @property
     def automatic_sample_rate(self) -> bool:
         """Whether the run's sample rate was chosen here, not by who wrote the scenario."""
-        run = None if self._text is None else self._text.plain().get("run")
+        run = (self.text or {}).get("run")
         return isinstance(run, dict) and run.get("sample_rate") is None
 
     @property
@@ -400,7 +405,7 @@ class Scenario(Schema):
         if self.bodies:
             self.resolve("bodies", {name: _snapped(body, bodies, name) for name, body in self.bodies.items()})
         default = self.default_body
-        for name in (*DEFAULT_NAMES, "constant_forces", "excitation", "probes", "run"):
+        for name in type(self).model_fields.keys() - {*self.body_sections}:
             self.resolve(name, _snapped(self.__dict__[name], bodies, default))
 
 
@@ -437,10 +442,12 @@ def _snapped(value: object, bodies: dict[str, Body], default: str) -> object:
         return value
     changed: dict[str, object] = {}
     name = getattr(value, "body", None) or default
+    if isinstance(value, TableShape) and name in bodies:
+        changed = value.on_the_body(bodies[name])
     for key, old in value.__dict__.items():
         if old is None or (isinstance(old, (float, str, int)) and key != "position"):
             continue
-        new = _snapped(old, bodies, default)
+        new = _snapped(old, bodies, name if isinstance(name, str) else default)
         point = isinstance(old, tuple) and key in ("position", "from_", "to")  # [x, y] on a plate
         if (point or (key == "position" and isinstance(old, float))) and isinstance(name, str) and name in bodies:
             new = bodies[name].on_the_body(old)

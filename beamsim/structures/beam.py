@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -12,16 +12,15 @@ from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.beam_fields import PolynomialField, largest_deflection
 from beamsim.structures.beam_model import BeamModel, deflection_row, rigid_motions
-from beamsim.structures.beam_sensitivity import beam_sensitivities
 from beamsim.structures.damping import damping_matrix
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.hermite import curvature_factor, mass_matrix
 from beamsim.structures.mesh import Mesh, build_mesh
-from beamsim.structures.places import DEFLECTION, SLOPE, Place, Site, SpringEnd
+from beamsim.structures.places import DEFLECTION, SLOPE, Place, Site
 from beamsim.structures.recovery import beam_recovery
 from beamsim.structures.rigid_motion import allowed_rigid_modes
 from beamsim.structures.stations import Recovery
-from beamsim.structures.structure import MemberBody, Path
+from beamsim.structures.structure import MemberBody
 from beamsim.structures.supports import HeldMatrices, Support, spring_support
 from beamsim.typing import Floats, Ints
 
@@ -59,14 +58,20 @@ def _scatter(blocks: Floats, rows: Ints, columns: Ints, shape: tuple[int, int]) 
 class BeamStructure(BeamModel):
     """A beam as a structure."""
 
+    sides: ClassVar[tuple[str, ...]] = ("length",)
+
     def unit_stiffness(self, site: Site) -> float:
         """E I / L^3, N/m, with the largest E I."""
         return self.beam.bending_stiffness / self.beam.length**3
 
     @property
-    def stated_damping(self) -> Any:
+    def section(self) -> BeamBody:
         """That of the beam."""
-        return self.beam.damping
+        return self.beam
+
+    def reassembled(self, section: BeamBody) -> BeamStructure:
+        """The beam with other numbers on the same mesh."""
+        return assemble_beam(section, self.name, mesh=self.mesh)
 
     @property
     def total_mass(self) -> float:
@@ -139,12 +144,6 @@ class BeamStructure(BeamModel):
         """A polynomial in x (m) from the left end, by its coefficients."""
         return PolynomialField(self, numbers)
 
-    def sensitivities(
-        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
-    ) -> dict[Path, float]:
-        """d ln k / d ln p of every number of the beam."""
-        return beam_sensitivities(self, path, ends, v, k, squared)
-
 
 @dataclass(frozen=True)
 class _EndSprings:
@@ -174,19 +173,29 @@ class _EndSprings:
         return csr_array(entries, shape=(acting.size, size))
 
 
-def assemble_beam(beam: BeamBody, name: str = "beam", nodes: Sequence[float] = ()) -> BeamStructure:
+def assemble_beam(
+    beam: BeamBody, name: str = "beam", nodes: Sequence[float] = (), mesh: Mesh | None = None
+) -> BeamStructure:
     """Sparse matrices of a beam on its supports (equations: docs/theory.md, section 1).
 
-    Point masses are placed on nodes of their own, as are the bounds of segments, what joins the beam, at ``nodes`` (m),
-    and the nodes that the beam asks for; consistent mass everywhere else. The units of stiffness and mass are the
-    largest E I over the length cubed, and the mass of the beam itself.
+    Without a mesh, one is made with nodes at point masses, bounds of segments and what the beam asks for; consistent
+    mass everywhere else. The units of stiffness and mass are the largest E I over the length cubed, and the mass of the
+    beam itself.
+
+    Parameters
+    ----------
+    beam : the section of the scenario.
+    name : of the body.
+    nodes : m, where something joins the beam: nodes of a mesh that is made.
+    mesh : one that is there.
     """
     from scipy.sparse import vstack
 
     length, stretches = beam.length, beam.stretches
     bounds = np.array([0.0, *(stretch.start / length for stretch in stretches[1:]), 1.0])
-    hard = [*(mass.position for mass in beam.point_masses), *beam.nodes, *nodes]
-    mesh = build_mesh(beam.elements, [x / length for x in hard], bounds.tolist())
+    if mesh is None:
+        hard = [*(mass.position for mass in beam.point_masses), *beam.nodes, *nodes]
+        mesh = build_mesh(beam.elements, [x / length for x in hard], bounds.tolist())
     size = 2 * mesh.nodes.size
     dofs = mesh.dofs
     mass_scale = beam.mass_per_length * length

@@ -10,9 +10,9 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.damping import damping_matrix
-from beamsim.structures.places import DEFLECTION, Place, Site, SpringEnd, site_of
+from beamsim.structures.places import DEFLECTION, Place, Site
 from beamsim.structures.stations import MASSES, Recovery
-from beamsim.structures.structure import BodyStructure, MemberBody, Path
+from beamsim.structures.structure import BodyStructure, MemberBody
 from beamsim.structures.supports import Support, spring_support
 from beamsim.typing import Floats
 
@@ -103,9 +103,13 @@ class ChainStructure(BodyStructure):
         return max(self.chain.springs)
 
     @property
-    def stated_damping(self) -> Any:
-        """That of the chain as a whole."""
-        return self.chain.damping
+    def section(self) -> Chain:
+        """That of the chain."""
+        return self.chain
+
+    def reassembled(self, section: Chain) -> ChainStructure:
+        """The chain with other numbers."""
+        return assemble_chain(section, self.name)
 
     def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
         """(n, n) C of the reduced model, 1/s."""
@@ -143,30 +147,6 @@ class ChainStructure(BodyStructure):
     def given_field(self, numbers: Sequence[float]) -> MassField:
         """One number a mass."""
         return MassField(self, np.asarray(numbers, dtype=float))
-
-    def sensitivities(
-        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
-    ) -> dict[Path, float]:
-        """d ln k / d ln p of every mass and spring."""
-        rates: dict[Path, float] = {
-            (*path, "masses", i): squared * mass / self.mass_scale * float(v[i]) ** 2 / k
-            for i, mass in enumerate(self.chain.masses)
-        }
-        with_walls = np.concatenate([[0.0], v, [0.0]])
-        for i, spring in enumerate(self.chain.springs):
-            if spring > 0:
-                rates[(*path, "springs", i)] = (
-                    -spring / self.stiffness_scale * float(with_walls[i + 1] - with_walls[i]) ** 2 / k
-                )
-        for name in ("springs_to_ground", "springs_between"):
-            for i, beside in enumerate(getattr(self.chain, name)):
-                stretch = float(self.row(site_of(beside, self.name)) @ v)
-                rate = -linear_stiffness(beside) / self.stiffness_scale * stretch**2 / k
-                if beside.kind == "linear":
-                    rates[(*path, name, i, "stiffness")] = rate
-                elif beside.kind == "piecewise_linear":
-                    rates[(*path, name, i, "stiffnesses", beside.number_at_rest)] = rate
-        return rates
 
 
 def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = ()) -> ChainStructure:

@@ -28,11 +28,11 @@ from beamsim.structures.imported import (
     rigid_rows,
 )
 from beamsim.structures.named_matrices import NamedMatrices
-from beamsim.structures.places import Place, Site, SpringEnd
+from beamsim.structures.places import Place, Site
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.rigid_motion import orthonormal_in_mass
 from beamsim.structures.stations import NODES, Recovery
-from beamsim.structures.structure import BodyStructure, GivenField, MemberBody, Path
+from beamsim.structures.structure import BodyStructure, GivenField, MemberBody
 from beamsim.structures.sturm import negative_eigenvalues
 from beamsim.structures.supports import Support
 from beamsim.structures.symmetric_lu import SymmetricLU, symmetric_lu
@@ -318,6 +318,14 @@ class MatricesStructure(BodyStructure):
         return self.stiffness_scale / float(row @ static_deflections(self, row[:, None])[:, 0])
 
     @property
+    def section(self) -> None:
+        """None: the scenario has no number of these matrices."""
+
+    def reassembled(self, section: Any) -> MatricesStructure:
+        """Itself."""
+        return self
+
+    @property
     def stated_damping(self) -> Any:
         """That of the body."""
         return self.whole_damping
@@ -362,12 +370,6 @@ class MatricesStructure(BodyStructure):
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """None: the scenario refuses it."""
         raise ValueError("imported matrices take no shape to start from")
-
-    def sensitivities(
-        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
-    ) -> dict[Path, float]:
-        """None: the scenario has no number of theirs."""
-        return {}
 
 
 def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any] = ()) -> MatricesStructure:

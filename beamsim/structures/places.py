@@ -95,6 +95,12 @@ class SpringEnd:
     path: tuple[str | int, ...]  # where the place is written in the scenario
     sign: float  # of the spring's stretch for a deflection there
 
+    @property
+    def coordinates(self) -> tuple[float, ...]:
+        """Those of the place, m."""
+        point = self.place.point
+        return point if isinstance(point, tuple) else (point,)
+
 
 def spring_ends(site: Site, paths: Sequence[tuple[str | int, ...]]) -> list[SpringEnd]:
     """The places that a spring at a site acts on; ``paths`` say where they are written, in the order of the site."""

@@ -12,20 +12,19 @@ such rows along their lines. Edges hold all degrees of freedom of an end of one 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.beam import supported_dofs
 from beamsim.structures.damping import damping_matrix
-from beamsim.structures.places import DEFLECTION, SLOPE, Place, SpringEnd
+from beamsim.structures.places import DEFLECTION, SLOPE, Place
 from beamsim.structures.plate_mesh import PlateMesh, graded_mesh, integration_rows
 from beamsim.structures.plate_model import PlateModel, energy_coefficients
 from beamsim.structures.plate_recovery import plate_recovery
-from beamsim.structures.plate_sensitivity import plate_sensitivities
 from beamsim.structures.rigid_motion import allowed_rigid_modes
-from beamsim.structures.structure import GivenField, MemberBody, Path
+from beamsim.structures.structure import GivenField, MemberBody
 from beamsim.structures.supports import HeldMatrices, Support
 from beamsim.typing import Bools, Floats
 
@@ -38,10 +37,16 @@ if TYPE_CHECKING:
 class PlateStructure(PlateModel):
     """A plate as a structure."""
 
+    sides: ClassVar[tuple[str, ...]] = ("length", "width")
+
     @property
-    def stated_damping(self) -> Any:
+    def section(self) -> PlateBody:
         """That of the plate."""
-        return self.plate.damping
+        return self.plate
+
+    def reassembled(self, section: PlateBody) -> PlateStructure:
+        """The plate with other numbers on the same mesh."""
+        return assemble_plate(section, self.name, mesh=self.mesh)
 
     @property
     def total_mass(self) -> float:
@@ -102,12 +107,6 @@ class PlateStructure(PlateModel):
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """None: the scenario refuses it."""
         raise ValueError("a plate has no shape that a list of numbers gives")
-
-    def sensitivities(
-        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
-    ) -> dict[Path, float]:
-        """d ln k / d ln p of every number of the plate."""
-        return plate_sensitivities(self, assemble_plate, path, ends, v, k, squared)
 
 
 def assemble_plate(

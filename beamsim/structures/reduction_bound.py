@@ -12,6 +12,7 @@ What damping adds is in docs/theory.md, section 4.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -37,8 +38,8 @@ _FREQUENCIES = 12
 class ReceptanceBound:
     """Largest errors of the reduced receptance, over the size of the receptances.
 
-    0 where all modes are kept; infinite where the modes kept lack some below the highest frequency that the reduction
-    was made for; nan where round-off leaves that open. The size of a receptance is the geometric
+    0 where all modes are kept; infinite where the modes kept lack some below the highest of the frequencies; nan where
+    round-off leaves that open. The size of a receptance is the geometric
     mean of those at its two places, each of which is its static compliance or, near resonances, its present amount.
     """
 
@@ -47,9 +48,9 @@ class ReceptanceBound:
 
 
 def receptance_bound(
-    model: Structure, basis: ReducedBasis, damping: Floats, loads: Floats, probes: Floats
+    model: Structure, basis: ReducedBasis, damping: Floats, loads: Floats, probes: Floats, omega: Sequence[float] = ()
 ) -> ReceptanceBound:
-    """Bounds up to the highest frequency that the reduction was made for.
+    """Bounds up to the highest frequency that the reduction was made for, and at those of the excitation.
 
     Parameters
     ----------
@@ -57,6 +58,12 @@ def receptance_bound(
     damping : (n, n) C of the reduced model, 1/s.
     loads : (m, N) rows of contacts and forces, and the inertia load where the base moves.
     probes : (p, N) rows of what is observed only, of which the basis has no static vectors.
+    omega : angular frequencies of the excitation, rad/s.
+
+    Returns
+    -------
+    ReceptanceBound
+        Relative errors of what the module's equation bounds.
     """
     acting, known = loads.shape[0], None if not len(probes) else 0.0
     parts = [(part.structure, part.dofs) for part in model.parts] or [(model, slice(None))]
@@ -72,10 +79,10 @@ def receptance_bound(
     if not moved[:acting].any():
         return ReceptanceBound(0.0, known)
     largest = np.zeros(moved.size)  # of each place and any load
-    for omega in _frequencies(basis) * model.frequency_scale:
+    for frequency in np.concatenate([_frequencies(basis) * model.frequency_scale, omega]):
         errors, present = np.zeros((moved.size, moved.size)), np.zeros(moved.size)
         for part in truncations:
-            scaled = omega / part.model.frequency_scale
+            scaled = frequency / part.model.frequency_scale
             response = part.response(scaled)
             errors += part.errors(scaled, response) / part.model.stiffness_scale
             present += np.abs(np.einsum("ij,ji->i", part.shapes, response)) / part.model.stiffness_scale

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamsim.dataclass import dataclass
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Floats, Ints
 
 # A mode does not load the spring if its squared deflection at the point is below this fraction of the largest.
 _NODE = 1e-26
@@ -31,7 +31,6 @@ _NODE = 1e-26
 _NODE_OF_SHAPE = 1e-8
 # Natural frequencies closer together than this count as one pole.
 _SAME_POLE = 1e-13
-_MOST_ITERATIONS = 200
 _EPS = float(np.finfo(float).eps)
 
 
@@ -106,15 +105,14 @@ class SpringPoint:
 
         Every root is bracketed by its neighbouring poles and found to machine precision.
         """
-        k = np.atleast_1d(np.asarray(stiffness, dtype=float))
+        shape, k = np.shape(stiffness), np.asarray(stiffness, dtype=float).ravel()
         count = self.omega.size if count is None else min(count, self.omega.size)
         poles, _, fixed = self._poles
         with np.errstate(divide="ignore"):
             level = np.where(k > 0, 1.0 / k, np.inf)
         roots = [self._roots(j, level) for j in range(min(count, poles.size))]
         unchanged = [np.full(k.shape, omega) for omega in fixed]
-        frequencies = np.sort(np.stack([*roots, *unchanged], axis=-1), axis=-1)[..., :count]
-        return np.asarray(frequencies if np.ndim(stiffness) else frequencies[0])
+        return np.sort(np.stack([*roots, *unchanged], axis=-1), axis=-1)[:, :count].reshape(*shape, count)
 
     def pinned(self, count: int | None = None) -> Floats:
         """(count,) natural angular frequencies with the point pinned; infinite for a mode that pinning removes."""
@@ -149,71 +147,45 @@ class SpringPoint:
         return np.asarray(self.participation(omega) / (2 * np.asarray(omega, dtype=float)))
 
     def _roots(self, j: int, level: Floats) -> Floats:
-        """Angular frequencies where g = level between poles j and j + 1 (above the last pole: anywhere above it)."""
+        """Angular frequencies where g = level (s,) between poles j and j + 1, or above the last pole."""
         poles, weights, _ = self._poles
-        lower = poles[j]
-        if j + 1 < poles.size:
-            width = (poles[j + 1] - lower) * (poles[j + 1] + lower)
-            # (g - level) times the distances to both poles is smooth and changes sign between them.
-            middle = _function(0.5 * width, level, (lower - poles) * (lower + poles), weights, width)
-            from_above = middle > 0
-        else:
-            with np.errstate(divide="ignore"):
-                width = np.where(level > 0, weights.sum() / np.where(level > 0, level, 1.0), np.inf) * (1 + 4 * _EPS)
-            from_above = np.zeros(level.shape, dtype=bool)
-            if np.isinf(width).all():
-                return np.full(level.shape, np.inf)
-        origin = np.where(from_above, poles[min(j + 1, poles.size - 1)], lower)
-        offset = (origin[..., None] - poles) * (origin[..., None] + poles)
-        span = np.broadcast_to(np.asarray(width, dtype=float), level.shape)
-        start = np.where(from_above, -0.5 * span, 0.0)
-        stop = np.where(from_above, 0.0, (0.5 if j + 1 < poles.size else 1.0) * span)
-        delta = _bracketed(offset, weights, level, start, stop, origin_is_upper=from_above)
-        squared = origin**2 + delta
-        root = np.where(origin > 0, origin + delta / (origin + np.sqrt(squared)), np.sqrt(squared))
-        return np.asarray(np.where(np.isinf(level), lower, root), dtype=float)
+        last = j + 1 == poles.size
+        with np.errstate(divide="ignore"):
+            reach = weights.sum() / level * (1 + 4 * _EPS)  # no root is further above the last pole
+        width = reach if last else np.full(level.shape, (poles[j + 1] - poles[j]) * (poles[j + 1] + poles[j]))
+        # measured from the nearer pole: g falls between them, so that its value halfway says which one that is
+        halfway = (poles[j] - poles) * (poles[j] + poles) + 0.5 * width[:, None]
+        above = np.sum(weights / halfway, axis=-1) > level if not last else np.zeros(level.shape, dtype=bool)
+        origin = np.where(above, poles[min(j + 1, poles.size - 1)], poles[j])
+        offset = (origin[:, None] - poles) * (origin[:, None] + poles)
+        side = np.where(above, -1.0, 1.0)
+        moved = side * _distances(offset, weights, level, side, width if last else 0.5 * width)
+        squared = np.maximum(origin**2 + moved, 0.0)
+        root = np.where(origin > 0, origin + moved / (origin + np.sqrt(squared)), np.sqrt(squared))
+        return np.asarray(np.where(np.isinf(level), poles[j], np.where(np.isinf(width), np.inf, root)), dtype=float)
 
 
-def _function(delta: ArrayLike, level: Floats, offset: Floats, weights: Floats, width: float) -> Floats:
-    """(g - level) delta (width - delta), with delta the distance of lambda from the lower pole."""
-    delta = np.broadcast_to(np.asarray(delta, dtype=float), level.shape)
-    return np.asarray((np.sum(weights / (offset + delta[..., None]), axis=-1) - level) * delta * (width - delta))
+def _distances(offset: Floats, weights: Floats, level: Floats, side: Floats, span: Floats) -> Floats:
+    """(s,) distances x in lambda from a pole at which g = level; (g - level) x is smooth and all but linear near it.
 
-
-def _bracketed(
-    offset: Floats, weights: Floats, level: Floats, start: Floats, stop: Floats, *, origin_is_upper: Bools
-) -> Floats:
-    """Roots of (g - level) * delta between start and stop (one end is the pole itself, delta = 0).
-
-    Newton's method on a function that is nearly linear close to the pole, safeguarded by a shrinking bracket: a step
-    that would leave it is replaced by bisection (of the logarithm, towards the pole). Vectorised over the roots.
+    Parameters
+    ----------
+    offset : (s, p) of the pole from all poles, zero for itself.
+    weights : (p,) of the poles.
+    level : (s,) values of g; what is infinite is not looked for.
+    side : (s,) 1 where lambda is above the pole, -1 below.
+    span : (s,) largest distance.
     """
-    origin = np.abs(offset) == 0  # the pole from which delta is measured
-    finite = np.isfinite(level) & np.isfinite(stop) & np.isfinite(start)
-    c = np.where(finite, level, 0.0)
-    # With x = |delta| both cases have positive x, with g decreasing in delta.
-    side = np.where(origin_is_upper, -1.0, 1.0)
-    low, high = np.zeros(level.shape), np.where(finite, np.maximum(np.abs(start), np.abs(stop)), 1.0)
-    weight = np.sum(np.where(origin, weights, 0.0), axis=-1)
-    x = 0.5 * high
-    for _ in range(_MOST_ITERATIONS):
-        delta = side * x
-        difference = np.where(origin, 1.0, offset + delta[..., None])
-        rest = np.sum(np.where(origin, 0.0, weights / difference), axis=-1)
-        rest_slope = -np.sum(np.where(origin, 0.0, weights / difference**2), axis=-1)
-        # (g - c) x = side w + (rest - c) x: its sign gives the side of the root.
-        value = side * weight + (rest - c) * x
-        slope = (rest - c) + rest_slope * side * x
-        beyond = value * side < 0  # beyond the root, counted from the pole
-        high = np.where(beyond, x, high)
-        low = np.where(beyond, low, x)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = x - value / slope
-        halfway = np.where(low > 0, np.sqrt(low * high), 0.5 * (low + high))
-        inside = np.isfinite(step) & (step > low) & (step < high)
-        following = np.where(value == 0, x, np.where(inside, step, halfway))
-        done = (np.abs(following - x) <= _EPS * x) | (high - low <= 2 * _EPS * high) | ~finite
-        x = np.where(finite, following, x)
-        if done.all():
-            break
-    return np.asarray(side * x)
+    from scipy.optimize.elementwise import find_root
+
+    known = np.isfinite(level) & np.isfinite(span)
+    highest, c = np.where(known, span, 1.0), np.where(known, level, 0.0)
+    own = offset == 0
+    weight = np.sum(np.where(own, weights, 0.0), axis=-1)
+
+    def value(x: Floats, i: Ints) -> Floats:
+        difference = np.where(own[i], np.inf, offset[i] + (side[i] * x)[:, None])
+        return np.asarray(weight[i] + (np.sum(weights / difference, axis=-1) - c[i]) * side[i] * x)
+
+    found = find_root(value, (np.zeros(level.shape), highest), args=(np.arange(level.size),))
+    return np.asarray(np.where(found.success, found.x, highest))

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.named_matrices import NamedMatrices, with_base_node
-from beamsim.structures.places import DEFLECTION, Link, LoadSite, Place, Site, SpringEnd, ends_of
+from beamsim.structures.places import DEFLECTION, Link, LoadSite, Place, Site, ends_of
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -296,10 +296,22 @@ class BodyStructure(Structure, ABC):
         """Itself."""
         return (MemberBody(self, self),)
 
+    sides: ClassVar[tuple[str, ...]] = ()
+    """Keys of the section that are the extent of the body along each axis."""
+
     @property
     @abstractmethod
+    def section(self) -> Any:
+        """What describes the body in the scenario; None where that has no number of its matrices."""
+
+    @abstractmethod
+    def reassembled(self, section: Any) -> BodyStructure:
+        """The body with other numbers on the same mesh."""
+
+    @property
     def stated_damping(self) -> Any:
         """The damping that the scenario gives the body; None without."""
+        return self.section.damping
 
     @property
     def total_mass(self) -> float:
@@ -378,17 +390,3 @@ class BodyStructure(Structure, ABC):
     @abstractmethod
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """A field that a scenario gives by numbers, as the kind of body reads them."""
-
-    @abstractmethod
-    def sensitivities(
-        self, path: Path, ends: Sequence[SpringEnd], v: Floats, k: float, squared: float
-    ) -> dict[Path, float]:
-        """d ln k / d ln p of every number of the body; see `beamsim.structures.point_sensitivity`.
-
-        Parameters
-        ----------
-        path : where the body is in the scenario.
-        ends : places of the spring that are on the body.
-        v : (N,) mode, scaled to a stretch of -1 at the spring.
-        k, squared : scaled stiffness, scaled omega^2.
-        """

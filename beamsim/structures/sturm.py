@@ -17,10 +17,6 @@ from beamsim.typing import Floats, Ints
 if TYPE_CHECKING:
     from beamsim.structures.structure import Structure
 
-# Largest residual of a factorisation, beside the largest diagonal entry, for which its signs are counted.
-_RESIDUAL = 1e-12
-# Error of a factorisation times the norm of the inverse, both estimated, up to which no eigenvalue changes its sign.
-_SIGNS_KEPT = 0.01
 # Above this size a matrix whose factors are not accurate without pivoting is not factorised densely.
 _DENSE = 3000
 # Relative distance that a limit is moved by where the matrix is singular at it.
@@ -42,11 +38,8 @@ def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
         factors = symmetric_lu(matrix, definite=True, order=order)
     except RuntimeError:  # exactly singular
         factors = None
-    if factors is not None and not factors.exchanged:
-        residual, norm = factors.errors
-        large = matrix.shape[0] > _DENSE
-        if residual <= _RESIDUAL or (large and norm * factors.inverse_norm() <= _SIGNS_KEPT):
-            return int(np.sum(factors.pivots < 0))
+    if factors is not None and factors.signs_are_certain:
+        return int(np.sum(factors.pivots < 0))
     if matrix.shape[0] > _DENSE:
         return None
     from scipy.linalg import ldl

@@ -9,8 +9,7 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.typing import Floats, Ints
 
-_MULTIPLIED = 3000  # largest size for which the factors are multiplied with each other
-_POWERS = 8
+_FAR_BELOW = 0.01  # of the smallest eigenvalue: the error of factors whose signs count
 
 
 @dataclass(frozen=True)
@@ -50,34 +49,24 @@ class SymmetricLU:
         return SymmetricLU(self.lu, self.scale / np.sqrt(factor), self.matrix, self.order)
 
     @property
-    def exchanged(self) -> bool:
-        """Whether a pivot was taken off the diagonal: the signs of the pivots count nothing then."""
-        return not np.array_equal(self.lu.perm_r, self.lu.perm_c)
+    def signs_are_certain(self) -> bool:
+        """Whether as many pivots are negative as eigenvalues: no error of the factors moves one across zero.
 
-    @property
-    def errors(self) -> tuple[float, float]:
-        """Largest error of the factors and its Frobenius norm; of a large matrix by 8 products with random signs.
-
-        Their product with each other would take many times as long as the factorisation. An entry of the error shows in
-        each product with its own size at least with a chance of one half, and the mean square is that of the norm.
+        The error, in the Frobenius norm, is far below the smallest eigenvalue. It is known by 8 products with random
+        signs, whose mean square is that of the norm: factors multiplied with each other take many times as long as they
+        do themselves.
         """
+        if not np.array_equal(self.lu.perm_r, self.lu.perm_c):  # a pivot was taken off the diagonal
+            return False
         from scipy.sparse import csc_array
+        from scipy.sparse.linalg import LinearOperator, onenormest
 
-        lu, entries = self.lu, self.matrix.tocoo()
-        permuted = csc_array((entries.data, (lu.perm_r[entries.row], lu.perm_c[entries.col])), shape=self.matrix.shape)
-        if self.scale.size <= _MULTIPLIED:
-            error = lu.L @ lu.U - permuted
-            return float(abs(error).max()), float(np.linalg.norm(error.data))
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(self.scale.size, 8))
-        products = lu.L @ (lu.U @ signs) - permuted @ signs
-        return float(np.abs(products).max()), float(np.linalg.norm(products) / np.sqrt(signs.shape[1]))
-
-    def inverse_norm(self) -> float:
-        """Norm of the inverse of D A D, by power iteration."""
-        x = np.random.default_rng(0).standard_normal(self.scale.size)
-        for _ in range(_POWERS):
-            x = self.lu.solve(x / np.linalg.norm(x))
-        return float(np.linalg.norm(x))
+        lu, entries, size = self.lu, self.matrix.tocoo(), self.scale.size
+        permuted = csc_array((entries.data, (lu.perm_r[entries.row], lu.perm_c[entries.col])), shape=(size, size))
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(size, 8))
+        error = float(np.linalg.norm(lu.L @ (lu.U @ signs) - permuted @ signs) / np.sqrt(signs.shape[1]))
+        inverse = LinearOperator((size, size), matvec=lu.solve, rmatvec=lu.solve, matmat=lu.solve, dtype=float)
+        return bool(error * onenormest(inverse) <= _FAR_BELOW)
 
     @property
     def root(self) -> Any:

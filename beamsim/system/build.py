@@ -20,6 +20,7 @@ from beamsim.contacts.springs import (
     pressed_by,
     spring_contacts,
 )
+from beamsim.dataclass import dataclass
 from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
@@ -31,13 +32,12 @@ from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.moving_point import places_needed
 from beamsim.structures.places import SLOPE, LoadSite, Place, Site
 from beamsim.structures.reduction_bound import ReceptanceBound, receptance_bound
-from beamsim.structures.reduction_error import LinearState, reduction_error
 from beamsim.structures.stations import Recovery, Stations
-from beamsim.system.equations import PiecewiseLinearSystem
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.initial import initial_state
 from beamsim.system.loads import carried_start, constant_loads, sine_loads, time_dependent_loads
-from beamsim.system.mechanisms import check_mechanisms, distant_joints, held_problems, open_loops
+from beamsim.system.mechanisms import check_mechanisms, held_problems, open_loops
 from beamsim.system.moved_supports import check_places
 from beamsim.system.outputs import output_rows, output_sites
 from beamsim.system.parts import (
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 
 
 DOUBTFUL_REDUCTION = 0.01
-"""Estimated relative error of a reduced model above which results carry a warning."""
+"""Bound of the error of the reduced receptance, over its size, above which results carry a warning."""
 _ROUND_OFF = 1e-9
 
 
@@ -73,7 +73,7 @@ def build_system(
     ----------
     scenario : a validated scenario.
     shared : keeps what was built for other scenarios, where this one has the same structure, reduction or excitation.
-    assessed : whether to estimate the error of the reduction, which takes longer than the rest where that is shared;
+    assessed : whether to bound the error of the reduction, which takes longer than the rest where that is shared;
         else it is nan.
     recovered : whether deflections and stresses along the bodies are wanted; else there are no stations.
 
@@ -117,8 +117,22 @@ def build_with_moving_point(
 ) -> tuple[StructuralSystem, Callable[[float], tuple[Floats, Floats]]]:
     """The system in coordinates that serve a snubber anywhere between two places of a body.
 
-    Static vectors are added until the reduced model's compliance is that of the full one all along the way. The second
-    of what is returned gives the deflection (n,) for a unit of each coordinate at a position, and its derivative by it.
+    Static vectors are added until the reduced model's compliance is that of the full one all along the way.
+
+    Parameters
+    ----------
+    scenario : a validated scenario.
+    first, last : ends of the range.
+
+    Returns
+    -------
+    The system, and a function that gives the deflection (n,) for a unit of each coordinate at a position, m, and its
+    derivative by it.
+
+    Raises
+    ------
+    ScenarioError
+        As `build_system`.
     """
     try:
         added = [first, last]
@@ -140,93 +154,122 @@ def build_with_moving_point(
 
 
 def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> StructuralSystem:
-    scenario, basis = parts.scenario, parts.basis
-    damping = parts.reduced.damping
-
-    snubbers = parts.located_snubbers
-    tables = force_tables(scenario)
-    curves = [None if table is None else table.curve for table in tables]
-    stops = build_contacts(snubbers, curves, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
-    stops = replace(stops, lever=_levers(parts, parts.snubber_sites))
-    nonlinear = parts.nonlinear_springs
-    spring_sites = [snubber_site(spring) for spring in nonlinear]
-    springs = describe_springs(nonlinear, parts.shapes(spring_sites), _levers(parts, spring_sites))
-    cubic = cubic_springs(springs, basis.size)
-
-    problems = held_problems(parts, _acting(parts))
-    if problems:
-        raise ScenarioError(problems)
-    free = check_mechanisms(parts, np.vstack([stops.shape, *(spring.shape for spring in springs)]))
-    _check_rigid_friction(parts, springs, stops)
-    if parts.moved:
-        check_places(parts.moved, _sensed_places(parts))
-    loads = constant_loads(parts)
-    pressing = pressed_by(nonlinear, [snubber.name for snubber in scenario.all_snubbers])
-    contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
-    contact_sites = _contact_sites(parts, contacts, split=cubic.count > 0)
-    if cubic.count:  # what integrates these in time knows one-sided springs alone
-        _refuse_memory(snubbers, stops, nonlinear)
-        contacts = contacts.split()
-    resting = np.vstack([loads, contacts.resting_load])
-    contacts = resolve_preloads(contacts, snubbers, parts.stiffness, basis.rigid, resting, cubic)
+    scenario, basis, damping = parts.scenario, parts.basis, parts.reduced.damping
+    pushing = _pushing(parts)
+    free = _checked_for_mechanisms(parts, pushing)
+    loads, cubic, snubbers = constant_loads(parts), pushing.cubic, parts.located_snubbers
+    resting = np.vstack([loads, pushing.contacts.resting_load])
+    contacts = resolve_preloads(pushing.contacts, snubbers, parts.stiffness, basis.rigid, resting, cubic)
     equilibrium = _equilibrium(parts, contacts, resting, cubic)
     initial, warnings = initial_state(parts, contacts, resting, cubic, equilibrium)
-    warnings += [
-        f"{path_text(path)}.force_deflection: {table.remark}"
-        for (path, _, _), table in zip(snubbers, tables, strict=True)
-        if table is not None and table.remark
-    ]
     motion, forcing = time_dependent_loads(parts, bool(contacts.felt.any() or cubic.felt.any()))
     initial += carried_start(parts, forcing)
-    base = 0.0 if forcing.base_displacement is None else float(forcing.base_displacement(0.0))
-    stretch = contacts.shape @ initial[: basis.size] + contacts.felt * base
-    initial = np.append(initial, contacts.settled_states(-contacts.gap - contacts.sign * stretch))
 
     corrections = None if motion is None else motion.corrections
     correction = None if corrections is None else CorrectionSize.of(corrections)
     sites = [*parts.snubber_sites, *force_sites(scenario), *output_sites(parts)]
     recoveries = parts.reduced.recoveries(sites, base_direction(scenario)) if recovered else ()
-    modes = _mode_table(parts, stops, damping, recoveries, assessed)
-    if assessed and not modes.reduction_error <= DOUBTFUL_REDUCTION:
-        warnings.append(
-            f"the reduced model is not accurate: its estimated relative error is {modes.reduction_error:.2g}; "
-            "keep more modes (reduction: {modes: all}), or leave reduction out"
-        )
-    elif modes.reduction_bound is not None and modes.reduction_bound > DOUBTFUL_REDUCTION:
-        warnings.append(
-            f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz the error of its "
-            f"receptance at contacts and loads is bounded by {modes.reduction_bound:.2g} of its size; keep more modes "
-            "(reduction: {modes: all}), or leave reduction out"
-        )
+    modes = _mode_table(parts, pushing.stops, damping, recoveries, assessed)
     return StructuralSystem(
         dynamics=PiecewiseLinearSystem(parts.stiffness, damping, contacts, loads.sum(axis=0)),
         forcing=forcing,
-        initial_state=initial,
+        initial_state=np.append(initial, _settled(contacts, forcing, initial[: basis.size])),
         probes=_describe_probes(parts),
         base_acceleration=motion.acceleration if motion else None,
         base_velocity=motion.velocity if motion else None,
         base_displacement=motion.displacement if motion else None,
-        snubbers=_describe_snubbers(parts, contacts, equilibrium, tables),
+        snubbers=_describe_snubbers(parts, contacts, equilibrium, pushing.tables),
         bodies=recoveries,
         modes=modes,
         static_equilibrium=equilibrium.q,
         static_reason=equilibrium.reason,
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
         cubic=cubic,
-        springs=springs,
-        outputs=output_rows(parts, recoveries, contact_sites, contacts, forcing) if recovered else (),
+        springs=pushing.springs,
+        outputs=output_rows(parts, recoveries, pushing.sites, contacts, forcing) if recovered else (),
         files=tuple(each for member in parts.structure.members if (each := member.body.file_summary) is not None),
         warnings=(
             *parts.structure.remarks,
-            *distant_joints(parts),
             *open_loops(parts),
             *free,
             *warnings,
+            *_remarks(snubbers, pushing.tables),
+            *_doubts(modes),
             *(correction.warnings() if correction else ()),
         ),
         base_correction=correction,
         sine=sine_loads(parts, forcing),
     )
+
+
+@dataclass(frozen=True)
+class _Pushing:
+    """What pushes on a structure beside loads."""
+
+    tables: Sequence[TableOfStop | None]  # of the snubbers
+    stops: Contacts  # the snubbers
+    springs: tuple[SpringInfo, ...]
+    cubic: CubicSprings
+    contacts: Contacts  # snubbers, then springs with laws
+    sites: list[Site]  # (m,) where the contacts act
+
+
+def _pushing(parts: Parts) -> _Pushing:
+    nonlinear, basis, snubbers = parts.nonlinear_springs, parts.basis, parts.located_snubbers
+    tables = force_tables(parts.scenario)
+    curves = [None if table is None else table.curve for table in tables]
+    stops = build_contacts(snubbers, curves, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
+    stops = replace(stops, lever=_levers(parts, parts.snubber_sites))
+    spring_sites = [snubber_site(spring) for spring in nonlinear]
+    springs = describe_springs(nonlinear, parts.shapes(spring_sites), _levers(parts, spring_sites))
+    cubic = cubic_springs(springs, basis.size)
+    _check_rigid_friction(parts, springs, stops)
+    pressing = pressed_by(nonlinear, [snubber.name for snubber in parts.scenario.all_snubbers])
+    contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
+    with_laws = [site for site, spring in zip(spring_sites, springs, strict=True) if spring.law is not None]
+    sites: list[Site] = [*parts.snubber_sites, *with_laws]
+    if cubic.count:  # what integrates these in time knows one-sided springs alone
+        _refuse_memory(snubbers, stops, nonlinear)
+        sites = [sites[j] for j in contacts.owners_of_parts[0]]
+        contacts = contacts.split()
+    return _Pushing(tables, stops, springs, cubic, contacts, sites)
+
+
+def _checked_for_mechanisms(parts: Parts, pushing: _Pushing) -> list[str]:
+    """Warnings of motions that contacts alone stop; ScenarioError where nothing does, or nothing can move."""
+    problems = held_problems(parts, _acting(parts))
+    if problems:
+        raise ScenarioError(problems)
+    free = check_mechanisms(parts, np.vstack([pushing.stops.shape, *(spring.shape for spring in pushing.springs)]))
+    if parts.moved:
+        check_places(parts.moved, _sensed_places(parts))
+    return free
+
+
+def _settled(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
+    """(r,) internal states of contacts after a long rest at the start."""
+    base = 0.0 if forcing.base_displacement is None else float(forcing.base_displacement(0.0))
+    return contacts.settled_states(-contacts.gap - contacts.sign * (contacts.shape @ q + contacts.felt * base))
+
+
+def _remarks(snubbers: Sequence[Located], tables: Sequence[TableOfStop | None]) -> list[str]:
+    return [
+        f"{path_text(path)}.force_deflection: {table.remark}"
+        for (path, _, _), table in zip(snubbers, tables, strict=True)
+        if table is not None and table.remark
+    ]
+
+
+def _doubts(modes: ModeTable) -> list[str]:
+    """Warnings of a reduced model that may not be accurate."""
+    if not modes.reduction_bound > DOUBTFUL_REDUCTION:
+        return []
+    return [
+        f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz and at the frequencies "
+        f"of the excitation the error of its receptance at contacts and loads is bounded by "
+        f"{modes.reduction_bound:.2g} of its size; keep more modes (reduction: {{modes: all}}), or leave reduction "
+        "out"
+    ]
 
 
 def _acting(parts: Parts) -> list[tuple[Path, LoadSite, str]]:
@@ -239,16 +282,6 @@ def _acting(parts: Parts) -> list[tuple[Path, LoadSite, str]]:
     return acting + [
         ((*path, "applied_to"), load_site_in(scenario, force.applied_to), "a force")
         for path, force in exciting_forces(scenario)
-    ]
-
-
-def _contact_sites(parts: Parts, contacts: Contacts, *, split: bool) -> list[Site]:
-    """(m,) where each contact acts: snubbers, then piecewise-linear springs, each part of them where they are split."""
-    piecewise = [snubber_site(spring) for spring in parts.nonlinear_springs if spring.item.kind != "cubic"]
-    return [
-        site
-        for site, law in zip([*parts.snubber_sites, *piecewise], contacts.laws, strict=True)
-        for _ in range(len(law.parts) if split and law.family is None and law.parts is not None else 1)
     ]
 
 
@@ -273,7 +306,7 @@ def _check_rigid_friction(parts: Parts, springs: Sequence[SpringInfo], stops: Co
     """Refuse friction without a tangential spring beside what relaxes or sticks with one, and under a moving base."""
     laws = [(spring.name, spring.law) for spring in springs if spring.law is not None]
     laws += zip((stop.name for stop in parts.scenario.all_snubbers), stops.laws, strict=True)
-    coupled = [name for name, law in laws if any(phase.coupled for phase in law.phases)]
+    coupled = [name for name, law in laws if law.arrays.coupled.any()]
     problems = []
     for path, _, contact in parts.nonlinear_springs:
         if contact.kind != FRICTION or contact.stiffness is not None:
@@ -293,10 +326,11 @@ def _mode_table(
     parts: Parts, stops: Contacts, damping: Floats, recoveries: tuple[Recovery, ...], assessed: bool
 ) -> ModeTable:
     basis, structure = parts.basis, parts.structure
-    error = reduction_error(structure, basis, damping, _linear_state(parts, stops)) if assessed else math.nan
     bound = ReceptanceBound(math.nan, None)
     if assessed:
-        bound = receptance_bound(structure, basis, damping, _loads(parts), structure.rows(parts.probe_sites))
+        omega = [2 * np.pi * frequency for frequency in parts.scenario.excitation.frequencies_hz]
+        probes = structure.rows(parts.probe_sites)
+        bound = receptance_bound(structure, basis, damping, _loads(parts), probes, omega)
     closed = closed_frequencies(parts.omega, stops.shape, stops.slow[0], basis.rigid)
     return ModeTable(
         open_frequencies_hz=parts.omega / (2 * np.pi),
@@ -307,7 +341,6 @@ def _mode_table(
         kept_modes=basis.modes,
         static_vectors=basis.static_vectors,
         highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
-        reduction_error=error,
         reduction_bound=bound.loads,
         probe_bound=bound.probes,
         **_energy_shares(structure, basis),
@@ -342,23 +375,6 @@ def _loads(parts: Parts) -> Floats:
     return np.vstack([rows, *moved, *(structure.base_load(direction)[0] for direction in directions)])
 
 
-def _linear_state(parts: Parts, contacts: Contacts) -> LinearState:
-    scenario, structure = parts.scenario, parts.structure
-    loads = structure.rows([load_site_in(scenario, force.applied_to) for _, force in exciting_forces(scenario)])
-    if parts.moved:
-        loads = np.vstack([loads, *(each.pattern(structure).vector for each in parts.moved)])
-    if (moving := base_direction(scenario)) is not None:
-        loads = structure.base_load(moving)[0][None, :]
-    return LinearState(
-        contact_rows=structure.rows(parts.snubber_sites),
-        stiffness=contacts.slow[0],
-        dashpot=contacts.slow[1],
-        output_rows=structure.rows(parts.probe_sites),
-        loads=loads,
-        omega=tuple(2 * np.pi * f for f in scenario.excitation.frequencies_hz),
-    )
-
-
 def _describe_probes(parts: Parts) -> tuple[ProbeRow, ...]:
     sites, motion = parts.probe_sites, base_direction(parts.scenario)
     return tuple(
@@ -383,29 +399,21 @@ def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSp
 
 
 def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequence[Located]) -> None:
-    problems = (
-        [
-            Problem(
-                f"{path_text(path)}.{_memory_key(snubber)}",
-                "cannot be combined with cubic springs",
-                "give the snubber a stiffness alone, or make the springs piecewise_linear",
-            )
-            for (path, _, snubber), law in zip(snubbers, stops.laws, strict=True)
-            if law.family is None
-        ]
-        + [
-            Problem(f"{path_text(path)}.maxwell", "cannot be combined with cubic springs", "leave one of the two out")
-            for path, _, spring in springs
-            if getattr(spring, "maxwell", ())
-        ]
-        + [
-            Problem(path_text(path), "cannot be combined with cubic springs", "make the springs piecewise_linear")
-            for path, _, spring in springs
-            if spring.kind == FRICTION
-        ]
-    )
-    if problems:
-        raise ScenarioError(problems)
+    """ScenarioError where contacts are more than one-sided springs."""
+    linear = "give the snubber a stiffness alone, or make the springs piecewise_linear"
+    refused = [
+        (f".{_memory_key(snubber)}", path, linear)
+        for (path, _, snubber), law in zip(snubbers, stops.laws, strict=True)
+        if law.family is None
+    ]
+    for path, _, spring in springs:
+        if getattr(spring, "maxwell", ()):
+            refused.append((".maxwell", path, "leave one of the two out"))
+        if spring.kind == FRICTION:
+            refused.append(("", path, "make the springs piecewise_linear"))
+    if refused:
+        message = "cannot be combined with cubic springs"
+        raise ScenarioError([Problem(path_text(path) + key, message, remedy) for key, path, remedy in refused])
 
 
 def _memory_key(snubber: Any) -> str:

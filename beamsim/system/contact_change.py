@@ -19,9 +19,19 @@ _FREE = ("stiffness", "force_deflection", "damping", "gap", "preload")
 
 
 def with_changed_contacts(system: StructuralSystem, before: Scenario, after: Scenario) -> StructuralSystem | None:
-    """The system of `after`, made from that of `before`; None where more than contacts and damping differs.
+    """A system made from that of another scenario.
 
+    Where a body's damping is varied, this is many times faster than building: nothing is assembled and reduced again.
     Only ``dynamics`` is brought up to date: what describes the system to people (snubbers, modes, equilibrium) stays.
+
+    Parameters
+    ----------
+    system : of ``before``.
+    before, after : the two scenarios.
+
+    Returns
+    -------
+    The system of ``after``; None where more than contacts and damping differs.
     """
     if not _same_structure(before, after):
         return None
@@ -34,8 +44,7 @@ def with_changed_contacts(system: StructuralSystem, before: Scenario, after: Sce
     rigid = int(np.sum(omega == 0))
     count = len(snubbers)
     contacts = build_contacts(snubbers, curves_of(after), dynamics.contacts.shape[:count], omega, rigid)
-    others = dynamics.contacts.take(slice(count, None))
-    contacts = replace(contacts.with_others(others), pressed_by=dynamics.contacts.pressed_by)
+    contacts = dynamics.contacts.with_first(contacts)
     resting = np.stack([dynamics.constant_load, contacts.resting_load])
     contacts = resolve_preloads(contacts, snubbers, dynamics.stiffness, rigid, resting, system.cubic)
     return replace(system, dynamics=replace(dynamics, damping=damping, contacts=contacts))

@@ -40,6 +40,13 @@ class PiecewiseLinearSystem:
         """Whether C of the open structure has entries beside its diagonal."""
         return bool(np.count_nonzero(self.damping) > np.count_nonzero(np.diag(self.damping)))
 
+    def acts(self, phases: Ints) -> bool:
+        """Whether contacts act on the structure in given phases, or move by themselves."""
+        contacts = self.contacts
+        if contacts.internal_states or contacts.force_rows(phases)[0].any():
+            return True
+        return bool(contacts.holds(phases).any())
+
     def one_sided(self) -> PiecewiseLinearSystem:
         """The same with one-sided springs as the only contacts; see `Contacts.one_sided_parts`."""
         parts = self.contacts.one_sided_parts()

@@ -24,7 +24,18 @@ _FIELDS = ("displacement", "velocity")
 def initial_state(
     parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings, equilibrium: Equilibrium
 ) -> tuple[Floats, list[str]]:
-    """q then q' at t = 0, relative to the base, (2 n,); and warnings.
+    """The state from which a motion starts.
+
+    Parameters
+    ----------
+    parts : of the scenario.
+    contacts, cubic : its contacts and cubic springs.
+    loads : (L, n) constant loads.
+    equilibrium : static equilibrium under these, or why there is none.
+
+    Returns
+    -------
+    (2 n,) q then q' at t = 0, relative to the base; and warnings.
 
     Raises
     ------
@@ -38,15 +49,8 @@ def initial_state(
     if start is None:
         q = q if equilibrium.q is None else equilibrium.q
     elif start == "static_equilibrium":
-        if equilibrium.q is None:
-            raise ScenarioError(
-                Problem(
-                    "run.start",
-                    f"= static_equilibrium does not exist: {_why(parts, equilibrium)}",
-                    "start from rest, or hold the structure with a support, a preload or a load towards a snubber",
-                )
-            )
-        q = equilibrium.q
+        remedy = "start from rest, or hold the structure with a support, a preload or a load towards a snubber"
+        q = _static_shape(parts, equilibrium, "run.start", "= static_equilibrium does not exist", remedy)
     elif isinstance(start, OrbitStart):
         raise ScenarioError(
             Problem("run.start.orbit", "starts a run, and no other command", "leave run.start out, or `beamsim run`")
@@ -56,15 +60,8 @@ def initial_state(
         held = find_equilibrium(
             parts.stiffness, parts.basis.rigid, springs_of(contacts), np.vstack([loads, extra]), cubic
         )
-        if held.q is None:
-            raise ScenarioError(
-                Problem(
-                    "run.start.released_force",
-                    f"holds no static shape: {_why(parts, held)}",
-                    "let it push towards a snubber, or support the structure",
-                )
-            )
-        q = held.q
+        remedy = "let it push towards a snubber, or support the structure"
+        q = _static_shape(parts, held, "run.start.released_force", "holds no static shape", remedy)
     elif isinstance(start, ModeStart):
         q = _mode_shape(parts, start.mode, start.amplitude)
     elif isinstance(start, PolynomialStart):
@@ -74,9 +71,12 @@ def initial_state(
     return np.concatenate([q, v]), warnings
 
 
-def _why(parts: Parts, equilibrium: Equilibrium) -> str:
-    """Why there is no equilibrium; where something floats, what."""
-    return f"{equilibrium.reason} ({floating_motions(parts)})" if parts.basis.rigid else equilibrium.reason
+def _static_shape(parts: Parts, equilibrium: Equilibrium, path: str, problem: str, remedy: str) -> Floats:
+    """(n,) coordinates of an equilibrium; ScenarioError says why there is none and, where something floats, what."""
+    if equilibrium.q is None:
+        floats = f" ({floating_motions(parts)})" if parts.basis.rigid else ""
+        raise ScenarioError(Problem(path, f"{problem}: {equilibrium.reason}{floats}", remedy))
+    return equilibrium.q
 
 
 def _mode_shape(parts: Parts, mode: int, amplitude: float) -> Floats:

@@ -38,41 +38,14 @@ def held_problems(parts: Parts, acting: Sequence[tuple[Path, LoadSite, str]]) ->
     ]
 
 
-def distant_joints(parts: Parts) -> Iterator[str]:
-    """Warnings about two joints between the same two bodies whose points lie further apart on one than on the other.
-
-    Beams among themselves lie along one axis: the scenario says where their joints do not fit.
-    """
-    scenario, structure = parts.scenario, parts.structure
-    members = {member.body.name: member.body for member in structure.members}
-    placed: dict[tuple[str, str], list[tuple[int, Floats, Floats]]] = {}
-    for index, joint in enumerate(scenario.joints):
-        ends = ends_of(site_of(joint, scenario.default_body))
-        if len(ends) != 2 or all(isinstance(place.position, float) for place in joint.places):
-            continue
-        first, second = sorted(ends, key=lambda end: end.body)
-        points = (members[first.body].point_of(first), members[second.body].point_of(second))
-        if first.body != second.body and points[0] is not None and points[1] is not None:
-            placed.setdefault((first.body, second.body), []).append((index, points[0], points[1]))
-    for (one, other), joints in placed.items():
-        for (i, a, b), (j, c, d) in combinations(joints, 2):
-            on_one, on_other = float(np.linalg.norm(a - c)), float(np.linalg.norm(b - d))
-            if abs(on_one - on_other) > _ROUNDED * max(on_one, on_other):
-                yield (
-                    f"joints[{j}] joins points that lie {1e3 * abs(on_one - on_other):.4g} mm apart where joints[{i}] "
-                    f"puts {other} on {one}: the two joints are {1e3 * on_one:.4g} mm from each other on {one} and "
-                    f"{1e3 * on_other:.4g} mm on {other}; they act as if they fitted, check their positions"
-                )
-
-
 def open_loops(parts: Parts) -> Iterator[str]:
-    """Warnings about joints that close a loop of three and more bodies, whatever their angles, only across a distance.
+    """Warnings about joints that close a loop of bodies, whatever their angles, only across a distance.
 
     Two joints of a body may lie no further apart than the other bodies of any loop through them reach. Loops of beams
     alone are those of the scenario.
     """
     scenario = parts.scenario
-    if len(scenario.joints) < 3:
+    if len(scenario.joints) < 2:
         return
     from scipy.sparse.csgraph import csgraph_from_dense, shortest_path
 
@@ -106,12 +79,13 @@ def open_loops(parts: Parts) -> Iterator[str]:
             path.append(int(before[path[-1]]))
         bodies = [by[a, b] for a, b in pairwise(path)]
         loop, ends = frozenset((name, *bodies)), [place for k in path for place in scenario.joints[k].places]
-        if len(loop) < 3 or loop in reported or all(isinstance(place.position, float) for place in ends):
+        if loop in reported or all(isinstance(place.position, float) for place in ends):
             continue
         reported.add(loop)
         yield (
             f"joints[{i}] and joints[{j}] lie {1e3 * span:.4g} mm from each other on {name}, and "
-            f"{' and '.join(bodies[::-1])} between them reach {1e3 * reach[j]:.4g} mm: the loop stays open by "
+            f"{' and '.join(bodies[::-1])} between them {'reach' if len(bodies) > 1 else 'reaches'} "
+            f"{1e3 * reach[j]:.4g} mm: the loop stays open by "
             f"{1e3 * (span - reach[j]):.4g} mm; the joints act as if they fitted, check their positions"
         )
 

@@ -75,9 +75,19 @@ def output_rows(
 
     Parameters
     ----------
+    parts : of the scenario.
     recoveries : of the bodies, with stations at `output_sites`.
     contact_sites : (m,) where the contacts act.
     contacts, forcing : of the system.
+
+    Returns
+    -------
+    Rows of every output, in the scenario's order.
+
+    Raises
+    ------
+    ScenarioError
+        Where an output asks for what its place or joint has not.
     """
     asked = _Asked(parts, recoveries, contact_sites, contacts, forcing)
     return tuple(asked.rows(path, output) for path, output in parts.scenario.requested_outputs)

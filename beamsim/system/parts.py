@@ -102,7 +102,20 @@ class Parts:
 def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: SharedBuilds | None = None) -> Parts:
     """Assemble and reduce the structure of a scenario, with static vectors at further places.
 
-    ``shared`` keeps what is built for other scenarios with the same structure.
+    Parameters
+    ----------
+    scenario : a validated scenario.
+    also_at : the further places.
+    shared : keeps what is built for other scenarios with the same structure.
+
+    Returns
+    -------
+    Parts
+
+    Raises
+    ------
+    ScenarioError
+        Where matrices do not know a direction that is asked for.
     """
     shared = SharedBuilds() if shared is None else shared
     bodies = tuple(scenario.all_bodies.items())

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import OrderedDict, defaultdict
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import field
-from functools import cached_property
-from threading import Lock, RLock
+from functools import cached_property, lru_cache
+from threading import RLock
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -28,11 +27,13 @@ Built = TypeVar("Built")
 
 @dataclass(frozen=True)
 class ReducedStructure:
-    """A structure in reduced, mass-normalised coordinates; what follows from it is worked out once."""
+    """A structure in reduced, mass-normalised coordinates; what follows from it is kept for the systems that share it.
+
+    May be used by several threads.
+    """
 
     structure: Structure
     basis: ReducedBasis
-    _known: dict[Hashable, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def omega(self) -> Floats:
@@ -46,66 +47,66 @@ class ReducedStructure:
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(n,) modal inertia, sqrt(kg), and force of springs to the ground, N/(m sqrt(kg)), of a unit base motion."""
-        return self._once(("base load", motion), lambda _: self._base_load(motion))
-
-    def _base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        inertia, ground = self.structure.base_load(motion)
-        scale = np.sqrt(self.structure.mass_scale)
-        return np.asarray((inertia @ self.basis.vectors) * scale), np.asarray(ground @ self.basis.vectors) / scale
+        return self._kept_base_load(motion)
 
     def shapes(self, sites: Sequence[LoadSite]) -> Floats:
         """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
-        scale = np.sqrt(self.structure.mass_scale)
-        rows = [self._once(site, lambda at: self.structure.row(at) @ self.basis.vectors / scale) for site in sites]
-        return np.array(rows).reshape(len(sites), self.basis.size)
+        return self._kept_shapes(tuple(sites)).copy()
 
     def recoveries(self, sites: Sequence[LoadSite], base: BaseDirection | None) -> tuple[Recovery, ...]:
         """What can be recovered along each body, see `Structure.recoveries`."""
-        return self._once(
-            (*sites, base), lambda key: self.structure.recoveries(self.basis, key[:-1], base)
-        )  # fmt: skip
+        return self._kept_recoveries(tuple(sites), base)
 
-    def _once(self, key: Any, build: Callable[[Any], Built]) -> Built:
-        if key not in self._known:
-            self._known[key] = build(key)
-        known: Built = self._known[key]
-        return known
+    @cached_property
+    def _kept_base_load(self) -> Callable[[BaseDirection], tuple[Floats, Floats]]:
+        def built(motion: BaseDirection) -> tuple[Floats, Floats]:
+            inertia, ground = self.structure.base_load(motion)
+            scale = np.sqrt(self.structure.mass_scale)
+            return np.asarray((inertia @ self.basis.vectors) * scale), np.asarray(ground @ self.basis.vectors) / scale
+
+        return lru_cache(MOST_KEPT)(built)
+
+    @cached_property
+    def _kept_shapes(self) -> Callable[[tuple[LoadSite, ...]], Floats]:
+        def built(sites: tuple[LoadSite, ...]) -> Floats:
+            return np.asarray(self.structure.rows(sites) @ self.basis.vectors / np.sqrt(self.structure.mass_scale))
+
+        return lru_cache(MOST_KEPT)(built)
+
+    @cached_property
+    def _kept_recoveries(self) -> Callable[[tuple[LoadSite, ...], BaseDirection | None], tuple[Recovery, ...]]:
+        def built(sites: tuple[LoadSite, ...], base: BaseDirection | None) -> tuple[Recovery, ...]:
+            return self.structure.recoveries(self.basis, sites, base)
+
+        return lru_cache(MOST_KEPT)(built)
 
 
 class SharedBuilds:
     """Structures, reduced structures and signals by what each depends on; may be used by several threads."""
 
     def __init__(self) -> None:
-        self._kept: dict[str, OrderedDict[Hashable, Any]] = {}
-        self._looking_up, self._building = Lock(), RLock()
+        self._kept: defaultdict[str, OrderedDict[Hashable, Any]] = defaultdict(OrderedDict)
+        self._lock = RLock()
 
     def once(self, sort: str, key: Hashable, build: Callable[[], Built]) -> Built:
-        """What ``build`` gives for the key, a few of each sort being kept; not kept if the key has no hash.
+        """What ``build`` gives for a key; threads that need the same wait for the one that builds it.
 
-        Threads that need the same wait for the one that builds it.
+        Parameters
+        ----------
+        sort : what is built; of each sort the `MOST_KEPT` used last are kept.
+        key : all that it depends on; if it has no hash, nothing is kept.
+        build : makes it.
         """
         try:
             hash(key)
         except TypeError:
             return build()
-        known = self._known(sort, key)
-        if known:
-            return known[0]  # type: ignore[no-any-return]
-        with self._building:
-            known = self._known(sort, key)
-            built: Built = known[0] if known else build()
-            with self._looking_up:
-                kept = self._kept[sort]
-                kept[key] = built
-                while len(kept) > MOST_KEPT:
-                    kept.popitem(last=False)
-        return built
-
-    def _known(self, sort: str, key: Hashable) -> tuple[Any, ...]:
-        """What is kept for a key, as the only item; nothing where it is not."""
-        with self._looking_up:
-            kept = self._kept.setdefault(sort, OrderedDict())
+        with self._lock:
+            kept = self._kept[sort]
             if key not in kept:
-                return ()
+                kept[key] = build()
             kept.move_to_end(key)
-            return (kept[key],)
+            if len(kept) > MOST_KEPT:
+                kept.popitem(last=False)
+            known: Built = kept[key]
+        return known

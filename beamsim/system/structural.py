@@ -79,12 +79,12 @@ class ModeTable:
     kept_modes: int = attribute("1", "number of modes kept by the reduction")
     static_vectors: int = attribute("1", "number of static vectors kept by the reduction")
     highest_frequency_hz: float = attribute("Hz", "the highest frequency that the reduction was made for")
-    reduction_error: float = attribute("1", "estimated relative error of the reduction")  # see docs/theory.md
-    reduction_bound: float | None = attribute(
+    reduction_bound: float = attribute(  # see docs/theory.md
         "1",
-        "bound of the error of the receptance at contacts and loads up to highest_frequency_hz, over the static "
-        "compliance there, or over the receptance where that is larger",
-        default=None,
+        "bound of the error of the receptance at contacts and loads, up to highest_frequency_hz and at the frequencies "
+        "of the excitation, over the static compliance there, or over the receptance where that is larger; NaN where "
+        "it is not known",
+        default=float("nan"),
     )
     probe_bound: float | None = attribute("1", "the same of the receptance between these and the probes", default=None)
     # by body, of several bodies only

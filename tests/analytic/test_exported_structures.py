@@ -9,7 +9,7 @@ import yaml
 import beamsim
 from beamsim.cli.structure_export import exported
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.op4 import read_op4, write_op4
+from beamsim.matrix_files.nastran import read_op4, write_op4
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import read_dof_table, write_dof_table

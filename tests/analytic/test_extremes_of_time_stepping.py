@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 import beamsim
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.response.analysis import frequency_response
-from beamsim.flow.dense_extremes import NODES, Highest
+from beamsim.flow.dense_extremes import NODES, polynomials
+from beamsim.flow.extrema import Search
 from beamsim.scenario import Scenario
 
 MASS, SPRING, CUBIC, DASHPOT = 1.0, 40.0, 300.0, 0.3
@@ -107,11 +108,12 @@ def test_highest_of_polynomials_is_exact():
     """A polynomial of degree 8 on steps whose peak is between the Chebyshev points, and the twin that shows it."""
     rng = np.random.default_rng(5)
     start, length = np.arange(40.0), np.ones(40)
-    nodes = 0.5 * (1 + np.cos(np.pi * np.arange(NODES + 1) / NODES))
+    nodes = 0.5 * (1 - np.cos(np.pi * np.arange(NODES + 1) / NODES))
     coefficients = rng.normal(size=(40, 9))
     values = np.array([np.polynomial.chebyshev.chebval(2 * nodes - 1, c) for c in coefficients])[:, :, None]
-    highest = Highest(np.array([-np.inf]), np.zeros(1))
-    highest.add(values, start, length)
+    search = Search.of(1)
+    search.add([polynomials(values, start, length)])
+    highest = search.extrema()
     tops = []
     for begin, c in zip(start, coefficients, strict=True):
         roots = np.polynomial.chebyshev.chebroots(np.polynomial.chebyshev.chebder(c))
@@ -119,8 +121,8 @@ def test_highest_of_polynomials_is_exact():
         at = np.concatenate([inner, [-1.0, 1.0]])
         tops += zip(np.polynomial.chebyshev.chebval(at, c), begin + 0.5 * (1 + at), strict=True)
     top, when = max(tops)
-    assert highest.value[0] == pytest.approx(top, rel=1e-13)
-    assert highest.when[0] == pytest.approx(when, abs=1e-6)
+    assert highest.high[0, 0] == pytest.approx(top, rel=1e-13)
+    assert highest.when_high[0, 0] == pytest.approx(when, abs=1e-6)
     assert values.max() < top * (1 - 1e-6)
 
 

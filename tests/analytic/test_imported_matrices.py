@@ -10,14 +10,13 @@ from scipy.sparse import block_diag, csc_array, identity
 
 import beamsim
 from beamsim.errors import MethodError, ScenarioError
-from beamsim.matrix_files.op4 import write_op4
+from beamsim.matrix_files.nastran import write_op4
 from beamsim.scenario import load_scenario
 from beamsim.structures import sturm
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import DofTable, write_dof_table
 from beamsim.structures.matrices import structure_of
 from beamsim.structures.named_matrices import NamedMatrices
-from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.system.build import build_system
 
 BEAM = """
@@ -379,17 +378,17 @@ def triples(count):
 
 
 def test_modes_are_counted_where_no_pivot_on_the_diagonal_serves():
-    """Two of three frequencies lie below that of a mass on its spring; the signs of exchanged pivots counted one."""
+    """Two of three frequencies lie below that of a mass on its spring; the signs of exchanged pivots would count one.
+
+    A pivot on the diagonal is zero or round-off: the processor's arithmetic decides whether it is exchanged.
+    """
     structure = triples(300)
     limit = 1.0 / structure.frequency_scale
-    shifted = structure.stiffness - limit**2 * structure.mass
-    assert np.sum(symmetric_lu(shifted, definite=True).pivots < 0) == 300
     assert structure.frequency_count(limit) == 300 * np.sum(np.linalg.eigvalsh(TRIPLE) < 1.0) == 600
 
 
 def test_modes_that_cannot_be_counted_are_said_with_a_remedy(monkeypatch):
     monkeypatch.setattr(sturm, "_DENSE", 10)
-    monkeypatch.setattr(sturm, "_RESIDUAL", -1.0)
-    monkeypatch.setattr(sturm, "_SIGNS_KEPT", -1.0)
+    monkeypatch.setattr("beamsim.structures.symmetric_lu._FAR_BELOW", -1.0)
     with pytest.raises(MethodError, match=r"modes of triples below 0.1592 Hz cannot be counted; give reduction.modes"):
         triples(20).frequency_count(1.0 / triples(20).frequency_scale)

@@ -354,8 +354,8 @@ def test_distances_on_plates_are_compared_too():
     bodies = {"panel": {**PLATE, "supports": {"left": "clamped"}}, "arm": beam(0.4)}
     joints = [{"kind": "hinge", "between": [at("panel", [0.4, y]), at("arm", x)]} for x, y in ((0.0, 0.0), (0.32, 0.3))]
     (warning,) = build_system(load_scenario(joined(bodies, joints))).warnings
-    assert "joints[1] joins points that lie 20 mm apart where joints[0] puts panel on arm" in warning
-    assert "320 mm from each other on arm and 300 mm on panel" in warning
+    assert "joints[0] and joints[1] lie 320 mm from each other on arm" in warning
+    assert "panel between them reaches 300 mm: the loop stays open by 20 mm" in warning
     joints[1]["between"][1] = at("arm", 0.3)
     assert not build_system(load_scenario(joined(bodies, joints))).warnings
 

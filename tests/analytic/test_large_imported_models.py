@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.sparse import diags_array, identity, kron
 
-from beamsim.matrix_files.op4 import read_op4, write_op4
+from beamsim.matrix_files.nastran import read_op4, write_op4
 from beamsim.scenario import load_scenario
-from beamsim.structures import matrices, modes, reduction_error, sturm
+from beamsim.structures import matrices, modes, sturm
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dissection import dissection
 from beamsim.structures.dof_table import write_dof_table
@@ -107,17 +107,16 @@ def test_a_firmly_held_stiffness_is_factorised_once(panel, monkeypatch):
 def test_a_large_model_is_factorised_twice(panel, monkeypatch):
     """Its stiffness, and what certifies that no mode was missed; the figures are those of four factorisations."""
     factorise, counted = symmetric_lu, []
-    monkeypatch.setattr(reduction_error, "_VERY_LARGE", 1000)
     known = build_system(panel[1]).modes
     for module in (matrices, sturm):
         monkeypatch.setattr(module, "symmetric_lu", lambda *a, **k: counted.append(1) or factorise(*a, **k))
-    for module in (modes, reduction_error, sturm):
+    for module in (modes, sturm):
         monkeypatch.setattr(module, "LARGE", 1000)
     found = build_system(panel[1]).modes
     assert len(counted) == 2
     np.testing.assert_allclose(found.open_frequencies_hz, known.open_frequencies_hz, rtol=1e-9)
-    assert found.reduction_error == pytest.approx(known.reduction_error, rel=1e-3)
-    assert found.reduction_error > 1e-9
+    assert found.reduction_bound == pytest.approx(known.reduction_bound, rel=0.5)  # another count certifies it
+    assert found.reduction_bound > 1e-9
 
 
 def test_a_count_that_the_reduction_made_certifies_its_modes(monkeypatch):
@@ -136,30 +135,9 @@ def test_a_count_that_the_reduction_made_certifies_its_modes(monkeypatch):
         frequency_beyond(model, np.delete(omega[:10], 3), float(omega[11]))
 
 
-def test_a_response_by_static_deflections_is_that_of_another_factorisation():
-    model = plate()
-    kept = natural_modes(model, 12)
-    loads = np.eye(model.size)[:, [-4]]
-    low, high = 0.5 * kept.omega[5], 0.999 * kept.omega[6]
-    expected = reduction_error._complement_response(model, kept.vectors[:, :6], loads, low)
-    forced = loads - model.mass @ (kept.vectors[:, :6] @ (kept.vectors[:, :6].T @ loads))
-    found = reduction_error._refined_response(model, kept.vectors[:, :6], forced, low)
-    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
-    assert reduction_error._refined_response(model, kept.vectors[:, :6], forced, high) is None
-
-
 def _corner(given):
     node = max(n for n, direction in given.table.dofs if direction == "z" and n not in given.base)
     return Place("panel", float(node), "z")
-
-
-def test_the_estimate_of_a_very_large_model_is_that_of_its_closed_modes(panel, monkeypatch):
-    exact = build_system(panel[1]).modes.reduction_error
-    monkeypatch.setattr(reduction_error, "_VERY_LARGE", 1000)
-    monkeypatch.setattr(reduction_error, "_closed_modes", lambda *_: pytest.fail("the closed modes are computed anew"))
-    estimated = build_system(panel[1]).modes.reduction_error
-    assert exact > 1e-9
-    assert estimated == pytest.approx(exact, rel=0.1)
 
 
 def test_signs_of_inaccurate_factors_count_where_no_eigenvalue_is_near_zero(panel, monkeypatch):
@@ -168,7 +146,6 @@ def test_signs_of_inaccurate_factors_count_where_no_eigenvalue_is_near_zero(pane
     between = model.stiffness - ((omega[9] + omega[10]) / 2) ** 2 * model.mass
     at = model.stiffness - (omega[9] * (1 + 1e-15)) ** 2 * model.mass
     monkeypatch.setattr(sturm, "_DENSE", 1000)
-    monkeypatch.setattr(sturm, "_RESIDUAL", 0.0)
     assert negative_eigenvalues(between) == 10
     assert negative_eigenvalues(at) is None
 
@@ -229,6 +206,5 @@ def test_matrices_that_are_not_asked_for_are_passed_over(tmp_path):
     given = exported()
     for binary in (True, False):
         write_op4(tmp_path / "p.op4", {"mass": given.mass, "stiff": given.stiffness}, binary=binary)
-        mass, stiffness = read_op4(tmp_path / "p.op4", "stiff")
-        assert (mass.name, mass.values.nnz) == ("mass", 0)
+        (stiffness,) = read_op4(tmp_path / "p.op4", "stiff")
         assert abs(stiffness.values - given.stiffness).max() == 0.0

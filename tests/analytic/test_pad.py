@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 import beamsim
+from beamsim.analyses.pad.restitution import angle, contact_time, damping_ratio, restitution
+from beamsim.analyses.pad.rubber_block import block_modulus, block_stiffness
 from beamsim.cli.app import app
-from beamsim.contacts.restitution import angle, contact_time, damping_ratio, restitution
-from beamsim.contacts.rubber_block import block_modulus, block_stiffness
 from beamsim.scenario import load_scenario
 
 MASS, SPEED = 0.05, 0.4  # kg, m/s

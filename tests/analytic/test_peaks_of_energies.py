@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.run.figures import energy_extremes
 from beamsim.analyses.run.outputs import energies_of_rows, exact_flow, output_groups
-from beamsim.flow import square_sums
-from beamsim.flow.square_sums import square_sum_extremes
+from beamsim.flow.extrema import TOLERANCE
 from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
@@ -76,26 +76,11 @@ def motion(excitation, **run):
 )
 def test_no_sample_lies_above_a_peak(excitation):
     system, trajectory, rows_of = motion(excitation)
-    sizes = [rows.count for rows in system.energy_outputs]
-    searched = square_sum_extremes(trajectory, rows_of, sizes, np.linspace(0.0, trajectory.end, 9))
+    low, _, high, when_high = energy_extremes(trajectory, system.energy_outputs, rows_of)
     times = np.linspace(0.0, trajectory.end, 200_001)
     samples = energies_of_rows(system.energy_outputs, trajectory.sample(times, rows_of))
-    assert np.all(samples <= searched.high * (1 + square_sums.TOLERANCE))
-    assert np.all(samples >= searched.low - square_sums.TOLERANCE * searched.high)
-    assert samples.max(axis=0) == pytest.approx(searched.high, rel=1e-3)
-    at = trajectory.sample(np.sort(searched.when_high), rows_of)
-    assert energies_of_rows(system.energy_outputs, at).max(axis=0) == pytest.approx(searched.high, rel=1e-9)
-    assert not searched.excess.any()
-    assert searched.intervals < 20 * trajectory.segments
-
-
-def test_a_search_that_is_given_up_says_how_much_it_may_miss(monkeypatch):
-    system, trajectory, rows_of = motion(HIT["excitation"])
-    sizes = [rows.count for rows in system.energy_outputs]
-    whole = square_sum_extremes(trajectory, rows_of, sizes, np.array([0.0]))
-    monkeypatch.setattr(square_sums, "MOST_INTERVALS", 0)
-    part = square_sum_extremes(trajectory, rows_of, sizes, np.array([0.0]))
-    assert np.all(part.excess > 0.0)
-    assert np.all(part.high + part.excess >= whole.high)
-    warnings = beamsim.run(load_scenario(HIT)).warnings
-    assert any("peaks of energies may be larger, by up to" in warning for warning in warnings)
+    assert np.all(samples <= high * (1 + TOLERANCE))
+    assert np.all(samples >= low - TOLERANCE * high)
+    assert samples.max(axis=0) == pytest.approx(high, rel=1e-3)
+    at = trajectory.sample(np.sort(when_high), rows_of)
+    assert energies_of_rows(system.energy_outputs, at).max(axis=0) == pytest.approx(high, rel=1e-9)

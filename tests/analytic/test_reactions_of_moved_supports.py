@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from scipy.sparse import csc_array
 
 import beamsim
-from beamsim.matrix_files.op4 import write_op4
+from beamsim.matrix_files.nastran import write_op4
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import write_dof_table

@@ -8,7 +8,7 @@ import yaml
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.op4 import read_op4, write_op4
+from beamsim.matrix_files.nastran import read_op4, write_op4
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import bodies_of
 from beamsim.structures.dof_table import write_dof_table

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from beamsim.analyses.run.analysis import run
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.op4 import write_op4
+from beamsim.matrix_files.nastran import write_op4
 from beamsim.scenario import load_scenario
 from beamsim.structures import matrices as matrices_module
 from beamsim.structures.assembly import bodies_of, summaries_of_files

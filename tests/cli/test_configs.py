@@ -1,10 +1,32 @@
-"""Every shipped config loads without a warning; that it does what its sections ask for is in tests/sameness."""
+"""Every shipped config loads without a warning and does what its sections ask for; numbers are in tests/sameness."""
+
+import json
 
 import pytest
 from shipped import PATHS, shipped
+from typer.testing import CliRunner
 
 import beamsim
+from beamsim.cli.app import app
 from beamsim.system.build import build_system
+
+COMMANDS = {"run": "run", "sweep": "sweep", "nnm": "nnm", "identify_stiffness": "identify-stiffness"}
+"""Section -> command; studies are in test_design_configs.py."""
+
+SHORTENED = {
+    "continuation_friction sweep": ("sweep.from=4.95 Hz", "sweep.to=5.05 Hz", "sweep.levels=[6 N]"),
+    "continuation_overlay sweep": ("sweep.from=80 Hz", "sweep.to=86 Hz"),
+    "sweep_one_sided_2g sweep": ("sweep.rate=8 oct/min",),
+    "sweep_up_down sweep": ("sweep.rate=8 oct/min",),
+}
+"""Config and command -> overrides that make it short."""
+
+
+def asked(path):
+    """The commands that a config has a section for."""
+    scenario = shipped(path)
+    sections = [section for section in COMMANDS if getattr(scenario, section) is not None]
+    return [COMMANDS[section] for section in sections if not (section == "sweep" and scenario.vary is not None)]
 
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)
@@ -14,3 +36,18 @@ def test_config_loads(path):
     assert scenario.title
     assert beamsim.load_scenario(scenario.to_yaml()) == scenario
     build_system(scenario)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("path", "command"),
+    [pytest.param(path, command, id=f"{path.stem} {command}") for path in PATHS for command in asked(path)],
+)
+def test_config_does_what_it_asks_for(path, command, tmp_path):
+    changes = [word for change in SHORTENED.get(f"{path.stem} {command}", ()) for word in ("--set", change)]
+    arguments = [command, str(path), *changes, "--json", "--no-plots", "-o", f"{tmp_path}/"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    summary = json.loads(result.stdout)
+    assert summary.get("energy_error", 0.0) < 1e-8
+    assert list(tmp_path.glob("*.h5"))

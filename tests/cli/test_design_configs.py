@@ -29,7 +29,7 @@ def test_there_are_studies():
     assert {"design_stiffness_gap", "design_tolerances", "spring_position"} <= {path.stem for path in STUDIES}
 
 
-@pytest.mark.slow  # the configs are also in the table of sameness
+@pytest.mark.slow  # two of the configs are also in the table of sameness
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_study_runs_in_a_shortened_form(path):
     check_cases(plan_designs(beamsim.load_scenario(path)))

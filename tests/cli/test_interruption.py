@@ -205,7 +205,7 @@ def test_the_search_for_a_point_is_given_up_within_it(monkeypatch):
         part = nnm(load_scenario(MODE), report, stop=stop)
         np.testing.assert_array_equal(part.backbone.parameter, whole[:20])
         assert part.outcome.interrupted
-        assert at_end[0] - at_report[19] == passages
+        assert 1 <= at_end[0] - at_report[19] <= passages  # asked before each of them, and within
     begun.clear()
     with pytest.raises(KeyboardInterrupt):
         nnm(load_scenario(MODE), stop=lambda: True)
@@ -213,7 +213,7 @@ def test_the_search_for_a_point_is_given_up_within_it(monkeypatch):
     begun.clear()
     with pytest.raises(KeyboardInterrupt):
         frequency_response(load_scenario(RESPONSE), stop=lambda: True)
-    assert not begun  # asked before the first passage of the compiled method
+    assert len(begun) == 1  # asked within the first passage
 
 
 def test_nothing_found_is_nothing_kept(monkeypatch):
@@ -411,9 +411,9 @@ def test_a_signal_during_a_long_motion_keeps_what_was_computed(command, number, 
     ("arguments", "entered", "during"),
     [
         (
-            ["run", "one_sided_65hz.yaml", "--set", "run.duration=0.5 s", "--against", "newmark:1e-4"],
-            "beamsim.analyses.run.against._step",
-            "the comparison with a time stepper",
+            ["run", "one_sided_65hz.yaml", "--set", "run.duration=0.5 s", "--against", "reference"],
+            "beamsim.analyses.run.against.output_times",
+            "the comparison with the reference integrator",
         ),
         (
             ["sweep", "ms_forced_oscillator.yaml", "--compare", "multiple_scales"],
@@ -496,67 +496,6 @@ def test_a_signal_of_which_a_library_makes_an_error_is_a_signal(number, code, he
     assert done.exit_code == code, done.output
     assert done.output == "beamsim: interrupted; no incomplete file was left\n"
     assert os.listdir(tmp_path) == ["case.h5"]
-
-
-def compiling(number, *, lost=False):
-    """Compile a function; a signal arrives meanwhile, where LLVM drops what is raised or elsewhere."""
-    import numba
-    from numba.extending import overload
-
-    def _raw_object_cache_notify():
-        os.kill(os.getpid(), number)
-
-    def value():
-        raise NotImplementedError
-
-    @overload(value)
-    def compiled_value():
-        _raw_object_cache_notify() if lost else os.kill(os.getpid(), number)
-        return lambda: 1
-
-    return numba.njit(lambda: value())()
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_compilation(number, heeded):
-    """Where something was found the search is given up, elsewhere nothing is kept."""
-    from beamsim.flow.stopping import Stopped, heeding
-
-    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
-    try:
-        with interruptible() as interrupted:
-            interrupted()  # from here on something is kept
-            with pytest.raises(Stopped), heeding(interrupted):
-                compiling(number)
-        assert interrupted.signal == number
-        with pytest.raises(KeyboardInterrupt if number == signal.SIGINT else SystemExit), interruptible():
-            compiling(number)
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-def test_a_signal_that_a_compilation_loses_ends_the_next_one(heeded):
-    from beamsim.flow.stopping import Stopped, between_compilations, check_compilation, heeding
-
-    with interruptible() as interrupted:
-        interrupted()  # from here on something is kept
-        assert compiling(signal.SIGINT, lost=True) == 1
-        with pytest.raises(Stopped), heeding(interrupted):
-            check_compilation()
-        check_compilation()  # what keeps the result may compile
-        with pytest.raises(Stopped), heeding(interrupted):
-            check_compilation()
-    assert not between_compilations
-
-
-def test_no_compilation_begins_in_the_time_that_remains(heeded):
-    from beamsim.analyses.run.histories import Grace
-    from beamsim.flow.stopping import Stopped, check_compilation, check_stop, heeding
-
-    with heeding(Grace(lambda: True)):
-        check_stop()  # some of it is left
-    with pytest.raises(Stopped), heeding(Grace(lambda: True)):
-        check_compilation()
 
 
 def test_what_is_raised_again_is_what_was_lost(heeded):
@@ -695,14 +634,6 @@ def test_a_signal_while_a_result_is_exported_leaves_nothing_incomplete(form, inv
     done = CliRunner().invoke(app, ["export", "case.h5", "--format", form, "-o", "exported"])
     assert done.exit_code == 130, done.output
     assert [path.name for path in Path().rglob("*") if path.is_file()] == ["case.h5"]
-
-
-def test_a_signal_while_a_kernel_is_compiled_for_the_file_waits_for_both(heeded, capsys):
-    with interruptible() as interrupted:
-        interrupted.begin_writing("case.h5")
-        assert compiling(signal.SIGINT) == 1
-    assert interrupted.signal == signal.SIGINT
-    assert capsys.readouterr().err == WAITS + "\n"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")

@@ -34,7 +34,7 @@ def followed(name):
     return nnm(load_scenario(CONFIGS / f"{name}.yaml"))
 
 
-LONG = ("nnm_first", "nnm_thesis_mode_1", "nnm_thesis_mode_2", "nnm_energy", "vibeams_backbone")  # tests/sameness
+LONG = ("nnm_first", "nnm_thesis_mode_1", "nnm_thesis_mode_2", "nnm_energy", "vibeams_backbone")  # test_configs.py
 
 
 @pytest.mark.parametrize("path", [pytest.param(p, id=p.stem) for p in NNM if p.stem not in LONG])

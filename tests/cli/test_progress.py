@@ -63,17 +63,6 @@ def test_what_follows_the_last_step_has_its_own_name(at):
     assert str(progress) == "evaluating the motion of case.yaml, 4 s so far"
 
 
-def test_compilations_are_named_whatever_is_being_done(at):
-    progress = Progress("simulating case.yaml", "evaluating the motion of case.yaml")
-    compiler = {"__name__": "numba.core.compiler_machinery", "progress": progress}
-    exec("def compiled(): return str(progress)", compiler)
-    at(3.0)
-    assert compiler["compiled"]() == "compiling the numerical kernels, once for this processor, 3 s so far"
-    progress(0.5)
-    assert compiler["compiled"]() == "compiling the numerical kernels, once for this processor, 3 s so far"
-    assert str(progress).startswith("simulating case.yaml: 50 % done")
-
-
 @pytest.mark.parametrize(("seconds", "text"), [(3.2, "3 s"), (600.0, "10 min"), (9000.0, "2.5 h")])
 def test_duration(seconds, text):
     assert duration(seconds) == text

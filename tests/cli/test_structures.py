@@ -1,6 +1,7 @@
 """The commands `check` and `export-structure`."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from typer.testing import CliRunner
 
 from beamsim.cli.app import app
 
+CONFIGS = Path(__file__).parents[2] / "configs"
 CASE = """
 bodies:
   panel: {kind: beam, length: 0.5, width: 50 mm, thickness: 5 mm, youngs_modulus: 70 GPa, density: 2700, elements: 8,
@@ -49,6 +51,23 @@ def test_what_is_exported_is_read_and_checks_alike(tmp_path, case, ending):
     for name in ("fixed_frequencies_hz", "effective_masses"):
         one, other = (each["bodies"]["panel"][name]["value"] for each in (known, again))
         assert other == pytest.approx(one, rel=1e-7)
+
+
+def test_nastran_files_without_the_package_for_them_end_with_2_and_say_what_to_install(tmp_path, case, monkeypatch):
+    (tmp_path / "panel.yaml").write_text((CONFIGS / "matrices_op4.yaml").read_text())
+    for file in CONFIGS.glob("panel*"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    monkeypatch.setitem(sys.modules, "pyyeti", None)
+    monkeypatch.setitem(sys.modules, "pyyeti.nastran", None)
+    outcome = invoke("validate", tmp_path / "panel.yaml")
+    assert outcome.exit_code == 2
+    message = " ".join(outcome.output.split())
+    assert "panel.yaml:8: bodies.panel.mass.file is one of Nastran" in message
+    assert "pip install 'beamsim[nastran]'" in message
+    outcome = invoke("export-structure", case, "-o", tmp_path / "written.op4")
+    assert outcome.exit_code == 2
+    assert "pip install 'beamsim[nastran]'" in " ".join(outcome.output.split())
+    assert not (tmp_path / "written.op4").exists()
 
 
 def test_mass_centre_and_inertia_of_a_strip(case):

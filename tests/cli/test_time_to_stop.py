@@ -108,7 +108,7 @@ def test_a_command_ends_at_a_signal_with_what_there_is(name, number, compiled, t
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processor time of another process is read from /proc")
 @pytest.mark.parametrize("name", ["run", "continuation"])
 def test_a_command_ends_while_it_compiles(name, tmp_path):
-    """The kernel that is being compiled, and those after it, are not finished."""
+    """The kernel that is being compiled is finished; the motion ends before it has gone far."""
     cache = tmp_path / "cache"
     cache.mkdir()
     process = subprocess.Popen(
@@ -126,7 +126,5 @@ def test_a_command_ends_while_it_compiles(name, tmp_path):
         process.wait()
         raise
     assert process.returncode == 128 + signal.SIGTERM, errors
-    assert errors.endswith("beamsim: interrupted; no incomplete file was left\n")
+    assert "beamsim: interrupted; " in errors.splitlines()[-1]
     assert "Traceback" not in errors
-    assert not list(cache.rglob("*.march-*.nbc"))
-    assert not (tmp_path / "case.h5").exists()

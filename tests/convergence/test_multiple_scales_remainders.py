@@ -11,8 +11,8 @@ from beamsim.errors import MethodError
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.multiple_scales import expand_mode, expand_mode_at_energy, observed_orders, weakened
-from beamsim.orbits.multiple_scales_forced import ResonantForcing
+from beamsim.orbits.expansions.forced import ResonantForcing
+from beamsim.orbits.expansions.free import expand_mode, expand_mode_at_energy, observed_orders, weakened
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.spring_families import ContactStiffness
 

@@ -12,9 +12,9 @@ from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.multiple_scales import observed_orders
+from beamsim.orbits.expansions.free import observed_orders
+from beamsim.orbits.expansions.relaxed import relaxed_path
 from beamsim.orbits.phase_resonance import appropriate_force, find_phase_resonance, quadrature, quadrature_nodes
-from beamsim.orbits.relaxed_minimisation import relaxed_path
 from beamsim.orbits.reversible import BrakeOrbits, linear_mode
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.spring_families import ContactStiffness, CubicStiffness

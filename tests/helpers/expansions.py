@@ -12,8 +12,8 @@ from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.aft import one_sided
-from beamsim.orbits.multiple_scales import HARMONICS, RESONANT, expand_mode, product_harmonics, weakened
-from beamsim.orbits.multiple_scales_forced import ResonantForcing, SteadyMotion, _states
+from beamsim.orbits.expansions.forced import ResonantForcing, SteadyMotion, _states
+from beamsim.orbits.expansions.free import HARMONICS, RESONANT, expand_mode, product_harmonics, weakened
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
 

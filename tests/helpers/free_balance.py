@@ -140,7 +140,7 @@ class FreeBalance:
         found = structure.at(w, F, np.zeros_like(F))
         forces = self._springs.forces(W, w, none, none, none)
         value, potential = factor * forces.value, _potential(self._springs, W)
-        R = _residual(W, found, value + S * W, np.zeros_like(W))
+        R = _residual(W, found, value + S * W)
         by_frequency = found.response_slope + (found.receptance_slope @ (value + S * W)[:, :, None])[:, :, 0]
         columns = [
             _jacobian(found, S, factor * forces.by_deflection)[:, self._kept],
@@ -164,7 +164,10 @@ class FreeBalance:
             rows.append(np.concatenate([row[self._kept], np.zeros(self._tail)])[None, :])
         Q = structure.coordinates(w, F, value, W)
         mean = _linear_energy(self._springs.system, w, Q) + factor * potential - self.rest_energy
-        motion = FreeMotion(w, structure, F, W, value, forces.closed, forces.tangent, W, self._springs.contacts, mean)
+        motion = FreeMotion(
+            w, structure, F, W, value, forces.closed, forces.tangent, self._springs.system.contacts,
+            self._springs.owner, self._springs.direction, mean,
+        )  # fmt: skip
         return np.concatenate(equations), np.vstack(rows), motion
 
     def _energy(
@@ -203,7 +206,7 @@ class FreeBalance:
         """Deflections by the size of each spring's motion, or its gap."""
         r = self._springs.count
         W, w, _, energy = self.split(u)
-        size = _sizes(to_real(W), self._springs.contacts.springs.gap)
+        size = _sizes(to_real(W), self._springs.system.contacts.gap)
         frequency = w if w > 0 else 1.0
         tail = [frequency] if self.parameter == "frequency" else [frequency, 1.0]
         residual = [size]

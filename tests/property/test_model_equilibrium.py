@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beamsim.contacts.equilibrium import FLOATS, UNBALANCED, CubicSprings, Springs, find_equilibrium
-from beamsim.contacts.nonnegative import nonnegative_least_squares
 
 
 def random_case(seed, n, m, rigid, balanced):
@@ -161,15 +160,3 @@ def test_cubic_springs_enter_the_balance(load, stiffness, cubic):
     assert found.q is not None
     q = found.q[0]
     assert stiffness * q + cubic * q**3 == pytest.approx(load, rel=1e-8, abs=1e-300)
-
-
-@given(seed=st.integers(0, 2**32 - 1), rows=st.integers(1, 8), count=st.integers(1, 8))
-@settings(max_examples=200, deadline=None)
-def test_nonnegative_least_squares_agrees_with_scipy(seed, rows, count):
-    from scipy.optimize import nnls
-
-    rng = np.random.default_rng(seed)
-    a, b = rng.normal(size=(rows, count)), rng.normal(size=rows)
-    x = nonnegative_least_squares(a, b)
-    assert np.all(x >= 0)
-    assert np.linalg.norm(a @ x - b) <= nnls(a, b)[1] + 1e-9

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.contacts.contact_point import snubber_point
+from beamsim.analyses.identify.contact_point import snubber_point
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 

@@ -254,7 +254,7 @@ def test_with_a_dashpot(flow_of, law, turns):
     assert max(np.abs(problem.multipliers(s.point) - 1.0).min() for s in folds) < 1e-8
     contacting = [p for p in points if p.data.event_time.size and problem.orbit(p).stable]
     orbit = problem.orbit(contacting[len(contacting) // 2])
-    problem.flow.set(omega=orbit.parameter)
+    problem.flow = problem.flow.under(omega=orbit.parameter)
     long = 300 * orbit.period
     end = simulate(problem.flow.exact_flow(long), orbit.state[:4] * (1 + 1e-4), duration=long)
     np.testing.assert_allclose(end.final_y[:4], orbit.state[:4], atol=1e-6)
@@ -285,8 +285,7 @@ def test_followed_in_a_contact_parameter(flow_of, what):
     problem.omega = 0.7
     last = list(branch)[-1]
     assert branch.outcome.complete
-    moved = flow.moved(direction, last.parameter)
-    moved.set(omega=0.7)
+    moved = flow.moved(direction, last.parameter).under(omega=0.7)
     z = last.u[:-1]
     np.testing.assert_allclose(moved.carry(z, 2 * np.pi / 0.7).end, z, atol=1e-10)
 

@@ -40,7 +40,7 @@ def test_energy_balance_and_status(name):
     r = result(name)
     assert r.complete
     assert r.summary["energy_error"] < 1e-8
-    assert r.summary["reduction_error"] < 0.01
+    assert r.summary["reduction_bound"] < 0.01
 
 
 @pytest.mark.parametrize("name", ONE_SIDED[:3])

@@ -240,35 +240,6 @@ def test_no_two_classes_share_a_name():
     assert_only_known({name for name, modules in homes.items() if len(modules) > 1}, KNOWN_SHARED_CLASS_NAMES)
 
 
-def decorated(tree, name):
-    """Functions at the top of a module with this decorator."""
-    return {
-        node.name
-        for node in tree.body
-        if isinstance(node, ast.FunctionDef)
-        and any(isinstance(d, ast.Name) and d.id == name for d in node.decorator_list)
-    }
-
-
-def test_kernels_without_an_entry_from_python_are_called_by_kernels_alone():
-    """A call of one from Python crashes the interpreter."""
-    kernels = {name: tree for name, tree in modules().items() if name.endswith("kernels")}
-
-    def entered_by_kernels(tree):
-        return set.union(*(decorated(tree, name) for name in ("inner", "summing", "allocating")))
-
-    without_entry = set.union(*(entered_by_kernels(tree) for tree in kernels.values()))
-    assert len(without_entry) > 50
-    for name, tree in modules().items():
-        compiled = entered_by_kernels(tree) | decorated(tree, "kernel")
-        local = {n.name for n in nodes()[name] if isinstance(n, ast.FunctionDef)} if name not in kernels else set()
-        for node in tree.body:
-            if isinstance(node, ast.FunctionDef) and node.name in compiled:
-                continue
-            called = {n.func.id for n in ast.walk(node) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
-            assert not (called - local) & without_entry, f"{name} calls kernels without an entry"
-
-
 def test_array_types_are_named_in_one_module():
     for name, tree in modules().items():
         if name == "beamsim.typing":

@@ -10,7 +10,17 @@ from scipy.integrate import solve_ivp
 import beamsim
 from beamsim.analyses.response.paths import response_model
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.laws import ContactLaw, Guard, Phase, kelvin_voigt, no_tension, piecewise_linear
+from beamsim.contacts.laws import (
+    DEPTH,
+    ContactLaw,
+    Guard,
+    LawRow,
+    LawSpring,
+    Phase,
+    kelvin_voigt,
+    no_tension,
+    piecewise_linear,
+)
 from beamsim.contacts.snubbers import LAWS
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
@@ -29,16 +39,17 @@ LOAD, OMEGA = np.array([1.0, 0.6]), 1.3
 
 def zener():
     """Spring K beside a Maxwell branch (KM, TAU) that never pulls: contact ends by the force, the pad recovers."""
-    relaxing = {"dynamics": ((-1.0 / TAU,),), "drive": ((1.0 / TAU, 0.0, 0.0),)}
+    stretch = LawRow(1.0, internal=(-1.0,))
     # released: N = K delta + KM (delta - p) = 0 sets the pad's own compression u: p' = (u - p)/TAU, u = KM p/(K + KM)
-    recovery = ((KM / (K + KM) - 1.0) / TAU,)
+    recovery = (LawRow(internal=((KM / (K + KM) - 1.0) / TAU,)),)
     released = Phase(
-        "released", (Guard(1, penetration=-(K + KM), internal=(KM,)),), touching=False, dynamics=(recovery,),
-        stored=((K * KM / (K + KM),),), losses=(KM * TAU,),
+        "released", (Guard(1, LawRow(-(K + KM), internal=(KM,))),), touching=False, rates=recovery,
+        springs=(LawSpring(K * KM / (K + KM), LawRow(internal=(1.0,))),), losses=(KM * TAU,),
     )  # fmt: skip
     touching = Phase(
-        "touching", (Guard(0, penetration=K + KM, internal=(-KM,)),), touching=True, stiffness=K + KM, internal=(-KM,),
-        stored=((KM,),), losses=(KM * TAU,), **relaxing,
+        "touching", (Guard(0, LawRow(K + KM, internal=(-KM,))),), touching=True,
+        springs=(LawSpring(K, DEPTH), LawSpring(KM, stretch)), rates=(LawRow(1.0 / TAU, internal=(-1.0 / TAU,)),),
+        losses=(KM * TAU,),
     )  # fmt: skip
     return ContactLaw((released, touching), internal_states=1)
 
@@ -138,10 +149,10 @@ def test_a_piecewise_linear_law_is_the_sum_of_its_parts():
 
 def test_where_the_force_jumps():
     """A dashpot's force jumps where contact is made or ends with the penetration, not where it ends with the force."""
-    assert kelvin_voigt(5.0).jump(0, 0).tolist() == [0, 0, 0]
-    assert kelvin_voigt(5.0, 2.0).jump(0, 0).tolist() == [0, 2, 0]
-    assert no_tension(5.0, 2.0).jump(0, 0).tolist() == [0, 2, 0, 5]  # c (delta' - p') with p' = -(k/c) p
-    assert no_tension(5.0, 2.0).jump(1, 0).tolist() == [0, 0, 0, 0]
+    assert kelvin_voigt(5.0).arrays.jump[0, 0, :3].tolist() == [0, 0, 0]
+    assert kelvin_voigt(5.0, 2.0).arrays.jump[0, 0, :3].tolist() == [0, 2, 0]
+    assert no_tension(5.0, 2.0).arrays.jump[0, 0, :4].tolist() == [0, 2, 0, 5]  # c (delta' - p') with p' = -(k/c) p
+    assert no_tension(5.0, 2.0).arrays.jump[1, 0, :4].tolist() == [0, 0, 0, 0]
     assert no_tension(5.0).phases == kelvin_voigt(5.0).phases
 
 
@@ -158,8 +169,8 @@ def test_numbers_of_slow_motions_do_not_make_a_law_of_two_numbers(system):
 
 def test_phases_that_do_not_exist_are_refused():
     with pytest.raises(ValueError, match="names a phase"):
-        ContactLaw((Phase("alone", (Guard(1, penetration=1.0),), touching=True),))
-    twice = (Guard(1, penetration=1.0), Guard(1, rate=1.0))
+        ContactLaw((Phase("alone", (Guard(1, DEPTH),), touching=True),))
+    twice = (Guard(1, DEPTH), Guard(1, LawRow(rate=1.0)))
     with pytest.raises(ValueError, match="name the same phase"):
         ContactLaw((Phase("a", twice, touching=True), Phase("b", (), touching=False)))
     with pytest.raises(ValueError, match="not a sum"):

@@ -106,9 +106,9 @@ def test_the_search_for_extremes_ends_whatever_the_size():
     system = build_system(load_scenario(CASE, SHORT))
     motion = tampered(1e200, 0.05)(exact_motion.exact_flow(system, 0.1), system.initial_state)
     delta, _ = motion.flow.penetrations
-    highest, _, evaluations = motion.maxima(lambda _: delta, np.zeros(1), np.zeros(1))
-    assert np.isfinite(highest[0])
-    assert evaluations < 100_000
+    found = motion.extrema(lambda _: delta)
+    assert np.isfinite(found.high[0])
+    assert found.evaluations < 100_000
 
 
 def test_a_sweep_that_is_not_finite_has_an_outcome():

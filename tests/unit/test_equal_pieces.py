@@ -91,17 +91,6 @@ def test_integrals_of_products_from_a_later_time_on(motion, one_by_one):
     assert largest_difference(together, late.product_integrals(times, *factors, begin)) < 1e-11
 
 
-def test_maxima(motion, one_by_one):
-    trajectory, groups = motion
-    count = groups(trajectory.flow.system.contacts.start).row.shape[0]
-    together, when, evaluations = trajectory.maxima(groups, np.full(count, -np.inf), np.zeros(count))
-    one_by_one()
-    alone, when_alone, all_evaluations = trajectory.maxima(groups, np.full(count, -np.inf), np.zeros(count))
-    np.testing.assert_allclose(together, alone, rtol=1e-10)
-    np.testing.assert_allclose(when, when_alone, atol=1e-9)
-    assert evaluations < all_evaluations / 10
-
-
 @pytest.mark.parametrize("rate", [20e3, pytest.param(60e3, marks=pytest.mark.slow)])
 def test_bound_on_what_samples_fold(motion, rate):
     """Fourier sums of samples differ from integrals by less than the bound, which is of that order."""

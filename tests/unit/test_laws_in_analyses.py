@@ -131,9 +131,11 @@ def test_normal_modes(law):
         assert beamsim.nnm(case(law, **section)).outcome.trusted
 
 
-@pytest.mark.parametrize("law", ["hardening", "friction", "rigid friction", "pressed friction"])
-def test_what_rubs_is_refused_by_harmonic_balance(law):
-    with pytest.raises(ScenarioError, match="friction or hardening are beyond harmonic balance"):
+@pytest.mark.parametrize(
+    "law", ["branch", "table and branch", "hardening", "friction", "rigid friction", "pressed friction"]
+)
+def test_internal_states_are_refused_by_harmonic_balance(law):
+    with pytest.raises(ScenarioError, match="are beyond harmonic balance"):
         beamsim.frequency_response(case(law, sweep={**CONTINUATION, "method": "harmonic_balance"}))
 
 

@@ -251,7 +251,7 @@ def test_an_interruption_of_the_spectra_samples_few_times(monkeypatch, memory):
     monkeypatch.setattr(run_motion, "spectra_of_motion", interrupted)
     monkeypatch.setattr(Trajectory, "sample", counted)
     monkeypatch.setattr(streamed.CubicRecord, "_make", counted_block)
-    monkeypatch.delattr("beamsim.analyses.run.histories.refine_extremes")
+    monkeypatch.delattr("beamsim.analyses.run.histories.searched_extremes")
     result = beamsim.run(scenario(memory=memory, sample_rate=20000.0), stop=lambda: bool(reached))
     assert result.outcome.code is OutcomeCode.INTERRUPTED
     assert 50 < result.time.size <= 101

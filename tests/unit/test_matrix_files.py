@@ -1,16 +1,23 @@
 """Matrices in files of other programs."""
 
 import struct
+import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
+import op2_files
 import pytest
 import scipy.io
 from scipy.sparse import coo_array, csc_array, save_npz
 
 from beamsim.errors import MethodError
-from beamsim.matrix_files.op4 import read_op4, write_op4
+from beamsim.matrix_files.nastran import read_op4, write_op4
 from beamsim.matrix_files.read import read_matrices, read_matrix
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    from pyyeti.nastran import op4
 
 
 def random_matrices():
@@ -40,21 +47,13 @@ def test_op4_written_is_read_back_exactly(tmp_path, binary):
 @pytest.mark.parametrize("complex_", [False, True])
 @pytest.mark.parametrize("layout", ["dense", "bigmat", "nonbigmat"])
 @pytest.mark.parametrize("target", ["ascii", "<", ">"])
-def test_op4_agrees_with_pyyeti(tmp_path, target, layout, complex_):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        op4 = pytest.importorskip("pyyeti.nastran.op4")
+def test_op4_in_every_layout(tmp_path, target, layout, complex_):
     matrices = {name: dense(values) * (1 + 2j if complex_ else 1) for name, values in random_matrices().items()}
     path = tmp_path / "model.op4"
     op4.write(path, matrices, binary=target != "ascii", endian="=" if target == "ascii" else target, sparse=layout)
-    known = op4.read(str(path))
-    assert len(known) == 3
+    assert len(read_op4(path)) == 3
     for matrix in read_op4(path):
-        np.testing.assert_array_equal(dense(matrix.values), known[matrix.name])
-    if not complex_:
-        write_op4(path, matrices, binary=target != "ascii")
-        for name, values in op4.read(str(path)).items():
-            np.testing.assert_array_equal(values, matrices[name])
+        np.testing.assert_array_equal(dense(matrix.values), matrices[matrix.name])
 
 
 def test_op4_with_64_bit_words_single_precision_and_big_endian_order(tmp_path):
@@ -73,13 +72,21 @@ def test_op4_with_64_bit_words_single_precision_and_big_endian_order(tmp_path):
     np.testing.assert_array_equal(dense(second.values), [[0, 0], [0, 0.5], [0, 4.0]])
 
 
-@pytest.mark.parametrize("binary", [False, True])
-def test_a_cut_op4_file_is_refused(tmp_path, binary):
+def test_op4_with_one_triangle_of_a_symmetric_matrix(tmp_path):
+    values = np.array(STIFFNESS)
+    op4.write(tmp_path / "model.op4", {"k": (np.tril(values), 6), "general": (np.tril(values), 1)}, binary=False)
+    symmetric, general = read_matrices(tmp_path / "model.op4")
+    np.testing.assert_array_equal(dense(symmetric.values), values)
+    np.testing.assert_array_equal(dense(general.values), np.tril(values))
+
+
+@pytest.mark.parametrize(("binary", "cut"), [(False, 120), (True, 120), (True, 20)])
+def test_a_cut_op4_file_is_refused(tmp_path, binary, cut):
     path = tmp_path / "cut.op4"
     write_op4(path, {"m": np.arange(1.0, 37.0).reshape(6, 6)}, binary=binary)
-    path.write_bytes(path.read_bytes()[:-120])
+    path.write_bytes(path.read_bytes()[:-cut])
     with pytest.raises(MethodError, match="cannot be read as OP4"):
-        read_op4(path)
+        read_matrices(path)
 
 
 DMIG_LARGE = """\
@@ -120,11 +127,92 @@ def test_dmig_in_every_field_format(tmp_path, text):
     np.testing.assert_array_equal(dense(matrix.values), STIFFNESS)
 
 
-def test_dmig_tells_the_line_that_cannot_be_read(tmp_path):
+@pytest.mark.parametrize(
+    ("heading", "column", "expected"),
+    [
+        ("DMIG,KAAX,0,6,1,0", "DMIG,KAAX,101,,,101,,9.0E4", [[9e4]]),  # blank components of scalar points
+        ("DMIG,KAAX,0,6,3,0", "DMIG,KAAX,7,3,,7,3,2.\n,7,5,1.,-1.", [[2.0, 1 - 1j], [1 - 1j, 0.0]]),
+        ("DMIG,KAAX,0,2,1,0", "DMIG,KAAX,8,1,,7,3,2.\n,7,5,1.", [[2.0], [1.0]]),
+        ("DMIG,KAAX,0,1,1,0", "DMIG,KAAX,7,5,,7,3,2.", [[0.0, 2.0], [0.0, 0.0]]),
+        ("DMIG,KAAX,0,9,1,0,,,4", "DMIG,KAAX,2,,,7,3,2.\nDMIG,KAAX,1,,,7,3,1.", [[1.0, 2.0]]),
+    ],
+)
+def test_dmig_of_every_form(tmp_path, heading, column, expected):
+    path = tmp_path / "model.bdf"
+    path.write_text(f"SOL 101\nBEGIN BULK\nINCLUDE 'elsewhere.bdf'\nGRID,7\n{heading}\n{column}\nDMIGOUT,1\n")
+    np.testing.assert_array_equal(dense(read_matrix(path, None).values), expected)
+
+
+def test_dmig_tells_the_number_that_cannot_be_read(tmp_path):
     path = tmp_path / "model.pch"
     path.write_text(DMIG_LARGE.replace("2.000000000D+03", "2.0000x0000D+03"))
-    with pytest.raises(MethodError, match=r"DMIG entry in line 5 "):
+    with pytest.raises(MethodError, match=r"cannot be read as DMIG .*2\.0000x0000D"):
         read_matrices(path)
+
+
+def test_op2_matrices_of_every_kind(tmp_path):
+    single, double = np.array(STIFFNESS), np.array(STIFFNESS) / 3
+    for order in "<>":
+        path = tmp_path / "model.op2"
+        with open(path, "wb") as file:
+            file.write(op2_files.label(order))
+            file.write(op2_files.matrix("KAA", single, order, kind=1))
+            file.write(op2_files.table("GEOM1", [(4501, 45, 1), (7,)], order))
+            file.write(op2_files.matrix("MAA", double, order, kind=2))
+            file.write(op2_files.matrix("K4AA", double * (1 + 2j), order, kind=4))
+            file.write(op2_files.end(order))
+        read = {matrix.name: matrix for matrix in read_matrices(path)}
+        assert list(read) == ["kaa", "maa", "k4aa"]
+        for name, values in (("kaa", single), ("maa", double), ("k4aa", double * (1 + 2j))):
+            np.testing.assert_array_equal(dense(read[name].values), values)
+        assert read_matrix(path, "MAA").rows is None
+        with pytest.raises(MethodError, match=r"= mxx is not a matrix of model.op2; it holds kaa, maa, k4aa"):
+            read_matrix(path, "mxx")
+        path.write_bytes(path.read_bytes()[:-150])
+        with pytest.raises(MethodError, match="cannot be read as OP2"):
+            read_matrices(path)
+
+
+def test_op2_tables_of_dmig_entries_name_their_degrees_of_freedom(tmp_path):
+    path = tmp_path / "model.op2"
+    columns = {(7, 3): [((7, 3), 4e5)], (7, 5): [((7, 3), -150.0), ((7, 5), 2e3)], (101, 0): [((101, 0), 9e4)]}
+    path.write_bytes(
+        op2_files.label("<") + op2_files.dmig_table("KAAX", columns, symmetric=True, order="<") + op2_files.end("<")
+    )
+    matrix = read_matrix(path, "kaax")
+    assert matrix.rows == matrix.columns == NAMES
+    np.testing.assert_array_equal(dense(matrix.values), STIFFNESS)
+
+
+OF_NASTRAN = Path(op4.__file__).parents[1] / "tests"  # files that Nastran wrote, part of pyYeti
+
+
+@pytest.mark.skipif(not OF_NASTRAN.is_dir(), reason="pyYeti is installed without its test data")
+def test_files_that_nastran_wrote():
+    table, punched = (
+        {matrix.name: matrix for matrix in read_matrices(OF_NASTRAN / "nastran_dmig_data" / name)}
+        for name in ("matrix.op2", "matrix_factory.pch")
+    )
+    assert {"patrn", "randm", "cmplx"} <= set(punched)
+    for name, matrix in punched.items():
+        same = table[f"m{name}"]
+        assert (matrix.rows, matrix.columns) == (same.rows, same.columns)
+        np.testing.assert_allclose(dense(matrix.values), dense(same.values), rtol=1e-6)
+    stiffness = read_matrix(OF_NASTRAN / "nas2cam_extseout" / "full.op2", "khh").values
+    assert stiffness.shape == (278, 278)
+    assert abs(stiffness - stiffness.T).max() <= 1e-6 * abs(stiffness).max()
+
+
+@pytest.mark.parametrize("ending", [".op4", ".op2", ".pch"])
+def test_without_pyyeti_a_message_tells_what_to_install(tmp_path, monkeypatch, ending):
+    monkeypatch.setitem(sys.modules, "pyyeti", None)
+    monkeypatch.setitem(sys.modules, "pyyeti.nastran", None)
+    path = tmp_path / f"model{ending}"
+    path.touch()
+    with pytest.raises(MethodError, match=r"pip install 'beamsim\[nastran\]'"):
+        read_matrix(path, None)
+    with pytest.raises(MethodError, match=r"pip install 'beamsim\[nastran\]'"):
+        write_op4(path, random_matrices())
 
 
 @pytest.mark.parametrize(
@@ -147,7 +235,7 @@ def test_abaqus_by_numbers(tmp_path):
     path.write_text("1 1 4e5\n2 1 -150\n2 2 2000\n3 3 9e4\n")
     np.testing.assert_array_equal(dense(read_matrix(path, None).values), STIFFNESS)
     path.write_text("1 1 4e5\n2 1\n")
-    with pytest.raises(MethodError, match="a line 2 that is not an entry"):
+    with pytest.raises(MethodError, match="changed from 3 to 2 at row 2"):
         read_matrix(path, None)
 
 
@@ -177,6 +265,19 @@ def test_general_formats(tmp_path):
     np.testing.assert_array_equal(
         dense(read_matrix(tmp_path / "new.mat", "full").values), np.arange(6.0).reshape(2, 3).T
     )
+
+
+def test_harwell_boeing_of_complex_numbers_without_blanks(tmp_path):
+    path = tmp_path / "k.hb"
+    path.write_text(
+        "damping".ljust(72) + "K".ljust(8) + "\n"
+        f"{3:14d}{1:14d}{1:14d}{1:14d}{0:14d}\n"
+        f"CUA{2:25d}{2:14d}{2:14d}{0:14d}\n"
+        "(3I2)           (2I2)           (1P,4D11.4)         \n"
+        " 1 2 3\n 2 1\n"
+        "-1.5000D+00-2.5000D+00-3.5000D+00-4.5000D+00\n"
+    )
+    np.testing.assert_array_equal(dense(read_matrix(path, None).values), [[0, -3.5 - 4.5j], [-1.5 - 2.5j, 0]])
 
 
 def test_harwell_boeing_with_one_triangle(tmp_path):

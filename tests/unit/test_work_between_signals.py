@@ -10,10 +10,13 @@ import beamsim
 from beamsim.analyses.run import exact_motion, histories, records
 from beamsim.analyses.run import motion as run_motion
 from beamsim.analyses.run.energy import energy_history
-from beamsim.flow import fourier, integral_kernels, kernels, march_kernels
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.flow import fourier, integral_kernels, march_kernels
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import EVALUATIONS_A_CALL
-from beamsim.flow.trajectory import WORK_A_CALL, Trajectory
+from beamsim.flow.stopping import Stopped, heeding
+from beamsim.flow.trajectory import WORK_A_CALL
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
@@ -42,7 +45,7 @@ def calls(monkeypatch):
 
         monkeypatch.setattr(module, name, called)
 
-    for module, name in ((march_kernels, "march"), (kernels, "extremes"), (integral_kernels, "product_integrals")):
+    for module, name in ((march_kernels, "march"), (integral_kernels, "product_integrals")):
         counting(module, name)
     return returned
 
@@ -62,11 +65,8 @@ def test_energies_of_a_panel_thrown_on_a_stiff_damped_stop(calls):
     np.testing.assert_allclose(coarse.history.dissipated, balance.history.dissipated[::2500], rtol=1e-9)
 
 
-def test_a_search_that_takes_long_goes_on_in_pieces(calls, monkeypatch):
+def test_a_search_that_takes_long_goes_on_in_pieces(calls):
     """A slow rigid body, with a fast mode that the guard looks through: one segment of many evaluations."""
-    from beamsim.contacts.contacts import Contacts
-    from beamsim.contacts.laws import kelvin_voigt
-
     fast = 3e5
     contacts = Contacts(np.array([[1.0, 1.0]]), np.ones(1), np.ones(1), np.zeros(1, dtype=bool), (kelvin_voigt(10.0),))
     system = PiecewiseLinearSystem(np.array([1e-2, fast**2]), np.zeros((2, 2)), contacts, np.zeros(2))
@@ -83,20 +83,21 @@ def test_a_search_that_takes_long_goes_on_in_pieces(calls, monkeypatch):
     assert 0.0 < part.end < 2.0
     at = np.linspace(0.0, 0.9 * part.end, 7)
     np.testing.assert_array_equal(part.states_at(at), whole.states_at(at))
-    delta, _ = part.flow.penetrations
-    monkeypatch.setattr(Trajectory, "exponentials", False)  # as with powers of time
-    whole.maxima(lambda _: delta, np.full(1, -np.inf), np.zeros(1))
-    assert len(calls["extremes"]) > 1
-    assert max(call[0] for call in calls["extremes"]) <= EVALUATIONS_A_CALL + 10
 
 
-def test_a_search_is_not_interrupted_before_its_budget_is_used(calls, monkeypatch):
-    """Each call but the last of a search does the work it may do: a call costs as much as many evaluations."""
-    monkeypatch.setattr(Trajectory, "exponentials", False)
-    beamsim.run(load_scenario(CONFIGS / "one_sided_65hz.yaml", ["run.duration=0.4 s"]))
-    unfinished = [evaluations for evaluations, done in calls["extremes"] if not done]
-    assert all(evaluations >= EVALUATIONS_A_CALL for evaluations in unfinished)
-    assert len(unfinished) < 10
+def test_a_search_for_extremes_asks_often_whether_to_stop():
+    """A motion of 10,000 periods of two modes with equal peaks, of which none rules out the others."""
+    contacts = Contacts(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool), ())
+    system = PiecewiseLinearSystem(np.array([40.0, 90.0]), np.zeros((2, 2)), contacts, np.zeros(2))
+    whole = simulate(ExactFlow(system, Forcing(np.zeros((0, 2)), ()), 1e4), np.array([1.0, 1.0, 0.0, 0.0]))
+    both = whole.flow.empty_output(1)
+    both.row[0, :2] = 1.0
+    asked = []
+    with heeding(lambda: bool(asked.append(0))):
+        whole.extrema(lambda _: both)
+    assert len(asked) > 10
+    with pytest.raises(Stopped), heeding(lambda: True):
+        whole.extrema(lambda _: both)
 
 
 def test_a_stopped_run_keeps_its_motion(monkeypatch):

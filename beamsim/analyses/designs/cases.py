@@ -1,13 +1,13 @@
 """One case of a design study: from parameter values to responses.
 
-A case is sent to its worker as plain data (the resolved scenario as a mapping, and the values to replace in it), so
-that every worker, on this machine or another, computes the same numbers.
+A case is sent to its worker as plain data (the scenario as it was written, and the values to replace in it), so that
+every worker, on this machine or another, computes the same numbers.
 """
 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from beamsim.analyses.designs.responses import (
@@ -25,7 +25,8 @@ from beamsim.errors import BeamsimError, Problem, ScenarioError
 from beamsim.flow.stopping import never
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.designs import Value
-from beamsim.scenario.draws import Draws
+from beamsim.scenario.loading import load_scenario
+from beamsim.scenario.written import replaced
 from beamsim.system.shared import SharedBuilds
 
 if TYPE_CHECKING:
@@ -41,10 +42,14 @@ class Study:
     """What the cases of a study share, as plain data for workers."""
 
     analysis: str
-    base: Mapping[str, Any]  # the scenario
+    base: Mapping[str, Any]  # the scenario as it was written
     places: tuple[tuple[Place, ...], ...]  # of each parameter
     asked: tuple[str, ...] = ()  # responses; empty for all
     fingerprint: str = ""
+
+    def scenario(self, values: Sequence[Value]) -> Scenario:
+        """The scenario with values of the first parameters, or of all; raises a ScenarioError if it is invalid."""
+        return load_scenario(replaced(self.base, self.places[: len(values)], values))
 
 
 @dataclass(frozen=True)
@@ -79,17 +84,10 @@ def analysis_of(scenario: Scenario) -> str:
 
 
 class CaseSolver:
-    """Solves the cases of one study; what they share is built once. May be used by several threads.
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario of the study is invalid.
-    """
+    """Solves the cases of one study; what they share is built once. May be used by several threads."""
 
     def __init__(self, study: Study, stop: Callable[[], bool] = never) -> None:
         self.study = study
-        self.draws = Draws(study.base, study.places)
         self.shared = SharedBuilds()
         self.stop = stop
 
@@ -97,7 +95,7 @@ class CaseSolver:
         """Solve one case; an error becomes part of the outcome, so that the other cases continue."""
         begin = clock.thread_time()
         try:
-            scenario = self.draws.scenario(task.values)
+            scenario = self.study.scenario(task.values)
             values, outcome = ANALYSES[self.study.analysis].solve(scenario, self)
         except BeamsimError as error:
             values, outcome = {}, Outcome.of(OutcomeCode.FAILED, reason="; ".join(str(error).splitlines()))
@@ -132,7 +130,7 @@ def warm_up(task: CaseTask | None) -> None:
 
     if task is not None:
         try:
-            ANALYSES[task.study.analysis].rehearse(_solver(task.study).draws.scenario(task.values))
+            ANALYSES[task.study.analysis].rehearse(task.study.scenario(task.values))
         except BeamsimError:
             return  # reported when the case is solved
 

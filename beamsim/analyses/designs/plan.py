@@ -32,9 +32,10 @@ from beamsim.scenario.designs import (
     drawn_parameters,
     varied_parameters,
 )
-from beamsim.scenario.draws import Draws
 from beamsim.scenario.input_files import named_files
 from beamsim.scenario.limits import OF_OUTPUTS
+from beamsim.scenario.parameters import value_at
+from beamsim.scenario.written import written
 from beamsim.typing import Ints
 
 if TYPE_CHECKING:
@@ -84,7 +85,17 @@ class CaseTasks(Sequence[CaseTask]):
         for column in reversed(self.columns):
             rest, k = divmod(rest, len(column)) if self.grid else (rest, design)
             values.append(column[k])
-        return CaseTask(case, self.study, self.realisations.values(values[::-1], realisation))
+        of_case = values[::-1]
+        return CaseTask(case, self.study, self.realisations.values(of_case, self._further(of_case), realisation))
+
+    def _further(self, of_case: Sequence[Value]) -> list[float]:
+        """The numbers that only have a tolerance, as they are in a case."""
+        numbers = [parameter.number for parameter in self.realisations.further]
+        try:
+            scenario = self.study.scenario(of_case) if numbers else None
+        except ScenarioError:  # reported where the case is checked or solved
+            scenario = None
+        return [float(n.nominal if scenario is None else value_at(scenario, n.places[0])) for n in numbers]
 
 
 @dataclass(frozen=True)
@@ -201,14 +212,13 @@ def check_cases(plan: DesignPlan) -> None:
         With the first invalid cases and their problems.
     """
     problems: list[Problem] = []
-    draws = Draws(plan.study.base, plan.study.places)
     units = {c.path: c.unit for c in plan.coordinates}
     units |= {p.number.path: p.number.unit for p in plan.realisations.further}
     step = max(1, -(-len(plan.tasks) // MOST_CHECKED))
     chosen = sorted({*range(0, len(plan.tasks), step), len(plan.tasks) - 1})
     for task in (plan.tasks[k] for k in chosen):
         try:
-            draws.scenario(task.values)
+            plan.study.scenario(task.values)
         except ScenarioError as error:
             named = ", ".join(_assigned(path, value, units) for path, value in plan.named(task.values).items())
             problems += [
@@ -259,8 +269,8 @@ def _plan(
     asked: tuple[str, ...],
     realisations: Realisations,
 ) -> DesignPlan:
-    base = _base(scenario)
     places = (*(parameter.places for parameter in varied), *realisations.further_places)
+    base = _base(scenario, [place for of_parameter in places for place in of_parameter])
     if varies_seed(places):
         base["excitation"].setdefault("amplitudes", "random")
     analysis = analysis_of(scenario)
@@ -282,9 +292,9 @@ def _plan(
     )
 
 
-def _base(scenario: Scenario) -> dict[str, Any]:
-    """The scenario as plain data, without unused sections; an automatic sample rate is chosen again for each case."""
-    base: dict[str, Any] = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
+def _base(scenario: Scenario, places: Iterable[Place]) -> dict[str, Any]:
+    """The scenario as it was written, without unused sections; an automatic sample rate is chosen for each case."""
+    base = written(scenario, [*places, *(path for path, _ in named_files(scenario))])
     # a sweep computes stress and gap only if there are limits on them; a run always does
     unused = ("vary", "title", "identify_stiffness", "nnm", *(("limits",) if scenario.sweep is None else ()))
     for key in unused:
@@ -293,8 +303,6 @@ def _base(scenario: Scenario) -> dict[str, Any]:
         base["run"].setdefault("convergence", "off")
     if "run" in base and scenario.automatic_sample_rate:
         base["run"].pop("sample_rate", None)
-    if scenario.sweep is not None and not scenario.sweep.levels:
-        del base["sweep"]["levels"]  # an empty list is refused
     return base
 
 

@@ -58,11 +58,18 @@ class Realisations:
         """Where the values of these numbers go."""
         return tuple(p.number.places for p in self.further)
 
-    def values(self, of_case: Sequence[Value], realisation: int) -> tuple[Value, ...]:
-        """The varied numbers of a realisation, then those that only have a tolerance."""
-        values, further = list(of_case), []
+    def values(self, of_case: Sequence[Value], further_of_case: Sequence[float], realisation: int) -> tuple[Value, ...]:
+        """The varied numbers of a realisation, then those that only have a tolerance, from what they are in the case.
+
+        Parameters
+        ----------
+        of_case : the varied numbers of the case.
+        further_of_case : the numbers of `further` in the case, SI; they may follow from the varied ones.
+        realisation : its number, 0 for the case itself.
+        """
+        values, further, nominal = list(of_case), [], iter(further_of_case)
         for parameter, deviation in zip(self.parameters, self.deviations[realisation], strict=True):
-            value = float(parameter.number.nominal if parameter.varied is None else values[parameter.varied])
+            value = next(nominal) if parameter.varied is None else float(values[parameter.varied])
             value += float(deviation) * parameter.reach(value)
             if parameter.varied is None:
                 further.append(value)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.identify.contact_point import mode_shapes, snubber_point
 from beamsim.analyses.identify.model_updating import mac_matrix, update_model
 from beamsim.analyses.identify.result import (
     FrequencyCurve,
@@ -32,7 +33,6 @@ from beamsim.analyses.identify.stiffness import (
 )
 from beamsim.analyses.identify.table_slope import compared, table_slope, with_factor
 from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile, widening
-from beamsim.contacts.contact_point import mode_shapes, snubber_point
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE
 from beamsim.structures.assembly import joined_to

@@ -18,9 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.identify.contact_point import free_frequencies
 from beamsim.analyses.identify.result import FrequencyTable, ModelUpdate, ParameterEstimate, ProfileLikelihood
-from beamsim.contacts.contact_point import free_frequencies
 from beamsim.dataclass import dataclass
+from beamsim.errors import ScenarioError
+from beamsim.scenario.loading import replacing
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -104,7 +106,7 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
     ValueError
         If nothing was measured without the snubber (the schema refuses that).
     """
-    from beamsim.scenario.parameters import choices_at, value_at, with_values
+    from beamsim.scenario.parameters import choices_at, value_at
 
     measured = np.array(section.measured_without)
     numbers, words = sought_numbers(scenario, section.update)
@@ -113,8 +115,12 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
     best: _ModelFit | None = None
     alternatives: list[tuple[str, float]] = []
     for choice in product(*(choices_at(scenario, place) for place in words)):
-        varied = with_values(scenario, dict(zip(words, choice, strict=True)))
         text = ", ".join(choice)
+        try:
+            varied = replacing(scenario, words)(dict(zip(words, choice, strict=True)))
+        except ScenarioError:  # a support that holds the snubber's point, for example
+            alternatives.append((text, np.inf))
+            continue
         try:
             fit = _fit(varied, numbers, measured, sigma)
         except _NotEnoughModesError:
@@ -252,31 +258,37 @@ def _residuals(
     scenario: Scenario, numbers: list[Sought], measured: Floats, sigma: Floats
 ) -> Callable[[Floats], Floats]:
     """Residuals of frequencies and priors as a function of theta."""
-    from beamsim.scenario.parameters import with_values
-
     section = scenario.identify_stiffness
     assert section is not None
     weight = 1.0 / (measured * (sigma if sigma.all() else 1.0))
     prior = np.array([number.prior for number in numbers])
     informed = np.isfinite(prior)
+    varied = _varied(scenario, numbers)
 
     def residuals(theta: Floats) -> Floats:
-        factors = np.exp(theta)
-        values: dict[Place, object] = {}
-        for number, factor in zip(numbers, factors, strict=True):
-            values |= number.at_factor(float(factor))
-        predicted = free_frequencies(with_values(scenario, values), section.snubber, measured.size)
+        predicted = free_frequencies(varied(theta), section.snubber, measured.size)
         predicted = predicted[predicted > 0]
         if predicted.size < measured.size:
             raise _NotEnoughModesError
-        return np.concatenate([(predicted - measured) * weight, (factors[informed] - 1) / prior[informed]])
+        return np.concatenate([(predicted - measured) * weight, (np.exp(theta[informed]) - 1) / prior[informed]])
 
     return residuals
 
 
-def _fit(scenario: Scenario, numbers: list[Sought], measured: Floats, sigma: Floats) -> _ModelFit:
-    from beamsim.scenario.parameters import with_values
+def _varied(scenario: Scenario, numbers: list[Sought]) -> Callable[[Floats], Scenario]:
+    """The scenario as a function of theta, the logarithms of the numbers' factors."""
+    change = replacing(scenario, [place for number in numbers for place in number.places])
 
+    def at(theta: Floats) -> Scenario:
+        values: dict[Place, object] = {}
+        for number, logarithm in zip(numbers, theta, strict=True):
+            values |= number.at_factor(float(np.exp(logarithm)))
+        return change(values)
+
+    return at
+
+
+def _fit(scenario: Scenario, numbers: list[Sought], measured: Floats, sigma: Floats) -> _ModelFit:
     residuals = _residuals(scenario, numbers, measured, sigma)
     count = 0
 
@@ -299,12 +311,9 @@ def _fit(scenario: Scenario, numbers: list[Sought], measured: Floats, sigma: Flo
             1,
         )
     solution = _solve(counted, np.zeros(len(numbers)), lower, upper)
-    values: dict[Place, object] = {}
-    for number, theta in zip(numbers, solution.x, strict=True):
-        values |= number.at_factor(float(np.exp(theta)))
     return _ModelFit(
         scenario,
-        with_values(scenario, values),
+        _varied(scenario, numbers)(solution.x),
         solution.x,
         float(2 * solution.cost),
         solution.jac,

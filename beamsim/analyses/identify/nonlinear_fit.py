@@ -13,7 +13,7 @@ method from several starting points.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,7 @@ from beamsim.analyses.identify.uncertainty import widening
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.scenario.loading import replacing
 from beamsim.system.contact_change import with_changed_contacts
 from beamsim.typing import Bools, Complexes, Floats
 
@@ -256,6 +257,7 @@ class _NonlinearFit:
     responses: int = 0
     last: list[Complexes] = field(default_factory=list)  # predicted harmonics of each test
     _cases: list[Scenario] = field(default_factory=list)
+    _varied: list[Callable[[Mapping[Place, object]], Scenario]] = field(default_factory=list)
     _guesses: list[Floats | None] = field(default_factory=list)
     _vibrations: list[SteadyVibration] = field(default_factory=list)
     _systems: list[StructuralSystem] = field(default_factory=list)  # with the scenario's own values
@@ -280,6 +282,8 @@ class _NonlinearFit:
                     update={"excitation": excitation, "run": None, "reduction": reduction, "sweep": None, "nnm": None}
                 )
             )
+        places = [place for number in self.numbers for place in number.places]
+        self._varied = [replacing(case, places) for case in self._cases]
         self._guesses = [None] * len(self.tests)
         try:
             self._vibrations = [steady_vibration(case) for case in self._cases]
@@ -337,12 +341,10 @@ class _NonlinearFit:
 
     def predict(self, x: Floats) -> list[Complexes]:
         """Harmonics of every test with the parameters x."""
-        from beamsim.scenario.parameters import with_values
-
         values = self.values(x)
         predicted = []
         for t, (case, test) in enumerate(zip(self._cases, self.tests, strict=True)):
-            varied = with_values(case, values)
+            varied = self._varied[t](values)
             built = with_changed_contacts(self._systems[t], case, varied)
             vibration = steady_vibration(varied, self._guesses[t], harmonics=test.harmonics.order.size, built=built)
             self.responses += 1

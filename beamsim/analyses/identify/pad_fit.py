@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic_core import PydanticCustomError
 
+from beamsim.analyses.identify.branch_fit import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.analyses.identify.result import PadFit
-from beamsim.contacts.branch_fit import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.pad_data import read_pad_data
 from beamsim.scenario.base import path_text

@@ -184,7 +184,10 @@ def sensitivities(
     share = (point.slope(predicted) * measured.weight) ** 2
     share /= share.sum()
     each = [stiffness_sensitivities(scenario, snubber, float(omega)) for omega in predicted]
-    relative = {place: float(sum(w * part[place] for w, part in zip(share, each, strict=True))) for place in each[0]}
+    relative = {
+        place: float(sum(w * part.get(place, 0.0) for w, part in zip(share, each, strict=True)))
+        for place in dict.fromkeys(place for part in each for place in part)
+    }
     rows = {path_text(place): [place] for place in relative}
     given = {}
     for path, uncertainty in known.items():

@@ -12,7 +12,7 @@ from beamsim.dataclass import dataclass
 from beamsim.errors import locating
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.multiple_scales import (
+from beamsim.orbits.expansions.free import (
     HARMONICS,
     ModeExpansion,
     expand_mode_at_energy,

@@ -443,28 +443,28 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
 
 def _carried(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
     """The damped structure from the predicted start under the predicted force; None where it chatters."""
-    problem.flow.set(motion.force.omega, motion.level)
+    flow = problem.flow.under(motion.force.omega, motion.level)
     system = held.damped.dynamics
     n, T = system.size, motion.whole.duration
     times = T * np.arange(SAMPLES) / SAMPLES
     mode = motion.states(times)
     weight = np.concatenate([np.sqrt(system.stiffness), np.ones(n)])
     size = float(np.sqrt(2.0 * motion.energy))
-    z = np.zeros(problem.flow.size)
+    z = np.zeros(flow.size)
     z[: 2 * n] = mode[0]
     states = np.empty((periods, SAMPLES, 2 * n))
     for k in range(periods):
         try:
-            passage = problem.flow.carry(z, T)
+            passage = flow.carry(z, T)
         except ArithmeticError:
             return None
-        states[k] = problem.flow.states_at(passage, times)
+        states[k] = flow.states_at(passage, times)
         z = passage.end
     departure = np.linalg.norm((states - mode) * weight, axis=2).max(axis=1) / size
     # the mode is at rest where its own clock shows 0 and half a period
     rest = np.sort((np.array([0.0, 0.5 * T]) - motion.force.shift) % T)
     field = held.damped.deflection
-    last = problem.flow.states_at(passage, rest)
+    last = flow.states_at(passage, rest)
     count = periods * SAMPLES
     whole = states.reshape(count, 2 * n)[:, :n]
     displacement = {p.name: whole @ p.shape for p in held.damped.probes}

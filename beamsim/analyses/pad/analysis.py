@@ -8,15 +8,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.contacts.force_curve import ForceCurve, fit_curve
-from beamsim.contacts.restitution import (
+from beamsim.analyses.pad.restitution import (
     contact_time,
     damping_ratio,
     largest_penetration,
     peak_force,
     restitution,
 )
-from beamsim.contacts.rubber_block import LARGEST_STRAIN, block_modulus, block_stiffness
+from beamsim.analyses.pad.rubber_block import LARGEST_STRAIN, block_modulus, block_stiffness
+from beamsim.contacts.force_curve import ForceCurve, fit_curve
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.system.force_tables import read_forces

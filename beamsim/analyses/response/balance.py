@@ -45,7 +45,7 @@ class BalanceTracer:
         in_level = ForcedOrbits(local.flow, "level", self.problem.multiple)
         for state in periodic_states(lambda: local, lambda: in_level):
             omega, level = self.problem.at(value)
-            local.flow.set(omega, level)
+            local.flow = local.flow.under(omega, level)
             try:
                 yield self.problem.from_passage(local, basis, local.flow.carry(state, period), value)
             except (ArithmeticError, np.linalg.LinAlgError):

@@ -6,18 +6,20 @@ that bounds skip most of, and its harmonics from integrals of exponentials.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.response.motion import DrivenSignals, MeasuredMotion, measure, of_extremes, sampled_orbit
-from beamsim.flow.variational import ExponentialTerms, VariationalFlow
-from beamsim.typing import Complexes, Floats
+from beamsim.analyses.run.outputs import stack
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.variational import VariationalFlow
+from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
-    from beamsim.flow.passage import Passage, PeriodicForcing
-    from beamsim.flow.periodic_flow import PeriodicFlow
+    from beamsim.flow.passage import PeriodicForcing
     from beamsim.orbits.branch import BranchPoint
     from beamsim.orbits.shooting import ForcedOrbits
     from beamsim.system.structural import StructuralSystem
@@ -38,87 +40,99 @@ def measured_orbit(
     Of orbits that are no sums of exponentials, and where energies are asked for, samples are measured.
     """
     flow, _ = problem.flow_at(point.parameter)
-    terms = None
-    if isinstance(flow, VariationalFlow) and not flow.system.contacts.internal_states and not system.cubic.count:
-        terms = flow.exponential_terms(point.data)
-    tables = None if terms is None else _tables(system, flow, terms, base, signals, limited)
-    if terms is None or tables is None:
+    contacts = flow.system.contacts
+    output_of = orbit = None
+    if isinstance(flow, VariationalFlow) and not (contacts.internal_states or contacts.jointly_acting):
+        output_of, orbit = _outputs(system, flow, base, signals, limited), flow.motion(point.data)
+    if output_of is None or orbit is None or not orbit.exponentials:
         return measure(system, loads, base, signals, sampled_orbit(problem, point), limited, harmonics)
-    passage, contacts = point.data, flow.system.contacts
-    share = passage.length @ contacts.touching(terms.phases)[terms.state] / passage.duration
-    high, low = _extremes(terms, passage, np.concatenate(list(tables.values()), axis=2))
-    spectrum = _harmonics(terms, passage, tables["x"], harmonics)
-    return of_extremes(system, {name: table.shape[2] for name, table in tables.items()}, high, low, spectrum, share)
+    sizes: dict[str, int] = {}
+
+    def rows(phases: Ints) -> LinearOutput:
+        parts = output_of(phases)
+        sizes.update({name: part.row.shape[0] for name, part in parts.items()})
+        return stack(*parts.values())
+
+    table = orbit.flow.output_table(rows)
+    high, low = _extremes(orbit, table)
+    spectrum = _harmonics(orbit, table[:, :, : sizes["x"]], harmonics)
+    return of_extremes(system, sizes, high, low, spectrum, orbit.contact_share())
 
 
-def _tables(
-    system: StructuralSystem,
-    flow: PeriodicFlow,
-    terms: ExponentialTerms,
-    base: DrivenSignals | None,
-    signals: DrivenSignals,
+def _outputs(
+    system: StructuralSystem, flow: VariationalFlow, base: DrivenSignals | None, signals: DrivenSignals,
     limited: Collection[str],
-) -> dict[str, Complexes] | None:
-    """(U, T, k) coefficients of the measured quantities in the terms; None where some are not linear in them."""
-    t, loads = terms.tables, flow.loads
-    driven = t.term_source == 1 + int(np.argmax(np.append(loads.multiple == 1, True)))  # those that turn with the loads
-    drives = base is not None or signals.phasor.size > 0
-    if any(rows.squared for rows in system.outputs) or (drives and not driven.any(axis=1).all()):
+) -> Callable[[Ints], dict[str, LinearOutput]] | None:  # fmt: skip
+    """The measured quantities by the phases of the contacts; None where some are not linear."""
+    exact, n = flow.exact, flow.system.size
+    sources = exact.sources
+    turning = (sources.exponent == 1j * flow.omega) & (sources.amplitude[0] != 0.0)
+    if any(rows.squared for rows in system.outputs) or not (
+        turning.any() or (base is None and not signals.phasor.size)
+    ):
         return None
-    exponent = np.take_along_axis(t.exponent, t.term_basis, axis=1)[:, :, None]
 
-    def turning(of: DrivenSignals) -> Complexes:
-        """(U, T, k) coefficients of signals."""
-        return np.asarray(driven[:, :, None] * of.amplitude(flow.omega, flow.level))
+    def driven(of: DrivenSignals) -> LinearOutput:
+        """Harmonic signals, as combinations of one source of their frequency and its time derivative."""
+        output, f = exact.empty_output(of.phasor.size), int(np.argmax(turning))
+        share = of.amplitude(flow.omega, flow.level) / sources.amplitude[0, f]
+        output.direct[:, f], output.direct_slope[:, f] = share.real, share.imag / flow.omega
+        return output
 
-    acceleration = exponent * terms.velocity
-    carried = np.zeros((*driven.shape, 1)) if base is None else turning(base)[:, :, :1]
-    shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
-    parts = {
-        "x": terms.displacement @ shapes.T,
-        "acceleration": acceleration @ shapes.T + carried * system.carried,
-        "force": terms.force,
-    }
-    if "gap" in limited:
-        parts["penetration"] = terms.penetration
-    if "bending_stress" in limited and system.stress is not None:
-        parts["bending"] = terms.displacement @ system.stress.row.T + carried * system.stress.base
-    if system.outputs:
-        constant = np.arange(driven.shape[0]), np.argmax(t.term_source == 0, axis=1)
-        columns = []
-        for rows in system.outputs:
-            table = (
-                terms.displacement @ rows.displacement.T + terms.velocity @ rows.velocity.T
-                + acceleration @ rows.acceleration.T + carried * rows.base_acceleration
-                + turning(signals) @ rows.load.T + terms.force @ rows.contact.T
-            )  # fmt: skip
-            table[constant] += rows.constant
-            columns.append(table)
-        parts["outputs"] = np.concatenate(columns, axis=2)
-    return parts
+    def of_state(rows: Floats, part: slice) -> LinearOutput:
+        output = exact.empty_output(rows.shape[0])
+        output.row[:, part] = rows
+        return output
+
+    place, speed = slice(0, n), slice(n, 2 * n)
+    carried = exact.empty_output(1) if base is None else driven(base).some(slice(0, 1))
+    load = driven(signals) if system.outputs and signals.phasor.size else exact.empty_output(signals.phasor.size)
+    shapes = np.array([p.shape for p in system.probes]).reshape(-1, n)
+
+    def output_of(phases: Ints) -> dict[str, LinearOutput]:
+        acceleration, force = exact.rates(phases).some(speed), exact.contact_forces(phases)
+        parts = {
+            "x": of_state(shapes, place),
+            "acceleration": acceleration.combined(shapes) + carried.combined(system.carried[:, None]),
+            "force": force,
+        }
+        if "gap" in limited:
+            parts["penetration"] = exact.penetrations[0]
+        if "bending_stress" in limited and system.stress is not None:
+            parts["bending"] = of_state(system.stress.row, place) + carried.combined(system.stress.base[:, None])
+        if system.outputs:
+            parts["outputs"] = stack(*(
+                of_state(rows.displacement, place) + of_state(rows.velocity, speed)
+                + acceleration.combined(rows.acceleration) + carried.combined(rows.base_acceleration[:, None])
+                + load.combined(rows.load) + force.combined(rows.contact) + exact.constant_output(rows.constant)
+                for rows in system.outputs
+            ))  # fmt: skip
+        return parts
+
+    return output_of
 
 
-def _extremes(terms: ExponentialTerms, passage: Passage, table: Complexes) -> tuple[Floats, Floats]:
-    """Largest and smallest values (k,) of outputs (U, T, k) over an orbit, both sides of every event included."""
+def _extremes(orbit: Trajectory, table: Complexes) -> tuple[Floats, Floats]:
+    """Largest and smallest values (k,) of outputs (S, T, k) over an orbit, both sides of every event included."""
     from beamsim.orbits.extreme_kernels import periodic_extremes
 
     high, low = np.full(table.shape[2], -np.inf), np.full(table.shape[2], np.inf)
     periodic_extremes(
-        terms.tables, terms.inputs, table, passage.time, passage.length, terms.state, passage.y, high, low
+        orbit.flow.tables(), orbit.flow.inputs(), table, orbit.time, orbit.length, orbit.state, orbit.y, high, low
     )
     return high, low
 
 
-def _harmonics(terms: ExponentialTerms, passage: Passage, table: Complexes, highest: int) -> Complexes:
-    """(k, H + 1) mean and complex amplitudes of outputs (U, T, k)."""
+def _harmonics(orbit: Trajectory, table: Complexes, highest: int) -> Complexes:
+    """(k, H + 1) mean and complex amplitudes of outputs (S, T, k)."""
     from beamsim.flow.fourier_kernels import fourier_integrals
 
-    omega = 2.0 * np.pi / passage.duration * np.arange(highest + 1)
+    omega = 2.0 * np.pi / orbit.end * np.arange(highest + 1)
     out = np.zeros((table.shape[2], omega.size), dtype=complex)
     fourier_integrals(
-        terms.tables, terms.inputs, np.ascontiguousarray(table), passage.time, passage.length, terms.state,
-        np.zeros_like(terms.state), passage.y, omega, 0, passage.time.size, out,
+        orbit.flow.tables(), orbit.flow.inputs(), np.ascontiguousarray(table), orbit.time, orbit.length, orbit.state,
+        orbit.piece, orbit.y, omega, 0, orbit.segments, out,
     )  # fmt: skip
-    out *= 2.0 / passage.duration
+    out *= 2.0 / orbit.end
     out[:, 0] *= 0.5
     return out

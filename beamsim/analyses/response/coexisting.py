@@ -113,8 +113,7 @@ def _followed_down(problem: ForcedOrbits) -> Iterator[Floats]:
     level = problem.level
     for factor in RAISED:
         high = factor * level
-        problem.flow.set(problem.omega, high)
-        raised = ForcedOrbits(problem.flow, "level", problem.multiple)
+        raised = ForcedOrbits(problem.flow.under(problem.omega, high), "level", problem.multiple)
         start = find_orbit(raised, forward=-1.0)
         if start is None or not start.data.signature:
             continue

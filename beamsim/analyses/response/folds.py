@@ -125,7 +125,6 @@ def _curve(
                             point.iterations, point.data)  # fmt: skip
         cycles = measured_orbit(model.system, model.loads, model.base, model.signals, local, orbit)
         peak[k] = np.maximum(np.abs(cycles.high), np.abs(cycles.low))
-    orbits.flow.set(level=level)
     n = model.system.dynamics.size
     states = np.array([p.u[:-2] for p in points]).reshape(len(points), orbits.flow.size)
     return BranchResult(
@@ -153,8 +152,7 @@ def _at(model: ResponseModel, orbits: ForcedOrbits, path: Any, point: BranchPoin
         flow, held = orbits.flow, point.parameter
     else:
         flow, held = path(point.parameter)[0], level
-    flow.set(level=held)
-    return ForcedOrbits(flow)
+    return ForcedOrbits(flow.under(level=held))
 
 
 def _follow(

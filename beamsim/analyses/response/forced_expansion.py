@@ -1,7 +1,7 @@
 """Forced multiple scales for a scenario's response curve: steady motions near a mode, stability, observed orders.
 
 With springs, damping and force all small, the motion is the mode's with an amplitude and a phase that change slowly
-(:mod:`beamsim.orbits.multiple_scales_forced`). How far that is from the case at hand is seen by comparing both while
+(:mod:`beamsim.orbits.expansions.forced`). How far that is from the case at hand is seen by comparing both while
 everything small is made smaller by a common factor, at the same detuning against this factor.
 """
 
@@ -21,8 +21,8 @@ from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.multiple_scales import observed_orders, weakened
-from beamsim.orbits.multiple_scales_forced import ResonantForcing, SteadyMotion
+from beamsim.orbits.expansions.forced import ResonantForcing, SteadyMotion
+from beamsim.orbits.expansions.free import observed_orders, weakened
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.scenario.continuation import Continuation, FrequencyPath
 from beamsim.scenario.excitation import Forces, Harmonic

@@ -121,7 +121,7 @@ def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
     flow, _ = problem.flow_at(point.parameter)
     passage = point.data
     n = flow.system.size
-    contacts, phases = flow.system.contacts, flow.phases_in(passage)
+    contacts, phases = flow.system.contacts, passage.phases
     bounds = np.append(passage.time, passage.duration)
     share = passage.length @ contacts.touching(phases) / passage.duration
 
@@ -144,15 +144,14 @@ def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
     here = np.clip(np.searchsorted(passage.time, even, side="right") - 1, 0, passage.time.size - 1)
     inside, short = _inside(bounds)
     inner = np.arange(1, passage.time.size)  # segments that begin with an event
-    known = [flow.states_evenly(passage, SAMPLES), flow.states_at(passage, inside), passage.y[inner], passage.y[inner]]
+    known = [flow.states_at(passage, even), flow.states_at(passage, inside), passage.y[inner], passage.y[inner]]
     times = np.concatenate([even, inside, passage.time[inner], passage.time[inner]])
     return motion(times, np.concatenate([here, short, inner - 1, inner]), np.vstack(known), SAMPLES)
 
 
 def sampled_motion(motion: HarmonicMotion, loads: PeriodicForcing, omega: float, level: float) -> SampledMotion:
     """A motion found by harmonic balance."""
-    balanced = motion.contacts
-    contacts, owner, direction = balanced.springs, balanced.owner, balanced.direction
+    contacts, owner, direction = motion.springs, motion.owner, motion.direction
     m, owners, w = contacts.count, int(owner.max(initial=-1)) + 1, motion.fundamental
     share = np.zeros(m)
     begins: list[float] = []
@@ -199,13 +198,7 @@ def sampled_motion(motion: HarmonicMotion, loads: PeriodicForcing, omega: float,
         d, dv = loads.base_motion(omega, level, times)
         delta = -contacts.gap - contacts.sign * (q(contacts.shape) + np.multiply.outer(d, ground))
         rate = -contacts.sign * (v(contacts.shape) + np.multiply.outer(dv, ground))
-        felt = delta  # by the springs, of which those of pads are not at the structure
-        if balanced.pads:
-            of_springs = summed(motion.deflections[:, :m]) + np.multiply.outer(d, ground)
-            felt = -contacts.gap - contacts.sign * of_springs
-        force = contacts.forces(closed[segment], felt, rate, np.zeros((times.size, 0)))
-        for spring in balanced.relaxing:
-            force[:, spring.row] = contacts.sign[spring.row] * summed(motion.forces[:, [spring.row]])[:, 0]
+        force = contacts.forces(closed[segment], delta, rate, np.zeros((times.size, 0)))
         deepest = np.array([delta[:, np.concatenate(sides)[0]] for sides in parts]).reshape(owners, times.size).T
         return SampledMotion(
             omega, round(omega / w), level, times, even, segment, bounds, lambda t, g: at(t, g, 0), q, v, deepest,

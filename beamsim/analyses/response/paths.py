@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.response.contact_rates import MovedContact
 from beamsim.analyses.response.motion import DrivenSignals
-from beamsim.contacts.contact_rates import MovedContact
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import ContactDirection, PeriodicForcing

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Collection
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.run.energy import energy_of_segments
-from beamsim.analyses.run.figures import SEEDS, by_name, openings, static_figures
+from beamsim.analyses.run.figures import Extremes, by_name, largest, openings, searched_extremes, static_figures
 from beamsim.analyses.run.intervals import SKIPPED
 from beamsim.analyses.run.outputs import (
     bending_stress,
     exact_flow,
     in_every_state,
     output_groups,
-    stack,
 )
 from beamsim.analyses.run.random_response import LEAST_SAMPLES
 from beamsim.errors import NotTrustedError
@@ -25,10 +24,9 @@ from beamsim.flow.stopping import Stopped, check_stop, heeding, never
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.run import OrbitStart
-from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
-    from beamsim.flow.contact_state import LinearOutput
+    from beamsim.flow.exact import ExactFlow
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run, Scenario
     from beamsim.system.shared import SharedBuilds
@@ -37,19 +35,19 @@ if TYPE_CHECKING:
 SAMPLES_A_PART = 100_000  # of those whose squares are added up
 
 _SEARCHED = {
-    "peak_displacement_m": ("displacement", "largest"),
-    "min_displacement_m": ("displacement", "lowest"),
-    "max_displacement_m": ("displacement", "highest"),
-    "peak_acceleration_g": ("acceleration", "largest"),
-    "peak_force_n": ("force", "highest"),
-    "largest_gap_m": ("penetration", "lowest"),
-    "peak_output": ("output", "largest"),
-    "min_output": ("output", "lowest"),
-    "max_output": ("output", "highest"),
-    "largest_bending_stress_pa": ("stress", "largest"),
-    "largest_bending_stress_position_m": ("stress", "largest"),
+    "peak_displacement_m": "displacement",
+    "min_displacement_m": "displacement",
+    "max_displacement_m": "displacement",
+    "peak_acceleration_g": "acceleration",
+    "peak_force_n": "force",
+    "largest_gap_m": "penetration",
+    "peak_output": "output",
+    "min_output": "output",
+    "max_output": "output",
+    "largest_bending_stress_pa": "stress",
+    "largest_bending_stress_position_m": "stress",
 }
-"""Entries of a run's summary that are extremes: of which outputs, and which (``largest``: of either sign)."""
+"""Entries of a run's summary that are extremes: of which outputs."""
 ROOT_MEAN_SQUARES = {
     "rms_displacement": "displacement",
     "rms_absolute_acceleration": "acceleration",
@@ -73,7 +71,7 @@ def gives_figures(scenario: Scenario) -> bool:
 
 def needs_recovery(asked: Collection[str]) -> bool:
     """Whether one of the entries needs the stress along the bodies, or the outputs of the scenario."""
-    return any(_SEARCHED[entry][0] in ("stress", "output") for entry in asked if entry in _SEARCHED)
+    return any(_SEARCHED[entry] in ("stress", "output") for entry in asked if entry in _SEARCHED)
 
 
 def asked_figures(
@@ -163,116 +161,58 @@ def _root_mean_squares(
     }
 
 
-class _Search(NamedTuple):
-    """Outputs of which the largest values are searched for."""
-
-    output_of: OutputOf
-    group: Ints  # (k,) of each output; where only the largest value of a group is asked for, its outputs share one
-
-
 def _extremes(system: StructuralSystem, trajectory: Trajectory, asked: Collection[str]) -> dict[str, Any]:
     """The entries that are extremes, from one search for all of them."""
-    searches = _searches(system, trajectory, asked)
-    if not searches:
+    searched = _searched(system, trajectory.flow, {_SEARCHED[entry] for entry in asked if entry in _SEARCHED})
+    if not searched:
         return {}
-
-    def every_output(phases: Ints) -> LinearOutput:
-        return stack(*(search.output_of(phases) for search in searches.values()))
-
-    sizes = [search.group.size for search in searches.values()]
-    offsets = np.cumsum([0, *(int(search.group.max(initial=-1)) + 1 for search in searches.values())])
-    group = np.concatenate([search.group + first for search, first in zip(searches.values(), offsets, strict=False)])
-    if trajectory.bounded and group.size == offsets[-1]:
-        unknown = np.full(group.size, -np.inf)
-        highest, _, _ = trajectory.maxima(every_output, unknown, np.zeros(group.size))
-    else:
-        times = np.linspace(0.0, trajectory.end, SEEDS)
-        values = trajectory.sample(times, every_output)
-        sampled = values.max(axis=0)
-        largest = np.full(int(offsets[-1]), -np.inf)
-        np.maximum.at(largest, group, sampled)
-        highest, _, _ = trajectory.maxima(every_output, largest[group], times[values.argmax(axis=0)])
-        highest = np.where(highest > largest[group], highest, sampled)
-    parts = np.split(highest, np.cumsum(sizes)[:-1])
-    return _named(system, asked, dict(zip(searches, parts, strict=True)))
+    extremes = searched_extremes(trajectory, searched)
+    figures = _named(system, extremes)
+    if system.stress is not None and "stress" in extremes:
+        stress = largest(extremes["stress"])
+        where = int(stress.argmax())
+        figures["largest_bending_stress_pa"] = float(stress[where])
+        figures["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
+    return {entry: value for entry, value in figures.items() if entry in asked}
 
 
-def _searches(system: StructuralSystem, trajectory: Trajectory, asked: Collection[str]) -> dict[str, _Search]:
-    """The searches by what they find: ``lowest`` is that of the negative, ``largest`` that of both signs."""
-    flow = trajectory.flow
+def _searched(system: StructuralSystem, flow: ExactFlow, names: Collection[str]) -> dict[str, OutputOf]:
+    """The outputs to be searched, by group; of contacts those of snubbers, and no groups without outputs."""
     groups = output_groups(system, flow).groups
-    ends = {"min_displacement_m", "max_displacement_m"} <= set(asked)
-    snubbers = len(system.snubbers)
-    searches: dict[str, _Search] = {}
-    for entry, (name, which) in _SEARCHED.items():
-        if entry not in asked or (ends and entry == "peak_displacement_m"):
-            continue
+    searched = {}
+    for name in sorted(names):
         if name == "stress":
-            if system.stress is None:
-                continue
-            output_of = in_every_state(bending_stress(flow, system.stress))
-            group = np.zeros(system.stress.row.shape[0], dtype=np.int64)
-        elif name == "output":
-            if not system.linear_outputs:
-                continue
-            output_of, group = groups[name], np.arange(len(system.linear_outputs))
+            if system.stress is not None:
+                searched[name] = in_every_state(bending_stress(flow, system.stress))
         elif name in ("force", "penetration"):
-            output_of, group = _first(groups[name], snubbers), np.arange(snubbers)
-        else:
-            output_of, group = groups[name], np.arange(len(system.probes))
-        if not group.size:
-            continue
-        signed = {"highest": output_of, "lowest": _negative(output_of), "largest": _both(output_of)}[which]
-        searches[f"{which} {name}"] = _Search(signed, np.tile(group, 2) if which == "largest" else group)
-    return searches
+            if system.snubbers:
+                searched[name] = _first(groups[name], len(system.snubbers))
+        elif system.linear_outputs if name == "output" else system.probes:
+            searched[name] = groups[name]
+    return searched
 
 
 def _first(output_of: OutputOf, count: int) -> OutputOf:
     return lambda phases: output_of(phases).some(slice(count))
 
 
-def _negative(output_of: OutputOf) -> OutputOf:
-    return lambda phases: -output_of(phases)
-
-
-def _both(output_of: OutputOf) -> OutputOf:
-    def both(phases: Ints) -> LinearOutput:
-        output = output_of(phases)
-        return stack(output, -output)
-
-    return both
-
-
-def _named(system: StructuralSystem, asked: Collection[str], extremes: Mapping[str, Floats]) -> dict[str, Any]:
-    """The entries of the summary from what the searches found."""
+def _named(system: StructuralSystem, extremes: Extremes) -> dict[str, Any]:
+    """By entry of the summary the extremes of probes, snubbers and outputs, by name."""
     probes, snubbers = [p.name for p in system.probes], [s.name for s in system.snubbers]
-    signed = {key: x.reshape(2, -1).max(axis=0) for key, x in extremes.items() if key.startswith("largest")}
     figures: dict[str, Any] = {}
-    low, high = extremes.get("lowest displacement"), extremes.get("highest displacement")
-    if low is not None:
-        figures["min_displacement_m"] = by_name(probes, -low)
-    if high is not None:
-        figures["max_displacement_m"] = by_name(probes, high)
-    if "peak_displacement_m" in asked:
-        if low is not None and high is not None:
-            figures["peak_displacement_m"] = by_name(probes, np.maximum(np.abs(low), np.abs(high)))
-        else:
-            figures["peak_displacement_m"] = by_name(probes, signed["largest displacement"])
-    if "largest acceleration" in signed:
-        figures["peak_acceleration_g"] = by_name(probes, signed["largest acceleration"] / STANDARD_GRAVITY)
-    if "highest force" in extremes:
-        figures["peak_force_n"] = by_name(snubbers, extremes["highest force"])
-    if "lowest penetration" in extremes:
-        figures["largest_gap_m"] = by_name(snubbers, np.maximum(extremes["lowest penetration"], 0.0))
-    outputs = [output.name for output in system.linear_outputs]
-    if "largest output" in signed:
-        figures["peak_output"] = by_name(outputs, signed["largest output"])
-    if "lowest output" in extremes:
-        figures["min_output"] = by_name(outputs, -extremes["lowest output"])
-    if "highest output" in extremes:
-        figures["max_output"] = by_name(outputs, extremes["highest output"])
-    if "largest stress" in signed and system.stress is not None:
-        where = int(signed["largest stress"].argmax())
-        figures["largest_bending_stress_pa"] = float(signed["largest stress"][where])
-        figures["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
+    if "displacement" in extremes:
+        low, _, high, _ = extremes["displacement"]
+        figures["min_displacement_m"], figures["max_displacement_m"] = by_name(probes, low), by_name(probes, high)
+        figures["peak_displacement_m"] = by_name(probes, largest(extremes["displacement"]))
+    if "acceleration" in extremes:
+        figures["peak_acceleration_g"] = by_name(probes, largest(extremes["acceleration"]) / STANDARD_GRAVITY)
+    if "force" in extremes:
+        figures["peak_force_n"] = by_name(snubbers, extremes["force"][2])
+    if "penetration" in extremes:
+        figures["largest_gap_m"] = by_name(snubbers, np.maximum(-extremes["penetration"][0], 0.0))
+    if "output" in extremes:
+        outputs = [output.name for output in system.linear_outputs]
+        low, _, high, _ = extremes["output"]
+        figures["min_output"], figures["max_output"] = by_name(outputs, low), by_name(outputs, high)
+        figures["peak_output"] = by_name(outputs, largest(extremes["output"]))
     return figures

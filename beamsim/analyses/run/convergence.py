@@ -25,12 +25,11 @@ import numpy as np
 
 from beamsim.analyses.run.derived import DerivedFigures, Figures, OutputSamples, SpectrumKey, line_changes
 from beamsim.analyses.run.figures import (
-    SEEDS,
     deflection_size,
     energy_extremes,
     motion_figures,
-    refine_extremes,
     sampled_extremes,
+    searched_extremes,
     static_figures,
 )
 from beamsim.analyses.run.filtered_motion import FilteredMotion, filtered
@@ -51,7 +50,6 @@ from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Run, Scenario
@@ -254,8 +252,7 @@ def _until(parted: float, solution: Solution) -> Changes | None:
     trajectory, settings = solution.trajectory, solution.settings
     if trajectory is None:
         return None
-    seeds = np.linspace(0.0, parted, SEEDS)
-    figures = _compared(solution_figures(solution.system, settings, trajectory.until(parted), seeds, solution.filtered))
+    figures = _compared(solution_figures(solution.system, settings, trajectory.until(parted), solution.filtered))
     shares = figures["contact_share"]
     assert isinstance(shares, dict)
     figures["contact_share"] = {name: share * parted / solution.end for name, share in shares.items()}  # of the whole
@@ -313,7 +310,6 @@ def _with_lines(derived: DerivedFigures, changes: Changes) -> tuple[Changes, dic
 def solve_exactly(
     system: StructuralSystem,
     settings: Run,
-    seeds: Floats,
     work: Work,
     stop: Callable[[], bool],
 ) -> Solution:
@@ -321,7 +317,6 @@ def solve_exactly(
 
     Parameters
     ----------
-    seeds : times of the first model's extremes.
     work : of the first model, which bounds that of this one.
     stop : see `simulate`.
     """
@@ -330,8 +325,8 @@ def solve_exactly(
     behind = None
     if settings.low_pass is not None:
         acceleration = output_groups(system, trajectory.flow).groups["acceleration"]
-        behind = filtered(trajectory, acceleration, settings.low_pass, seeds[:0])
-    figures = solution_figures(system, settings, trajectory, seeds, behind)
+        behind = filtered(trajectory, acceleration, settings.low_pass, np.zeros(0))
+    figures = solution_figures(system, settings, trajectory, behind)
     return Solution(system, settings, figures, events, trajectory, filtered=behind)
 
 
@@ -352,14 +347,12 @@ def solution_figures(
     system: StructuralSystem,
     settings: Run,
     trajectory: Trajectory,
-    seeds: Floats,
     behind: FilteredMotion | None = None,
 ) -> dict[str, Any]:
     """The figures of a motion.
 
     Parameters
     ----------
-    seeds : times at which extremes are likely.
     behind : the accelerations of the same motion, or of a longer one, behind the filter of `run.low_pass`.
     """
     flow = trajectory.flow
@@ -367,12 +360,11 @@ def solution_figures(
     searched = searched_outputs(system, flow, groups)
     if behind is not None:
         del searched["acceleration"]
-    times = np.unique(np.concatenate([seeds[seeds <= trajectory.end], np.linspace(0.0, trajectory.end, SEEDS)]))
-    extremes = refine_extremes(trajectory, searched, times)
+    extremes = searched_extremes(trajectory, searched)
     if behind is not None:
         extremes["acceleration"] = behind.extremes(0.0, trajectory.end)
     if system.energy_outputs:
-        extremes["energy"], _ = energy_extremes(trajectory, system.energy_outputs, groups.groups["energy"])
+        extremes["energy"] = energy_extremes(trajectory, system.energy_outputs, groups.groups["energy"])
     _, lowest, _, highest = extremes["displacement"]
     size = deflection_size(system, trajectory.states_at(np.sort([lowest[0], highest[0]])))
     figures = motion_figures(system, extremes, trajectory.contact_share(), _closings(trajectory), size)
@@ -507,7 +499,7 @@ def _windows(solution: Solution, begin: float, end: float) -> Iterator[Changes]:
     for k in range(WINDOWS):
         part = slice(k * SAMPLES, (k + 1) * SAMPLES)
         motion = trajectory.between(times[part.start], times[part.stop])
-        extremes = refine_extremes(motion, searched, times[part])
+        extremes = searched_extremes(motion, searched)
         extremes |= {name: sampled_extremes(times[part], x[part]) for name, x in sampled.items()}
         if behind is not None:
             extremes["acceleration"] = behind.extremes(float(times[part.start]), float(times[part.stop]))

@@ -162,7 +162,7 @@ def contact_losses(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearO
         place[contacts.pressed, np.arange(contacts.pressed.size)] = 1.0
         factor = contacts.pressing_factors(phases)
         forces += flow.pressing_forces(phases).combined(place * factor)
-        moved += flow.pressing_force_rates(phases).combined(-place * factor * contacts.pressing_compliances(phases))
+        moved += flow.pressing_force_rates(phases).combined(-place * contacts.pressing_stretches(phases))
     return forces, moved
 
 

@@ -10,12 +10,10 @@ import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance, energy_of_segments
 from beamsim.analyses.run.figures import (
-    SEEDS,
     Extremes,
     energy_extremes,
-    missed_energy,
-    refine_extremes,
     sampled_extremes,
+    searched_extremes,
 )
 from beamsim.analyses.run.filtered_motion import filtered
 from beamsim.analyses.run.histories import COMPONENTS, ExactHistories, Grace
@@ -70,11 +68,10 @@ def exact_motion_of(
             check_stop()
             balance = energy_of_segments(trajectory)
             outcome = balance.checked(outcome)
-            extremes = refine_extremes(trajectory, searched, np.linspace(0.0, trajectory.end, SEEDS))
+            extremes = searched_extremes(trajectory, searched)
             if system.energy_outputs:
                 of_rows = groups.groups["energy"]
-                extremes["energy"], missed = energy_extremes(trajectory, system.energy_outputs, of_rows)
-                warnings = (*warnings, *missed_energy(missed))
+                extremes["energy"] = energy_extremes(trajectory, system.energy_outputs, of_rows)
             if acceleration is not None and settings.low_pass is not None:
                 behind = filtered(trajectory, acceleration, settings.low_pass, times.all)
                 low_passed, extremes["acceleration"] = behind.at(times.all), behind.extremes(0.0, trajectory.end)

@@ -11,7 +11,6 @@ from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.run.outputs import OutputSet
 from beamsim.contacts.springs import FRICTION
 from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.square_sums import square_sum_extremes
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.outputs import OutputRows
 from beamsim.system.structural import StructuralSystem
@@ -19,7 +18,6 @@ from beamsim.typing import Floats, Ints
 
 Extreme = tuple[Floats, Floats, Floats, Floats]  # (k,) each: lowest, its time, highest, its time
 Extremes = dict[str, Extreme]  # by output group
-SEEDS = 512  # evenly spaced times from which the search for extremes starts
 ROUND_OFF = 1e-12  # of the motion of the structure: a probe that moves by less is at rest
 ALWAYS = 1e-12  # of the time: a contact that is open for no longer is closed throughout
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
@@ -30,56 +28,36 @@ def sampled_extremes(times: Floats, values: Floats) -> Extreme:
     return values.min(axis=0), times[values.argmin(axis=0)], values.max(axis=0), times[values.argmax(axis=0)]
 
 
-def refine_extremes(
-    trajectory: Trajectory,
-    searched: Mapping[str, OutputOf],
-    times: Floats,
-    one_figure: Collection[str] = ("stress",),
+def searched_extremes(
+    trajectory: Trajectory, searched: Mapping[str, OutputOf], one_figure: Collection[str] = ("stress",)
 ) -> Extremes:
     """Extremes of the continuous motion, from one search for all of them.
-
-    Of groups in ``one_figure`` only the largest magnitude of all outputs is sought: what is not larger keeps the
-    extremes of its samples.
 
     Parameters
     ----------
     searched : outputs by group.
-    times : increasing, of the samples from which the search starts.
-    """
-    outputs = OutputSet(dict(searched))
+    one_figure : groups of which only the lowest and the highest value of all outputs is sought; the others keep values
+        that they reach.
 
-    phases = trajectory.flow.system.contacts.start
-    sizes = [output_of(phases).row.shape[0] for output_of in searched.values()]
-    values = trajectory.sample(times, outputs)
-    low, when_low, high, when_high = sampled_extremes(times, values)
-    sampled, when = np.stack([high, -low]), np.stack([when_high, when_low])
-    known, first = sampled.copy(), 0
-    for name, size in zip(searched, sizes, strict=True):
-        if name in one_figure:
-            known[:, first : first + size] = sampled[:, first : first + size].max(initial=-np.inf)
-        first += size
-    maxima, at, _ = trajectory.maxima(outputs, known, when)
-    better = maxima > known
-    highest = np.where(better, maxima, sampled)
-    when = np.where(better, at, when)
-    parts = np.split(np.stack([-highest[1], when[1], highest[0], when[0]]), np.cumsum(sizes)[:-1], axis=1)
+    Raises
+    ------
+    Stopped
+        Where a stop is requested.
+    """
+    outputs, phases = OutputSet(dict(searched)), trajectory.flow.system.contacts.start
+    share: list[Ints] = []
+    ends = np.cumsum([output_of(phases).row.shape[0] for output_of in searched.values()])
+    for name, first, last in zip(searched, np.append(0, ends), ends, strict=False):
+        share.append(np.full(last - first, first) if name in one_figure else np.arange(first, last))
+    found = trajectory.extrema(outputs, share=np.concatenate(share))
+    parts = np.split(np.stack([found.low, found.when_low, found.high, found.when_high]), ends[:-1], axis=1)
     return {name: (part[0], part[1], part[2], part[3]) for name, part in zip(searched, parts, strict=True)}
 
 
-def energy_extremes(trajectory: Trajectory, energies: Sequence[OutputRows], rows_of: OutputOf) -> tuple[Extreme, float]:
-    """Extremes of energies over the continuous motion, to 1e-9 of the largest value.
-
-    Also returned: 0, or where the search was given up by how much a peak may be larger, relatively.
-    """
-    times = np.linspace(float(trajectory.time[0]), trajectory.end, SEEDS)
-    searched = square_sum_extremes(trajectory, rows_of, [rows.count for rows in energies], times)
-    missed = float(np.max(searched.excess / np.maximum(searched.high, np.finfo(float).tiny)))
-    return (searched.low, searched.when_low, searched.high, searched.when_high), missed
-
-
-def missed_energy(share: float) -> tuple[str, ...]:
-    """Warning about a search for the peaks of energies that was given up."""
-    return (f"peaks of energies may be larger, by up to {100 * share:.2g} %: the search was given up",) if share else ()
+def energy_extremes(trajectory: Trajectory, energies: Sequence[OutputRows], rows_of: OutputOf) -> Extreme:
+    """Extremes of energies over the continuous motion."""
+    found = trajectory.extrema(rows_of, squares=np.cumsum([0, *(rows.count for rows in energies[:-1])]))
+    return found.low, found.when_low, found.high, found.when_high
 
 
 def deflection_size(system: StructuralSystem, states: Floats) -> float:

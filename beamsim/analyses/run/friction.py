@@ -90,9 +90,8 @@ def sliding_speeds(flow: ExactFlow, which: Ints, phases: Ints) -> LinearOutput:
     """Speeds at which friction contacts (f,) slide with the contacts in given phases, 0 of those that do not, m/s."""
     contacts, speed = flow.system.contacts, flow.penetrations[1].some(which)
     if contacts.presses(phases):  # the spring of a slider gives way
-        turning = contacts.pressing_factors(phases) * contacts.pressing_compliances(phases)
         own = (which[:, None] == contacts.pressed).astype(float)
-        speed += flow.pressing_force_rates(phases).combined(-own * turning)
+        speed += flow.pressing_force_rates(phases).combined(-own * contacts.pressing_stretches(phases))
     return speed.scaled(DIRECTION[phases[which]][:, None])
 
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.gapping import contact_levels, gapping, pressed_phases, static_penetration
-from beamsim.analyses.run.figures import SEEDS, refine_extremes
+from beamsim.analyses.run.figures import searched_extremes
 from beamsim.analyses.run.linear_prediction import Deviations, linear_input, stationary_deviations
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.outputs import exact_flow, output_groups
@@ -158,7 +158,7 @@ def _linear_motion(
     """The motion from equilibrium in which no contact leaves its phase; None if it was interrupted."""
     contacts = system.dynamics.contacts
     laws = tuple(
-        replace(law, phases=(replace(law.phases[phase], guards=()),), start=0, sliding=None)
+        replace(law, phases=(replace(law.phases[phase], guards=()),), start=0)
         for law, phase in zip(contacts.laws, phases.tolist(), strict=True)
     )
     linear = replace(system, dynamics=replace(system.dynamics, contacts=replace(contacts, laws=laws)))
@@ -168,7 +168,7 @@ def _linear_motion(
         return None
     groups = output_groups(linear, flow).groups
     searched = {name: groups[name] for name in ("penetration", "force")}
-    return _excursion(refine_extremes(trajectory, searched, np.linspace(0.0, trajectory.end, SEEDS)))
+    return _excursion(searched_extremes(trajectory, searched))
 
 
 def _excursion(extremes: Mapping[str, tuple[Floats, Floats, Floats, Floats]]) -> _Excursion:

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from beamsim.analyses.run.energy import energies, power_factors, unknown_energies
-from beamsim.analyses.run.figures import Extreme, Extremes, refine_extremes, sampled_extremes
+from beamsim.analyses.run.figures import Extreme, Extremes, sampled_extremes, searched_extremes
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import OutputSet
 from beamsim.analyses.run.result import EnergyHistory
@@ -42,13 +42,9 @@ class Grace:
         self.stop = stop
         self.since: float | None = None  # s of processor time, when that was first seen
 
-    def requested(self) -> bool:
-        """Whether the motion is to be stopped."""
-        return self.stop()
-
     def __call__(self) -> bool:
         """Whether the time is over."""
-        if self.since is None and self.requested():
+        if self.since is None and self.stop():
             self.since = clock.process_time()
         return self.since is not None and clock.process_time() - self.since >= GRACE_S
 
@@ -304,10 +300,9 @@ class ExactHistories:
         """Extremes of the stress at every station; those of samples where a stop is requested before they are found."""
         assert isinstance(self._trajectory, Trajectory)
         try:
-            with heeding(self._stop.requested):
+            with heeding(self._stop.stop):
                 check_stop()
-                few = self.times.every(max(1, self.count // SAMPLES_TO_SEED_STRESS)).all
-                return refine_extremes(self._trajectory, {"stress": stress_of}, few, one_figure=())["stress"]
+                return searched_extremes(self._trajectory, {"stress": stress_of}, one_figure=())["stress"]
         except Stopped:
             few = self.times.every(max(1, self.count // MOST_STRESSES)).all
             return sampled_extremes(few, self._trajectory.sample(few, stress_of))

@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.run.convergence import Convergence, followed_to_the_end
 from beamsim.analyses.run.derived import DerivedFigures
 from beamsim.analyses.run.exact_motion import exact_motion, exact_motion_of, most_events
-from beamsim.analyses.run.figures import Extreme, missed_energy, static_figures
+from beamsim.analyses.run.figures import Extreme, static_figures
 from beamsim.analyses.run.friction import friction_contacts
 from beamsim.analyses.run.histories import ExactHistories, Grace
 from beamsim.analyses.run.impacts import ImpactRecord
@@ -130,7 +130,7 @@ def long_motion_of(
         few=figures.few,
         few_inputs=_known_inputs(system, inputs, figures),
         impacts=impacts,
-        warnings=(kept, *missed_energy(figures.missed_energy)),
+        warnings=(kept,),
     )
 
 

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from beamsim.analyses.run.convergence import Convergence, Solution, check_convergence, march_again, solve_exactly
 from beamsim.analyses.run.derived import DerivedFigures, OutputSamples
 from beamsim.analyses.run.motion import RunMotion, output_times
@@ -48,8 +46,7 @@ def convergence_of(
             assert again.contact_events is not None
             sampled = OutputSamples(again.histories.time, again.histories.values)
             return Solution(finer, settings, figures_of_motion(finer, again), again.contact_events, sampled=sampled)
-        seeds = np.concatenate([times for _, low, _, high in motion.extremes.values() for times in (low, high)])
-        return solve_exactly(finer, settings, seeds, motion.work, stop)
+        return solve_exactly(finer, settings, motion.work, stop)
 
     kept = {name: figures[name] for name in figures_of_motion(system, motion)}
     assert motion.contact_events is not None

@@ -1,9 +1,7 @@
 """The energy balance of periodic motions: work in = dissipated + change of the stored energy, over a period.
 
 A free conservative motion keeps its energy from event to event. Of others the work and what is dissipated are
-integrated in closed form where the motion is a sum of exponentials. Otherwise Gauss-Legendre rules are taken on panels
-that are short against the fastest motion, or, where these were many (stiff dashpots), the closed form of
-:mod:`beamsim.analyses.run.energy`.
+integrated in closed form; of cubic springs by Gauss-Legendre rules on panels that are short against the fastest motion.
 """
 
 from __future__ import annotations
@@ -15,11 +13,10 @@ import numpy as np
 
 from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.flow.variational import ExponentialTerms, VariationalFlow
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.flow.variational import VariationalFlow
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -30,14 +27,13 @@ if TYPE_CHECKING:
 
 NODES = 20  # of a panel
 LONGEST_TURN = 15.25  # rad, of the fastest motion on a panel: the rule's error is then below 2e-13
-MOST_PANELS = 1024  # beyond which the integrals in closed form cost less
 
 
 def energy_error(flow: PeriodicFlow, passage: Passage) -> float:
     """Largest imbalance over the largest stored energy, or the dissipated one if it is more."""
     edges = np.append(passage.time, passage.time[0] + passage.duration)
     y = np.vstack([passage.y, passage.end])
-    phases = flow.phases_in(passage)
+    phases = passage.phases
     stored = _stored(flow, edges, y, np.vstack([phases, phases[-1:]]))
     if flow.reversible:
         potential = stored - y[:, : flow.system.size] @ flow.system.constant_load
@@ -88,46 +84,18 @@ def _stored(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Float
 
 def _work_and_loss(flow: PeriodicFlow, passage: Passage) -> tuple[float, float]:
     """Work in and dissipated energy over a passage, J."""
-    internal = flow.system.contacts.internal_states > 0 or flow.system.contacts.jointly_acting
-    if isinstance(flow, VariationalFlow) and not internal:
-        terms = flow.exponential_terms(passage)
-        if terms is not None:
-            return _of_exponentials(flow, passage, terms)
+    if isinstance(flow, VariationalFlow):
+        return _in_closed_form(flow.motion(passage))
     panels = np.maximum(np.ceil(passage.length * flow.fastest / LONGEST_TURN), 1).astype(np.int64)
-    if isinstance(flow, VariationalFlow) and (panels.sum() > MOST_PANELS or internal):
-        return _in_closed_form(flow, passage)
     return _by_quadrature(flow, passage, panels)
 
 
-def _of_exponentials(flow: VariationalFlow, passage: Passage, terms: ExponentialTerms) -> tuple[float, float]:
-    """The same in closed form, of a motion without powers of time."""
-    from beamsim.flow.integral_kernels import form_integrals
-
-    contacts = flow.system.contacts
-    dashpot = contacts.arrays.force[np.arange(contacts.count), terms.phases, 1][:, None]
-    lost = forms([(terms.velocity @ flow.system.damping, terms.velocity), (dashpot * terms.rate, terms.rate)])
-    supplied = forms([(terms.load, terms.velocity), (-terms.force * contacts.sign, terms.base_rate)])
-    plus, minus = (np.stack(each, axis=1) for each in zip(supplied, lost, strict=True))
-    out = np.empty((passage.time.size, 2))
-    form_integrals(
-        terms.tables, terms.inputs, plus, minus, passage.time, passage.length, terms.state,
-        np.zeros_like(passage.state), passage.y, out,
-    )  # fmt: skip
-    work, loss = out.sum(axis=0)
-    return float(work), float(loss)
-
-
-def _in_closed_form(flow: VariationalFlow, passage: Passage) -> tuple[float, float]:
-    """Work in and dissipated energy."""
-    exact = flow.by_series()
-    none = np.zeros(0, dtype=np.int64)
-    trajectory = Trajectory(
-        exact, float(passage.time[0] + passage.duration), passage.time, passage.length, passage.state,
-        np.zeros(passage.time.size, dtype=np.int64), passage.y, np.zeros(0), none, none, passage.end, 0, COMPLETE, 0.0,
-    )  # fmt: skip
-    left, right, weight = power_factors(exact)
-    lost, work = trajectory.product_integrals(np.array([trajectory.end]), left, right, weight)[0]
-    return float(work), float(lost + trajectory.event_losses().sum())
+def _in_closed_form(orbit: Trajectory) -> tuple[float, float]:
+    """The same of a motion that is known in closed form."""
+    left, right, weight = power_factors(orbit.flow)
+    table = np.concatenate([orbit.flow.output_table(left), orbit.flow.output_table(right)], axis=2)
+    lost, work = orbit.segment_integrals(table, weight).sum(axis=0)
+    return float(work), float(lost + orbit.event_losses().sum())
 
 
 @cache
@@ -145,7 +113,7 @@ def _by_quadrature(flow: PeriodicFlow, passage: Passage, panels: Ints) -> tuple[
     times = (start[:, None] + 0.5 * length[:, None] * (1.0 + node)).ravel()
     share = (0.5 * length[:, None] * weight).ravel()
     n, contacts, loads = flow.system.size, flow.system.contacts, flow.loads
-    y, phases = flow.states_at(passage, times), flow.phases_in(passage)
+    y, phases = flow.states_at(passage, times), passage.phases
     states, of_state = np.unique(phases, axis=0, return_inverse=True)
     dashpots = np.array([contacts.losses(row)[0] for row in states])[of_state.reshape(-1)]
     each = np.repeat(np.arange(panels.size), panels * NODES)

@@ -427,29 +427,27 @@ class ShockResponse:
 
 @declared
 class AgainstFigure:
-    """One figure of a run and of a time stepper."""
+    """One value of a run and of the reference integrator."""
 
     figure: str = dataset("1", "what is compared")
     place: str = dataset("1", "name of the probe or snubber")
     unit: str = dataset("1", "unit of both values")
     exact: float = dataset("", "value of the run, in its unit")
-    stepped: float = dataset("", "value of the time stepper, in its unit")
+    stepped: float = dataset("", "value of the reference integrator, in its unit")
 
 
 @declared
 class Against:
-    """A run compared with a time stepper that shares nothing with the exact flow."""
+    """A run compared with the reference integrator."""
 
-    method: str = attribute("", "time stepper with its step or tolerance")
-    step_s: float = attribute("s", "step; NaN where the method chooses its own")
-    steps: int = attribute("1", "steps, or evaluations of the equations where the method chooses its steps")
-    unsettled_steps: int = attribute("1", "steps in which no phases of the contacts satisfied all guards")
+    method: str = attribute("", "integrator with its relative tolerance")
+    evaluations: int = attribute("1", "of the equations by the integrator")
     agrees_until_s: float = attribute("s", "time from which the sequences of contacts differ; else the end of the run")
     largest_state_difference: float = attribute(
         "1", "largest difference of a probe's displacement until then, over its peak"
     )
     largest_time_difference_s: float = attribute("s", "largest difference of the times of contacts until then")
-    processor_time_s: float = attribute("s", "processor time of the time stepper")
+    processor_time_s: float = attribute("s", "processor time of the reference integrator")
     exact_processor_time_s: float = attribute("s", "processor time of the run's solver")
     figures: tuple[AgainstFigure, ...] = table("figures", Counter("number", "number of the figure"), default=())
 
@@ -537,8 +535,8 @@ _SUMMARY = (
     Entry("contact_states_kept", "1", "contact states whose tables were kept at once, where the motion visited more"),
     PROCESSOR_TIME._replace(of="work.processor_time_s"),
     *CorrectionSize.ENTRIES,
-    Entry("against", "", "differences from a time stepper (`--against`) by figure, and the cost of both",
-          "exact and time stepper"),
+    Entry("against", "", "differences from the reference integrator (`--against`) by figure, and the cost of both",
+          "exact and reference"),
 )  # fmt: skip
 
 
@@ -548,7 +546,7 @@ class RunResult(Result):
 
     SUMMARY = _SUMMARY
 
-    method: str = attribute("", "exact, or the name of the time stepper")
+    method: str = attribute("", "exact, or reference with its integrator")
     time: Floats = axis("s", "time")
     probes: dict[str, ProbeHistory] = named("probes")
     snubbers: dict[str, SnubberHistory] = named("snubbers")
@@ -571,7 +569,7 @@ class RunResult(Result):
     work: Work = group("work")
     random: RandomResponse | None = group("random", default=None)  # of a random or sampled input
     srs: ShockResponse | None = group("srs", default=None)  # where shock response spectra were asked for
-    against: Against | None = group("against", default=None)  # where a time stepper was asked for
+    against: Against | None = group("against", default=None)  # where the comparison was asked for
     contact: ContactInstant | None = group("contact", default=None)  # of several bodies with contact
     springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
     friction: dict[str, FrictionHistory] = named("friction", default_factory=dict)

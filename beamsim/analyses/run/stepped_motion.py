@@ -34,18 +34,22 @@ def stepped_motion_of(
     times: OutputTimes,
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
+    *,
+    short_steps: bool = False,
 ) -> RunMotion:
-    """The same by time stepping; extremes on the integrator's dense output, contact from its located events."""
+    """The same by time stepping; extremes on the integrator's dense output, contact from its located events.
+
+    With ``short_steps`` a step rarely contains a whole contact; always so where springs are smooth.
+    """
     from beamsim.analyses.run.stepped_outputs import SteppedOutputs
     from beamsim.flow.reference import integrate
 
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
     integrator, rtol = settings.integrator, settings.rtol
     warnings: tuple[str, ...] = ()
-    longest = np.inf
+    longest = _longest_step(system) if short_steps or settings.method != "reference" else np.inf
     if settings.method != "reference":
         integrator, rtol = "DOP853", min(rtol, 1e-10)
-        longest = _longest_step(system)
         warnings = (
             f"cubic springs have no closed-form motion: integrated by {integrator} with rtol = {rtol:g}; "
             "contacts are found by sign changes between steps, without certificate",

@@ -104,7 +104,8 @@ class SteppedOutputs:
         self.samples = max(self.samples, until)
         if self.filter is not None and self.low_passed is not None:
             self._filter_piece(self.filter, self.low_passed, solution, phases)
-        lowest, highest = self.dense.low["displacement"].when[0], self.dense.high["displacement"].when[0]
+        _, when_lowest, _, when_highest = self.dense.extremes()["displacement"]
+        lowest, highest = when_lowest[0], when_highest[0]
         if begin <= lowest <= end:
             self.lowest_state = solution.sol(lowest)[: self.flow.size]
         if begin <= highest <= end:
@@ -135,7 +136,7 @@ class SteppedOutputs:
 
     def extremes(self, trajectory: ReferenceTrajectory) -> Extremes:
         """Of the continuous motion; of a motion without length those of its start."""
-        if self.dense.low:
+        if self.dense.searches:
             extremes = self.dense.extremes()
         else:
             values = self.searched(trajectory.time, trajectory.y, trajectory.phases)

@@ -8,7 +8,7 @@ from dataclasses import field
 import numpy as np
 
 from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance, energy_of_segments, unknown_energies
-from beamsim.analyses.run.figures import Extreme, Extremes, energy_extremes, refine_extremes, sampled_extremes
+from beamsim.analyses.run.figures import Extreme, Extremes, energy_extremes, sampled_extremes, searched_extremes
 from beamsim.analyses.run.histories import SampledHistories
 from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.low_pass import LowPassFilter, filtered_part
@@ -75,7 +75,6 @@ class StretchFigures:
     few: SampledHistories  # evenly spaced samples
     signals: tuple[Floats, ...]  # inputs at their times
     low_passed: Floats | None  # (nt, probes) at all output times that were reached
-    missed_energy: float  # by how much peaks of energies may be larger, relatively
 
 
 class LowPassed:
@@ -127,18 +126,16 @@ def figures_of_stretches(
     """
     few = times.every(max(1, -(-times.size // FEW_SAMPLES)))
     balance, extremes, parts = _Balance(), Extremes(), list[tuple[Floats, ...]]()
-    begin, sampled, missed_energy = 0.0, 0, 0.0
+    begin, sampled = 0.0, 0
     for stretch in motion.stretches():
         upto = max(few.until(stretch.end).size, sampled)
         at = few.rows(sampled, upto)
         try:
             with heeding(stop):
                 check_stop()
-                seeds = np.linspace(begin, stretch.end, SEEDS_OF_A_STRETCH)
-                of_stretch = refine_extremes(stretch, searched, seeds)
+                of_stretch = searched_extremes(stretch, searched)
                 if energies:
-                    of_stretch["energy"], missed = energy_extremes(stretch, energies, groups.groups["energy"])
-                    missed_energy = max(missed_energy, missed)
+                    of_stretch["energy"] = energy_extremes(stretch, energies, groups.groups["energy"])
                 part = _sampled(stretch, at, groups, signals)
                 balance.add(stretch)
                 if impacts is not None:
@@ -164,7 +161,6 @@ def figures_of_stretches(
         extremes["acceleration"] = low_passed.extremes
     return StretchFigures(
         balance.whole(), extremes, histories, tuple(inputs), None if low_passed is None else low_passed.reached,
-        missed_energy,
     )  # fmt: skip
 
 
@@ -201,7 +197,6 @@ def station_extremes(motion: LongMotion, stress_of: OutputOf, one_figure: Collec
     """Extremes of the stress at every station."""
     highest: Extreme | None = None
     for part in motion.again():
-        times = np.linspace(float(part.time[0]), part.end, SEEDS_OF_A_STRETCH)
-        highest = _outer(highest, refine_extremes(part, {"stress": stress_of}, times, one_figure)["stress"])
+        highest = _outer(highest, searched_extremes(part, {"stress": stress_of}, one_figure)["stress"])
     assert highest is not None
     return highest

@@ -22,7 +22,7 @@ from beamsim.analyses.sweep.result import (
     SweepHistory,
 )
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.friction import DIRECTION, FORWARDS, STICK
+from beamsim.contacts.friction import DIRECTION, STICK, sliding_limit, snap
 from beamsim.contacts.springs import FRICTION
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput, OutputOf
@@ -107,7 +107,7 @@ class SweepOutputs:
     def snaps(self) -> bool:
         """Whether the sliding asked for has contacts that lose energy at once where it begins, by a snubber's force."""
         laws = [self._contacts.laws[j] for j in self._contacts.pressed]
-        return self.with_impacts and any(guard.pressing_loss for law in laws for guard in law.phases[STICK].guards)
+        return self.with_impacts and any(law.arrays.event_loss[STICK].any() for law in laws)
 
     def rows(self, template: ExactFlow) -> OutputOf:
         """The outputs by the phases of the contacts, written for a flow."""
@@ -251,27 +251,25 @@ class SweepOutputs:
         begun = dict(zip(contacts.pressed.tolist(), np.moveaxis(pressing, 2, 0), strict=True))
         out = {}
         for column, j, spring in zip(range(columns.start, columns.stop), which.tolist(), springs, strict=True):
-            name, forces = spring.name, spring.friction
+            name, normal, law = spring.name, spring.normal_force, contacts.laws[j]
+            sliding, begins, (loss, pressed_loss) = sliding_limit(law), snap(law), law.arrays.event_loss[STICK, 0]
             slides = values.closings[:, j] / values.cycles
             moved = values.mean[:, column] * values.period
-            if forces is None:
-                stick, slide = contacts.laws[j].phases[STICK], contacts.laws[j].phases[FORWARDS]
-                breaks_away = stick.guards[FORWARDS - 1]
-                snap = (breaks_away.pressing - slide.pressing) * slide.compliance  # of a unit of the force, m/N
+            if normal is None:  # numbers are those of a unit of the force
                 force, square = begun[j].T
                 out[name] = CycleSliding(
                     per_cycle=slides,
-                    distance=moved + snap * force,
-                    energy_lost=slide.pressing * wear[j] * values.period + breaks_away.pressing_loss * square,
-                    wear_power=wear[j] + snap * square / values.period,
+                    distance=moved + begins * force,
+                    energy_lost=sliding * wear[j] * values.period + pressed_loss * square,
+                    wear_power=wear[j] + begins * square / values.period,
                 )
                 continue
-            distance = moved + slides * forces.snap
+            distance = moved + slides * begins
             out[name] = CycleSliding(
                 per_cycle=slides,
                 distance=distance,
-                energy_lost=forces.sliding * moved + slides * forces.snap_loss,
-                wear_power=forces.normal * distance / values.period,
+                energy_lost=sliding * moved + slides * loss,
+                wear_power=normal * distance / values.period,
             )
         return out
 

@@ -30,7 +30,7 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.orbits.aft import one_sided
-from beamsim.orbits.multiple_scales import HARMONICS, RESONANT, product_harmonics, rest_clearances
+from beamsim.orbits.expansions.free import HARMONICS, RESONANT, product_harmonics, rest_clearances
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:

@@ -1,0 +1,274 @@
+"""Extreme values of outputs of a motion: no sample lies beyond them, and they are reached at the times given."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import beamsim
+from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.extrema import TOLERANCE, Search, Waves
+from beamsim.flow.transient import simulate
+from beamsim.inputs.signal import Signal
+from beamsim.system.build import build_system
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+
+BEAM = {"length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0, "elements": 20,
+        "damping": {"kind": "modal", "ratio": 0.01}}  # fmt: skip
+INPUTS = {
+    "harmonic": {"kind": "harmonic", "level": "2 g", "frequency": 65.0},
+    "sine sweep, with powers of time": {"kind": "swept_sine", "level": "2 g", "from": 20.0, "to": 200.0,
+                                        "rate": "2000 Hz/s"},
+    "random, of many equal pieces": {"kind": "random", "seed": 1, "psd": [{"frequency": 20.0, "density": 5.0},
+                                                                        {"frequency": 800.0, "density": 5.0}]},
+}  # fmt: skip
+
+
+def motion_of(kind, snubbers=3, duration=0.08):
+    row = [
+        {"name": f"s{k}", "position": float(x), "side": "below", "stiffness": 5e4, "gap": 2e-5,
+         "damping": {"kind": "ratio", "ratio": 0.02}}
+        for k, x in enumerate(np.linspace(0.1, 0.27, snubbers), 1)
+    ]  # fmt: skip
+    case = {
+        "beam": BEAM, "reduction": {"modes": 5}, "snubbers": row, "excitation": {**INPUTS[kind], "applied_to": "base"},
+        "run": {"duration": duration, "convergence": "off"},
+    }  # fmt: skip
+    system = build_system(beamsim.load_scenario(case))
+    flow = exact_flow(system, duration)
+    return simulate(flow, system.initial_state), output_groups(system, flow)
+
+
+@pytest.fixture(scope="module", params=INPUTS)
+def motion(request):
+    return motion_of(request.param)
+
+
+def samples(whole, outputs, count=40_001):
+    times = np.linspace(0.0, whole.end, count)
+    return times, whole.sample(times, outputs)
+
+
+def reached(whole, outputs, when):
+    """(k,) outputs at times (k,), each the limit from the side that is larger in size, as ends of segments are."""
+    order = np.argsort(when)
+    either = []
+    for side in (-1.0, 1.0):
+        values = np.empty(when.size)
+        at = np.clip(when[order] * (1.0 + side * 4e-16), 0.0, whole.end)
+        values[order] = whole.sample(at, outputs)[np.arange(when.size), order]
+        either.append(values)
+    return np.stack(either)
+
+
+def test_no_sample_lies_beyond(motion):
+    whole, outputs = motion
+    found = whole.extrema(outputs)
+    _, values = samples(whole, outputs)
+    size = np.abs(values).max(axis=0)
+    assert np.all(values.max(axis=0) <= found.high + 1e-10 * size)
+    assert np.all(values.min(axis=0) >= found.low - 1e-10 * size)
+    np.testing.assert_allclose(found.high, values.max(axis=0), atol=0.02 * size.max())  # the comparison means something
+
+
+def test_they_are_reached(motion):
+    whole, outputs = motion
+    found = whole.extrema(outputs)
+    size = np.maximum(np.abs(found.low), np.abs(found.high))
+    for value, when in ((found.low, found.when_low), (found.high, found.when_high)):
+        beside = np.abs(reached(whole, outputs, when) - value).min(axis=0)
+        assert np.all(beside <= 1e-8 * size)
+
+
+def test_extremes_between_edges_are_those_of_each_part(motion):
+    """Edges at events, in segments, before the motion and after it."""
+    whole, outputs = motion
+    inner = np.sort(np.append(np.linspace(0.011, 0.075, 6), whole.event_time[len(whole.event_time) // 2]))
+    edges = np.concatenate([[-0.02, -0.01], inner, [0.2, 0.3]])
+    found = whole.extrema(outputs, edges)
+    assert np.all(np.isinf(found.high[[0, -1]]))
+    assert np.all(np.isinf(found.low[[0, -1]]))
+    for w in range(1, edges.size - 2):
+        part = whole.between(max(edges[w], 0.0), min(edges[w + 1], whole.end))
+        part = part.only(np.flatnonzero(part.length > 0.0)).extrema(outputs)
+        size = np.maximum(np.abs(part.low), np.abs(part.high))
+        np.testing.assert_array_less(np.abs(found.high[w] - part.high), 1e-9 * size + 1e-12)
+        np.testing.assert_array_less(np.abs(found.low[w] - part.low), 1e-9 * size + 1e-12)
+        assert np.all((found.when_high[w] >= edges[w] - 1e-12) & (found.when_high[w] <= edges[w + 1] + 1e-12))
+    all_of_it = whole.extrema(outputs)
+    np.testing.assert_allclose(found.high[1:-1].max(axis=0), all_of_it.high, rtol=1e-9)
+
+
+def test_outputs_that_share_a_limit_keep_the_largest_of_all(motion):
+    whole, outputs = motion
+    single = whole.extrema(outputs)
+    together = whole.extrema(outputs, share=np.zeros(single.low.size, dtype=np.int64))
+    assert together.high.max() == pytest.approx(single.high.max(), rel=1e-10)
+    assert together.low.min() == pytest.approx(single.low.min(), rel=1e-10)
+    assert np.all(together.high <= single.high + TOLERANCE * np.abs(single.high))
+    assert together.evaluations <= single.evaluations
+
+
+def test_half_the_sums_of_squares(motion):
+    whole, outputs = motion
+    first = np.array([0, 2, 5])
+    found = whole.extrema(outputs, squares=first)
+    _, values = samples(whole, outputs)
+    sums = 0.5 * np.add.reduceat(values**2, first, axis=1)
+    assert np.all(sums.max(axis=0) <= found.high * (1.0 + 1e-10))
+    assert np.all(sums.min(axis=0) >= found.low - 1e-10 * found.high)
+    np.testing.assert_allclose(found.high, sums.max(axis=0), rtol=0.05)
+    for value, when in ((found.low, found.when_low), (found.high, found.when_high)):
+        order = np.argsort(when)
+        at = 0.5 * np.add.reduceat(whole.sample(when[order], outputs) ** 2, first, axis=1)[np.arange(3), order]
+        np.testing.assert_allclose(at, value[order], atol=1e-7 * found.high.max())
+
+
+def test_few_pairs_of_a_segment_and_an_output_are_divided():
+    whole, outputs = motion_of("harmonic", 12)
+    found = whole.extrema(outputs)
+    of_lines = 8 * found.low.size * 2 * whole.segments  # two signs at eight parts of each segment
+    assert whole.segments > 50
+    assert found.evaluations < 2 * of_lines
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1), frequency=st.floats(0.1, 60.0), decay=st.floats(0.0, 1e6),
+    ratio=st.sampled_from([0.0, 1e-8, 0.1]), squares=st.booleans(),
+)  # fmt: skip
+def test_sums_of_any_terms(seed, frequency, decay, ratio, squares):
+    """Oscillations, of which the fastest has a small amplitude, a fast decay, growth, a constant, powers of time."""
+    rng, count, outputs = np.random.default_rng(seed), 4, 4
+    exponent = np.array([-0.3 + 1j * frequency, -2.0 + 10j * frequency, -decay, 0.4, 0.0, 0.0, 0.0, 1j * frequency])
+    power = np.array([0, 0, 0, 0, 0, 1, 4, 2])
+    amplitude = rng.normal(size=(count, 8)) + 1j * rng.normal(size=(count, 8))
+    amplitude[:, 1] *= ratio
+    amplitude[:, 2:7] = amplitude[:, 2:7].real
+    table, number = rng.normal(size=(8, outputs)) + 0j, np.arange(8)
+    length, time = rng.uniform(0.2, 1.5, count), 10.0 * np.arange(count)
+    waves = Waves(
+        exponent, power, number, number, table, np.arange(outputs), lambda rows: amplitude[rows], time, length,
+        np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64),
+    )  # fmt: skip
+    first = np.array([0, 1]) if squares else None
+    search = Search.of(outputs, squares=first)
+    search.add([waves])
+    found = search.extrema()
+
+    def at(segment, tau):
+        terms = amplitude[segment] * tau[:, None] ** power * np.exp(tau[:, None] * exponent)
+        x = (terms @ table).real
+        return 0.5 * np.add.reduceat(x**2, first, axis=1) if squares else x
+
+    fine = np.concatenate([at(g, np.linspace(0.0, length[g], 3001)) for g in range(count)])
+    size = np.abs(fine).max(axis=0) if squares else np.abs(amplitude).sum(axis=1).max()
+    assert np.all(found.high[0] >= fine.max(axis=0) - 1e-10 * size)
+    assert np.all(found.low[0] <= fine.min(axis=0) + 1e-10 * size)
+    for value, when in ((found.low[0], found.when_low[0]), (found.high[0], found.when_high[0])):
+        for k in range(value.size):
+            g = int(when[k] // 10.0)
+            assert at(g, np.array([when[k] - time[g]]))[0, k] == pytest.approx(
+                value[k], rel=1e-8, abs=1e-9 * np.max(size) + 1e-13 * decay
+            )
+
+
+def one_mode(omega, damping, start, end, signal=None, load=0.0):
+    """The motion of one oscillator (or mass) from a state, as all its states."""
+    system = PiecewiseLinearSystem(np.array([omega**2]), np.array([[damping]]), no_contacts(), np.zeros(1))
+    forcing = Forcing(np.array([[load]]), (signal,)) if signal is not None else Forcing(np.zeros((0, 1)), ())
+    whole = simulate(ExactFlow(system, forcing, end), np.array(start))
+    output = whole.flow.empty_output(2)
+    output.row[:] = np.eye(2)
+    return whole, lambda phases: output
+
+
+def no_contacts():
+    from beamsim.contacts.contacts import Contacts
+
+    return Contacts(np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool), ())
+
+
+def test_peaks_of_a_long_motion_without_damping_are_equal():
+    """10,000 periods with peaks that differ by round-off: one of them is found, and no other is searched for."""
+    whole, outputs = one_mode(2.0 * np.pi, 0.0, [1.0, 0.0], 10_000.25)
+    found = whole.extrema(outputs)
+    assert found.high[0] == pytest.approx(1.0, rel=1e-12)
+    assert found.low[1] == pytest.approx(-2.0 * np.pi, rel=1e-12)
+    assert found.evaluations < 3_000_000
+
+
+@pytest.mark.parametrize("growth", [2.0, 20.0, 200.0])
+def test_growing_motions_end_with_their_largest_value(growth):
+    """``exp(growth t)`` up to 1e86, beside a term that would grow beyond all numbers but rests."""
+    exponent, amplitude = np.array([growth + 0j, 2000.0]), np.array([[1.0 + 0j, 0.0]])
+    found = extrema_of(waves_of(exponent, amplitude, 1.0))
+    assert found.high[0, 0] == pytest.approx(np.exp(growth), rel=1e-9)
+    assert found.when_high[0, 0] == 1.0
+    assert found.low[0, 0] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_large_numbers_are_no_matter():
+    """Energies of motions of 1e100 m, whose squares are numbers, and whose fourth derivatives' are none."""
+    small, large = (one_mode(40.0, 0.1, [size, 0.0], 1.0) for size in (1.0, 1e100))
+    for squares in (None, np.array([0])):
+        one, other = (whole.extrema(outputs, squares=squares) for whole, outputs in (small, large))
+        unit = 1e100 if squares is None else 1e200
+        np.testing.assert_allclose(other.high / unit, one.high, rtol=1e-10)
+
+
+def test_a_parabola_and_its_flat_top():
+    """A thrown mass: powers of time alone."""
+    whole, outputs = one_mode(0.0, 0.0, [0.0, 3.0], 1.0, Signal.polynomial_pieces([0.0], [[1.0]]), -10.0)
+    found = whole.extrema(outputs)
+    assert found.high[0] == pytest.approx(0.45, rel=1e-12)
+    assert found.when_high[0] == pytest.approx(0.3, abs=1e-6)
+    assert found.low[0] == pytest.approx(-2.0, rel=1e-12)
+    assert found.low[1] == pytest.approx(-7.0, rel=1e-12)
+
+
+def test_a_motion_at_rest_takes_one_look():
+    whole, outputs = one_mode(2.0, 0.1, [0.0, 0.0], 5.0)
+    found = whole.extrema(outputs)
+    assert not found.high.any()
+    assert not found.low.any()
+    assert found.evaluations < 1000
+
+
+def waves_of(exponent, amplitude, length):
+    """One output on one segment."""
+    number, one = np.arange(exponent.size), np.ones(1)
+    return Waves(
+        exponent, np.zeros(exponent.size, dtype=np.int64), number, number, np.ones((exponent.size, 1), dtype=complex),
+        np.zeros(1, dtype=np.int64), lambda rows: amplitude[rows], np.zeros(1), length * one, np.zeros(1), one,
+        np.zeros(1, dtype=np.int64),
+    )  # fmt: skip
+
+
+def extrema_of(waves):
+    search = Search.of(1)
+    search.add([waves])
+    return search.extrema()
+
+
+def test_a_peak_between_samples_is_found_to_round_off():
+    """``cos(w t) + 0.5 cos(3 w t)`` has its maximum at a time that is known, and others that are lower by 1e-6."""
+    w, first = 40.0, 0.123456789
+    exponent = np.array([1j * w, 3j * w, -1e-6 + 1j * w])
+    amplitude = np.array([[np.exp(-1j * w * first), 0.5 * np.exp(-3j * w * first), 0.0]])
+    found = extrema_of(waves_of(exponent, amplitude, 2.0))
+    assert found.high[0, 0] == pytest.approx(1.5, rel=2e-15)
+    turns = (found.when_high[0, 0] - first) * w / (2.0 * np.pi)
+    assert turns == pytest.approx(round(turns), abs=1e-7)
+    assert found.evaluations < 4000  # of both signs, on 13 periods
+
+
+def test_a_motion_at_rest_but_for_round_off_is_not_searched_from_end_to_end():
+    """Of 10,000 periods of something small one peak is found, and what may exceed it by less than peaks may differ."""
+    exponent = np.array([0.0, 6e6j, 300j])
+    amplitude = np.array([[-2.0 + 0j, 1e-7j, 1e-12]])
+    found = extrema_of(waves_of(exponent, amplitude, 0.01))
+    assert found.high[0, 0] == pytest.approx(-2.0 + 1e-7, abs=1e-11)
+    assert found.low[0, 0] == pytest.approx(-2.0 - 1e-7, abs=1e-11)
+    assert found.evaluations < 20_000

@@ -1,0 +1,327 @@
+"""What follows from a number follows from a new one, however it is replaced: the case is that of the edited file."""
+
+import re
+from typing import get_args
+
+import numpy as np
+import pytest
+from shipped import PATHS, shipped
+
+import beamsim
+from beamsim.analyses.designs.analysis import design_study
+from beamsim.analyses.designs.plan import plan_designs, plan_draws
+from beamsim.errors import ScenarioError
+from beamsim.scenario import Scenario, load_scenario
+from beamsim.scenario.base import Schema, path_text
+from beamsim.scenario.loading import replacing
+from beamsim.scenario.on_demand import resolved
+from beamsim.scenario.parameters import find_parameters, value_at
+from beamsim.scenario.quantities import PositionType
+
+BEAM = """\
+beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700 kg/m^3, elements: 8,
+  nodes: [<30>, <55>], point_masses: [{position: <75>, mass: 4 g}], supports: {left: clamped},
+  damping: {kind: modal, ratio: 1 %}}
+snubbers:
+  - {name: tip, position: <100>, side: below, stiffness: 151.1 kN/m, damping: {kind: ratio, ratio: 2 %}}
+  - {name: middle, at: {position: <50>}, side: both, stiffness: 50 kN/m, gap: 1 mm}
+springs_to_ground: [{kind: linear, position: <60>, stiffness: 1 kN/m}]
+friction: [{name: rub, position: <70>, normal_force: 1 N, coefficient: 0.2, stiffness: 10 kN/m}]
+constant_forces:
+  - {position: <80>, force: 1 N}
+  - {line: [<10>, <90>], force_per_length: 2 N/m}
+  - {line: [<10>, <90>], force_per_length: 2 N/m, shape: {kind: table, x: [<10>, <90>], values: [1, 2]}}
+excitation: {kind: harmonic, applied_to: {position: <65>}, level: 2 N, frequency: 65 Hz}
+probes: [{name: a, position: <100>}, {name: b, at: {position: <45>}}]
+outputs:
+  - {name: w, kind: displacement, position: <40>}
+  - {name: m, kind: bending_moment, at: {position: <20>}}
+run: {duration: 0.05 s, outputs: [{name: s, kind: strain, position: <35>}],
+  start: {released_force: {position: <85>, force: 1 N}}}
+"""
+SEGMENTS = """\
+beam: {length: 270 mm, elements: 8, damping: {kind: modal, ratio: 1 %}, segments: [
+  {from: <0>, to: <40>, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700 kg/m^3},
+  {from: <40>, to: <100>, width: 50 mm, thickness: 4 mm, youngs_modulus: 69 GPa, density: 2700 kg/m^3}]}
+excitation: {kind: forces, forces: [
+  {kind: harmonic, applied_to: {position: <40>}, level: 1 N, frequency: 65 Hz},
+  {kind: harmonic, applied_to: {line: [<50>, <100>]}, level: 3 N/m, frequency: 65 Hz}]}
+run: {duration: 0.05 s}
+"""
+BODIES = """\
+bodies:
+  one: {kind: beam, length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 8}
+  two: {kind: beam, length: 180 mm, width: 40 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 8}
+joints:
+  - {name: rod, kind: spring, between: [{body: one, position: <60>}, {body: two, position: <y70>}], stiffness: 9 kN/m}
+springs_between:
+  - {kind: linear, between: [{body: one, position: <40>}, {body: two, position: <y45>}], stiffness: 2 kN/m}
+constant_forces:
+  - {body: two, line: [<y10>, <y90>], force_per_length: 2 N/m, shape: {kind: table, x: [<y10>, <y90>], values: [1, 2]}}
+snubbers: [{name: tip, between: [{body: one, position: <100>}, {body: two, position: <y95>}], stiffness: 50 kN/m}]
+excitation: {kind: harmonic, applied_to: base, level: 1 g, frequency: 40 Hz}
+outputs: [{name: w, kind: displacement, at: {body: two, position: <y40>}}]
+probes: [{name: a, at: {body: one, position: <50>}}]
+run: {duration: 0.05 s}
+"""
+PLATE = """\
+bodies:
+  panel: {kind: plate, length: 270 mm, width: 180 mm, thickness: 2 mm, youngs_modulus: 70 GPa, density: 2700,
+    poissons_ratio: 0.33, elements: [4, 4], supports: {left: clamped, points: [{position: [<100>, <y90>]}]},
+    point_masses: [{position: [<30>, <y40>], mass: 10 g}],
+    stiffeners: [{from: [<0>, <y50>], to: [<100>, <y50>], bending_stiffness: 3 N m^2, mass_per_length: 0.1 kg/m}],
+    damping: {kind: modal, ratio: 1 %}}
+snubbers: [{name: stop, position: [<80>, <y20>], side: below, stiffness: 20 kN/m, gap: 0.1 mm}]
+constant_forces:
+  - {area: [[<10>, <y10>], [<60>, <y90>]], pressure: 20 Pa}
+  - {area: whole, pressure: 9 Pa, shape: {kind: table, x: [<0>, <50>], y: [<y10>, <y30>], values: [[1, 2], [2, 3]]}}
+excitation: {kind: half_sine, applied_to: base, level: 5 g, duration: 11 ms}
+outputs: [{name: w, kind: displacement, position: [<40>, <y60>]},
+  {name: s, kind: stress, at: {position: [<20>, <y30>]}}]
+probes: [{name: a, position: [<50>, <y50>]}]
+run: {duration: 0.05 s}
+"""
+CASES = {"beam": BEAM, "segments": SEGMENTS, "bodies": BODIES, "plate": PLATE}
+SIDES = {"": 0.27, "y": 0.18}
+UNITS = {
+    "percent": lambda share, side: f"{share} %",
+    "metres": lambda share, side: repr(share * side / 100),
+    "millimetres": lambda share, side: f"{share * side * 10!r} mm",
+}
+
+
+def text_of(case, unit):
+    """A case with its places written in a unit."""
+    return re.sub(r"<(y?)(\d+)>", lambda m: UNITS[unit](int(m[2]), SIDES[m[1]]), CASES[case])
+
+
+def plain(scenario, *without):
+    """The resolved scenario as plain data."""
+    return scenario.model_dump(mode="json", by_alias=True, exclude={"units", *without})
+
+
+def differences(one, other, path=""):
+    """Paths at which plain data differ by more than round-off."""
+    if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+        return [d for key in one for d in differences(one[key], other[key], f"{path}.{key}")]
+    if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        return [d for k, pair in enumerate(zip(one, other, strict=True)) for d in differences(*pair, f"{path}[{k}]")]
+    if path.endswith((".file", ".dofs")):
+        one, other = (str(file).rpartition("/")[2] for file in (one, other))  # of a study with its folder
+    numbers = all(isinstance(x, (int, float)) for x in (one, other))
+    same = np.isclose(one, other, rtol=1e-14, atol=0.0) if numbers else one == other
+    return [] if same else [f"{path}: {one} and {other}"]
+
+
+@pytest.mark.parametrize("unit", ["metres", "millimetres"])
+@pytest.mark.parametrize("case", CASES)
+def test_a_place_is_the_same_in_percent_and_in_a_unit(case, unit):
+    assert differences(plain(load_scenario(text_of(case, "percent"))), plain(load_scenario(text_of(case, unit)))) == []
+
+
+def sections(annotation, seen):
+    """Every section that can be in a scenario, and its fields whose value can be a share."""
+    annotation = resolved(annotation)
+    if isinstance(annotation, type) and issubclass(annotation, Schema):
+        if annotation in seen:
+            return
+        seen[annotation] = {}
+        for name, field in annotation.model_fields.items():
+            seen[annotation][name] = any(isinstance(item, PositionType) for item in field.metadata) or is_share(
+                field.annotation
+            )
+            sections(field.annotation, seen)
+    for inner in (*get_args(annotation), *getattr(annotation, "__metadata__", ())):
+        sections(inner, seen)
+
+
+def is_share(annotation):
+    """Whether an annotation that is no section has a share of a length in it."""
+    if isinstance(annotation, type) and issubclass(annotation, Schema):
+        return False
+    metadata = getattr(annotation, "__metadata__", ())
+    return any(isinstance(item, PositionType) for item in metadata) or any(is_share(a) for a in get_args(annotation))
+
+
+def parts(value):
+    """The sections of a scenario."""
+    if isinstance(value, Schema):
+        yield value
+        value = value.__dict__
+    for part in value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else ():
+        yield from parts(part)
+
+
+def test_every_key_that_may_be_relative_is_in_a_case():
+    """Twin of the tests here: a new key that takes a percentage has to be added to a case above."""
+    seen = {}
+    sections(Scenario, seen)
+    can = {name for fields in seen.values() for name, share in fields.items() if share}
+    assert {"position", "nodes", "from_", "to", "line", "area"} <= can
+    given = {
+        name
+        for case in CASES
+        for part in parts(load_scenario(text_of(case, "percent")))
+        for name in type(part).model_fields
+        if getattr(part, name) is not None and seen.get(type(part), {}).get(name)
+    }
+    assert can - given == set()
+
+
+@pytest.mark.parametrize("old", ["displacement, position: 40 %", "strain, position: 35 %"])
+@pytest.mark.parametrize("beyond", ["120 %", "0.324 m"])
+def test_an_output_beyond_the_end_is_refused(old, beyond):
+    text = text_of("beam", "percent").replace(old, f"{old.split(',')[0]}, position: {beyond}")
+    with pytest.raises(ScenarioError, match=r"outputs\[0\].position = 0.324 m lies beyond beam.length"):
+        load_scenario(text)
+
+
+def test_a_limit_judges_the_output_where_it_is():
+    limited = "limits: {outputs: {w: 0.01 mm}}\n"
+    runs = [beamsim.run(load_scenario(text_of("beam", unit) + limited)).summary for unit in UNITS]
+    peaks = [summary["peak_output"]["w"] for summary in runs]
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-8)
+    margins = [next(iter(summary["margins"].values())) for summary in runs]
+    assert margins[0]["value"] == pytest.approx(margins[1]["value"], rel=1e-8)
+    assert margins[0]["value"] == pytest.approx(peaks[0], rel=1e-8)
+    assert len({margin["exceeded"] for margin in margins}) == 1
+
+
+# --- numbers replaced ------------------------------------------------------------------------------------------------
+
+NOT_OF_A_CASE = ("title", "vary", "limits", "identify_stiffness", "nnm")
+
+
+def numbers(value, path=()):
+    """Paths of all decimal numbers of a resolved scenario."""
+    if isinstance(value, Schema):
+        for key, name in type(value).keys().items():
+            yield from numbers(getattr(value, name), (*path, key))
+    elif isinstance(value, (dict, tuple)):
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from numbers(part, (*path, key))
+    elif isinstance(value, float):
+        yield path
+
+
+def outcome(load):
+    """Resolved data of the scenario that a function gives, or the paths of what is wrong with it.
+
+    None where an override cannot say it: a number of a list, or of a section in short, that is not written.
+    """
+    try:
+        scenario = load()
+    except ScenarioError as error:
+        absent = any(problem.message.startswith("does not exist: ") for problem in error.problems)
+        return None if absent else sorted(problem.path for problem in error.problems)
+    data = plain(scenario, *NOT_OF_A_CASE)
+    (data["run"] or {}).pop("convergence", None)
+    return data
+
+
+def compared(source, scenario, most):
+    """How many numbers of a scenario were replaced in each way, some of all; all ways give the same case."""
+    count = 0
+    places = [place for place in numbers(scenario) if place[0] not in NOT_OF_A_CASE]
+    for place in places[:: -(-len(places) // most)]:
+        path = path_text(place)
+        value = value_at(scenario, place) * 1.01 or 1e-4
+        try:
+            plan = plan_draws(scenario, {path: [value]})
+        except ScenarioError:
+            continue  # no number that a study can vary
+        unit = plan.coordinates[0].unit
+        written = value if unit == "1" or place[-1] != "level" else f"{value!r} {unit}"
+        expected = outcome(lambda at=path, new=written: load_scenario(source, {at: new}))
+        missing = isinstance(expected, list) and any(path.startswith(f"{wrong}.") for wrong in expected)
+        if expected is None or missing:  # more than the number has to be written
+            continue
+        ways = {
+            "study": outcome(lambda p=plan, v=value: p.study.scenario((v,))),
+            "override of a scenario": outcome(lambda at=path, new=value: load_scenario(scenario, {at: new})),
+            "identification": outcome(lambda at=place, new=value: replacing(scenario, [at])({at: new})),
+        }
+        for way, found in ways.items():
+            assert differences(found, expected) == [], f"{path} by {way}"
+        count += 1
+    return count
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_number_replaced_anywhere_gives_the_case_of_the_edited_file(case):
+    text = text_of(case, "percent")
+    assert compared(text, load_scenario(text), 100) > 15
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", [p for p in PATHS if shipped(p).run or shipped(p).sweep], ids=lambda path: path.stem)
+def test_a_number_of_a_shipped_config_replaced_gives_the_case_of_the_edited_file(path):
+    assert compared(path, shipped(path), 12) > 0
+
+
+DEFAULTS = [
+    ("excitation: {kind: trapezoid, applied_to: base, level: 20 g, duration: 11 ms}", "excitation.duration", 20e-3),
+    ("excitation: {kind: harmonic, applied_to: base, level: 0.1 mm, frequency: 65 Hz}", "excitation.level", 2e-4),
+    ("excitation: {kind: harmonic, applied_to: base, level: 0.1 mm, frequency: 65 Hz}", "excitation.frequency", 650.0),
+]
+
+
+@pytest.mark.parametrize(("excitation", "path", "value"), DEFAULTS)
+def test_defaults_follow(excitation, path, value):
+    text = re.sub(r"excitation: .*\n", excitation + "\n", text_of("beam", "percent"))
+    scenario = load_scenario(text)
+    unit = plan_draws(scenario, {path: [value]}).coordinates[0].unit
+    edited = load_scenario(text, {path: f"{value!r} {unit}"})
+    assert plan_draws(scenario, {path: [value]}).study.scenario((value,)).excitation == edited.excitation
+    assert plan_draws(scenario, {path: [value]}).study.scenario((value,)).run.sample_rate == edited.run.sample_rate
+
+
+def test_the_stiffness_of_a_plate_in_shear_follows():
+    old = "thickness: 2 mm, youngs_modulus: 70 GPa, density: 2700"
+    new = "bending_stiffness: {dx: 50 N m, dy: 40 N m, nu: 0.3}, mass_per_area: 5 kg/m^2"
+    text = text_of("plate", "percent").replace(old, new).replace("    poissons_ratio: 0.33, ", "    ")
+    text = text.replace(",\n  {name: s, kind: stress, at: {position: [20 %, 30 %]}}", "")
+    scenario = load_scenario(text)
+    path = "bodies.panel.bending_stiffness.dx"
+    drawn = plan_draws(scenario, {path: [100.0]}).study.scenario((100.0,))
+    assert drawn.bodies == load_scenario(text, {path: 100.0}).bodies
+    twist = [case.bodies["panel"].bending_stiffness.dxy for case in (scenario, drawn)]
+    assert twist[1] == pytest.approx(twist[0] * 2**0.5 * (1 - 0.3 * 0.4**0.5) / (1 - 0.3 * 0.8**0.5), rel=1e-12)
+
+
+VARIED = "vary: {kind: grid, parameters: [{path: beam.length, values: [270 mm, 300 mm]}], responses: [peak_force]}\n"
+
+
+def test_the_stop_at_the_tip_of_a_longer_beam_is_at_its_tip():
+    text = (PATHS[0].parent / "one_sided_65hz.yaml").read_text(encoding="utf-8")
+    text = re.sub("(    |tip, )position: 270 mm", r"\1position: 100 %", text)
+    longer = beamsim.run(load_scenario(text, {"beam.length": "300 mm"})).summary["peak_force_n"]["tip"]
+    assert longer == pytest.approx(38.4341675395, rel=1e-8)
+    study = design_study(load_scenario(text + VARIED), workers=1)
+    np.testing.assert_allclose(study.responses["snubbers/tip/peak_force"].values, [19.4212972096, longer], rtol=1e-8)
+    table = beamsim.ensemble(load_scenario(text), {"beam.length": [0.27, 0.3]}, ["peak_force"], workers=1).table
+    np.testing.assert_allclose(table["snubbers/tip/peak_force"], [19.4212972096, longer], rtol=1e-8)
+
+
+def test_a_tolerance_is_about_the_number_as_it_follows_in_each_case():
+    tolerated = "tolerances: {samples: 4, parameters: [{path: snubbers.tip.position, tolerance: 1 mm}]}"
+    vary = f"vary: {{kind: grid, parameters: [{{path: beam.length, values: [270 mm, 300 mm]}}], {tolerated}}}\n"
+    text = BEAM.replace("name: tip, position: <100>", "name: tip, position: <90>")
+    text = re.sub(r"<(\d+)>", r"\1 %", text)
+    plan = plan_designs(load_scenario(text + vary))
+    place = find_parameters(plan.scenario, "snubbers.tip.position")[0]
+    for task in plan.tasks:
+        case = plan.study.scenario(task.values)
+        assert abs(value_at(case, place) - 0.9 * case.beam.length) <= 1e-3
+    assert {round(task.values[0], 3) for task in plan.tasks} == {0.27, 0.3}
+
+
+def test_sections_changed_in_python_are_kept():
+    """Twin: what was written is used only for sections that are still those that were read."""
+    scenario = load_scenario(text_of("beam", "percent"))
+    run = scenario.run.model_copy(update={"duration": 0.2})
+    changed = scenario.model_copy(update={"run": run, "friction": ()})
+    drawn = plan_draws(changed, {"beam.length": [0.3]}).study.scenario((0.3,))
+    assert drawn.run.duration == 0.2
+    assert drawn.friction == ()
+    assert drawn.snubbers[0].position == 0.3

@@ -1,0 +1,73 @@
+"""Newton's method on periodic motions: what a step costs, and what ends it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.response.paths import response_model
+from beamsim.flow.passage import NotFinite
+from beamsim.flow.stopping import Stopped, heeding
+from beamsim.orbits.continuation import Settings, newton
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit
+
+CONFIG = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
+SETTINGS = Settings(iterations=15)
+
+
+@pytest.fixture
+def problem() -> ForcedOrbits:
+    """Of the README's case at 65 Hz."""
+    scenario = beamsim.load_scenario(
+        CONFIG, {"sweep": {"kind": "continuation", "from": 20.0, "to": 400.0}, "reduction.modes": 3}
+    )
+    model = response_model(scenario)
+    return ForcedOrbits(model.orbits(model.levels[0]).flow.under(2 * np.pi * 65.0, model.levels[0]))
+
+
+def test_a_step_costs_one_passage_and_the_flow_is_left_where_the_method_ends(problem):
+    point = find_orbit(problem)
+    before = problem.flow.passages
+    row = np.zeros(point.u.size)
+    row[-1] = 1.0
+    moved = point.u.copy()
+    moved[-1] *= 1.0001
+    found = newton(problem, moved, row, float(moved[-1] / point.scale[-1]), point.scale, SETTINGS)
+    assert found.iterations >= 1
+    assert problem.flow.passages == before + found.iterations + 1
+    assert problem.flow.omega == found.u[-1]
+    again = problem.flow.carry(found.u[:-1], found.data.duration)
+    np.testing.assert_allclose(again.end, found.data.end, rtol=0, atol=1e-14 * np.abs(found.u[:-1]).max())
+
+
+def test_a_flow_under_other_loads_shares_the_modes_and_leaves_the_first_as_it_is(problem):
+    """The motion under a load that was set in steps is that of a flow built for it."""
+    point = find_orbit(problem)
+    flow, z = problem.flow, point.u[:-1]
+    passage = flow.carry(z, point.data.duration)
+    far = flow.under(1.3 * flow.omega, 0.7 * flow.level)
+    direct = type(flow)(flow.system, flow.forcing, far.omega, far.level)
+    by_far, by_direct = (each.carry(z, point.data.duration).end for each in (far, direct))
+    np.testing.assert_allclose(by_far, by_direct, rtol=0, atol=1e-13 * np.abs(by_direct).max())
+    assert not np.allclose(by_far, passage.end, rtol=1e-3, atol=0)
+    np.testing.assert_array_equal(flow.carry(z, point.data.duration).end, passage.end)
+
+
+def test_loads_that_are_not_finite_are_refused(problem):
+    guess = np.append(np.zeros(problem.flow.size), problem.flow.omega)
+    scale, row = problem.scale(guess)[0], np.eye(guess.size)[-1]
+    problem.level = np.nan
+    with pytest.raises(NotFinite):
+        problem.residual(guess)
+    assert newton(problem, guess, row, 1.0, scale, SETTINGS) is None
+
+
+def test_a_request_to_stop_ends_it(problem):
+    row = np.zeros(problem.flow.size + 1)
+    row[-1] = 1.0
+    guess = np.append(np.zeros(problem.flow.size), problem.flow.omega)
+    with heeding(lambda: True), pytest.raises(Stopped):
+        newton(problem, guess, row, 1.0, problem.scale(guess)[0], SETTINGS)
