@@ -1,0 +1,61 @@
+r"""Integrals of polynomials times exponentials, from which every integral of a motion follows.
+
+On a segment every output is a sum of terms :math:`\tau^p e^{\lambda \tau}`, and so are products of outputs and outputs
+times :math:`e^{-i \omega \tau}`. Their integrals over a time are moments :math:`\int_0^1 s^q e^{x s} ds`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamsim.typing import Complexes
+
+LEAST = 1.0  # size of an exponent from which (e^x - 1) / x keeps its digits
+
+
+def exponential_moments(x: Complexes, top: int) -> Complexes:
+    r"""Moments :math:`m_q(x) = \int_0^1 s^q e^{x s} ds`.
+
+    Integration by parts gives :math:`x m_q = e^x - q m_{q-1}`. Errors shrink in the upward direction while
+    :math:`q \le |x|`, and in the downward direction beyond, which begins from the series
+    :math:`m_q = e^x \sum_k (-x)^k q! / (q + 1 + k)!`; see W. Gautschi, SIAM Review 9 (1967) 24.
+
+    Parameters
+    ----------
+    x : (...) exponents.
+    top : highest power.
+
+    Returns
+    -------
+    (..., top + 1) moments, each as exact as round-off of :math:`\int_0^1 s^q |e^{x s}| ds`.
+    """
+    every = np.asarray(x, dtype=complex).ravel()
+    order = np.argsort(np.abs(every), kind="stable")
+    sorted_x = every[order]
+    end, size = np.exp(sorted_x), np.abs(sorted_x)
+    # of the exponents in order, the first for which the moment of each power follows from the one below
+    first = np.searchsorted(size, np.maximum(np.arange(top + 1.0), LEAST))
+    found = np.empty((top + 1, every.size), dtype=complex)
+    found[0, first[0] :] = (end[first[0] :] - 1.0) / sorted_x[first[0] :]
+    for q in range(1, top + 1):
+        above = slice(first[q], None)
+        found[q, above] = (end[above] - q * found[q - 1, above]) / sorted_x[above]
+    below = slice(0, first[top])
+    found[top, below] = end[below] * _series(sorted_x[below], top)
+    for q in range(top - 1, -1, -1):
+        below = slice(0, first[q])
+        found[q, below] = (end[below] - sorted_x[below] * found[q + 1, below]) / (q + 1)
+    out = np.empty((every.size, top + 1), dtype=complex)
+    out[order] = found.T
+    return out.reshape(*np.shape(x), top + 1)
+
+
+def _series(x: Complexes, q: int) -> Complexes:
+    """(n,) sums over k of ``(-x)^k q! / (q + 1 + k)!`` for exponents no larger than q, or than 1."""
+    total = np.full(x.size, 1.0 / (q + 1), dtype=complex)
+    term, k = total.copy(), 0
+    while np.any(np.abs(term) > np.finfo(float).eps * 0.1 * np.abs(total)):
+        k += 1
+        term *= -x / (q + 1 + k)
+        total += term
+    return total
