@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.typing import Complexes
+from beamsim.typing import Complexes, Floats, Ints
 
 LEAST = 1.0  # size of an exponent from which (e^x - 1) / x keeps its digits
 
@@ -59,3 +59,30 @@ def _series(x: Complexes, q: int) -> Complexes:
         term *= -x / (q + 1 + k)
         total += term
     return total
+
+
+def weighted_moments(
+    exponent: Complexes, power: Ints, length: Floats, weight_exponent: Complexes, polynomial: Complexes
+) -> Complexes:
+    r"""Integrals :math:`\int_0^L \tau^p e^{\lambda \tau} e^{\nu \tau} P(\tau) d\tau` of basis functions times weights.
+
+    Parameters
+    ----------
+    exponent, power : (B,) of the basis functions; 1/s.
+    length : (n,) L, s.
+    weight_exponent : (n,) :math:`\nu`, 1/s.
+    polynomial : (n, D) coefficients of P, the lowest first.
+
+    Returns
+    -------
+    (n, B) integrals.
+    """
+    degree = polynomial.shape[1] - 1
+    moments = exponential_moments(
+        (exponent + weight_exponent[:, None]) * length[:, None], int(power.max(initial=0)) + degree
+    )
+    out = np.zeros((length.size, exponent.size), dtype=complex)
+    basis = np.arange(exponent.size)
+    for q in range(degree + 1):
+        out += polynomial[:, q, None] * length[:, None] ** (power + q + 1) * moments[:, basis, power + q]
+    return out

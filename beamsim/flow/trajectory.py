@@ -13,6 +13,7 @@ from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, sample_alike
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema, Search, Waves
+from beamsim.flow.moments import weighted_moments
 from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.state_tables import pad, visited_states
 from beamsim.flow.stopping import check_stop
@@ -510,6 +511,47 @@ class Trajectory:
         """(n, T) amplitudes of the terms where segments of one contact state begin; without powers of time."""
         given = self.flow.sources.amplitudes_at(self.time[segments], self.piece[segments])
         return state.amplitudes(given, self.y[segments])[:, state.term_source]
+
+    def weighted_integrals(
+        self, output_of: OutputOf, segments: Ints, begin: Floats, length: Floats, exponent: Complexes,
+        polynomial: Complexes,
+    ) -> Complexes:  # fmt: skip
+        r"""Integrals of outputs times polynomials and exponentials of their own, over parts of segments.
+
+        Parameters
+        ----------
+        output_of : K outputs x.
+        segments : (n,) numbers of the segments.
+        begin : (n,) s, from the start of the segment to that of the part.
+        length : (n,) L of the parts, s.
+        exponent : (n,) :math:`\nu`, 1/s.
+        polynomial : (n, D) coefficients of P, the lowest first, of the time since the part began.
+
+        Returns
+        -------
+        (n, K) integrals :math:`\int_0^L x(b + \tau) e^{\nu \tau} P(\tau) d\tau`.
+        """
+        of_part, parts = self.state[segments], []
+        for number in visited_states(of_part):
+            check_stop()
+            state, some = self.flow.states[number], np.flatnonzero(of_part == number)
+            table = state.coefficients(output_of(state.phases), self.flow.sources)
+            amplitude = self.amplitudes_after(state, segments[some], begin[some])
+            weights = length[some], exponent[some], polynomial[some]
+            once = weighted_moments(state.exponent, state.power, *weights)[:, state.term_basis]
+            conjugate = weighted_moments(state.exponent.conj(), state.power, *weights)[:, state.term_basis]
+            parts.append((some, (amplitude * once) @ table + (amplitude.conj() * conjugate) @ table.conj()))
+        out = np.empty((segments.size, parts[0][1].shape[1] if parts else 0), dtype=complex)
+        for some, integrals in parts:
+            out[some] = 0.5 * integrals
+        return out
+
+    def amplitudes_after(self, state: ContactState, segments: Ints, begin: Floats) -> Complexes:
+        """(n, T) amplitudes of the terms at times (n,) after segments of one contact state begin, about these times."""
+        time, piece, y = self.time[segments], self.piece[segments], self.y[segments]
+        if begin.any():
+            y = state.states_after(state.amplitudes(self.flow.sources.amplitudes_at(time, piece), y), begin)
+        return state.amplitudes(self.flow.sources.amplitudes_at(time + begin, piece), y)[:, state.term_source]
 
     def square_integrals(self, *tables: Complexes) -> Floats:
         """(k,) integrals over the whole motion of the squares of outputs whose coefficients (S, T, k) are the sum of

@@ -35,3 +35,25 @@ def test_gaps_between_segments_change_nothing(motion, every):
     assert chosen.size > 30
     some = motion.only(chosen).segment_integrals(table, weight)
     np.testing.assert_allclose(some, whole[chosen], rtol=1e-9, atol=1e-12 * np.abs(whole).sum())
+
+
+def test_integrals_with_weights_of_their_own_against_quadrature(motion):
+    """Of the state, over parts of segments, as tracking filters of a swept sine ask for."""
+    rng = np.random.default_rng(3)
+    segments = np.flatnonzero(motion.length > 1e-4)[::5]
+    begin = motion.length[segments] * rng.uniform(0.0, 0.5, segments.size) * (segments % 3 > 0)
+    length = (motion.length[segments] - begin) * rng.uniform(0.3, 1.0, segments.size)
+    exponent = rng.normal(size=segments.size) * 20.0 - 2j * np.pi * rng.uniform(0.0, 400.0, segments.size)
+    polynomial = rng.normal(size=(segments.size, 4)) * length[:, None] ** -np.arange(4)
+    state = motion.flow.empty_output(motion.flow.size)
+    state.row[:] = np.eye(motion.flow.size)
+
+    found = motion.weighted_integrals(lambda phases: state, segments, begin, length, exponent, polynomial)
+    point, gauss = np.polynomial.legendre.leggauss(60)
+    for g, integral in enumerate(found):
+        tau = 0.5 * length[g] * (1.0 + point)
+        weight = np.exp(exponent[g] * tau) * np.polynomial.polynomial.polyval(tau, polynomial[g])
+        values = motion.states_at(motion.time[segments[g]] + begin[g] + tau)
+        expected = 0.5 * length[g] * ((gauss * weight) @ values)
+        size = 0.5 * length[g] * ((gauss * np.abs(weight)) @ np.abs(values))
+        assert np.all(np.abs(integral - expected) < 1e-11 * size)
