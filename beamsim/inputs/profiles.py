@@ -95,40 +95,36 @@ class Profile:
         return Profile(self.edge, self.amplitude * factor, self.power)
 
     def notched(self, lower_hz: float, upper_hz: float, level: float, quantity: str) -> Profile:
-        """The profile limited to ``level`` of ``quantity`` between two frequencies."""
-        power = power_of(quantity)
+        """The profile limited to a level between two frequencies.
 
-        def limit(f: float) -> float:
-            return acceleration_amplitude(level, quantity, f)
+        Parameters
+        ----------
+        lower_hz, upper_hz : ends of the notch.
+        level : that is not exceeded there, of ``quantity``.
 
-        inside = [float(e) for e in self.edge if lower_hz < e < upper_hz]
-        cuts = [lower_hz, *inside, upper_hz]
-        edges: list[float] = []
-        for lower, upper in itertools.pairwise(cuts):
-            edges.append(lower)
-            p = int(self.piece(np.array(lower)))
-            # the two powers of the frequency cross at most once
-            if self.power[p] != power and self.amplitude[p] > 0 and level > 0:
-                ratio = limit(1.0) / (self.amplitude[p] / self.edge[p] ** self.power[p])
-                crossing = float(ratio ** (1.0 / (self.power[p] - power)))
-                if lower < crossing < upper:
-                    edges.append(crossing)
-        below = [(float(e), float(a), float(s)) for e, a, s in zip(self.edge, self.amplitude, self.power, strict=True)]
-        pieces = [piece for piece in below if piece[0] < lower_hz]
-        if not pieces:
-            pieces.append(
-                (min(lower_hz * 0.5, below[0][0]), float(self(min(lower_hz * 0.5, below[0][0]))), below[0][2])
-            )
-        for k, lower in enumerate(edges):
-            upper = edges[k + 1] if k + 1 < len(edges) else upper_hz
-            middle = 0.5 * (lower + upper)
-            p = int(self.piece(np.array(middle)))
-            if limit(middle) < float(self(middle)):
-                pieces.append((lower, limit(lower), power))
-            else:
-                unlimited = float(self.amplitude[p] * (lower / self.edge[p]) ** self.power[p])
-                pieces.append((lower, unlimited, float(self.power[p])))
-        p = int(self.piece(np.array(upper_hz)))
-        pieces.append((upper_hz, float(self(upper_hz)), float(self.power[p])))
-        pieces += [piece for piece in below if piece[0] > upper_hz]
-        return Profile(*(np.array(column) for column in zip(*pieces, strict=True)))
+        Returns
+        -------
+        Profile
+            With edges at the ends of the notch, and where the level meets the profile.
+        """
+        limit = Profile.constant(level, quantity)
+        edge = np.union1d(self.edge, [lower_hz, upper_hz])
+        if edge[0] == lower_hz:
+            edge = np.append(0.5 * lower_hz, edge)
+        edge = np.union1d(edge, [f for f in self._meets(limit, edge) if lower_hz < f < upper_hz])
+        middle = np.append(0.5 * (edge[1:] + edge[:-1]), edge[-1])
+        below = (edge >= lower_hz) & (edge < upper_hz) & (limit(middle) < self(middle))
+        piece = self.piece(edge)
+        return Profile(edge, np.where(below, limit(edge), self(edge)), np.where(below, limit.power, self.power[piece]))
+
+    def _meets(self, other: Profile, edge: Floats) -> list[float]:
+        """Frequencies at which the profile has the level of one of a single power, which it meets once in a piece."""
+        found = []
+        for lower, upper in itertools.pairwise(edge):
+            piece = int(self.piece(lower))
+            power = float(self.power[piece] - other.power[0])
+            levels = self.amplitude[piece] * self.edge[piece] ** -self.power[piece], float(other(1.0))
+            if power and min(levels) > 0:
+                crossing = float((levels[1] / levels[0]) ** (1.0 / power))
+                found += [crossing] if lower < crossing < upper else []
+        return found

@@ -16,16 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.inputs.sampled import interpolate
 from beamsim.inputs.signal import Signal
-from beamsim.inputs.streamed import MARGIN, CubicRecord, StreamedSignal
+from beamsim.inputs.streamed import CubicRecord, StreamedSignal
 from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario.broadband import RandomInput
 
 SAMPLES_PER_CYCLE = 20  # of the highest frequency
-PIECES_AT_HAND = 2**16  # of a run, above which they are made block by block
 MOST_SAMPLES = 50_000_000  # of a period, made by one Fourier transform
 MOST_OF_ANY_SIZE = (
     4_000_000  # of a period; more are rounded up, as else the transform may need several times the memory
@@ -114,12 +112,5 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
             samples = samples * x**2 * (3 - 2 * x)
         return samples
 
-    if pieces > PIECES_AT_HAND:
-        record = CubicRecord(samples_at, step, pieces, (velocity_0, displacement_0))
-        return StreamedSignal(record, 0), StreamedSignal(record, 1), StreamedSignal(record, 2)
-    index = np.arange(-MARGIN, pieces + MARGIN)
-    wider = interpolate(np.asarray(index * step, dtype=float), samples_at(index), "cubic")
-    within = slice(MARGIN, MARGIN + pieces)
-    signal = Signal(wider.start[within], wider.exponent, wider.coefficient[within])
-    velocity = signal.antiderivative(velocity_0)
-    return signal, velocity, velocity.antiderivative(displacement_0)
+    record = CubicRecord(samples_at, step, pieces, (velocity_0, displacement_0))
+    return StreamedSignal(record, 0), StreamedSignal(record, 1), StreamedSignal(record, 2)

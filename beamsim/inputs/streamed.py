@@ -1,4 +1,4 @@
-"""Sampled signals so long that their pieces are made block by block, where they are asked for.
+"""Evenly sampled signals of any length: their pieces are made block by block, where they are asked for.
 
 Pieces of a cubic spline through the samples of a block differ from those of the spline through all samples by what the
 ends of the block add, which falls by 2 - sqrt(3) with each sample; `MARGIN` samples on either side leave round-off.

@@ -13,7 +13,7 @@ from beamsim.errors import ScenarioError
 from beamsim.flow import exact, long_motion
 from beamsim.flow.stopping import Stopped
 from beamsim.flow.trajectory import Trajectory
-from beamsim.inputs import random_input, streamed
+from beamsim.inputs import streamed
 from beamsim.inputs.random_input import random_signals
 from beamsim.outcomes import OutcomeCode
 from beamsim.system.build import build_system
@@ -34,7 +34,6 @@ def scenario(**run):
 @pytest.fixture(autouse=True, scope="module")
 def small_parts():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(random_input, "PIECES_AT_HAND", 1000)
         patch.setattr(streamed, "PIECES_OF_A_BLOCK", 700)
         for module in (long_motion, long_run):
             patch.setattr(module, "CHECKPOINT_PIECES", 256)
@@ -300,11 +299,10 @@ def test_too_many_pieces_are_refused_where_a_motion_is_kept(monkeypatch):
 def test_a_record_in_blocks_is_the_spline_through_all_samples(monkeypatch, ramp):
     excitation = scenario().excitation.model_copy(update={"ramp": ramp, "period": 0.1})
     blocks = random_signals(excitation, 0.14)
-    monkeypatch.setattr(random_input, "PIECES_AT_HAND", 10**6)
+    monkeypatch.setattr(streamed, "PIECES_OF_A_BLOCK", 10**6)
     whole = random_signals(excitation, 0.14)
     times = np.random.default_rng(1).uniform(0.0, 0.14, 5000)
     for one, other in zip(blocks, whole, strict=True):
-        assert type(one) is not type(other)
         np.testing.assert_allclose(one(times), other(times), rtol=0, atol=1e-11 * np.abs(other(times)).max())
         np.testing.assert_allclose(one.coefficient[:, 0, 0], other.coefficient[:, 0, 0], rtol=0,
                                    atol=1e-11 * np.abs(other.coefficient[:, 0, 0]).max())  # fmt: skip
