@@ -1,4 +1,4 @@
-"""Swept, sampled and random inputs as piecewise polynomial signals, which every flow accepts."""
+"""Swept sines of a scenario: direction, level and phase of the sweep, and its windows."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.drift import Correction, jumps
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile, power_of
-from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
-    from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
+    from beamsim.scenario.broadband import SweptSineInput
     from beamsim.scenario.level_profile import Notch, ProfilePoint
     from beamsim.scenario.quantities import Rate
 
@@ -61,39 +59,10 @@ def phase_of_acceleration(quantity: str, level: float, points: Sequence[ProfileP
     return float(0.5 * np.pi * power_of(quantity) + (np.pi if level < 0 else 0.0))
 
 
-def broadband_signals(
-    excitation: SampledInput | RandomInput, duration: float | None, folder: Path | None = None
-) -> tuple[Signal, Signal, Signal]:
-    """Acceleration, velocity and displacement of the base; for a force, the force three times.
-
-    Raises
-    ------
-    ScenarioError
-        If the input ends before the run, or its file cannot be read.
-    """
-    if excitation.kind == "random":
-        from beamsim.inputs.random_input import random_signals
-
-        return random_signals(excitation, duration)
-    from beamsim.inputs.sampled import sampled_signal
-
-    given = sampled_signal(excitation, duration, folder)
-    if not excitation.on_base:
-        return given, given, given
-    integrals = power_of(str(excitation.quantity))
-    if integrals == 0:
-        velocity = given.antiderivative()
-        return given, velocity, velocity.antiderivative()
-    if integrals == 1:
-        return given.derivative(), given, given.antiderivative()
-    velocity = given.derivative()
-    return velocity.derivative(), velocity, given
-
-
 def sweep_windows(
     excitation: SweptSineInput, duration: float | None
 ) -> tuple[SweepWindows, tuple[Correction, ...] | None]:
-    """The windows of a swept sine up to a duration, and the corrections of a base's acceleration.
+    """The windows of a swept sine up to a duration in s, and the corrections of a base's acceleration.
 
     Raises
     ------

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.inputs.broadband import broadband_signals, sweep_windows
+from beamsim.inputs.broadband import sweep_windows
 from beamsim.inputs.drift import Correction
 from beamsim.inputs.profiles import power_of
+from beamsim.inputs.random_input import random_signals
+from beamsim.inputs.sampled import sampled_signal
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import swept_signals
 
@@ -62,11 +64,25 @@ def half_sine(level: float, duration: float, time: float) -> Signal:
 
 
 def level_signal(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> Signal:
-    """The prescribed quantity as a signal; for a broadband input, the force at a point."""
+    """The prescribed quantity as a signal.
+
+    Parameters
+    ----------
+    excitation : of the scenario.
+    duration : s, of the run, which an input in time must cover; by default all of it.
+    folder : of the scenario, to which the paths of files are relative.
+
+    Raises
+    ------
+    ScenarioError
+        If a swept or measured input ends before the run, or its file cannot be read.
+    """
     if excitation.kind == "swept_sine":
         return swept_signals(sweep_windows(excitation, duration)[0])[0]
-    if excitation.kind == "sampled" or excitation.kind == "random":
-        return broadband_signals(excitation, duration, folder)[0]
+    if excitation.kind == "random":
+        return random_signals(excitation, duration)[0]
+    if excitation.kind == "sampled":
+        return sampled_signal(excitation, duration, folder)
     if excitation.kind == "harmonic":
         return Signal.harmonic(excitation.level, 2 * np.pi * excitation.frequency, excitation.phase)
     if excitation.kind == "multi_tone":
@@ -96,7 +112,7 @@ def _without_drift(signal: Signal) -> Signal:
 
 
 def base_motion(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
-    """Motion of the base from the prescribed quantity.
+    """Motion of the base from the prescribed quantity; the parameters are those of `level_signal`.
 
     A step or half-sine of base displacement and a step of base velocity would need infinite accelerations; the
     scenario does not accept them.
@@ -105,23 +121,17 @@ def base_motion(excitation: Driven, duration: float | None = None, folder: Path 
         windows, corrections = sweep_windows(excitation, duration)
         acceleration, velocity, displacement = swept_signals(windows)
         return BaseMotion(acceleration, velocity, displacement, corrections)
-    if excitation.kind == "sampled" or excitation.kind == "random":
-        return BaseMotion(*broadband_signals(excitation, duration, folder))
-    given = level_signal(excitation)
-    periodic = excitation.kind in ("harmonic", "multi_tone")
-    integrals = power_of(str(excitation.quantity))
-    if integrals == 0:
-        acceleration = given
-        velocity = _without_drift(given) if periodic else given.antiderivative()
-        displacement = _without_drift(velocity) if periodic else velocity.antiderivative()
-    elif integrals == 1:
-        acceleration = given.derivative()
-        velocity = given
-        displacement = _without_drift(given) if periodic else given.antiderivative()
-    else:
-        velocity = given.derivative()
-        acceleration = velocity.derivative()
-        displacement = given
+    if excitation.kind == "random":
+        return BaseMotion(*random_signals(excitation, duration))
+    given = level_signal(excitation, duration, folder)
+    integral = _without_drift if excitation.kind in ("harmonic", "multi_tone") else Signal.antiderivative
+    integrals = int(power_of(str(excitation.quantity)))
+    motion = [given]  # acceleration, velocity and displacement
+    for _ in range(integrals):
+        motion.insert(0, motion[0].derivative())
+    for _ in range(2 - integrals):
+        motion.append(integral(motion[-1]))
+    acceleration, velocity, displacement = motion
     return BaseMotion(acceleration, velocity, displacement)
 
 

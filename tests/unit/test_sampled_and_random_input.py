@@ -8,8 +8,8 @@ from scipy.integrate import quad
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.inputs.broadband import broadband_signals
 from beamsim.inputs.csv_table import read_csv
+from beamsim.inputs.excitation import base_motion
 from beamsim.inputs.random_input import density, noise
 from beamsim.inputs.sampled import interpolate, read_samples
 from beamsim.scenario import load_scenario
@@ -29,6 +29,12 @@ CHAIN = {
 
 def case(**excitation):
     return {**CHAIN, "excitation": {**{"applied_to": "base", **excitation}}}
+
+
+def base_signals(excitation, duration):
+    """Acceleration, velocity and displacement."""
+    motion = base_motion(excitation, duration)
+    return motion.acceleration, motion.velocity, motion.displacement
 
 
 def sampled(file, **more):
@@ -257,7 +263,7 @@ def test_a_sampled_base_acceleration_starts_at_rest(tmp_path):
     t = np.arange(0, 2.2, 1e-3)
     file = tmp_path / "sine.csv"
     np.savetxt(file, np.stack([t, np.sin(2 * np.pi * 3.0 * t)], axis=1), delimiter=",")
-    _, velocity, displacement = broadband_signals(sampled(file, unit="g", time_unit="s"), 2.0)
+    _, velocity, displacement = base_signals(sampled(file, unit="g", time_unit="s"), 2.0)
     w = 2 * np.pi * 3.0
     np.testing.assert_allclose(velocity(t[:2000]), G / w * (1 - np.cos(w * t[:2000])), atol=1e-6)
     expected = G / w * (t[:2000] - np.sin(w * t[:2000]) / w)
@@ -281,7 +287,7 @@ def test_the_input_does_not_depend_on_the_duration(tmp_path, record, interpolati
     file = tmp_path / "a.csv"
     np.savetxt(file, np.stack([t, a], axis=1)[::25], delimiter=",")
     excitation = sampled(file, interpolation=interpolation, **SI)
-    short, long = (broadband_signals(excitation, duration) for duration in (1.0, 2.0))
+    short, long = (base_signals(excitation, duration) for duration in (1.0, 2.0))
     x = np.linspace(0.0, 1.0, 2001)
     for one, other in zip(short, long, strict=True):
         np.testing.assert_allclose(one(x), other(x), atol=1e-14 * np.abs(other(x)).max())
@@ -291,7 +297,7 @@ def test_displacement_input_has_its_second_derivative_as_acceleration(tmp_path, 
     t, a = record
     file = tmp_path / "d.csv"
     np.savetxt(file, np.stack([t, a], axis=1), delimiter=",")
-    acceleration, velocity, displacement = broadband_signals(sampled(file, unit="mm", time_unit="s"), 2.0)
+    acceleration, velocity, displacement = base_signals(sampled(file, unit="mm", time_unit="s"), 2.0)
     x = np.linspace(0.1, 1.9, 77)
     np.testing.assert_allclose(displacement.derivative()(x), velocity(x))
     np.testing.assert_allclose(velocity.derivative()(x), acceleration(x))
@@ -323,7 +329,7 @@ def test_random_input_does_not_depend_on_the_duration(ramp):
     psd = [{"frequency": 20.0, "density": 1.0}, {"frequency": 60.0, "density": 1.0}]
     given = {"kind": "random", "psd": psd, "seed": 2, "period": 1.0, "sample_rate": 400.0, "ramp": ramp}
     excitation = load_scenario(case(**given)).excitation
-    short, long = (broadband_signals(excitation, duration) for duration in (0.5, 3.0))
+    short, long = (base_signals(excitation, duration) for duration in (0.5, 3.0))
     t = np.linspace(0.0, 0.5, 999)
     for one, other in zip(short, long, strict=True):
         np.testing.assert_allclose(one(t), other(t), rtol=0, atol=1e-13 * np.abs(other(t)).max())
@@ -343,7 +349,7 @@ def test_random_run_is_reproducible():
 
 def test_random_base_motion_does_not_drift():
     psd = [{"frequency": "2 Hz", "density": "0.002 g^2/Hz"}, {"frequency": "30 Hz", "density": "0.002 g^2/Hz"}]
-    _, velocity, displacement = broadband_signals(load_scenario(case(kind="random", psd=psd)).excitation, 100.0)
+    _, velocity, displacement = base_signals(load_scenario(case(kind="random", psd=psd)).excitation, 100.0)
     t = np.linspace(0, 100, 20_001)
     v, d = velocity(t), displacement(t)
     assert abs(v.mean()) < 1e-2 * v.std()
