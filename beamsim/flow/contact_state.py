@@ -13,7 +13,6 @@ Sources are numbered: inputs 0 … F-1, free amplitudes from F.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -88,17 +87,13 @@ OutputOf = Callable[[Ints], LinearOutput]  # of the phases of the contacts
 class ContactState:
     """Tables of one contact state; B basis functions, T terms, Z free amplitudes."""
 
-    phases: Ints  # (m,) of the contacts
-    internal_states: int  # r
+    modes: ContactModes
     exponent: Complexes  # (B,)
     power: Ints  # (B,)
     projector: Complexes  # (Z, N) free amplitudes = projector @ (y - y_forced(0))
     term_basis: Ints  # (T,)
     term_source: Ints  # (T,)
     term_vector: Complexes  # (T, N)
-    horizon: float  # s, longest segment for which the tables hold
-    simple_count: int  # e, of the first free amplitudes, those of eigenvalues with blocks of their own
-    blocks: list[Block]  # the others
     basis_of_source: Ints  # (F,) the basis function of each input
     # (F,) the term in which each input drives its own basis function, and the one a power lower (-1: none)
     terms_of_sources: tuple[Ints, Ints]
@@ -109,19 +104,20 @@ class ContactState:
         return not self.power.any()
 
     @property
-    def simple(self) -> SimpleModes:
-        """Eigenvalues with blocks of their own, one of each conjugate pair."""
-        first = self.basis_of_source.size
-        terms = np.flatnonzero((self.term_source >= first) & (self.term_source < first + self.simple_count))
-        value = self.exponent[self.term_basis[terms]]
-        right = self.term_vector[terms].T / np.where(value.imag > 0.0, 2.0, 1.0)
-        return SimpleModes(right, self.projector[: self.simple_count], value)
+    def phases(self) -> Ints:
+        """(m,) of the contacts."""
+        return self.modes.phases
+
+    @property
+    def horizon(self) -> float:
+        """Longest segment for which the tables hold, s."""
+        return self.modes.horizon
 
     def coefficients(self, output: LinearOutput, sources: Sources, table: Complexes | None = None) -> Complexes:
         """(T, k) factor of ``zeta * basis`` of every term in every output, in an array that is made or given."""
         if table is None:
             table = np.empty((self.term_vector.shape[0], output.row.shape[0]), dtype=complex)
-        count, n = table.shape[0], (self.term_vector.shape[1] - self.internal_states) // 2
+        count, n = table.shape[0], (self.term_vector.shape[1] - self.modes.internal_states) // 2
         vectors = np.concatenate([self.term_vector.real, self.term_vector.imag])
         placed, moving = output.row[:, :n].any(axis=1), output.row[:, n:].any(axis=1)
         if placed.all() and moving.all():
@@ -195,10 +191,10 @@ class ContactState:
 
         At a node of every mode that moves the coefficients are round-off themselves; the products of norms are not.
         """
-        n = (self.term_vector.shape[1] - self.internal_states) // 2
+        n = (self.term_vector.shape[1] - self.modes.internal_states) // 2
         size = np.abs(coefficients)
         parts = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
-        for part in parts if self.internal_states else parts[:2]:
+        for part in parts if self.modes.internal_states else parts[:2]:
             vector, row = self.term_vector[:, part], output.row[:, part]
             length = np.sqrt((vector.real**2 + vector.imag**2).sum(axis=1))
             size = np.maximum(size, length[:, None] * np.sqrt((row**2).sum(axis=1)))
@@ -237,19 +233,6 @@ class _Terms:
         return keys[:, 0], keys[:, 1], vectors
 
 
-def build_state(
-    system: PiecewiseLinearSystem,
-    forcing: Forcing,
-    sources: Sources,
-    base_channel: int,
-    phases: Ints,
-    longest_window: float,
-    known: ContactState | None = None,
-) -> ContactState:
-    """Diagonalise the system with its contacts in given phases and tabulate its flow; see `contact_modes`."""
-    return tabulated(contact_modes(system, forcing, sources, base_channel, phases, longest_window, known), sources)
-
-
 @dataclass(frozen=True)
 class ContactModes:
     """A contact state under all loads that differ in their signals alone."""
@@ -264,29 +247,24 @@ class ContactModes:
     loads: SourceLoads
     rates: Callable[[Complexes, Complexes, Complexes], Complexes] | None  # where contacts act
 
-    @cached_property
-    def whole(self) -> SimpleModes:
-        """Both of each pair."""
-        return self.simple.whole()
-
     def longest(self, sources: Sources, source: int) -> float:
         """s, time for which the response to a source holds."""
         return min(self.horizon, float(sources.longest_piece[source]))
 
-    def respond(self, terms: _Terms, sources: Sources, f: int) -> None:
-        """Add the response to a source."""
+    def respond(self, terms: _Terms, whole: SimpleModes, sources: Sources, f: int) -> None:
+        """Add the response to a source; ``whole`` are the simple modes, both of each pair."""
         nu, p = complex(sources.exponent[f]), int(sources.power[f])
         polynomial = np.zeros((p + 1, terms.size), dtype=complex)
         polynomial[:, -self.load.shape[1] :] = _driving(self.load[f], self.slope[f], nu, p)
         if not np.any(polynomial):
             return
-        _forced(terms, self.whole, self.blocks, polynomial, nu, f, self.longest(sources, f))
+        _forced(terms, whole, self.blocks, polynomial, nu, f, self.longest(sources, f))
         if self.rates is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
             own = _driving(self.loads.load[f], self.loads.slope[f], nu, p)
             force = _driving(self.loads.force[f], self.loads.force_slope[f], nu, p)
             rest = _residual(terms, self.rates, own, force, nu, f)
             if np.any(rest):
-                _forced(terms, self.whole, self.blocks, rest, nu, f, self.longest(sources, f))
+                _forced(terms, whole, self.blocks, rest, nu, f, self.longest(sources, f))
 
 
 def contact_modes(
@@ -296,12 +274,12 @@ def contact_modes(
     base_channel: int,
     phases: Ints,
     longest_window: float,
-    known: ContactState | None = None,
+    known: ContactModes | None = None,
 ) -> ContactModes:
     """Diagonalise the system with its contacts in given phases.
 
     Cost: one symmetric eigenvalue problem of order n and, where damping or internal states couple modes, one
-    unsymmetric of the order of these; none from a ``known`` state of the same phases, or of few other ones where
+    unsymmetric of the order of these; none from a ``known`` state with few other phases where
     :func:`beamsim.flow.neighbouring_modes.neighbouring_modes` is exact.
 
     Parameters
@@ -335,8 +313,9 @@ def tabulated(modes: ContactModes, sources: Sources) -> ContactState:
         basis_of_source[f] = terms.add(sources.exponent[f], sources.power[f], f, None)
         if sources.power[f] > 0:
             basis_below[f] = terms.add(sources.exponent[f], sources.power[f] - 1, f, None)
+    whole = modes.simple.whole()
     for f in range(F):
-        modes.respond(terms, sources, f)
+        modes.respond(terms, whole, sources, f)
     number = {key: t for t, key in enumerate(terms.terms)}
     driven = np.array([number[b, f] for f, b in enumerate(basis_of_source.tolist())], dtype=np.int64)
     lowered = np.array([number.get((b, f), -1) for f, b in enumerate(basis_below.tolist())], dtype=np.int64)
@@ -357,37 +336,16 @@ def tabulated(modes: ContactModes, sources: Sources) -> ContactState:
 
     of_blocks, basis = terms.take(), list(terms.basis)
     return ContactState(
-        phases=modes.phases,
-        internal_states=modes.internal_states,
+        modes=modes,
         exponent=np.array([b[0] for b in basis], dtype=complex),
         power=np.array([b[1] for b in basis], dtype=np.int64),
         projector=np.ascontiguousarray(np.concatenate(projector) if modes.blocks else Xi),
         term_basis=np.concatenate([forced[0], np.array(free_basis, dtype=np.int64), of_blocks[0]]),
         term_source=np.concatenate([forced[1], F + np.arange(lam.size), of_blocks[1]]),
         term_vector=np.concatenate([forced[2], free_vectors, of_blocks[2]]),
-        horizon=modes.horizon,
-        simple_count=lam.size,
-        blocks=modes.blocks,
         basis_of_source=basis_of_source,
         terms_of_sources=(driven, lowered),
     )
-
-
-def retuned(state: ContactState, modes: ContactModes, sources: Sources) -> ContactState | None:
-    """A contact state under sources with other exponents; None where the response to one takes other terms then."""
-    exponent, vector = state.exponent.copy(), state.term_vector.copy()
-    before = exponent[state.basis_of_source]
-    exponent[state.basis_of_source] = sources.exponent
-    if sources.power.any() or not np.array_equal(exponent[state.basis_of_source], sources.exponent):
-        return None
-    for f in np.flatnonzero(before != sources.exponent).tolist():
-        terms = _Terms(vector.shape[1])
-        modes.respond(terms, sources, f)
-        of_source = np.flatnonzero(state.term_source == f)
-        if of_source.size != 1 or len(terms.terms) > 1 or any(power for _, power in terms.basis):
-            return None
-        vector[of_source] = terms.response(complex(sources.exponent[f]), 0, f)
-    return replace(state, exponent=exponent, term_vector=vector)
 
 
 def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats]:
@@ -463,11 +421,9 @@ def _acting(system: PiecewiseLinearSystem, phases: Ints) -> _Acting:
 
 
 def _diagonalise(
-    system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, window: float, known: ContactState | None
+    system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, window: float, known: ContactModes | None
 ) -> tuple[SimpleModes, list[Block]]:
-    """Simple modes, one of each conjugate pair, and blocks of the others: known ones, from a neighbour's, or anew."""
-    if known is not None and np.array_equal(known.phases, phases):
-        return known.simple, known.blocks
+    """Simple modes, one of each conjugate pair, and blocks of the others: from a neighbour's, or anew."""
     n, contacts = system.size, system.contacts
     inside = contacts.internal_states
     together = contacts.coupled(phases)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from copy import copy
 from dataclasses import field
 from functools import cached_property
@@ -18,9 +19,7 @@ from beamsim.flow.contact_state import (
     LinearOutput,
     OutputOf,
     acting_loads,
-    build_state,
     contact_modes,
-    retuned,
     state_matrices,
     tabulated,
 )
@@ -33,35 +32,39 @@ from beamsim.flow.first_derivatives import (
     InputsAtStart,
 )
 from beamsim.flow.held import held_contacts
-from beamsim.flow.sources import Sources, compile_sources, retuned_sources, sources_of_pieces
+from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
 from beamsim.flow.state_tables import StateTables
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.streamed import CubicRecord, common_record
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.system.shared import SharedBuilds
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
     from beamsim.flow.march import Motion
     from beamsim.flow.march_kernels import PieceSteps
-    from beamsim.system.shared import SharedBuilds
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 FIRST = 1e6  # factor of functions that are looked at before others
 AT_REST = 1e-12  # of the parts of a penetration rate: a smaller one is none
 DEGREE_OF_FITS = 6  # of polynomials that are fitted to inputs, at least
 FEWEST_STATES = 8  # that are kept in any case
+MOST_MODES = 64  # contact states whose modes flows under other loads share; the one not used for longest is dropped
 
 
 def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
     """Number of contact states whose tables fit into ``memory`` bytes."""
     N, watched = 2 * system.size + system.contacts.internal_states, 2 * system.contacts.count
-    return max(FEWEST_STATES, int(memory / (32.0 * N * N + 24.0 * N * watched)))
+    return max(FEWEST_STATES, int(memory / (48.0 * N * N + 24.0 * N * watched)))
 
 
-def _fastest(state: ContactState) -> tuple[float, float]:
-    """Largest exponent, 1/s, and highest frequency, rad/s."""
-    return float(np.abs(state.exponent).max()), float(np.abs(state.exponent.imag).max())
+class KnownState(NamedTuple):
+    """What a contact state is under all loads that differ in their signals alone."""
+
+    modes: ContactModes
+    watched: Watched
+    functions: LinearOutput  # that are watched
 
 
 class StartOfMotion(NamedTuple):
@@ -85,7 +88,7 @@ class ExactFlow:
     system, forcing : the structure and its loads.
     duration : longest time the flow will be asked for, s.
     observers : further signals (the base's motion) that outputs may contain; they load nothing.
-    shared : keeps contact states that flows with other contacts or levels have in common.
+    shared : keeps the modes that flows with other contacts or levels have in common; by default those of copies.
     most_states : states kept at once, 2 at least; by default all.
     pieces : first and last (left out) of those of a record of which all signals are made; by default all pieces of
         the signals. Others follow with `on_pieces`.
@@ -103,15 +106,17 @@ class ExactFlow:
     states: list[ContactState] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
-        self._relatives: dict[bytes, ContactModes] | None = None  # shared with flows under other loads
+        self._free = self.shared or SharedBuilds()
+        self._most_known = min(MOST_MODES, self.most_states or MOST_MODES)
+        self._known: OrderedDict[bytes, KnownState] = OrderedDict()  # shared with flows under other loads
         self._load()
         slowest = self.system.stiffness[self.system.stiffness > 0]
         period = LONGEST_WINDOW_RADIANS / float(np.sqrt(slowest.min())) if slowest.size else np.inf
         self.longest_window = min(period, max(self.duration, 1e-300))
         self._clear()
 
-    def _load(self, before: Sources | None = None) -> None:
-        """Put the channels of the forcing and of the observers together; ``before`` are other signals' sources."""
+    def _load(self) -> None:
+        """Put the channels of the forcing and of the observers together."""
         channels = list(self.forcing.signal)
         self.base_channel = -1
         if self.forcing.base_displacement is not None and bool(self.system.contacts.felt.any()):
@@ -122,8 +127,7 @@ class ExactFlow:
         self._channels = tuple(channels)
         record = self.record
         if record is None:
-            like = None if before is None else retuned_sources(before, self._channels)
-            self.sources = compile_sources(self._channels, self.duration) if like is None else like
+            self.sources = compile_sources(self._channels, self.duration)
         else:
             self.sources = sources_of_pieces(self._channels, *(self.pieces or (0, record.pieces)), self.duration)
         self._length = common_length(self.sources) if record is None else record.step
@@ -132,14 +136,15 @@ class ExactFlow:
     def _clear(self) -> None:
         """Remove all states."""
         self.states = []
-        self._functions: list[LinearOutput] = []  # watched in each of them
+        self._kept: list[KnownState] = []  # of each of them
         self.visited: list[Ints] = []  # phases of all states visited
-        self._built_states: list[tuple[float, float]] = []  # their largest exponent, 1/s, and highest frequency, rad/s
+        self.built = 0  # states, those built again included
+        self.largest_exponent = 0.0  # 1/s, of all states visited
+        self.highest_frequency = 0.0  # rad/s, of all states visited
         self._visit: list[int] = []  # number among them of each state that is kept
         self._visits: dict[bytes, int] = {}
         self._tables = StateTables(self.system.contacts, self.most_states)
         self._at_start: dict[bytes, FunctionsAtStart] = {}  # of some phases, guards and rates
-        self._there: dict[bytes, ContactState] = {}  # states of another flow that need not be built
         self._step: list[PieceStep] = []  # of each state that is kept, over an equal piece
         self._steps: PieceSteps | None = None
 
@@ -161,50 +166,14 @@ class ExactFlow:
 
         ``forcing`` differs in its signals alone; what each load acts on stays as it is.
         """
-        if self._relatives is None:
-            self._relatives = {}
-        for state in self.states:
-            if state.phases.tobytes() not in self._relatives:
-                self._relate(state.phases, state)
         flow = copy(self)
         flow.forcing = forcing
-        flow._load(self.sources)
-        if np.array_equal(flow.sources.channel, self.sources.channel):
-            flow._retune()
-        else:
+        flow._load()
+        if not np.array_equal(flow.sources.channel, self.sources.channel):
             flow.__dict__.pop("penetrations", None)
-            flow._clear()
+            flow._known = OrderedDict()
+        flow._clear()
         return flow
-
-    def _relate(self, phases: Ints, known: ContactState | None) -> None:
-        """Keep the modes of a contact state for flows under other loads."""
-        assert self._relatives is not None
-        self._relatives[phases.tobytes()] = contact_modes(
-            self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window, known
-        )
-
-    def _retune(self) -> None:
-        """Rewrite the responses to the loads in the contact states so far."""
-        assert self._relatives is not None
-        states = []
-        for state in self.states:
-            new = retuned(state, self._relatives[state.phases.tobytes()], self.sources)
-            if new is None:
-                return self._clear()
-            states.append(new)
-        watches = [
-            state.coefficients(output, self.sources) for state, output in zip(states, self._functions, strict=True)
-        ]
-        guards = [watched.guards for watched in self._tables.watched]
-        roughness = [
-            state.roughness(output, watch)[:, :count]
-            for state, output, watch, count in zip(states, self._functions, watches, guards, strict=True)
-        ]
-        self._tables = self._tables.retuned(states, watches, roughness)
-        self.states, self._functions = states, list(self._functions)
-        self.visited, self._visit, self._visits = list(self.visited), list(self._visit), dict(self._visits)
-        self._built_states = [_fastest(state) for state in states]
-        self._at_start, self._there, self._step, self._steps = {}, {}, [], None
 
     def with_system(self, system: PiecewiseLinearSystem) -> ExactFlow:
         """The flow of another structure, or of other contacts with as many phases, under the same loads."""
@@ -212,30 +181,9 @@ class ExactFlow:
         flow.system = system
         flow.__dict__.pop("penetrations", None)
         flow._load()
+        flow._known = OrderedDict()
         flow._clear()
-        flow._relatives = {}
-        same = system.stiffness is self.system.stiffness and system.damping is self.system.damping
-        if same and np.array_equal(flow.sources.channel, self.sources.channel):
-            free = (
-                m for m in (self._relatives or {}).values() if not (system.acts(m.phases) or self.system.acts(m.phases))
-            )
-            flow._relatives = {modes.phases.tobytes(): modes for modes in free}
         return flow
-
-    @property
-    def built(self) -> int:
-        """Number of states built, those built again included."""
-        return len(self._built_states)
-
-    @property
-    def largest_exponent(self) -> float:
-        """1/s, of all states visited."""
-        return max((exponent for exponent, _ in self._built_states), default=0.0)
-
-    @property
-    def highest_frequency(self) -> float:
-        """rad/s, of all states visited."""
-        return max((frequency for _, frequency in self._built_states), default=0.0)
 
     @property
     def dropped(self) -> bool:
@@ -253,65 +201,64 @@ class ExactFlow:
         flow = copy(self)
         flow.most_states = None
         flow._clear()
-        flow._there = {state.phases.tobytes(): state for state in self.states}
+        kept = {known.modes.phases.tobytes(): known for known in self._kept}
         for phases in (self.visited[k] for k in visited):
-            flow.state_index(phases)
-        flow._there = {}
+            flow._append(phases, kept.get(phases.tobytes()) or flow._known_state(phases))
         return flow
 
     def state_index(self, phases: Ints) -> int:
         """Number of the contact state, built when it is first asked for."""
-        known = self._tables.index(phases)
-        if known is not None:
-            return known
-        state = self._built(phases)
-        watched = self.system.contacts.watched(phases)
-        output = self.watched(watched, phases)
-        watch = state.coefficients(output, self.sources)
-        roughness = state.roughness(output, watch)[:, : watched.guards]
-        index = self._tables.append(state, watched, watch, np.ascontiguousarray(roughness))
-        state = self._tables.kept_once(index, state)
-        self._built_states.append(_fastest(state))
+        index = self._tables.index(phases)
+        return self._append(phases, self._known_state(phases)) if index is None else index
+
+    def _append(self, phases: Ints, known: KnownState) -> int:
+        """Number of a state that is built here."""
+        state, watched = tabulated(known.modes, self.sources), known.watched
+        watch = state.coefficients(known.functions, self.sources)
+        roughness = np.ascontiguousarray(state.roughness(known.functions, watch)[:, : watched.guards])
+        index = self._tables.append(state, watched, watch, roughness)
+        self.built += 1
+        self.largest_exponent = max(self.largest_exponent, float(np.abs(state.exponent).max()))
+        self.highest_frequency = max(self.highest_frequency, float(np.abs(state.exponent.imag).max()))
         visit = self._visits.setdefault(phases.tobytes(), len(self.visited))
         if visit == len(self.visited):
             self.visited.append(state.phases)
-        if index == len(self.states):
-            self.states.append(state)
-            self._visit.append(visit)
-            self._functions.append(output)
-        else:
-            self.states[index], self._visit[index], self._functions[index] = state, visit, output
+        here = slice(index, index + 1)  # a new place, or that of a state that was dropped
+        self.states[here], self._visit[here], self._kept[here] = [state], [visit], [known]
         if self._length is not None:
             guards = np.ascontiguousarray(watch[:, : watched.guards])
-            self._step[index : index + 1] = [step_of(state, guards, roughness, self.sources, self._length)]
+            self._step[here] = [step_of(state, guards, roughness, self.sources, self._length)]
             self._steps = None
         return index
 
-    def _built(self, phases: Ints) -> ContactState:
-        """The contact state; one in which no contact acts is that of all flows of the same structure and sources."""
+    def _known_state(self, phases: Ints) -> KnownState:
+        """What a contact state is under all signals, made when it is first asked for."""
+        key = phases.tobytes()
+        if key not in self._known:
+            watched = self.system.contacts.watched(phases)
+            self._known[key] = KnownState(self._modes(phases), watched, self.watched(watched, phases))
+            if len(self._known) > self._most_known:
+                self._known.popitem(last=False)
+        self._known.move_to_end(key)
+        return self._known[key]
 
-        def build(known: ContactState | None = None) -> ContactState:
-            return build_state(
+    def _modes(self, phases: Ints) -> ContactModes:
+        """Those of a contact state; where no contact acts they are those of all flows of the same structure."""
+
+        def build(known: ContactModes | None = None) -> ContactModes:
+            return contact_modes(
                 self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window, known
             )  # fmt: skip
 
-        if (there := self._there.get(phases.tobytes())) is not None:
-            return there
-        if self._relatives is not None:
-            if phases.tobytes() not in self._relatives:
-                nearest = self._tables.nearest(phases)
-                self._relate(phases, None if nearest is None else self.states[nearest])
-            return tabulated(self._relatives[phases.tobytes()], self.sources)
-        contacts = self.system.contacts
-        if self.shared is None or self.system.acts(phases):
+        if self.system.acts(phases):
             nearest = self._tables.nearest(phases)
-            return build(None if nearest is None else self.states[nearest])
+            return build(None if nearest is None else self._kept[nearest].modes)
         parts = (
             self.system.stiffness, self.system.damping, self.system.constant_load, self.forcing.load,
-            self.sources.exponent, self.sources.power, self.sources.channel, self.sources.longest_piece, phases,
+            self.sources.channel, phases,
         )  # fmt: skip
-        numbers = (contacts.count, self.longest_window, self.base_channel)
-        return self.shared.once("contact state", (*(part.tobytes() for part in parts), *numbers), build)
+        numbers = (self.system.contacts.count, self.longest_window, self.base_channel)
+        return self._free.once("contact state", (*(part.tobytes() for part in parts), *numbers), build)
 
     def following(self, state: int, guard: int) -> Ints:
         """Phases of the contacts after the event of a guard."""
@@ -321,7 +268,9 @@ class ExactFlow:
         """The state after the event of a guard."""
         phases = self.following(state, guard)
         self._tables.use(np.array([state]))
-        return self.state_index(phases)
+        index = self.state_index(phases)
+        self._tables.lead(state, guard, index)
+        return index
 
     def kernel_arguments(self) -> tuple[Tables, Inputs, None]:
         """What the march takes; see :class:`beamsim.flow.march.Marched`."""
@@ -579,7 +528,7 @@ class ExactFlow:
         functions = self._at_start.get(key)
         if functions is None:
             count = self._tables.watched[index].guards
-            guards = self._functions[index].some(slice(0, count))
+            guards = self._kept[index].functions.some(slice(0, count))
             signs, orders = FunctionsAtStart.of(guards, count).signs(self._inputs_at_start(given, 0), state, 0)
             if signs.all():
                 return signs, orders

@@ -7,7 +7,6 @@ Source 0 is the constant one, which carries dead loads and gaps.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -66,18 +65,6 @@ class Sources:
             if self.channel[f] == self.channel[f + 1] and self.power[f + 1] == self.power[f] + 1:
                 last[f] = last[f + 1]
         return last
-
-
-def retuned_sources(sources: Sources, channels: tuple[Signal, ...]) -> Sources | None:
-    """The sources of channels with other amplitudes and exponents; None where they have powers of time or pieces."""
-    starts = np.array([0.0, *(start for signal in channels for start in signal.start)])
-    if sources.power.any() or starts.any() or any(signal.coefficient.shape[2] > 1 for signal in channels):
-        return None
-    exponent = np.concatenate([np.zeros(1, dtype=complex), *(signal.exponent for signal in channels)])
-    if exponent.size != sources.count:
-        return None
-    amplitude = np.concatenate([np.ones(1, dtype=complex), *(signal.coefficient[0, :, 0] for signal in channels)])
-    return replace(sources, amplitude=amplitude[None], exponent=exponent)
 
 
 def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> Sources:

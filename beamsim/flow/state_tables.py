@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from copy import copy
-from dataclasses import replace
 from operator import lt
 from typing import TYPE_CHECKING, TypeVar
 
@@ -20,7 +17,6 @@ if TYPE_CHECKING:
 
 GROWTH = 4  # of the rows that there is room for; memory is taken when a row is written
 FEWEST = 8  # rows that there is room for
-LARGE = 2**17  # bytes of a state's array that is not kept twice
 Number = TypeVar("Number", bound=np.generic)
 
 
@@ -28,8 +24,8 @@ class StateTables:
     """Padded arrays with spare rows, so that a new state seldom moves the others.
 
     Of all combinations of the contacts' phases few are visited; a state is built when it is first visited.
-    ``follower[s, g]`` is the state after the event of guard g in state s, -1 where that one is not built or was
-    dropped. With ``most`` states built, the least recently used one is replaced by the next.
+    ``follower[s, g]`` is the state after the event of guard g in state s, -1 until a motion asks for it, and where it
+    was dropped. With ``most`` states built, the least recently used one is replaced by the next.
     """
 
     def __init__(self, contacts: Contacts, most: int | None = None) -> None:
@@ -42,11 +38,6 @@ class StateTables:
         self._index: dict[bytes, int] = {}
         self._arrays: dict[str, NDArray[np.generic]] = {}
         self._tables: Tables | None = None  # of the arrays as they are now
-        self._before = [  # of every contact and phase: the phases that have a guard to it
-            [[i for i, phase in enumerate(law.phases) if any(g.next == k for g in phase.guards)]
-             for k in range(len(law.phases))]
-            for law in contacts.laws
-        ]  # fmt: skip
 
     @property
     def count(self) -> int:
@@ -121,77 +112,30 @@ class StateTables:
                 old[index] = 0
             place: tuple[int | slice, ...] = (index, *map(slice, row.shape))
             old[place] = row
-        self._link(index)
         return index
 
     def _grown(self, old: NDArray[Number], need: tuple[int, ...]) -> NDArray[Number]:
-        """An array with more rows, or wider ones. Rows that no state has yet are zeros; large ones, of which kernels
-        read those of states alone, are left as memory is found."""
+        """An array with more rows, or wider ones; rows that no state has yet are zeros."""
         rows = old.shape[0]
         if rows < need[0]:
             rows = max(GROWTH * need[0], FEWEST)
             if self.most is not None and GROWTH * rows >= self.most:
                 rows = self.most  # the next growth would move all for few more
-        shape = tuple(map(max, old.shape, (rows, *need[1:])))
-        large = math.prod(shape[1:]) * old.itemsize >= LARGE
-        grown = np.empty(shape, dtype=old.dtype) if large else np.zeros(shape, dtype=old.dtype)
-        known = min(old.shape[0], self.count)
-        if large and grown.shape[1:] != old.shape[1:]:
-            grown[:known] = 0
-        grown[(slice(known), *map(slice, old.shape[1:]))] = old[:known]
+        grown = np.zeros(tuple(map(max, old.shape, (rows, *need[1:]))), dtype=old.dtype)
+        known = (slice(min(old.shape[0], self.count)), *map(slice, old.shape[1:]))
+        grown[known] = old[known]
         return grown
 
-    def retuned(self, states: list[ContactState], watches: list[Complexes], roughness: list[Floats]) -> StateTables:
-        """The same states with other responses to the loads, and their watched functions as `append` takes them."""
-        tables = copy(self)
-        tables._tables = None
-        tables.watched, tables._phases, tables._used = list(self.watched), list(self._phases), list(self._used)
-        tables._index = dict(self._index)
-        tables._arrays = {name: array.copy() for name, array in self._arrays.items()}
-        for index, (state, watch, size) in enumerate(zip(states, watches, roughness, strict=True)):
-            rows = {"exponent": state.exponent, "term_vector": state.term_vector, "watch": watch, "roughness": size}
-            for name, row in rows.items():
-                place: tuple[int | slice, ...] = (index, *map(slice, row.shape))
-                tables._arrays[name][place] = row
-        return tables
-
-    def kept_once(self, index: int, state: ContactState) -> ContactState:
-        """A state whose large arrays are those of the tables, which hold them anyhow."""
-        if state.term_vector.nbytes < LARGE:
-            return state
-        tables, terms, free = self.arrays(), state.term_vector.shape[0], state.projector.shape[0]
-        vector, projector = tables.term_vector[index, :terms], tables.projector[index, :free]
-        return replace(state, term_vector=vector, projector=projector)
+    def lead(self, state: int, guard: int, follower: int) -> None:
+        """Note which state follows the event of a guard."""
+        self._arrays["follower"][state, guard] = follower
 
     def _drop(self, index: int) -> None:
         del self._index[self._phases[index].tobytes()]
         for array in self._arrays.values():
             array[index] = 0
-        self._lead_to(index, -1)
-
-    def _link(self, index: int) -> None:
-        """Enter a new state as follower of its neighbours, which differ in one contact, and these as its own."""
         follower = self._arrays["follower"]
-        for guard in range(self.watched[index].guards):
-            follower[index, guard] = self._index.get(self.following(index, guard).tobytes(), -1)
-        self._lead_to(index, index)
-
-    def _lead_to(self, index: int, follower: int) -> None:
-        """Number that a state has as follower of its neighbours."""
-        phases = self._phases[index]
-        if self.contacts.pressed.size:  # several contacts change at once: neighbours are found from their side
-            for neighbour, watched in enumerate(self.watched):
-                for guard in range(watched.guards):
-                    if np.array_equal(self.following(neighbour, guard), phases):
-                        self._arrays["follower"][neighbour, guard] = follower
-            return
-        for contact, before in enumerate(self._before):
-            for phase in before[phases[contact]]:
-                other = self.index(self.contacts.after(phases, contact, phase))
-                if other is not None:
-                    watched = self.watched[other]
-                    leads = (watched.contact[: watched.guards] == contact) & (watched.following == phases[contact])
-                    self._arrays["follower"][other, np.flatnonzero(leads)] = follower
+        follower[follower == index] = -1
 
     def arrays(self) -> Tables:
         """The tables as the kernels take them; rows beyond ``count`` are unused."""

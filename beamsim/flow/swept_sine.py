@@ -120,7 +120,7 @@ class SweptFlow:
             load, slope = state_loads(
                 self.system, self.template.forcing, self.template.sources, self.template.base_channel, s.phases
             )
-            self._forced.append(_forced_tables(s.simple.whole(), s.blocks, load[1:], slope[1:]))
+            self._forced.append(_forced_tables(s.modes.simple.whole(), s.modes.blocks, load[1:], slope[1:]))
             self._power.append(power_balance(self.template, s.phases))
 
     def forced(self) -> Forced:

@@ -54,7 +54,7 @@ def counted(monkeypatch):
         ("beamsim.structures.reduction", "natural_modes"),
         ("beamsim.system.build", "receptance_bound"),
         ("importlib.metadata", "version"),
-        ("beamsim.flow.exact", "build_state"),
+        ("beamsim.flow.exact", "contact_modes"),
         ("beamsim.analyses.run.motion", "spectra_of_motion"),
         ("beamsim.structures.beam", "beam_recovery"),
         ("beamsim.flow.trajectory:Trajectory", "extrema"),
@@ -72,7 +72,7 @@ def test_cases_that_differ_in_contact_and_level_share_the_structure(counted, wor
     assert counted.get("version", 0) < result.cases  # of the table alone
     assert "spectra_of_motion" not in counted
     assert "receptance_bound" not in counted
-    assert counted["build_state"] <= 18 + 2  # closed; the open one of all, and one that loads the kernels
+    assert counted["contact_modes"] <= 18 + 2  # closed; the open one of all, and one that loads the kernels
 
 
 def test_what_is_not_asked_for_is_not_built(counted):
