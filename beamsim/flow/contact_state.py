@@ -26,7 +26,6 @@ from beamsim.flow.sources import Sources
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-RESONANCE = 0.02  # |nu - lambda| * window below which a forced response is written as a power series
 SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
 
 
@@ -247,9 +246,9 @@ class ContactModes:
     loads: SourceLoads
     rates: Callable[[Complexes, Complexes, Complexes], Complexes] | None  # where contacts act
 
-    def longest(self, sources: Sources, source: int) -> float:
-        """s, time for which the response to a source holds."""
-        return min(self.horizon, float(sources.longest_piece[source]))
+    def series(self, sources: Sources, source: int) -> tuple[float, float]:
+        """For how long, s, the response to a source holds, and up to where it is a power series, see `_forced`."""
+        return min(self.horizon, float(sources.longest_piece[source])), float(sources.limit[source])
 
     def respond(self, terms: _Terms, whole: SimpleModes, sources: Sources, f: int) -> None:
         """Add the response to a source; ``whole`` are the simple modes, both of each pair."""
@@ -258,13 +257,13 @@ class ContactModes:
         polynomial[:, -self.load.shape[1] :] = _driving(self.load[f], self.slope[f], nu, p)
         if not np.any(polynomial):
             return
-        _forced(terms, whole, self.blocks, polynomial, nu, f, self.longest(sources, f))
+        _forced(terms, whole, self.blocks, polynomial, nu, f, *self.series(sources, f))
         if self.rates is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
             own = _driving(self.loads.load[f], self.loads.slope[f], nu, p)
             force = _driving(self.loads.force[f], self.loads.force_slope[f], nu, p)
             rest = _residual(terms, self.rates, own, force, nu, f)
             if np.any(rest):
-                _forced(terms, whole, self.blocks, rest, nu, f, self.longest(sources, f))
+                _forced(terms, whole, self.blocks, rest, nu, f, *self.series(sources, f))
 
 
 def contact_modes(
@@ -699,15 +698,19 @@ def _forced(
     nu: complex,
     source: int,
     window: float,
+    limit: float,
 ) -> None:
-    """Response to ``sum_p polynomial[p] tau^p e^{nu tau}``, from ``polynomial`` (degree + 1, N)."""
-    _forced_simple(terms, modes, polynomial, nu, source, window)
+    """Response to ``sum_p polynomial[p] tau^p e^{nu tau}``, from ``polynomial`` (degree + 1, N).
+
+    Where ``|nu - lambda| window`` is below the limit it is a power series that starts from zero.
+    """
+    _forced_simple(terms, modes, polynomial, nu, source, window, limit)
     for block in blocks:
-        _forced_block(terms, block, polynomial, nu, source, window)
+        _forced_block(terms, block, polynomial, nu, source, window, limit)
 
 
 def _forced_simple(
-    terms: _Terms, modes: SimpleModes, polynomial: Complexes, nu: complex, source: int, window: float
+    terms: _Terms, modes: SimpleModes, polynomial: Complexes, nu: complex, source: int, window: float, limit: float
 ) -> None:
     """Response of simple modes, both of each pair, to ``sum_p polynomial[p] tau^p e^{nu tau}``."""
     X, lam = modes.right, modes.eigenvalue
@@ -715,7 +718,7 @@ def _forced_simple(
         return
     beta = modes.left[:, -polynomial.shape[1] :] @ polynomial.T
     degree = beta.shape[1] - 1
-    near = np.abs(nu - lam) * window < _series_limit(degree)
+    near = np.abs(nu - lam) * window < limit
     if not near.all():
         away, w = np.where(near, 1.0, nu - lam), np.zeros(lam.size, dtype=complex)
         for p in range(degree, -1, -1):
@@ -727,14 +730,9 @@ def _forced_simple(
             terms.add(nu, power, source, X[:, near] @ v)
 
 
-def _series_limit(degree: int) -> float:
-    """|nu - lambda| * window below which the response to ``tau^degree e^{nu tau}`` is a power series that starts from
-    zero: its terms do not cancel up to there, and those of the polynomial do by degree! / (|nu - lambda| tau)^degree.
-    """
-    return RESONANCE if degree == 0 else degree + 1.0
-
-
-def _forced_block(terms: _Terms, block: Block, polynomial: Complexes, nu: complex, source: int, window: float) -> None:
+def _forced_block(
+    terms: _Terms, block: Block, polynomial: Complexes, nu: complex, source: int, window: float, limit: float
+) -> None:
     """As :func:`_forced_simple` for one block, from ``polynomial`` (degree + 1, N)."""
     blocks = [block]
     if block.weight == 2.0:
@@ -742,7 +740,7 @@ def _forced_block(terms: _Terms, block: Block, polynomial: Complexes, nu: comple
     for b in blocks:
         beta = b.left[:, -polynomial.shape[1] :] @ polynomial.T
         m = b.matrix.shape[0]
-        if abs(nu - b.centre) * window < beta.shape[1] + b.radius * window:
+        if abs(nu - b.centre) * window < max(limit, 1.0) + b.radius * window:
             for power, v in _power_series(b.matrix - nu * np.eye(m), beta, window):
                 terms.add(nu, power, source, b.right @ v)
             continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from copy import copy
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -161,19 +161,38 @@ class ExactFlow:
         flow._inputs = flow._steps = None
         return flow
 
-    def under(self, forcing: Forcing) -> ExactFlow:
-        """The same flow under other loads: the modes of its contact states are shared, responses to the loads are new.
+    def under(
+        self, forcing: Forcing, observers: tuple[Signal, ...] | None = None, duration: float | None = None
+    ) -> ExactFlow:
+        """The same flow under other loads: the modes of its contact states are shared.
 
-        ``forcing`` differs in its signals alone; what each load acts on stays as it is.
+        Responses to the loads are shared, too, where they hold for pieces that are alike, else new.
+
+        Parameters
+        ----------
+        forcing : differs in its signals alone; what each load acts on stays as it is.
+        observers : signals in place of those of this flow; the same by default.
+        duration : s, in place of that of this flow.
         """
         flow = copy(self)
         flow.forcing = forcing
+        flow.observers = self.observers if observers is None else observers
+        flow.duration = self.duration if duration is None else duration
         flow._load()
+        if self.sources.power.any() and self.sources.serve(flow.sources):
+            tables = self.sources
+            flow.sources = replace(flow.sources, longest_piece=tables.longest_piece, limit=tables.limit)
+            return flow
         if not np.array_equal(flow.sources.channel, self.sources.channel):
             flow.__dict__.pop("penetrations", None)
             flow._known = OrderedDict()
         flow._clear()
         return flow
+
+    def enter(self, motion: Motion, before: ExactFlow) -> None:
+        """Let a motion that was under other loads go on in this flow, from its own time 0."""
+        motion.state = self.state_index(before.states[motion.state].phases)
+        motion.time, motion.piece = 0.0, 0
 
     def with_system(self, system: PiecewiseLinearSystem) -> ExactFlow:
         """The flow of another structure, or of other contacts with as many phases, under the same loads."""
@@ -272,9 +291,9 @@ class ExactFlow:
         self._tables.lead(state, guard, index)
         return index
 
-    def kernel_arguments(self) -> tuple[Tables, Inputs, None]:
+    def kernel_arguments(self) -> tuple[Tables, Inputs]:
         """What the march takes; see :class:`beamsim.flow.march.Marched`."""
-        return self.tables(), self.inputs(), None
+        return self.tables(), self.inputs()
 
     def equal_steps(self) -> PieceSteps | None:
         """What the march takes for equal pieces; None where they are not many."""

@@ -308,7 +308,7 @@ def _fill_least(tables, s, zeta, H, least):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-untyped-def]
+def _fill_floors(out, size, power, nb, H, floors):  # type: ignore[no-untyped-def]
     """What each watched function may be below zero where a segment begins with an event.
 
     All were watched up to there: a negative value is round-off of the change of coordinates, for the contact of the
@@ -319,9 +319,7 @@ def _fill_floors(out, size, nb, forced, used, H, floors):  # type: ignore[no-unt
         if out[0, j] < 0.0:
             scale = 0.0
             for b in range(nb):
-                scale += size[b, j]
-            for q in range(used):
-                scale += forced[j, q] * H**q
+                scale += size[b, j] * H ** power[b]
             floors[j] = min(-2.0 * out[0, j], max(1e-9 * scale, AT_ONCE * H * out[1, j]))
 
 

@@ -12,19 +12,23 @@ at every cycle by itself would overshoot from one to the next, since a response 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.march import Motion, carry
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.march import Carried, Log, Motion, carry
 from beamsim.flow.stopping import never
-from beamsim.flow.swept_sine import CycleMarch, SweptFlow
+from beamsim.flow.swept_motion import SweptLoads, carriers, under_windows
+from beamsim.flow.transient import motion_of, start
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
-from beamsim.inputs.swept import SweepWindows, windows_of_cycles
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.inputs.swept import windows_of_cycles
+from beamsim.system.equations import PiecewiseLinearSystem
+from beamsim.typing import Floats, Ints
 
 RELATIVE_STEP = 1e-3  # change of the frequency between two corrections of the level
 HORIZON = 6  # corrections that are looked ahead
@@ -38,27 +42,34 @@ LEAST_CHANGE = 0.02  # of the slope, from one trial to the next
 TABLE_TOLERANCE = 1e-3  # relative difference between the table of the level and the level that was followed
 
 
+class _Reached(NamedTuple):
+    """A motion, and the flow in which its contact state has its number."""
+
+    motion: Motion
+    flow: ExactFlow
+
+
 @dataclass
 class LevelControl:
     """Follows one leg of a sweep from its start.
 
     Parameters
     ----------
-    flow : of the system; its windows are replaced.
-    channels : of the flow under given windows.
-    output_of : the K limited quantities.
+    system : the structure.
+    loads : on it, under given windows.
+    outputs : the K limited quantities, written for a flow.
     limits : (K,).
     leg : the sweep, up or down.
     specification : amplitude without notches, continuous and positive.
     phase : of the sine at the start, rad.
     of_base : whether the sine moves the base.
     state : (N,) at the start.
-    stop, progress : as in `beamsim.flow.swept_sine.sweep`.
+    stop, progress : as in `beamsim.flow.transient.simulate`.
     """
 
-    flow: SweptFlow
-    channels: Callable[[SweepWindows], Complexes]
-    output_of: OutputOf
+    system: PiecewiseLinearSystem
+    loads: SweptLoads
+    outputs: Callable[[ExactFlow], OutputOf]
     limits: Floats
     leg: Leg
     specification: Profile
@@ -70,10 +81,10 @@ class LevelControl:
     trials: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        y = self.flow.bare.whole_state(self.state)
-        phases, _, y = self.flow.begin(y)
-        self._motion = Motion.beginning(y, self.flow.state_index(phases))
-        self._march = CycleMarch(self.flow, self.output_of, np.zeros(0), 1)
+        windows = windows_of_cycles(self.leg, self.specification, 0, 1, phase=self.phase, of_base=self.of_base)
+        forcing, observers = self.loads(windows, self._carrier(0, 1))
+        self._latest = ExactFlow(self.system, forcing, windows.duration, observers)  # whose contact states are kept
+        self._there = _Reached(start(self._latest, self.state)[0], self._latest)
         low, high = sorted((self.leg.first_hz, self.leg.last_hz))
         edges = self.specification.edge
         self._corners = edges[(edges > low) & (edges < high)]
@@ -125,9 +136,9 @@ class LevelControl:
         while length >= 2 * horizon:
             end = min(at + length, self._total)
             to = end if end == self._total else end - horizon
-            excess, motion = self._ahead(at, np.unique([to, end]), np.zeros(3), 0)
+            excess, there = self._ahead(at, np.unique([to, end]), np.zeros(3), 0)
             if excess <= 0.0:
-                self._motion = motion
+                self._there = there
                 return to
             length //= 2
         return at
@@ -137,7 +148,7 @@ class LevelControl:
         low, high = -STEEPEST, min(-gain, STEEPEST)
         log_frequency = np.log(self.leg.frequency(np.append(at, ahead).astype(float)))
         steps = (log_frequency - log_frequency[0]) / (log_frequency[1] - log_frequency[0])  # nearly 0, 1, 2, ...
-        tried: list[tuple[float, float, Motion]] = []  # slope, excess, motion after the step
+        tried: list[tuple[float, float, _Reached]] = []  # slope, excess, motion after the step
         slope = min(max(guess, low), high)
         while True:
             path = np.minimum(gain + slope * steps, 0.0)
@@ -158,10 +169,10 @@ class LevelControl:
                 share = over[1] / (over[1] - under[1])
                 slope = over[0] + min(max(share, 0.1), 0.9) * (under[0] - over[0])
         met = [t for t in tried if t[1] <= CLOSE]
-        slope, _, self._motion = max(met, key=lambda t: t[0]) if met else min(tried, key=lambda t: t[1])
+        slope, _, self._there = max(met, key=lambda t: t[0]) if met else min(tried, key=lambda t: t[1])
         return slope
 
-    def _ahead(self, at: int, ahead: Ints, gain: Floats, skipped: int) -> tuple[float, Motion]:
+    def _ahead(self, at: int, ahead: Ints, gain: Floats, skipped: int) -> tuple[float, _Reached]:
         """Largest logarithm of a value over its limit in the cycles from ``ahead[skipped - 1]`` on, and the motion at
         ``ahead[0]``, under the gains (A + 1,) at the cycles ``at`` and ``ahead`` (A,)."""
         self.trials += 1
@@ -171,25 +182,25 @@ class LevelControl:
         frequency = self.leg.frequency(np.append(at, ahead)[kept].astype(float))
         profile = self._profile(frequency, gain[kept])
         windows = windows_of_cycles(self.leg, profile, at, int(ahead[-1]), phase=self.phase, of_base=self.of_base)
-        self.flow.swept_by(windows, self.channels(windows))
-        self._march.restart(self.flow.windows.cycles)
-        motion = self._motion.copy()
-        motion.piece, motion.time = 0, 0.0
-        first = int(np.searchsorted(windows.cycle, ahead[0] - at))
-        self._carry(motion, first)
-        there = motion.copy()
-        self._carry(motion, windows.count)
-        record = self._march.cycles
-        counted = slice(ahead[skipped - 1] - at if skipped else 0, None)
-        share = float(np.max(np.maximum(record.high, -record.low)[counted] / self.limits))
+        flow = under_windows(self._latest, self.loads, windows, self._carrier(at, int(ahead[-1])))
+        begun, self._latest = self._there.motion.copy(), flow
+        flow.enter(begun, self._there.flow)
+        edge = np.append(windows.start, windows.duration)[np.searchsorted(windows.cycle, ahead - at)]
+        parts = [self._carry(flow, begun, float(edge[0]))]
+        there = _Reached(begun.copy(), flow)
+        parts.append(self._carry(flow, begun, windows.duration))
+        carried = replace(parts[-1], log=Log.join([part.log for part in parts if part.log is not None]))
+        motion = motion_of(flow, begun, Log.sized(0, begun.y.size, 0), carried, 0.0)
+        counted = np.array([edge[skipped - 1] if skipped else 0.0, windows.duration])
+        found = motion.extrema(self.outputs(flow), counted)
+        share = float(np.max(np.maximum(found.high, -found.low) / self.limits))
         return float(np.log(max(share, 1e-300))), there
 
-    def _carry(self, motion: Motion, window: int) -> None:
-        if motion.piece < window:
-            carry(
-                self._march, motion, (window,), keep=False, max_events=1_000_000, max_evaluations=100_000_000,
-                stop=self.stop,
-            )  # fmt: skip
+    def _carrier(self, first: int, last: int) -> float:
+        return float(carriers(self.leg.frequency(np.array(0.5 * (first + last)))))
+
+    def _carry(self, flow: ExactFlow, motion: Motion, end: float) -> Carried:
+        return carry(flow, motion, (end,), keep=True, max_events=1_000_000, max_evaluations=100_000_000, stop=self.stop)
 
     def _profile(self, frequency: Floats, gain: Floats) -> Profile:
         """The level between frequencies, in the order of the leg, at which the gains are given."""

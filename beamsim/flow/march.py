@@ -1,4 +1,4 @@
-"""The march from event to event: the host loop around the compiled one, for all flows in closed form."""
+"""The march from event to event: the host loop around the compiled one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from beamsim.typing import Floats, Ints
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
     from beamsim.flow.march_kernels import PieceSteps
-    from beamsim.flow.sweep_kernels import Swept
 
 FIRST_LOG = 64
 LONGEST_LOG = 2048  # segments between two reports of progress
@@ -26,10 +25,10 @@ EVALUATIONS_A_CALL = 50_000  # of the compiled march, between which signals are 
 class Log(NamedTuple):
     """Segments and events in order of time."""
 
-    time: Floats  # (S,) start of each segment, s; in a sweep since the start of its window
+    time: Floats  # (S,) start of each segment, s
     length: Floats  # (S,) s
     state: Ints  # (S,) contact state; in a joined log the number of the visited one
-    piece: Ints  # (S,) of the sources, or window of the sweep
+    piece: Ints  # (S,) of the sources
     y: Floats  # (S, N) at the start
     event_time: Floats  # (E,) s
     event_contact: Ints  # (E,)
@@ -61,8 +60,8 @@ class Log(NamedTuple):
 class Marched(Protocol):
     """What the march needs of a flow."""
 
-    def kernel_arguments(self) -> tuple[Tables, Inputs, Swept | None]:
-        """Tables of the contact states so far, sources, and the swept sine if there is one."""
+    def kernel_arguments(self) -> tuple[Tables, Inputs]:
+        """Tables of the contact states so far, and sources."""
 
     def equal_steps(self) -> PieceSteps | None:
         """What carries the motion over pieces of the sources that are equally long, where they are many."""
@@ -84,8 +83,8 @@ class Motion:
     y: Floats  # (N,)
     state: int  # contact state
     guard: int = -1  # whose event is here; -1: none, or see `beginning`
-    time: float = 0.0  # s; in a sweep since the start of the window
-    piece: int = 0  # of the sources, or window of the sweep
+    time: float = 0.0  # s
+    piece: int = 0  # of the sources
     waits: bool = False  # the state after that event is not built
 
     @classmethod
@@ -133,7 +132,7 @@ def carry(
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] = never,
 ) -> Carried:
-    """Carry a motion on to the last of ``stops``: times, or in a sweep numbers of windows.
+    """Carry a motion on to the last of ``stops``, times in s.
 
     Contact states are built as they are visited. More than ``max_events`` events or ``max_evaluations`` evaluations of
     the watched functions end the motion early, with an outcome that says so. ``keep`` logs segments and events;

@@ -1,10 +1,6 @@
 """The compiled march from event to event, and the sampler of what it logged.
 
-Both serve two kinds of loads: piecewise sources alone (`swept` is None), and the windows of a swept sine. Numba
-compiles a kernel for each and leaves out the branches of the other.
-
-Positions are a time and a piece. With piecewise sources the time is that of the motion; in a sweep the piece is the
-window, and the time counts from its start.
+Positions are a time and a piece of the sources.
 """
 
 from __future__ import annotations
@@ -28,7 +24,6 @@ from beamsim.flow.kernels import (
     _fill_floors_at_start,
     _fill_least,
     _fill_sources,
-    _first_internal,
     _follow_zeros,
     _is_close,
     _leaves_at_once,
@@ -40,18 +35,6 @@ from beamsim.flow.kernels import (
     _rows,
     _safe_step,
     _state_at,
-)
-from beamsim.flow.sweep_kernels import (
-    add_forced,
-    add_forced_state,
-    add_watched,
-    balance_segment,
-    end_window,
-    keep_segment,
-    make_response,
-    output_response,
-    respond,
-    watch_response,
 )
 
 BEGINNING = -2
@@ -127,9 +110,9 @@ def _walk(tables, inputs, steps, s, piece, end, most, y, log, n_seg):  # type: i
 
 @kernel
 def march(  # type: ignore[no-untyped-def]
-    tables, inputs, swept, steps, t, piece, end, state, guard, waits, y, log, most_evaluations
+    tables, inputs, steps, t, piece, end, state, guard, waits, y, log, most_evaluations
 ):
-    """Carry the state y, updated in place, to ``end``: a time, or in a sweep the number of a window.
+    """Carry the state y, updated in place, to the time ``end``.
 
     ``guard`` is the one whose event lies at the start (-1: none, or `BEGINNING` of the motion); ``waits`` says that
     the state after that event was not built before. Segments and events go into ``log`` (see `beamsim.flow.march.Log`),
@@ -152,10 +135,6 @@ def march(  # type: ignore[no-untyped-def]
     all_floors = np.empty(most)
     slopes = np.empty(most)
     largest, bend = np.empty(B), np.empty(B)
-    response = make_response(swept, tables, y.size)
-    forced_size = np.empty((most, 0)) if swept is None else response.watch_size
-    used = 0
-    start = np.empty(y.size)
     pieces = inputs.start.size
     logging = log.time.size > 0
     n_seg = 0
@@ -163,19 +142,13 @@ def march(  # type: ignore[no-untyped-def]
     n_eval = 0
     while True:
         if not waits:
-            if swept is None:
-                if t >= end:
-                    break
-                while piece + 1 < pieces and inputs.start[piece + 1] <= t:
-                    piece += 1
-                stop = end
-                if piece + 1 < pieces and inputs.start[piece + 1] < stop:
-                    stop = inputs.start[piece + 1]
-            else:
-                if piece >= end:
-                    break
-                stop = swept.windows.length[piece]
-                omega = swept.windows.omega[piece]
+            if t >= end:
+                break
+            while piece + 1 < pieces and inputs.start[piece + 1] <= t:
+                piece += 1
+            stop = end
+            if piece + 1 < pieces and inputs.start[piece + 1] < stop:
+                stop = inputs.start[piece + 1]
             if logging and (n_seg == log.time.size or n_ev == log.event_time.size):
                 return FULL, t, piece, state, guard, n_seg, n_ev, n_eval
             if n_eval > most_evaluations:
@@ -197,16 +170,10 @@ def march(  # type: ignore[no-untyped-def]
                 H = tables.horizon[state]
             guards = tables.n_guards[state]
             least, floors = all_least[:guards], all_floors[:guards]
-            if swept is None:
-                _fill_sources(tables, state, inputs, piece, t, y, rest, zeta)
-            else:
-                used = respond(swept, response, state, piece, t, H, y)
-                _fill_sources(tables, state, inputs, 0, 0.0, response.free, rest, zeta)
+            _fill_sources(tables, state, inputs, piece, t, y, rest, zeta)
             if guards > 0:
                 _combine(tables, state, tables.watch, zeta, guards, gamma, size)
                 _fill_least(tables, state, zeta, H, least)
-                if swept is not None:
-                    watch_response(tables, swept, response, state, piece, used, H, least)
             nb = tables.n_basis[state]
             exponent = tables.exponent[state]
             power = tables.power[state]
@@ -223,17 +190,13 @@ def march(  # type: ignore[no-untyped-def]
             for j in range(floors.size):
                 floors[j] = 0.0
             most_here = n_eval + most_evaluations
-            clear = False
-            if swept is None:
-                clear = guards > 0 and _clear_ahead(exponent, power, nb, gamma, size, least, H, largest, bend)
-                n_eval += int(clear)
+            clear = guards > 0 and _clear_ahead(exponent, power, nb, gamma, size, least, H, largest, bend)
+            n_eval += int(clear)
             while guards > 0 and not clear:
                 reach = _evaluate(exponent, power, nb, guards, gamma, size, tau, H, out)
-                if swept is not None:
-                    add_watched(response, used, omega, tau, reach, guards, out)
                 n_eval += 1
                 if tau == 0.0 and guard >= 0:
-                    _fill_floors(out, size, nb, forced_size, used, H, floors)
+                    _fill_floors(out, size, power, nb, H, floors)
                 elif tau == 0.0 and guard == BEGINNING:
                     _fill_floors_at_start(out, least, floors)
                 step, hit = _next_step(out, least, floors, reach - tau)
@@ -241,12 +204,11 @@ def march(  # type: ignore[no-untyped-def]
                     step *= _follow_zeros(out, least, tau, slopes, floors)
                 if hit >= 0:
                     break
-                if swept is None:
-                    short = short + 1 if _is_close(out, least, floors) else 0
-                    if short > PATIENCE and step < reach - tau:
-                        further = _long_step(exponent, power, nb, gamma, size, out, least, floors, tau, reach)
-                        short = short if further > 4.0 * step else 0
-                        step = further
+                short = short + 1 if _is_close(out, least, floors) else 0
+                if short > PATIENCE and step < reach - tau:
+                    further = _long_step(exponent, power, nb, gamma, size, out, least, floors, tau, reach)
+                    short = short if further > 4.0 * step else 0
+                    step = further
                 before = tau
                 tau += step
                 if tau >= H:
@@ -263,50 +225,26 @@ def march(  # type: ignore[no-untyped-def]
                 tau = 0.0
             else:
                 tau = _crossing(out, hit, tau)
-            if swept is not None and tau > 0.0:
-                keep_segment(tables, swept, response, state, piece, t, tau, zeta, used)
             _fill_basis(exponent, power, nb, tau, basis)
-            if swept is not None:
-                for k in range(y.size):
-                    start[k] = y[k]
             _state_at(tables, state, zeta, basis, y)
-            if swept is not None:
-                add_forced_state(response, used, omega, tau, y)
-                if tau > 0.0:
-                    balance_segment(tables, swept, response, state, piece, tau, zeta, basis, used, start, y)
             if logging:
                 log.length[n_seg] = tau
             n_seg += 1
             guard = hit
             if hit < 0 and whole:
                 t = stop
-                if swept is not None:
-                    end_window(swept.windows, swept.cycles, piece)
-                    piece += 1
-                    t = 0.0
                 continue
             t += tau
             if hit < 0:
                 continue
             _reset(tables, state, hit, zeta, basis, y)
-            if swept is not None and tables.reset[state, hit] >= 0:
-                contact = tables.guard_contact[state, hit]
-                column = tables.reset[state, hit]
-                internal = response.watch[column : column + tables.states[contact]]
-                first = _first_internal(tables, contact, y.size)
-                add_forced(internal, used, omega, tau, first, y)
         following = tables.follower[state, guard]
         if following < 0:
             return NEED_STATE, t, piece, state, guard, n_seg, n_ev, n_eval
         waits = False
         contact = tables.guard_contact[state, guard]
-        now = t
-        if swept is not None:
-            now = swept.windows.start[piece] + t
-            if tables.touching[following, contact] and not tables.touching[state, contact]:
-                swept.cycles.closings[swept.windows.cycle[piece], contact] += 1
         if logging:
-            log.event_time[n_ev] = now
+            log.event_time[n_ev] = t
             log.event_contact[n_ev] = contact
             log.event_phase[n_ev] = tables.phase[following, contact]
         n_ev += 1
@@ -315,16 +253,8 @@ def march(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _since(swept, piece, t, time):  # type: ignore[no-untyped-def]
-    """Time from a position to a time of the motion."""
-    if swept is None:
-        return time - t
-    return time - swept.windows.start[piece] - t
-
-
-@kernel
 def sample(  # type: ignore[no-untyped-def]
-    tables, inputs, swept, table, seg_time, seg_state, seg_piece, seg_y, time, out
+    tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, time, out
 ):
     """Outputs (nt, k) at increasing times, from the logged segments; ``table`` is (S, T, k).
 
@@ -338,32 +268,24 @@ def sample(  # type: ignore[no-untyped-def]
     rows_real, rows_imag = np.zeros((B, k)), np.zeros((B, k))
     basis = np.zeros(B, dtype=np.complex128)
     real, imag = _parts(table)
-    response = make_response(swept, tables, seg_y.shape[1])
-    used = 0
     current = -1
     several = False
     g = 0
     last = seg_time.size - 1
     for i in range(time.size):
-        while g < last and _since(swept, seg_piece[g + 1], seg_time[g + 1], time[i]) >= 0.0:
+        while g < last and time[i] >= seg_time[g + 1]:
             g += 1
         s, piece, t = seg_state[g], seg_piece[g], seg_time[g]
         nb = tables.n_basis[s]
         if g != current:
-            if swept is None:
-                _fill_sources(tables, s, inputs, piece, t, seg_y[g], rest, zeta)
-            else:
-                H = min(swept.windows.length[piece] - t, tables.horizon[s])
-                used = respond(swept, response, s, piece, t, H, seg_y[g])
-                output_response(swept, response, s, piece, used)
-                _fill_sources(tables, s, inputs, 0, 0.0, response.free, rest, zeta)
+            _fill_sources(tables, s, inputs, piece, t, seg_y[g], rest, zeta)
             several = i + 2 < time.size
             if several and g < last:
-                several = _since(swept, seg_piece[g + 1], seg_time[g + 1], time[i + 2]) < 0.0
+                several = time[i + 2] < seg_time[g + 1]
             if several:
                 _rows(tables, s, real, imag, zeta, rows_real, rows_imag)
             current = g
-        tau = _since(swept, piece, t, time[i])
+        tau = time[i] - t
         _fill_basis(tables.exponent[s], tables.power[s], nb, tau, basis)
         if several:
             _outputs(rows_real, rows_imag, basis, nb, out[i])
@@ -375,8 +297,6 @@ def sample(  # type: ignore[no-untyped-def]
                 if a != 0.0:
                     for j in range(k):
                         out[i, j] += real[s, q, j] * a.real - imag[s, q, j] * a.imag
-        if swept is not None:
-            add_forced(response.output, used, swept.windows.omega[piece], tau, 0, out[i])
 
 
 @kernel

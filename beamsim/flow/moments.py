@@ -77,12 +77,19 @@ def weighted_moments(
     -------
     (n, B) integrals.
     """
-    degree = polynomial.shape[1] - 1
-    moments = exponential_moments(
-        (exponent + weight_exponent[:, None]) * length[:, None], int(power.max(initial=0)) + degree
-    )
-    out = np.zeros((length.size, exponent.size), dtype=complex)
-    basis = np.arange(exponent.size)
-    for q in range(degree + 1):
-        out += polynomial[:, q, None] * length[:, None] ** (power + q + 1) * moments[:, basis, power + q]
+    order = np.arange(polynomial.shape[1])
+    scaled = polynomial * length[:, None] ** order
+    rates, number = np.unique(exponent, return_inverse=True)
+    highest = np.zeros(rates.size, dtype=np.int64)
+    np.maximum.at(highest, number, power)
+    out = np.empty((length.size, exponent.size), dtype=complex)
+    for top in np.unique(highest):  # those that need few moments together
+        alike = np.flatnonzero(highest == top)
+        place = np.cumsum(highest == top) - 1
+        x = (rates[alike] + weight_exponent[:, None]) * length[:, None]
+        moments = exponential_moments(x, int(top) + order[-1])
+        for p in range(top + 1):
+            of = np.flatnonzero((highest[number] == top) & (power == p))
+            here = moments[:, place[number[of]], p : p + order.size]
+            out[:, of] = length[:, None] ** (p + 1) * np.einsum("nq,nbq->nb", scaled, here)
     return out

@@ -7,6 +7,7 @@ Source 0 is the constant one, which carries dead loads and gaps.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +18,9 @@ from beamsim.inputs.streamed import StreamedSignal, common_record
 from beamsim.typing import Complexes, Floats, Ints
 
 MANY_PIECES = 512  # of the inputs, from which equal ones are worth looking for
+RESONANCE = 0.02  # |nu - lambda| times a piece, below which the response to an exponential is a power series
+LEAST_LIMIT = 0.5  # ... to an exponential times a power of time, in any case
+LONGER, FASTER = 1.1, 1.25  # than the pieces for which responses were written down: hold for these, too
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,7 @@ class Sources:
     power: Ints  # (F,)
     channel: Ints  # (F,) -1 for the constant source
     longest_piece: Floats  # (F,) s, on which each source acts; the last one ends with the motion
+    limit: Floats  # (F,) |nu - lambda| times that piece, below which a response is a power series, see `_limits`
 
     @property
     def count(self) -> int:
@@ -56,6 +61,17 @@ class Sources:
         basis = tau[:, None] ** self.power
         lowered = self.power * tau[:, None] ** np.maximum(self.power - 1, 0)
         return (grown * basis).real, (grown * (self.exponent * basis + lowered)).real
+
+    def serve(self, other: Sources) -> bool:
+        """Whether responses that were written down for these sources hold for others, on other pieces."""
+        same = (
+            np.array_equal(self.exponent, other.exponent) and np.array_equal(self.power, other.power)
+            and np.array_equal(self.channel, other.channel)
+        )  # fmt: skip
+        if not same:
+            return False
+        longer, rising = other.longest_piece / self.longest_piece, self.power > 0
+        return bool(np.all(longer <= LONGER) and np.all((other.limit <= FASTER * self.limit * longer)[rising]))
 
     @cached_property
     def group_last(self) -> Ints:
@@ -91,14 +107,34 @@ def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> S
         if power[f + 1] == power[f] + 1 and channel[f + 1] == channel[f]:
             acts[:, f] |= acts[:, f + 1]
     longest = np.max(np.where(acts, length[:, None], 0.0), axis=0)
-    return Sources(
-        start,
-        amplitude,
-        np.array(exponent),
-        np.array(power, dtype=np.int64),
-        np.array(channel, dtype=np.int64),
-        longest,
-    )
+    sources = Sources(
+        start, amplitude, np.array(exponent), np.array(power, dtype=np.int64), np.array(channel, dtype=np.int64),
+        longest, np.empty(0),
+    )  # fmt: skip
+    return replace(sources, limit=_limits(sources))
+
+
+def _limits(sources: Sources) -> Floats:
+    """(F,) distances of exponents from eigenvalues, times the length of a piece, from which responses are polynomials.
+
+    Its terms cancel by ``p! / (|nu - lambda| tau)^p`` of the share of the power p in its channel. Those of the power
+    series that starts from zero do not while the distance is no larger than ``p + 1``; powers with which a channel
+    hardly changes may be polynomials earlier, by the root of their share.
+    """
+    limit = np.where(sources.power == 0, RESONANCE, sources.power + 1.0)
+    for first in np.flatnonzero(sources.power == 0):
+        group = np.arange(first, sources.group_last[first] + 1)
+        scale = sources.longest_piece[first] ** sources.power[group]
+        if group.size == 1 or not np.all(np.isfinite(scale)):
+            continue
+        largest = np.zeros(sources.start.size)
+        for f, unit in zip(group, scale, strict=True):
+            np.maximum(largest, unit * np.abs(sources.amplitude[:, f]), out=largest)
+        largest[largest == 0.0] = 1.0
+        for f, unit in zip(group[1:], scale[1:], strict=True):
+            share = float((unit * np.abs(sources.amplitude[:, f]) / largest).max())
+            limit[f] = max(limit[f] * share ** (1.0 / sources.power[f]), LEAST_LIMIT)
+    return limit
 
 
 def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, duration: float) -> Sources:
@@ -116,6 +152,7 @@ def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, durat
     return Sources(
         record.start(first, last), np.ascontiguousarray(np.concatenate(columns, axis=1)), np.zeros(power.size, complex),
         power, np.repeat(np.arange(-1, len(parts)), [1, *degrees]), np.full(power.size, longest),
+        np.where(power == 0, RESONANCE, power + 1.0),
     )  # fmt: skip
 
 

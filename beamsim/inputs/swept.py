@@ -15,6 +15,7 @@ tolerance. All quantities are relative to the window, so a long sweep does not l
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,21 +34,20 @@ EXACT = 1e-13  # a series is not made longer when the rest of it is below this
 MOST_WINDOWS = 20_000_000
 WINDOWS_AT_A_TIME = 1 << 16
 MOST_HALVINGS = 40
-PIECES_PER_CYCLE = 8  # of a sine represented by polynomials
-PIECE_DEGREE = 12
+PIECES_PER_TURN = 8  # of what a window turns beside the exponential of its signal
+ROUND_OFF = 1e-15  # of a series that stands for such a turn
 LONGEST_PIECE = 8.0  # times the shortest: responses to the powers of time are in the scale of the longest
 
 
 @dataclass(frozen=True)
 class SweepWindows:
-    """W windows with D + 1 coefficients each, about the middle of the window (``degree`` of them in use)."""
+    """W windows with D + 1 coefficients each, about the middle of the window."""
 
     start: Floats  # (W,) s
     length: Floats  # (W,) s
     omega: Floats  # (W,) rad/s in the middle
     cycle: Ints  # (W,) number of the cycle the window belongs to, counted by the phase
     fraction: Floats  # (W,) of that cycle at the middle of the window
-    degree: Ints  # (W,)
     coefficient: Complexes  # (W, D + 1) of the sine; of a base, the acceleration with its corrections
     deviation: Floats  # (W, D + 1) of delta, rad
     frequency_hz: Floats  # (C,) in the middle of each cycle
@@ -71,6 +71,15 @@ class SweepWindows:
     def duration(self) -> float:
         """Duration of the sweep, s."""
         return float(self.start[-1] + self.length[-1])
+
+    def of_cycles(self, first: int, last: int) -> SweepWindows:
+        """The windows of the cycles ``first`` to ``last`` - 1, with times from their beginning on."""
+        part = slice(*np.searchsorted(self.cycle, [first, last]).tolist())
+        return replace(
+            self, start=self.start[part] - self.start[part][0], length=self.length[part], omega=self.omega[part],
+            cycle=self.cycle[part], fraction=self.fraction[part], coefficient=self.coefficient[part],
+            deviation=self.deviation[part], displacement=None if self.displacement is None else self.displacement[part],
+        )  # fmt: skip
 
     @property
     def velocity(self) -> Complexes:
@@ -239,7 +248,7 @@ class _LegExpansion:
             motion = np.where(powers > degree[:, None], 0.0, motion)
             windows["displacement"] = motion
             coefficient = _derivative(_derivative(motion, omega), omega)
-        return {**windows, "degree": degree, "coefficient": coefficient, "deviation": deviation, "bound": bound}
+        return {**windows, "coefficient": coefficient, "deviation": deviation, "bound": bound}
 
     def _without_drift(self, alpha: Complexes, frequency_hz: Floats, piece: Ints) -> tuple[Complexes, Complexes]:
         """Complex velocity and displacement that belong to an acceleration alpha in the middle of each window."""
@@ -386,15 +395,27 @@ def _cycle_table(legs: Sequence[Leg], cycles: int) -> tuple[Floats, Floats, Ints
     return frequency, start, of_middle.astype(np.int64)
 
 
-def swept_signals(windows: SweepWindows) -> tuple[Signal, ...]:
+def swept_signals(windows: SweepWindows, carrier: float = 0.0) -> tuple[Signal, ...]:
     """The sine, and of a base its velocity and displacement, for flows that accept any signal.
 
-    Polynomials of degree twelve on an eighth of a cycle each, or less in slow cycles; their error is round-off.
+    The pieces are polynomials times ``exp(i carrier t)``: a window each where that turns as the sine does, and where it
+    does not an eighth of a turn each. Their error is round-off.
+
+    Parameters
+    ----------
+    windows : W of them.
+    carrier : rad/s.
+
+    Returns
+    -------
+    tuple
+        One signal, or three of a base: m/s^2, m/s and m.
     """
-    turns = windows.omega * windows.length / (2 * np.pi)
-    shortest = (windows.length / np.maximum(turns * PIECES_PER_CYCLE, 1.0)).min()
-    pieces = np.maximum(turns * PIECES_PER_CYCLE, windows.length / (LONGEST_PIECE * shortest))
-    pieces = np.maximum(np.ceil(pieces - 1e-9).astype(int), 1)
+    beside = windows.omega - carrier
+    fine = np.abs(beside) * windows.length * (PIECES_PER_TURN / (2 * np.pi))
+    shortest = (windows.length / np.maximum(fine, 1.0)).min()
+    fine = np.maximum(fine, np.where(fine > 1.0, windows.length / (LONGEST_PIECE * shortest), 1.0))
+    pieces = np.maximum(np.ceil(fine - 1e-9).astype(int), 1)
     window = np.repeat(np.arange(windows.count), pieces)
     within = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     offset = within * (windows.length[window] / pieces[window])
@@ -402,55 +423,31 @@ def swept_signals(windows: SweepWindows) -> tuple[Signal, ...]:
     start[0] = 0.0
     half = 0.5 * windows.length[window] / pieces[window]
     sigma = offset + half - 0.5 * windows.length[window]  # of the middle of the piece
-    omega = windows.omega[window]
-    turning = np.ones((window.size, PIECE_DEGREE + 1), dtype=complex)
-    for p in range(1, PIECE_DEGREE + 1):
-        turning[:, p] = turning[:, p - 1] * (1j * omega / p)
-    turning *= np.exp(1j * omega * sigma)[:, None]
+    turn, degree, rest = float(np.max(np.abs(beside[window]) * half)), 0, 1.0
+    while degree < LARGEST_DEGREE or rest * turn > ROUND_OFF * (degree + 1):
+        degree += 1
+        rest *= turn / degree
+    turning = np.ones((window.size, degree + 1), dtype=complex)
+    for p in range(1, degree + 1):
+        turning[:, p] = turning[:, p - 1] * (1j * beside[window] / p)
+    turning *= np.exp(1j * windows.omega[window] * sigma)[:, None]
     signals = []
     coefficients = [windows.coefficient]
     if windows.displacement is not None:
         coefficients += [windows.velocity, windows.displacement]
     for coefficient in coefficients:
         moved = coefficient[window]
-        D = moved.shape[1] - 1
-        _move(moved, sigma)
-        piece = np.zeros((window.size, PIECE_DEGREE + 1))
-        for p in range(PIECE_DEGREE + 1):
-            low = min(p, D) + 1
-            piece[:, p] = np.sum(moved[:, :low] * turning[:, p::-1][:, :low], axis=1).real
-        _move(piece, -half)  # in powers of the time since its start
-        signals.append(Signal.polynomial_pieces(start, piece))
+        move(moved, sigma)
+        piece = _product(np.pad(moved, ((0, 0), (0, max(degree + 1 - moved.shape[1], 0)))), turning, degree)
+        if carrier == 0.0:
+            piece = piece.real.astype(complex)
+        move(piece, -half)  # in powers of the time since its start
+        piece *= np.exp(-1j * carrier * half)[:, None]
+        signals.append(Signal(start, np.array([1j * carrier]), piece[:, None, :]))
     return tuple(signals)
 
 
-def constant_windows(frequency_hz: float, amplitude: float, cycles: int, phase: float = 0.0) -> SweepWindows:
-    """A sine of constant frequency that starts at phase 0 (plus ``phase``), one window per cycle; base or force."""
-    period = 1.0 / frequency_hz
-    omega = 2 * np.pi * frequency_hz
-    ones = np.ones(cycles)
-    index = np.arange(cycles)
-    # the polynomials are about the middle of a cycle, where the phase is pi
-    value = amplitude * np.exp(1j * (phase + np.pi - 0.5 * np.pi))
-    return SweepWindows(
-        start=np.asarray(index * period, dtype=float),
-        length=ones * period,
-        omega=ones * omega,
-        cycle=index.astype(np.int64),
-        fraction=0.5 * ones,
-        degree=np.zeros(cycles, dtype=np.int64),
-        coefficient=np.full((cycles, 1), value),
-        displacement=np.full((cycles, 1), -value / omega**2),
-        deviation=np.zeros((cycles, 1)),
-        frequency_hz=ones * frequency_hz,
-        cycle_start=np.asarray(index * period, dtype=float),
-        cycle_leg=np.zeros(cycles, dtype=np.int64),
-        cycle_complete=np.ones(cycles, dtype=bool),
-        truncation=0.0,
-    )
-
-
-def _move(polynomial: NDArray[Any], by: Floats) -> None:
+def move(polynomial: NDArray[Any], by: Floats) -> None:
     """Polynomials (k, D + 1) about points further by (k,), in place."""
     D = polynomial.shape[1] - 1
     for i in range(D):

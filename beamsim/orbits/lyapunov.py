@@ -33,7 +33,7 @@ def largest_exponent(stepper: CycleStepper, motion: Motion, cycles: int, seed: i
     decays), and quasi-periodic when it is neither.
     """
     n = stepper.flow.system.size
-    omega = float(stepper.flow.windows.omega[0])
+    omega = stepper.omega
     weight = np.concatenate([np.full(n, omega), np.ones(n)])
     size = float(np.max(np.abs(motion.y[: 2 * n] * weight)))
     size = size if size > 0 else 1.0

@@ -7,18 +7,17 @@ after p cycles to a tolerance, with the remaining change estimated from the rate
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.march import Log, Motion, carry
-from beamsim.flow.slide_starts import pressing_where_sliding_begins
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.march import Carried, Log, Motion, carry
 from beamsim.flow.stopping import never
-from beamsim.flow.swept_sine import CycleMarch, SweptFlow
-from beamsim.inputs.swept import SweepWindows
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.transient import motion_of
+from beamsim.typing import Floats
 
 CYCLES_A_CALL = 16
 MOST_EVENTS = 2**62  # in a cycle: what bounds the work are the evaluations
@@ -31,42 +30,36 @@ class MotionStopped(Exception):
 
 @dataclass
 class CycleStepper:
-    """Carries a state cycle by cycle through a flow whose windows may change between calls.
+    """Carries a state cycle by cycle through a flow whose loads may change between calls.
 
     Parameters
     ----------
-    flow : its windows are replaced by ``use``; the diagonalised contact states are kept.
-    channels_of : the channels' coefficients for given windows.
+    flow : under loads of one frequency.
+    period : of the loads, s.
     stop : asked several times a second whether to end.
     """
 
-    flow: SweptFlow
-    channels_of: Callable[[SweepWindows], Complexes]
+    flow: ExactFlow
+    period: float
     most_evaluations: int = 200_000_000
     stop: Callable[[], bool] = never
     events: int = field(init=False, default=0)
     segments: int = field(init=False, default=0)
     evaluations: int = field(init=False, default=0)
     cycles: int = field(init=False, default=0)
-    _unmeasured: CycleMarch | None = field(init=False, default=None, repr=False)
 
-    def use(self, windows: SweepWindows) -> None:
-        """Change the sine."""
-        self.flow.windows = windows
-        self.flow.channel = self.channels_of(windows)
+    @property
+    def omega(self) -> float:
+        """Angular frequency of the loads, rad/s."""
+        return 2 * np.pi / self.period
 
-    def carry(
-        self,
-        motion: Motion,
-        cycles: int,
-        output_of: OutputOf | None = None,
-        orders: Floats | None = None,
-        *,
-        slides: bool = False,
-    ) -> tuple[Floats, MeasuredCycles | None]:
-        """Carry ``motion`` on, in place, from a phase of 0; returns the state (cycles, 2n) after every cycle.
+    def use(self, flow: ExactFlow, period: float, motion: Motion) -> None:
+        """Let a motion go on under loads of another frequency."""
+        flow.enter(motion, self.flow)
+        self.flow, self.period = flow, period
 
-        ``slides`` asks for the forces that press contacts where sliding begins, with the outputs.
+    def carry(self, motion: Motion, cycles: int) -> Floats:
+        """Carry ``motion`` on, in place, from a phase of 0; returns the state (cycles, N) after every cycle.
 
         Raises
         ------
@@ -75,17 +68,20 @@ class CycleStepper:
         MotionStopped
             When ``stop`` says so.
         """
-        flow = self.flow
-        if output_of is None:
-            march = self._without_outputs(cycles)
-        else:
-            march = CycleMarch(flow, output_of, np.asarray([] if orders is None else orders, dtype=float), cycles)
-        states = np.empty((cycles, motion.y.size))
-        motion.piece, motion.time = 0, 0.0
-        logs: list[Log] = []
+        return self._carried(motion, cycles, keep=False)[0]
+
+    def trajectory(self, motion: Motion, cycles: int) -> Trajectory:
+        """The same; returns the motion over these cycles, from t = 0 on."""
+        _, parts = self._carried(motion, cycles, keep=True)
+        carried = replace(parts[-1], log=Log.join([part.log for part in parts if part.log is not None]))
+        return motion_of(self.flow, motion, Log.sized(0, motion.y.size, 0), carried, 0.0)
+
+    def _carried(self, motion: Motion, cycles: int, *, keep: bool) -> tuple[Floats, list[Carried]]:
+        states, parts = np.empty((cycles, motion.y.size)), []
+        motion.time, motion.piece = 0.0, 0
         for k in range(cycles):
             carried = carry(
-                march, motion, (k + 1,), keep=slides, max_events=MOST_EVENTS,
+                self.flow, motion, ((k + 1) * self.period,), keep=keep, max_events=MOST_EVENTS,
                 max_evaluations=self.most_evaluations - self.evaluations, stop=self.stop,
             )  # fmt: skip
             self.events, self.segments = self.events + carried.events, self.segments + carried.segments
@@ -95,41 +91,9 @@ class CycleStepper:
             if not carried.outcome.complete:
                 raise ArithmeticError(f"{self.evaluations} evaluations of the contact gaps were not enough")
             states[k] = motion.y
-            if carried.log is not None:
-                logs.append(carried.log)
+            parts.append(carried)
         self.cycles += cycles
-        if output_of is None:
-            return states, None
-        period, record = flow.windows.length[0], march.cycles
-        harmonic = march.harmonic(np.full(cycles, period))
-        return states, MeasuredCycles(
-            record.high, record.low, record.square / period, harmonic, record.closed_time / period, record.closings,
-            record.imbalance, record.energy,
-            pressing_where_sliding_begins(flow, Log.join(logs))[:cycles] if logs else None,
-        )  # fmt: skip
-
-    def _without_outputs(self, cycles: int) -> CycleMarch:
-        """A march whose tables are made once: some motions are carried on by thousands of single cycles."""
-        if self._unmeasured is None:
-            self._unmeasured = CycleMarch(self.flow, lambda _: self.flow.template.empty_output(0), np.zeros(0), cycles)
-        else:
-            self._unmeasured.restart(cycles)
-        return self._unmeasured
-
-
-@dataclass(frozen=True)
-class MeasuredCycles:
-    """Envelopes, mean squares and harmonics of whole cycles; K outputs."""
-
-    high: Floats  # (cycles, K)
-    low: Floats  # (cycles, K)
-    mean_square: Floats  # (cycles, K)
-    harmonic: Complexes  # (cycles, K, R)
-    contact_share: Floats  # (cycles, m)
-    closings: Ints  # (cycles, m)
-    imbalance: Floats  # (cycles,) J, see `beamsim.flow.swept_sine.CycleRecord`
-    energy: Floats  # (cycles,) J
-    pressing: Floats | None = None  # (cycles, 2, p) see `beamsim.flow.slide_starts`, where asked for
+        return states, parts
 
 
 @dataclass(frozen=True)
@@ -142,7 +106,7 @@ class Settled:
     section: Floats  # (cycles kept, 2n) states at the ends of the last cycles
 
 
-def velocity_weights(flow: SweptFlow, omega: float) -> Floats:
+def velocity_weights(flow: ExactFlow, omega: float) -> Floats:
     """(N,) factors that make a state's entries comparable: displacements in units of velocity, internal states left
     out."""
     n, r = flow.system.size, flow.system.contacts.internal_states
@@ -153,13 +117,12 @@ def settle(
     stepper: CycleStepper, motion: Motion, *, tolerance: float, longest_period: int, most_cycles: int
 ) -> Settled:
     """Carry a motion on until it repeats after 1 ... ``longest_period`` cycles, to ``tolerance`` of its size."""
-    omega = float(stepper.flow.windows.omega[0])
-    weight = velocity_weights(stepper.flow, omega)
+    weight = velocity_weights(stepper.flow, stepper.omega)
     section = [motion.y * weight]
     done, change = 0, np.inf
     while done < most_cycles:
-        chunk = min(CYCLES_A_CALL, most_cycles - done, stepper.flow.windows.count)
-        states, _ = stepper.carry(motion, chunk)
+        chunk = min(CYCLES_A_CALL, most_cycles - done)
+        states = stepper.carry(motion, chunk)
         section.extend(states * weight)
         done += chunk
         size = float(np.max(np.abs(section[-2 * longest_period :])))
@@ -188,18 +151,3 @@ def _unweighted(section: list[Floats], weight: Floats) -> Floats:
     """(cycles, 2n) states from their weighted entries."""
     weighted = weight > 0
     return np.array(section)[:, weighted] / weight[weighted]
-
-
-def measure(
-    stepper: CycleStepper,
-    motion: Motion,
-    cycles: int,
-    output_of: OutputOf,
-    orders: Floats,
-    *,
-    slides: bool = False,
-) -> tuple[Floats, MeasuredCycles]:
-    """Carry a motion on for some cycles, keeping envelopes and harmonics; returns the section too."""
-    states, measured = stepper.carry(motion, cycles, output_of, orders, slides=slides)
-    assert measured is not None
-    return states, measured

@@ -8,10 +8,8 @@ from beamsim.analyses.sweep.analysis import sweep, sweep_system
 from beamsim.analyses.sweep.stepped import frequencies_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Motion
-from beamsim.flow.swept_sine import SweptFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
-from beamsim.inputs.swept import constant_windows
 from beamsim.orbits.lyapunov import largest_exponent
 from beamsim.orbits.steady import CycleStepper, settle
 from beamsim.outcomes import COMPLETE
@@ -76,34 +74,30 @@ def test_with_contact_the_steady_state_is_the_end_of_a_long_transient():
 def bouncing(make_system, frequency, amplitude, gap):
     """A mass on a spring between free flight and a stiff stop."""
     system = make_system([1.0], [0.02], shape=[[1.0]], stiffness=[30.0], gap=[gap])
-    windows = constant_windows(frequency, amplitude, 64)
-    flow = SweptFlow(system, np.ones((1, 1)), windows.coefficient[None], windows)
-    stepper = CycleStepper(flow, lambda w: w.coefficient[None])
-    stepper.use(windows)
-    return stepper, Motion(np.array([0.1, 0.0]), flow.state_index(np.zeros(1, dtype=np.int64)))
+    forcing = Forcing(np.ones((1, 1)), (Signal.harmonic(amplitude, 2 * np.pi * frequency),))
+    flow = ExactFlow(system, forcing, 1.0 / frequency)
+    return CycleStepper(flow, 1.0 / frequency), Motion(np.array([0.1, 0.0]), flow.state_index(np.zeros(1, dtype=int)))
 
 
-def test_exponent_of_a_linear_motion_is_its_decay(make_system, monkeypatch):
-    made = []
-    tables = SweptFlow.output_tables
-    monkeypatch.setattr(SweptFlow, "output_tables", lambda flow, of: made.append(flow) or tables(flow, of))
+def test_exponent_of_a_linear_motion_is_its_decay(make_system):
     stepper, motion = bouncing(make_system, 0.3, 0.1, 1e3)
     settle(stepper, motion, tolerance=1e-8, longest_period=1, most_cycles=400)
     found = largest_exponent(stepper, motion, 200)
     assert found.value == pytest.approx(-0.01, rel=0.02)
     assert found.kind == "not settled"
     assert stepper.cycles > 500
-    assert len(made) == 1  # for all these cycles
 
 
-def test_contact_states_that_are_found_while_outputs_are_measured_are_known_afterwards(make_system):
+def test_a_motion_that_is_kept_is_the_motion(make_system):
     steppers = [bouncing(make_system, 0.3, 1.0, 0.5) for _ in range(2)]
-    for measured, (stepper, motion) in zip((False, True), steppers, strict=True):
+    for kept, (stepper, motion) in zip((False, True), steppers, strict=True):
         stepper.carry(motion, 1)  # in the open state alone
-        assert len(stepper.flow.bare.states) == 1
-        outputs = (lambda _, flow=stepper.flow: flow.template.empty_output(0)) if measured else None
+        assert len(stepper.flow.states) == 1
         while motion.state == 0:
-            stepper.carry(motion, 1, outputs)
+            if kept:
+                stepper.trajectory(motion, 1)
+            else:
+                stepper.carry(motion, 1)
         stepper.carry(motion, 3)  # begins in the closed state
     np.testing.assert_array_equal(steppers[0][1].y, steppers[1][1].y)
 
@@ -115,7 +109,7 @@ def test_chaos_is_told_from_a_period(make_system):
         settled = settle(stepper, motion, tolerance=1e-8, longest_period=6, most_cycles=1200)
         if settled.period:
             kinds.setdefault("periodic", []).append(frequency)
-            again, _ = stepper.carry(motion, settled.period)
+            again = stepper.carry(motion, settled.period)
             assert np.abs(again[-1] - settled.section[-1]).max() < 1e-5
         else:
             found = largest_exponent(stepper, motion, 200)

@@ -9,10 +9,11 @@ import pytest
 import beamsim
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.sweep import swept_sine
+from beamsim.analyses.sweep.cycles import CycleRecord
 from beamsim.analyses.sweep.energy import energy_errors
 from beamsim.cli.conclusion import exit_code
 from beamsim.contacts.contacts import Contacts
-from beamsim.flow.swept_sine import SweptFlow
+from beamsim.flow.contact_state import ContactModes
 from beamsim.outcomes import COMPLETE, OutcomeCode
 from beamsim.scenario import Scenario
 from beamsim.store.results import write_result
@@ -61,32 +62,33 @@ def test_a_balance_lost_in_the_last_incomplete_cycle_is_seen():
 
 def test_a_sweep_that_ends_within_a_cycle_is_not_trusted_where_that_cycle_is_wrong(monkeypatch):
     """The incomplete cycle has no row of its own; its imbalance counted for nothing."""
-    record = swept_sine.sweep
+    joined = CycleRecord.joined
 
-    def wrong(*args, **kwargs):
-        done = record(*args, **kwargs)
-        assert not done.flow.windows.cycle_complete[-1]
+    def wrong(parts):
+        done = joined(parts)
         done.imbalance[-1] += 1e-3 * done.energy.max()
         return done
 
-    monkeypatch.setattr(swept_sine, "sweep", wrong)
+    monkeypatch.setattr(CycleRecord, "joined", wrong)
     result = beamsim.sweep(case({}, SWEPT | {"to": 0.9937, "direction": "up"}))
     assert result.outcome.code is OutcomeCode.SWEEP_ENERGY_NOT_BALANCED
     assert result.outcome.numbers["error"] == pytest.approx(1e-3, rel=1e-6)
 
 
-def wrong_response(flow):
+def wrong_response(modes, terms, whole, sources, source):
     """Forced responses that are too large by 1e-5."""
-    forced = ORIGINAL(flow)
-    return forced._replace(right=forced.right * (1 + 1e-5))
+    ORIGINAL(modes, terms, whole, sources, source)
+    for key in terms.terms:
+        if key[1] == source:
+            terms.terms[key] = terms.terms[key] * (1 + 1e-5)
 
 
-ORIGINAL = SweptFlow.forced
+ORIGINAL = ContactModes.respond
 
 
 @pytest.mark.parametrize("sweep", [SWEPT, STEPPED], ids=["swept", "stepped"])
 def test_a_wrong_response_is_not_trusted(monkeypatch, sweep):
-    monkeypatch.setattr(SweptFlow, "forced", wrong_response)
+    monkeypatch.setattr(ContactModes, "respond", wrong_response)
     result = beamsim.sweep(case({}, sweep))
     assert result.outcome.code is OutcomeCode.SWEEP_ENERGY_NOT_BALANCED
     assert 0.6 <= result.outcome.numbers["frequency"] <= 0.9
@@ -116,7 +118,7 @@ def test_a_wrong_dashpot_is_not_trusted_where_it_works(monkeypatch, law):
 
 
 def test_both_directions_are_named_and_a_loss_is_stored(monkeypatch, tmp_path):
-    monkeypatch.setattr(SweptFlow, "forced", wrong_response)
+    monkeypatch.setattr(ContactModes, "respond", wrong_response)
     result = beamsim.sweep(case({}, SWEPT))
     directions = [part.numbers["direction"] for part in result.outcome.all_of(result.outcome.code)]
     assert directions == ["up", "down"]

@@ -8,7 +8,7 @@ from sweep_windows import values_at
 
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
-from beamsim.inputs.swept import constant_windows, cut_into_windows, swept_signals
+from beamsim.inputs.swept import cut_into_windows, swept_signals
 
 OCTAVES = float(np.log(2) / 30)  # 2 oct/min
 
@@ -64,21 +64,26 @@ def test_phase_runs_on_from_up_to_down():
     assert set(windows.cycle_leg) == {0, 1}
 
 
-def test_signals_of_polynomials_are_the_windows():
+@pytest.mark.parametrize("carrier_hz", [0.0, 10.0, 17.0, 25.0])
+def test_signals_are_the_windows(carrier_hz):
     windows = cut_into_windows([Leg(10.0, 25.0, 0.3, True)], Profile.constant(2.0), corrections=())
     t = np.linspace(0, windows.duration, 4000)
     coefficients = (windows.coefficient, windows.velocity, windows.displacement)
-    for coefficient, signal in zip(coefficients, swept_signals(windows), strict=True):
+    for coefficient, signal in zip(coefficients, swept_signals(windows, 2 * np.pi * carrier_hz), strict=True):
         expected = values_at(windows, coefficient, t)
         assert np.abs(signal(t) - expected).max() < 1e-13 * np.abs(expected).max()
 
 
-def test_constant_windows_are_a_harmonic():
-    windows = constant_windows(12.5, 3.0, 7, phase=0.4)
-    t = np.linspace(0, windows.duration, 500)
-    np.testing.assert_allclose(
-        values_at(windows, windows.coefficient, t), 3.0 * np.sin(2 * np.pi * 12.5 * t + 0.4), atol=1e-12
-    )
+def test_windows_of_some_cycles_are_those_of_the_sweep():
+    """Beside its own frequency a window is one piece, and the phase runs on from cycle to cycle."""
+    windows = cut_into_windows([Leg(10.0, 25.0, 0.01, True)], Profile.constant(2.0), corrections=())
+    some = windows.of_cycles(30, 40)
+    begin = windows.cycle_start[30]
+    signal, _, _ = swept_signals(some, some.omega[5])
+    assert signal.start.size == some.count == 10
+    t = np.linspace(0, some.duration * (1 - 1e-12), 1000)
+    expected = values_at(windows, windows.coefficient, begin + t)
+    assert np.abs(signal(t) - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 def test_held_profile():

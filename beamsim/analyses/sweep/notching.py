@@ -10,18 +10,18 @@ import numpy as np
 from beamsim.analyses.sweep.outputs import SweepOutputs
 from beamsim.analyses.sweep.result import Envelope, NotchedRange, Notching, NotchLimit, OutputEnvelope, SweepCurve
 from beamsim.dataclass import dataclass
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.contact_state import OutputOf
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.level_control import LevelControl
 from beamsim.flow.stopping import never
-from beamsim.flow.swept_sine import SweptFlow
+from beamsim.flow.swept_motion import SweptLoads
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile, power_of
-from beamsim.inputs.swept import SweepWindows
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.notching import BASE_FORCE, LimitedQuantity, base_force_of, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Floats
 
 ALLOWED_EXCESS = 0.05  # of a limit
 LOWERED = 0.995  # of the specification; a higher level is none that is notched
@@ -58,8 +58,7 @@ def limited_of(limits: Mapping[str, float], outputs: SweepOutputs, base_force: s
 
 
 def notched_level(
-    flow: SweptFlow,
-    channels: Callable[[SweepWindows], Complexes],
+    loads: SweptLoads,
     outputs: SweepOutputs,
     limited: Sequence[Limited],
     leg: Leg,
@@ -75,20 +74,20 @@ def notched_level(
 
     Parameters
     ----------
-    flow : of the system under the leg without notches.
+    loads : on the system, under given windows.
     profile : the level without notches.
     quantity : of which the table is, with which the sweep starts.
     """
     specification = continuous(profile, leg)
-    rows = outputs.rows(flow.template)
     columns = np.array([each.column for each in limited])
 
-    def output_of(phases: Ints) -> LinearOutput:
-        return rows(phases).some(columns)
+    def limited_outputs(flow: ExactFlow) -> OutputOf:
+        rows = outputs.rows(flow)
+        return lambda phases: rows(phases).some(columns)
 
     control = LevelControl(
-        flow, channels, output_of, np.array([each.limit for each in limited]), leg, specification, phase, of_base,
-        outputs.system.initial_state, stop, progress,
+        outputs.system.dynamics, loads, limited_outputs, np.array([each.limit for each in limited]), leg, specification,
+        phase, of_base, outputs.system.initial_state, stop, progress,
     )  # fmt: skip
     frequency, amplitude = control.level()
     divisor = (2 * np.pi * frequency) ** power_of(quantity)

@@ -9,22 +9,25 @@ from fractions import Fraction
 
 import numpy as np
 
+from beamsim.analyses.sweep.cycles import CycleRecord, Phase, record_cycles
 from beamsim.analyses.sweep.energy import balanced, energy_errors
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
-from beamsim.analyses.sweep.swept_sine import swept_flow
 from beamsim.dataclass import dataclass
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Motion
 from beamsim.flow.stopping import never
+from beamsim.flow.transient import start
 from beamsim.inputs.broadband import phase_of_acceleration
 from beamsim.inputs.profiles import acceleration_amplitude
-from beamsim.inputs.swept import constant_windows
+from beamsim.inputs.signal import Signal
 from beamsim.orbits.lyapunov import largest_exponent
-from beamsim.orbits.steady import CycleStepper, MeasuredCycles, MotionStopped, Settled, measure, settle
+from beamsim.orbits.steady import CycleStepper, MotionStopped, Settled, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SteppedSine
+from beamsim.system.equations import Forcing
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
@@ -40,7 +43,7 @@ class _Point:
     settled: Settled
     kind: str
     exponent: float
-    measured: MeasuredCycles
+    measured: CycleRecord
     section: Floats
 
 
@@ -70,25 +73,24 @@ def step_level(
     phase = excitation.phase + phase_of_acceleration(quantity, level)
     total = sum(f.size for _, f in directions)
 
-    first = constant_windows(float(directions[0][1][0]), 1.0, _windows_at_a_time(settings), phase)
-    flow = swept_flow(system, first)
-    stepper = CycleStepper(flow, lambda windows: swept_flow(system, windows).channel, stop=stop)
+    def under(f: float) -> tuple[Forcing, tuple[Signal, ...], float]:
+        sine = -1j * acceleration_amplitude(abs(level), quantity, f) * np.exp(1j * phase)
+        return *harmonic_loads(system, 2 * np.pi * f, sine), 1.0 / f
+
+    forcing, observers, period = under(float(directions[0][1][0]))
+    flow = ExactFlow(system.dynamics, forcing, period, observers)
+    motion, _ = start(flow, system.initial_state)
+    stepper = CycleStepper(flow, period, stop=stop)
     outputs = SweepOutputs(system, settings.accelerations, limited, settings.impacts)
-    output_of = outputs.rows(flow.template)
-    orders = np.array((0.0, *settings.orders))
-    motion = Motion(flow.bare.whole_state(system.initial_state), -1)
     curves, outcome, done = [], COMPLETE, 0
     for direction, frequencies in directions:
         points: list[_Point] = []
         for f in frequencies:
+            forcing, observers, period = under(float(f))
+            stepper.use(stepper.flow.under(forcing, observers, period), period, motion)
             amplitude = acceleration_amplitude(abs(level), quantity, float(f))
-            stepper.use(constant_windows(float(f), amplitude, _windows_at_a_time(settings), phase))
-            if motion.state < 0:
-                motion.state = flow.state_index(flow.starting_state(motion.y))
             try:
-                points.append(
-                    _point(stepper, motion, settings, float(f), amplitude, output_of, orders, slides=outputs.snaps)
-                )
+                points.append(_point(stepper, motion, settings, float(f), amplitude, outputs))
             except MotionStopped:
                 outcome = Outcome.of(OutcomeCode.INTERRUPTED, before=f"{f:.6g} Hz")
                 break
@@ -107,14 +109,30 @@ def step_level(
         events=stepper.events,
         evaluations=stepper.evaluations,
         segments=stepper.segments,
-        states=len(flow.bare.states),
+        states=len(stepper.flow.visited),
         processor_time_s=clock.process_time() - begin,
     )
     return LevelRun(tuple(curves), LevelWork(float(level), balanced(outcome, curves), 0.0, work))
 
 
-def _windows_at_a_time(settings: SteppedSine) -> int:
-    return max(_cycles_to_measure(settings, 1), UNSETTLED_CYCLES, MOST_MEASURED)
+def harmonic_loads(system: StructuralSystem, omega: float, sine: complex) -> tuple[Forcing, tuple[Signal, ...]]:
+    """The loads of a built system under a sine of one frequency; observed is the base's acceleration.
+
+    Parameters
+    ----------
+    system : whose excitation is harmonic.
+    omega : rad/s.
+    sine : complex amplitude of ``exp(i omega t)``, of which the sine is the real part.
+    """
+    assert system.sine is not None
+
+    def signal(amplitude: complex) -> Signal:
+        return Signal(np.zeros(1), np.array([1j * omega]), np.full((1, 1, 1), amplitude))
+
+    forcing, moves = system.forcing, system.base_acceleration is not None
+    signals = tuple(signal(factor * sine) for factor in system.sine.at(np.array([omega]))[0])
+    felt = None if forcing.base_displacement is None else signal(-sine / omega**2)
+    return Forcing(forcing.load, signals, felt), (signal(sine),) if moves else ()
 
 
 def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
@@ -133,11 +151,9 @@ def _point(
     settings: SteppedSine,
     frequency: float,
     amplitude: float,
-    output_of: Callable,  # type: ignore[type-arg]
-    orders: Floats,
-    *,
-    slides: bool,
+    outputs: SweepOutputs,
 ) -> _Point:
+    """The steady motion at one frequency."""
     settled = settle(
         stepper, motion, tolerance=settings.steady_to, longest_period=settings.longest_period,
         most_cycles=settings.most_cycles,
@@ -147,7 +163,10 @@ def _point(
     if not settled.period:
         lyapunov = largest_exponent(stepper, motion, min(EXPONENT_CYCLES, settings.most_cycles))
         kind, exponent, section = lyapunov.kind, lyapunov.value, settled.section
-    _, measured = measure(stepper, motion, cycles, output_of, orders, slides=slides)
+    measured = record_cycles(
+        stepper.trajectory(motion, cycles), np.arange(cycles + 1.0) * stepper.period, outputs.rows(stepper.flow),
+        (0.0, *settings.orders), Phase.constant(stepper.omega),
+    )  # fmt: skip
     return _Point(frequency, amplitude, settled, kind, exponent, measured, section)
 
 
@@ -170,9 +189,7 @@ def _curve(
         harmonics=np.ascontiguousarray(np.moveaxis(harmonic[:, :, 1:], 2, 0)),
         contact_share=np.array([p.measured.contact_share.mean(axis=0) for p in points]),
         closings=np.array([p.measured.closings.sum(axis=0) for p in points]),
-        pressing=np.array([p.measured.pressing.mean(axis=0) for p in points if p.measured.pressing is not None])
-        if outputs.snaps
-        else None,
+        pressing=np.array([p.measured.pressing.mean(axis=0) for p in points]) if outputs.snaps else None,
         period=np.array([1.0 / p.frequency_hz for p in points]),
         cycles=np.array([p.measured.closings.shape[0] for p in points], dtype=np.int64),
     )

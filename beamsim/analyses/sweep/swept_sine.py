@@ -8,24 +8,26 @@ from functools import partial
 
 import numpy as np
 
+from beamsim.analyses.sweep.cycles import CycleRecord, Phase, record_cycles
 from beamsim.analyses.sweep.energy import balanced, energy_errors
 from beamsim.analyses.sweep.notching import Limited, compared, limited_of, not_held, notched_level, profile_through
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, SweepWork
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.slide_starts import pressing_where_sliding_begins
 from beamsim.flow.stopping import never
-from beamsim.flow.swept_sine import CycleRecord, SweptFlow, sweep
+from beamsim.flow.swept_motion import SweptLoads, SweptMotion
 from beamsim.inputs.broadband import make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.drift import CorrectionSize, jumps
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile, power_of
-from beamsim.inputs.swept import SweepWindows, cut_into_windows
+from beamsim.inputs.signal import Signal
+from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SweptSine
+from beamsim.system.equations import Forcing
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Floats
 
 MOST_CYCLES = 5_000_000
 MOST_SAMPLES = 50_000_000
@@ -59,29 +61,22 @@ def profile_of(settings: SweptSine, excitation: Sine, level: float) -> Profile:
     return make_profile(level, quantity, settings.profile, settings.between, settings.notches)
 
 
-def swept_flow(system: StructuralSystem, windows: SweepWindows) -> SweptFlow:
-    """The flow of a built system whose sine is replaced by the swept one."""
-    ground = system.base_acceleration is not None and system.forcing.base_displacement is not None
-    channels = swept_channels(system, windows)
-    return SweptFlow(system.dynamics, system.forcing.load, channels, windows, base_displacement=ground)
+def swept_loads(system: StructuralSystem) -> SweptLoads:
+    """The loads of a built system whose sine is replaced by the swept one; observed is the base's acceleration."""
+    moves, forcing = system.base_acceleration, system.forcing
 
+    def loads(windows: SweepWindows, carrier: float) -> tuple[Forcing, tuple[Signal, ...]]:
+        if moves is None:
+            assert system.sine is not None
+            factors = system.sine.at(windows.omega)  # supports that move are known at constant frequency alone
+            sines = (replace(windows, coefficient=factor[:, None] * windows.coefficient) for factor in factors.T)
+            return replace(forcing, signal=tuple(swept_signals(sine, carrier)[0] for sine in sines)), ()
+        acceleration, _, displacement = swept_signals(windows, carrier)
+        signals = tuple(acceleration if signal is moves else displacement for signal in forcing.signal)
+        felt = None if forcing.base_displacement is None else displacement
+        return Forcing(forcing.load, signals, felt), (acceleration,)
 
-def swept_channels(system: StructuralSystem, windows: SweepWindows) -> Complexes:
-    """(Ch, W, D + 1) channels of that flow on the windows.
-
-    Loads of supports that move are known at constant frequency alone.
-    """
-    sine = windows.coefficient
-    if system.base_acceleration is None:
-        assert system.sine is not None
-        return system.sine.at(windows.omega).T[:, :, None] * sine
-    displacement = windows.displacement
-    assert displacement is not None
-    channels = [sine if signal is system.base_acceleration else displacement for signal in system.forcing.signal]
-    if system.forcing.base_displacement is not None:
-        channels.append(displacement)
-    channels.append(sine)  # observed: the base's own acceleration
-    return np.stack(channels)
+    return loads
 
 
 def sweep_level(
@@ -113,27 +108,36 @@ def sweep_level(
         progress = None if progress is None else partial(_second_part, progress)
     corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
     windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
-    flow = swept_flow(system, windows)
-    output_of = outputs.rows(flow.template)
-    record = sweep(
-        flow, system.initial_state, output_of, orders=(0.0, *settings.orders),
-        keep_history=settings.history_rate is not None or outputs.snaps, progress=progress, stop=stop,
-    )  # fmt: skip
-    curves = _curves(outputs, settings, excitation, level, level_index, legs, profile, record)
+    march = SweptMotion(
+        system.dynamics, swept_loads(system), windows, system.initial_state, progress=progress, stop=stop
+    )
+    orders, rate = (0.0, *settings.orders), settings.history_rate
+    times = np.zeros(0) if rate is None else _history_times(rate, windows.duration)
+    parts: list[CycleRecord] = []
+    samples: list[Floats] = []
+    for stretch in march.stretches():
+        output_of = outputs.rows(stretch.motion.flow)
+        record = record_cycles(stretch.motion, stretch.edge, output_of, orders, Phase.of_windows(stretch.windows))
+        parts.append(record.first(stretch.reached))
+        sampled = sum(values.shape[0] for values in samples)
+        here = times[sampled : int(np.searchsorted(times, march.end * (1 + 1e-12), side="right"))]
+        samples.append(stretch.motion.sample(here - float(windows.cycle_start[stretch.first]), output_of))
+    record = CycleRecord.joined(parts)
+    curves = _curves(outputs, settings, quantity, level, level_index, profile, windows, record)
     history = None
-    if settings.history_rate is not None:
-        times = _history_times(settings.history_rate, record.end)
-        history = outputs.history(times, record.sample(times, output_of))
+    if rate is not None:
+        values = np.concatenate(samples)
+        history = outputs.history(times[: values.shape[0]], values)
     work = SweepWork(
-        cycles=record.reached,
-        events=record.events,
-        evaluations=record.evaluations,
-        segments=record.segments,
-        states=len(flow.bare.states),
-        processor_time_s=record.processor_time_s,
+        cycles=record.count,
+        events=march.events,
+        evaluations=march.evaluations,
+        segments=march.segments,
+        states=march.states,
+        processor_time_s=march.processor_time_s,
     )
     correction = None if corrections is None else CorrectionSize.of(corrections)
-    outcome = balanced(record.outcome, curves)
+    outcome = balanced(march.outcome, curves)
     if notching is not None:
         curves = tuple(replace(curve, notching=compared(notching, notch_limits, curve)) for curve in curves)
         missed = [out for curve in curves if (out := not_held(curve, notch_limits)) is not None]
@@ -156,11 +160,9 @@ def _notching(
     system, of_base = outputs.system, outputs.system.base_acceleration is not None
     if settings.profile:
         quantity = settings.profile[0].quantity or ("acceleration" if power_of(quantity) else quantity)
-    windows = cut_into_windows([leg], profile, phase=phase, corrections=() if of_base else None)
     return notched_level(
-        swept_flow(system, windows), partial(swept_channels, system), outputs, limits, leg, profile, quantity=quantity,
-        phase=phase, of_base=of_base, progress=None if progress is None else lambda part: progress(CONTROL * part),
-        stop=stop,
+        swept_loads(system), outputs, limits, leg, profile, quantity=quantity, phase=phase, of_base=of_base,
+        progress=None if progress is None else lambda part: progress(CONTROL * part), stop=stop,
     )  # fmt: skip
 
 
@@ -171,26 +173,20 @@ def _second_part(progress: Callable[[float], None], part: float) -> None:
 def _curves(
     outputs: SweepOutputs,
     settings: SweptSine,
-    excitation: Sine,
+    quantity: str,
     level: float,
     level_index: int,
-    legs: list[Leg],
     profile: Profile,
+    windows: SweepWindows,
     record: CycleRecord,
 ) -> tuple[SweepCurve, ...]:
-    windows = record.flow.windows
-    tracked = np.stack([record.tracked(order) for order in (0.0, *settings.orders)])  # (1 + R, C, K)
-    quantity = excitation.quantity or "acceleration"
-    unit = "" if settings.profile else level_unit(quantity)
-    pressing = None
-    if outputs.snaps:
-        assert record.log is not None
-        pressing = pressing_where_sliding_begins(record.flow, record.log)
+    """The curves of the legs that were reached."""
+    tracked = record.tracked((0.0, *settings.orders))
     period = np.asarray(np.bincount(windows.cycle, windows.length, minlength=windows.cycles), dtype=float)
     curves = []
-    for index, leg in enumerate(legs):
+    for index, leg in enumerate(legs_of(settings)):
         direction = "up" if leg.last_hz > leg.first_hz else "down"
-        computed = np.flatnonzero(windows.cycle_leg[: record.reached] == index)
+        computed = np.flatnonzero(windows.cycle_leg[: record.count] == index)
         complete = windows.cycle_complete[computed]
         cycles = computed[complete]
         if not cycles.size:
@@ -198,15 +194,15 @@ def _curves(
         values = CycleValues(
             record.high[computed], record.low[computed], record.mean_square[computed], tracked[0, computed].real,
             tracked[1:, computed], record.contact_share[computed], record.closings[computed], period[computed],
-            None if pressing is None else pressing[computed],
+            record.pressing[computed] if outputs.snaps else None,
         )  # fmt: skip
         if not complete[-1]:
             values = values.with_rest_in_last()
         frequency = windows.frequency_hz[cycles]
         curve = outputs.curve(
             values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
-            level_unit=unit, quantity=quantity, frequency_hz=frequency, time=windows.cycle_start[cycles],
-            excitation_amplitude=profile(frequency), orders=np.array(settings.orders),
+            level_unit="" if settings.profile else level_unit(quantity), quantity=quantity, frequency_hz=frequency,
+            time=windows.cycle_start[cycles], excitation_amplitude=profile(frequency), orders=np.array(settings.orders),
             energy_error=energy_errors(record.imbalance[computed], record.energy[computed], complete),
         )  # fmt: skip
         curves.append(curve)

@@ -1,0 +1,231 @@
+"""Values of a motion under a sine, cycle by cycle: extremes, mean squares, tracked harmonics, contacts and energies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.analyses.run.energy import contact_motion, power_factors, stored_energy
+from beamsim.analyses.run.outputs import stack
+from beamsim.dataclass import dataclass
+from beamsim.flow.contact_state import LinearOutput, OutputOf
+from beamsim.flow.trajectory import Trajectory
+from beamsim.inputs.swept import SweepWindows, move
+from beamsim.typing import Complexes, Floats, Ints
+
+NEGLIGIBLE = 1e-14  # of a tracking filter, a power that is left out
+
+
+@dataclass(frozen=True)
+class Phase:
+    """Phase of a sine, ``2 pi (turns + part) + omega sigma + deviation(sigma)``, sigma since ``time``."""
+
+    start: Floats  # (W,) s
+    time: Floats  # (W,) s
+    omega: Floats  # (W,) rad/s
+    turns: Ints  # (W,) whole ones
+    part: Floats  # (W,) of a turn
+    deviation: Floats  # (W, D + 1) rad
+
+    @classmethod
+    def of_windows(cls, windows: SweepWindows) -> Phase:
+        """That of a swept sine."""
+        middle = windows.start + 0.5 * windows.length
+        return cls(windows.start, middle, windows.omega, windows.cycle, windows.fraction, windows.deviation)
+
+    @classmethod
+    def constant(cls, omega: float) -> Phase:
+        """That of a sine of one frequency, from t = 0 on."""
+        zero, none = np.zeros(1), np.zeros(1, dtype=np.int64)
+        return cls(zero, zero, np.array([omega]), none, zero, zero[None])
+
+    def filters(self, order: float, time: Floats, length: Floats) -> tuple[Complexes, Complexes]:
+        """Exponents (n,), 1/s, and polynomials (n, D + 1), 1/s, of ``exp(-i order phase)`` times the phase's rate.
+
+        Parameters
+        ----------
+        order : multiple of the phase; of order 0 it is 1 in place of the phase's rate.
+        time, length : (n,) s, of segments, none of which crosses an end of an interval. The exponents are those of the
+            frequencies in their middles, the polynomials of the time since they began.
+        """
+        if order == 0.0:
+            return np.zeros(time.size, dtype=complex), np.ones((time.size, 1), dtype=complex)
+        at = np.clip(np.searchsorted(self.start, time, side="right") - 1, 0, None)
+        since, deviation = time + 0.5 * length - self.time[at], self.deviation[at]
+        move(deviation, since)
+        turns, omega, D = order * self.turns[at], self.omega[at], deviation.shape[1] - 1
+        angle = 2 * np.pi * (turns - np.floor(turns) + order * self.part[at]) + order * omega * since
+        angle += order * deviation[:, 0]
+        if D > 0:
+            omega = omega + deviation[:, 1]
+            deviation[:, 1] = 0.0
+        powers = np.arange(1, D + 1)
+        beside, rate = np.zeros(deviation.shape, dtype=complex), np.zeros_like(deviation)
+        beside[:, 0], rate[:, 0] = np.exp(-1j * angle), omega
+        rate[:, :-1] += deviation[:, 1:] * powers
+        for p in range(1, D + 1):
+            terms = powers[:p] * deviation[:, 1 : p + 1] * beside[:, p - 1 :: -1][:, :p]
+            beside[:, p] = terms.sum(axis=1) * (-1j * order / p)
+        polynomial = np.stack([(beside[:, : p + 1] * rate[:, p::-1]).sum(axis=1) for p in range(D + 1)], axis=1)
+        size = np.abs(polynomial) * (0.5 * length[:, None]) ** np.arange(D + 1)
+        used = np.flatnonzero(np.any(size > NEGLIGIBLE * size[:, :1], axis=0))
+        polynomial = polynomial[:, : int(used.max()) + 1]
+        move(polynomial, -0.5 * length)
+        exponent = np.asarray(-1j * order * omega)
+        return exponent, np.asarray(polynomial * np.exp(-0.5 * exponent * length)[:, None])
+
+
+@dataclass(frozen=True)
+class CycleRecord:
+    """Values of K outputs in C cycles; R orders, m contacts, p of them pressed by others."""
+
+    high: Floats  # (C, K)
+    low: Floats  # (C, K)
+    mean_square: Floats  # (C, K), over the cycle's time
+    harmonic: Complexes  # (C, K, R) amplitude of cos(order phase) minus i times that of sin; of order 0 the mean
+    contact_share: Floats  # (C, m)
+    closings: Ints  # (C, m)
+    imbalance: Floats  # (C,) J, dissipated energy and change of the stored one, less the work in
+    energy: Floats  # (C,) J, largest kinetic and strain energy of the structure where segments end
+    pressing: Floats  # (C, 2, p) sums of the force that presses a contact that begins to slide, N, and of its square
+
+    @property
+    def count(self) -> int:
+        """C."""
+        return int(self.energy.size)
+
+    @classmethod
+    def joined(cls, parts: Sequence[CycleRecord]) -> CycleRecord:
+        """Those of cycles that follow each other."""
+        return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
+
+    def first(self, count: int) -> CycleRecord:
+        """Those of the first cycles."""
+        return CycleRecord(*(getattr(self, f.name)[:count] for f in fields(self)))
+
+    def tracked(self, orders: Sequence[float]) -> Complexes:
+        """(R, C, K) complex amplitudes of the R orders: projections over the fewest whole cycles that they repeat in.
+
+        An order p/q repeats after q cycles: row c covers the cycles c - q + 1 to c, the rows before q - 1 are nan.
+        """
+        out = np.moveaxis(self.harmonic, 2, 0).copy()
+        for one, order in zip(out, orders, strict=True):
+            q = Fraction(float(order)).limit_denominator(64).denominator
+            if q > 1:
+                total = np.cumsum(np.concatenate([np.zeros((1, one.shape[1])), one]), axis=0)
+                one[q - 1 :] = (total[q:] - total[:-q]) / q
+                one[: q - 1] = complex(np.nan, np.nan)
+        return out
+
+
+def record_cycles(
+    motion: Trajectory, edge: Floats, output_of: OutputOf, orders: Sequence[float], phase: Phase
+) -> CycleRecord:
+    """Values of a motion between edges, at which segments end.
+
+    Parameters
+    ----------
+    motion : of which no segment crosses an edge.
+    edge : (C + 1,) s, ends of the cycles.
+    output_of : K outputs by the phases of the contacts.
+    orders : R harmonics that are tracked, multiples of the instantaneous frequency.
+    phase : of the sine.
+
+    Returns
+    -------
+    CycleRecord
+        What of the motion was not computed is left out.
+    """
+    count = edge.size - 1
+    cycle = np.clip(np.searchsorted(edge, motion.time, side="right") - 1, 0, count - 1)
+    duration = np.diff(edge)[:, None]
+
+    def summed(values: NDArray[Any]) -> NDArray[Any]:
+        out = np.zeros((count, *values.shape[1:]), dtype=values.dtype)
+        np.add.at(out, cycle, values)
+        return out
+
+    extremes = motion.extrema(output_of, edge)
+    harmonic: Complexes = summed(_harmonics(motion, output_of, orders, phase))
+    square, imbalance = _products(motion, output_of)
+    touching = motion.flow.system.contacts.touching(motion.phases_of(motion.state))
+    closings = np.zeros((count, touching.shape[1]), dtype=np.int64)
+    closes = motion.event_closing
+    of_event = np.clip(np.searchsorted(edge, motion.event_time[closes], side="right") - 1, 0, count - 1)
+    np.add.at(closings, (of_event, motion.event_contact[closes]), 1)
+    return CycleRecord(
+        high=extremes.high,
+        low=extremes.low,
+        mean_square=summed(square) / duration,
+        harmonic=np.asarray(harmonic / np.where(np.asarray(orders) == 0.0, duration[:, :, None], np.pi)),
+        contact_share=summed(touching * motion.length[:, None]) / duration,
+        closings=closings,
+        imbalance=summed(imbalance),
+        energy=_largest_energy(motion, cycle, count),
+        pressing=summed(_pressing_where_sliding_begins(motion)),
+    )  # fmt: skip
+
+
+def _products(motion: Trajectory, output_of: OutputOf) -> tuple[Floats, Floats]:
+    """Integrals over each segment of the squares of outputs (S, K), and its imbalance (S,), J.
+
+    What is lost at once where the next segment begins belongs to this one.
+    """
+    flow = motion.flow
+    left, right, weight = power_factors(flow)
+    outputs = output_of(flow.system.contacts.start).row.shape[0]
+    weights = np.zeros((outputs + weight.shape[0], outputs + 2))
+    weights[:outputs, :outputs], weights[outputs:, outputs:] = np.eye(outputs), weight
+
+    def above(factors: OutputOf) -> OutputOf:
+        def both(phases: Ints) -> LinearOutput:
+            return stack(output_of(phases), factors(phases))
+
+        return both
+
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite shows in the balance
+        integrals = motion.work_of_segments(above(left), above(right), weights)
+        dissipated, work_in = integrals[:, outputs:].T
+        y, penetration = contact_motion(motion)
+        stored = stored_energy(flow, y, penetration, motion.phases_of(np.append(motion.state, motion.state[-1:])))
+        lost = np.append(motion.event_losses().sum(axis=1)[1:], 0.0)
+        return integrals[:, :outputs], dissipated - work_in + np.diff(stored) + lost
+
+
+def _harmonics(motion: Trajectory, output_of: OutputOf, orders: Sequence[float], phase: Phase) -> Complexes:
+    """(S, K, R) integrals over each segment and the phase of ``output exp(-i order phase)``; of order 0 over time."""
+    every, begin, out = np.arange(motion.segments), np.zeros(motion.segments), []
+    for order in orders:
+        exponent, polynomial = phase.filters(order, motion.time, motion.length)
+        out.append(motion.weighted_integrals(output_of, every, begin, motion.length, exponent, polynomial))
+    return np.stack(out, axis=2) if out else np.zeros((motion.segments, 0, 0), dtype=complex)
+
+
+def _largest_energy(motion: Trajectory, cycle: Ints, count: int) -> Floats:
+    """(C,) largest kinetic and strain energy of the structure, J, where segments end."""
+    n, ends = motion.flow.system.size, np.vstack([motion.y[1:], motion.final_y])
+    energy = 0.5 * (ends[:, n : 2 * n] ** 2).sum(axis=1) + 0.5 * ends[:, :n] ** 2 @ motion.flow.system.stiffness
+    largest = np.zeros(count)
+    np.maximum.at(largest, cycle, energy)
+    return largest
+
+
+def _pressing_where_sliding_begins(motion: Trajectory) -> Floats:
+    """(S, 2, p) pressing forces, N, and their squares, where a contact begins to slide and loses energy of its spring.
+
+    What is lost at once follows the force that presses the contact there. Zero where a segment begins otherwise.
+    """
+    contacts = motion.flow.system.contacts
+    force = np.zeros((motion.segments, contacts.pressed.size))
+    if contacts.pressed.size:
+        phases = motion.phases_of(motion.state)
+        begins = np.zeros(force.shape, dtype=bool)
+        begins[1:] = contacts.pressing_losses(phases[:-1], phases[1:]) > 0.0
+        if begins.any():
+            force = motion.sample(motion.time, motion.flow.pressing_forces) * begins
+    return np.stack([force, force**2], axis=1)

@@ -1,0 +1,149 @@
+"""The motion under a swept sine: an exact flow whose loads follow the windows of the sweep, in stretches of cycles.
+
+Within a stretch the frequency hardly changes, so that the loads are slow polynomials times one exponential
+(:func:`beamsim.inputs.swept.swept_signals`). Times count from the start of the stretch: a long sweep loses no digits.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Iterator
+from dataclasses import field, replace
+from functools import partial
+
+import numpy as np
+
+from beamsim.dataclass import dataclass
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.march import Log, Motion, carry
+from beamsim.flow.stopping import never
+from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.transient import motion_of, start
+from beamsim.inputs.signal import Signal
+from beamsim.inputs.swept import SweepWindows
+from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.typing import Floats, Ints
+
+CYCLES_AT_ONCE = 256  # of a stretch
+STEP = 1.05  # ratio of neighbouring carriers: beside its carrier a cycle turns by no more than 0.16 rad
+
+TIMES = ("time", "parameter")  # among the numbers of an outcome
+
+SweptLoads = Callable[[SweepWindows, float], tuple[Forcing, tuple[Signal, ...]]]
+"""The loads under given windows with a carrier, rad/s, and what else outputs may contain."""
+
+
+def carriers(frequency_hz: Floats) -> Floats:
+    """Angular frequencies, rad/s, for the signals of cycles, equal ones for neighbours."""
+    return np.asarray(2 * np.pi * STEP ** (np.floor(np.log(frequency_hz) / np.log(STEP)) + 0.5))
+
+
+def under_windows(flow: ExactFlow, loads: SweptLoads, windows: SweepWindows, carrier: float) -> ExactFlow:
+    """A flow under other windows of the sweep; what is known of its contact states is kept."""
+    forcing, observers = loads(windows, carrier)
+    return flow.under(forcing, observers, windows.duration)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The motion over some cycles of a sweep; its times count from their beginning."""
+
+    motion: Trajectory
+    windows: SweepWindows
+    first: int  # cycle
+    edge: Floats  # (C + 1,) s, where the C cycles begin, and the end
+
+    @property
+    def reached(self) -> int:
+        """Number of whole cycles that were computed."""
+        if self.motion.outcome.complete:
+            return self.edge.size - 1
+        return max(int(np.searchsorted(self.edge, self.motion.end, side="right")) - 1, 0)
+
+
+@dataclass
+class SweptMotion:
+    """The motion through a whole sweep.
+
+    Parameters
+    ----------
+    system : the structure.
+    loads : on it, under given windows.
+    windows : of the sweep.
+    initial_state : (N,) at t = 0; internal states of the contacts that are left out are zero.
+    max_events, max_evaluations, progress, stop : see `beamsim.flow.transient.simulate`.
+    """
+
+    system: PiecewiseLinearSystem
+    loads: SweptLoads
+    windows: SweepWindows
+    initial_state: Floats
+    max_events: int = 20_000_000
+    max_evaluations: int = 2_000_000_000
+    progress: Callable[[float], None] | None = None
+    stop: Callable[[], bool] = never
+    events: int = field(init=False, default=0)
+    segments: int = field(init=False, default=0)
+    evaluations: int = field(init=False, default=0)
+    states: int = field(init=False, default=0)  # contact states visited
+    end: float = field(init=False, default=0.0)  # s, reached
+    outcome: Outcome = field(init=False, default=COMPLETE)
+    processor_time_s: float = field(init=False, default=0.0)
+
+    def stretches(self) -> Iterator[Stretch]:
+        """March, stretch by stretch, until the end of the sweep or of the work that is allowed."""
+        carrier = carriers(self.windows.frequency_hz)
+        flow, motion, begun = None, Motion(np.zeros(0), -1), Log.sized(0, 0)
+        visited: set[bytes] = set()
+        for first, last in self._parts(carrier):
+            begin = clock.process_time()
+            windows = self.windows.of_cycles(first, last)
+            if flow is None:
+                forcing, observers = self.loads(windows, carrier[first])
+                flow = ExactFlow(self.system, forcing, windows.duration, observers)
+                motion, begun = start(flow, self.initial_state)
+                self.events = begun.event_time.size
+            else:
+                before, flow = flow, under_windows(flow, self.loads, windows, carrier[first])
+                flow.enter(motion, before)
+                begun = Log.sized(0, motion.y.size, 0)
+            carried = carry(
+                flow, motion, (windows.duration,), keep=True, max_events=self.max_events - self.events,
+                max_evaluations=self.max_evaluations - self.evaluations, stop=self.stop,
+                progress=None if self.progress is None else partial(self._report, first, last),
+            )  # fmt: skip
+            trajectory = motion_of(flow, motion, begun, carried, 0.0)
+            self.outcome = _later(trajectory.outcome, float(self.windows.cycle_start[first]))
+            self.events, self.segments = self.events + carried.events, self.segments + carried.segments
+            self.evaluations += carried.evaluations
+            visited.update(flow.visited[state].tobytes() for state in np.unique(trajectory.state))
+            self.states = len(visited)
+            self.end = float(self.windows.cycle_start[first]) + trajectory.end
+            self.processor_time_s += clock.process_time() - begin
+            edge = np.append(windows.start[np.flatnonzero(np.diff(windows.cycle, prepend=-1))], windows.duration)
+            yield Stretch(trajectory, windows, first, edge)
+            if not self.outcome.complete:
+                return
+
+    def _report(self, first: int, last: int, time: float) -> None:
+        """Tell the share of the cycles that is done."""
+        assert self.progress is not None
+        begin = float(self.windows.cycle_start[first])
+        self.progress(min(float(np.searchsorted(self.windows.cycle_start, begin + time)), last) / self.windows.cycles)
+
+    def _parts(self, carrier: Floats) -> Iterator[tuple[int, int]]:
+        """First and last (left out) cycle of the stretches, with one carrier each."""
+        ends: Ints = np.append(np.flatnonzero(np.diff(carrier)) + 1, carrier.size)
+        first = 0
+        for end in ends.tolist():
+            while first < end:
+                last = min(first + CYCLES_AT_ONCE, end)
+                yield first, last
+                first = last
+
+
+def _later(outcome: Outcome, begin: float) -> Outcome:
+    """An outcome whose times count from the start of the sweep."""
+    at = {name: value + begin for name, value in outcome.numbers.items() if name in TIMES and isinstance(value, float)}
+    return replace(outcome, numbers={**outcome.numbers, **at})
