@@ -209,9 +209,10 @@ def _harmonics(motion: Trajectory, output_of: OutputOf, orders: Sequence[float],
 def _largest_energy(motion: Trajectory, cycle: Ints, count: int) -> Floats:
     """(C,) largest kinetic and strain energy of the structure, J, where segments end."""
     n, ends = motion.flow.system.size, np.vstack([motion.y[1:], motion.final_y])
-    energy = 0.5 * (ends[:, n : 2 * n] ** 2).sum(axis=1) + 0.5 * ends[:, :n] ** 2 @ motion.flow.system.stiffness
-    largest = np.zeros(count)
-    np.maximum.at(largest, cycle, energy)
+    with np.errstate(over="ignore", invalid="ignore"):
+        energy = 0.5 * (ends[:, n : 2 * n] ** 2).sum(axis=1) + 0.5 * ends[:, :n] ** 2 @ motion.flow.system.stiffness
+        largest = np.zeros(count)
+        np.maximum.at(largest, cycle, energy)
     return largest
 
 

@@ -117,19 +117,21 @@ def sweep_level(
     samples: list[Floats] = []
     for stretch in march.stretches():
         output_of = outputs.rows(stretch.motion.flow)
-        record = record_cycles(stretch.motion, stretch.edge, output_of, orders, Phase.of_windows(stretch.windows))
-        parts.append(record.first(stretch.reached))
+        if stretch.reached:
+            record = record_cycles(stretch.motion, stretch.edge, output_of, orders, Phase.of_windows(stretch.windows))
+            parts.append(record.first(stretch.reached))
         sampled = sum(values.shape[0] for values in samples)
         here = times[sampled : int(np.searchsorted(times, march.end * (1 + 1e-12), side="right"))]
         samples.append(stretch.motion.sample(here - float(windows.cycle_start[stretch.first]), output_of))
-    record = CycleRecord.joined(parts)
-    curves = _curves(outputs, settings, quantity, level, level_index, profile, windows, record)
+    curves = () if not parts else _curves(
+        outputs, settings, quantity, level, level_index, profile, windows, CycleRecord.joined(parts)
+    )  # fmt: skip
     history = None
     if rate is not None:
         values = np.concatenate(samples)
         history = outputs.history(times[: values.shape[0]], values)
     work = SweepWork(
-        cycles=record.count,
+        cycles=sum(part.count for part in parts),
         events=march.events,
         evaluations=march.evaluations,
         segments=march.segments,
