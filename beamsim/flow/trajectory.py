@@ -512,46 +512,43 @@ class Trajectory:
         given = self.flow.sources.amplitudes_at(self.time[segments], self.piece[segments])
         return state.amplitudes(given, self.y[segments])[:, state.term_source]
 
-    def weighted_integrals(
-        self, output_of: OutputOf, segments: Ints, begin: Floats, length: Floats, exponent: Complexes,
-        polynomial: Complexes,
-    ) -> Complexes:  # fmt: skip
-        r"""Integrals of outputs times polynomials and exponentials of their own, over parts of segments.
+    def weighted_integrals(self, output_of: OutputOf, exponent: Complexes, polynomial: Complexes) -> Complexes:
+        r"""Integrals of K outputs times W polynomials and exponentials of their own, over each segment.
 
         Parameters
         ----------
-        output_of : K outputs x.
-        segments : (n,) numbers of the segments.
-        begin : (n,) s, from the start of the segment to that of the part.
-        length : (n,) L of the parts, s.
-        exponent : (n,) :math:`\nu`, 1/s.
-        polynomial : (n, D) coefficients of P, the lowest first, of the time since the part began.
+        output_of : outputs x.
+        exponent : (W, S) :math:`\nu`, 1/s.
+        polynomial : (W, S, D) coefficients of P, the lowest first, of the time since the segment began.
 
         Returns
         -------
-        (n, K) integrals :math:`\int_0^L x(b + \tau) e^{\nu \tau} P(\tau) d\tau`.
+        (W, S, K) integrals :math:`\int_0^L x(\tau) e^{\nu \tau} P(\tau) d\tau`.
         """
-        of_part, parts = self.state[segments], []
-        for number in visited_states(of_part):
+        outputs = output_of(self.flow.system.contacts.start).row.shape[0]
+        out = np.zeros((*exponent.shape, outputs), dtype=complex)
+        for number in visited_states(self.state):
             check_stop()
-            state, some = self.flow.states[number], np.flatnonzero(of_part == number)
-            table = state.coefficients(output_of(state.phases), self.flow.sources)
-            amplitude = self.amplitudes_after(state, segments[some], begin[some])
-            weights = length[some], exponent[some], polynomial[some]
-            once = weighted_moments(state.exponent, state.power, *weights)[:, state.term_basis]
-            conjugate = weighted_moments(state.exponent.conj(), state.power, *weights)[:, state.term_basis]
-            parts.append((some, (amplitude * once) @ table + (amplitude.conj() * conjugate) @ table.conj()))
-        out = np.empty((segments.size, parts[0][1].shape[1] if parts else 0), dtype=complex)
-        for some, integrals in parts:
-            out[some] = 0.5 * integrals
+            state, some = self.flow.states[number], np.flatnonzero(self.state == number)
+            output = output_of(state.phases)
+            acting = np.flatnonzero(output.acts)  # open contacts have no force
+            table = state.coefficients(output.some(acting), self.flow.sources)
+            half = 0.5 * self._coefficients(state, some, table)
+            rates, power = np.concatenate([state.exponent, state.exponent.conj()]), np.tile(state.power, 2)
+            weights = exponent[:, some].ravel(), polynomial[:, some].reshape(-1, polynomial.shape[2])
+            moments = weighted_moments(rates, power, np.tile(self.length[some], exponent.shape[0]), *weights)
+            moments = moments.reshape(exponent.shape[0], some.size, rates.size).swapaxes(0, 1)
+            integrals = moments @ np.hstack([half, half.conj()])
+            out[np.ix_(np.arange(exponent.shape[0]), some, acting)] = integrals.swapaxes(0, 1)
         return out
 
-    def amplitudes_after(self, state: ContactState, segments: Ints, begin: Floats) -> Complexes:
-        """(n, T) amplitudes of the terms at times (n,) after segments of one contact state begin, about these times."""
-        time, piece, y = self.time[segments], self.piece[segments], self.y[segments]
-        if begin.any():
-            y = state.states_after(state.amplitudes(self.flow.sources.amplitudes_at(time, piece), y), begin)
-        return state.amplitudes(self.flow.sources.amplitudes_at(time + begin, piece), y)[:, state.term_source]
+    def _coefficients(self, state: ContactState, segments: Ints, table: Complexes) -> Complexes:
+        """(n, B, K) of the basis functions in outputs of coefficients (T, K), on segments of one contact state."""
+        given = self.flow.sources.amplitudes_at(self.time[segments], self.piece[segments])
+        zeta = state.amplitudes(given, self.y[segments])
+        of_unit = np.zeros((zeta.shape[1], state.exponent.size, table.shape[1]), dtype=complex)
+        of_unit[state.term_source, state.term_basis] = table
+        return np.asarray((zeta @ of_unit.reshape(zeta.shape[1], -1)).reshape(segments.size, *of_unit.shape[1:]))
 
     def square_integrals(self, *tables: Complexes) -> Floats:
         """(k,) integrals over the whole motion of the squares of outputs whose coefficients (S, T, k) are the sum of

@@ -38,22 +38,20 @@ def test_gaps_between_segments_change_nothing(motion, every):
 
 
 def test_integrals_with_weights_of_their_own_against_quadrature(motion):
-    """Of the state, over parts of segments, as tracking filters of a swept sine ask for."""
+    """Of the state, as tracking filters of a swept sine ask for."""
     rng = np.random.default_rng(3)
-    segments = np.flatnonzero(motion.length > 1e-4)[::5]
-    begin = motion.length[segments] * rng.uniform(0.0, 0.5, segments.size) * (segments % 3 > 0)
-    length = (motion.length[segments] - begin) * rng.uniform(0.3, 1.0, segments.size)
-    exponent = rng.normal(size=segments.size) * 20.0 - 2j * np.pi * rng.uniform(0.0, 400.0, segments.size)
-    polynomial = rng.normal(size=(segments.size, 4)) * length[:, None] ** -np.arange(4)
+    part = motion.only(np.flatnonzero(motion.length > 1e-4)[::5])
+    exponent = rng.normal(size=(2, part.segments)) * 20.0 - 2j * np.pi * rng.uniform(0.0, 400.0, (2, part.segments))
+    polynomial = rng.normal(size=(2, part.segments, 4)) * part.length[:, None] ** -np.arange(4)
     state = motion.flow.empty_output(motion.flow.size)
     state.row[:] = np.eye(motion.flow.size)
 
-    found = motion.weighted_integrals(lambda phases: state, segments, begin, length, exponent, polynomial)
+    found = part.weighted_integrals(lambda phases: state, exponent, polynomial)
     point, gauss = np.polynomial.legendre.leggauss(60)
-    for g, integral in enumerate(found):
-        tau = 0.5 * length[g] * (1.0 + point)
-        weight = np.exp(exponent[g] * tau) * np.polynomial.polynomial.polyval(tau, polynomial[g])
-        values = motion.states_at(motion.time[segments[g]] + begin[g] + tau)
-        expected = 0.5 * length[g] * ((gauss * weight) @ values)
-        size = 0.5 * length[g] * ((gauss * np.abs(weight)) @ np.abs(values))
-        assert np.all(np.abs(integral - expected) < 1e-11 * size)
+    for w, g in np.ndindex(exponent.shape):
+        tau = 0.5 * part.length[g] * (1.0 + point)
+        weight = np.exp(exponent[w, g] * tau) * np.polynomial.polynomial.polyval(tau, polynomial[w, g])
+        values = motion.states_at(part.time[g] + tau)
+        expected = 0.5 * part.length[g] * ((gauss * weight) @ values)
+        size = 0.5 * part.length[g] * ((gauss * np.abs(weight)) @ np.abs(values))
+        assert np.all(np.abs(found[w, g] - expected) < 1e-11 * size)

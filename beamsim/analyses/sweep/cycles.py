@@ -18,7 +18,7 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.swept import SweepWindows, move
 from beamsim.typing import Complexes, Floats, Ints
 
-NEGLIGIBLE = 1e-14  # of a tracking filter, a power that is left out
+NEGLIGIBLE = 1e-11  # of a tracking filter, a power that is left out
 
 
 @dataclass(frozen=True)
@@ -199,11 +199,12 @@ def _products(motion: Trajectory, output_of: OutputOf) -> tuple[Floats, Floats]:
 
 def _harmonics(motion: Trajectory, output_of: OutputOf, orders: Sequence[float], phase: Phase) -> Complexes:
     """(S, K, R) integrals over each segment and the phase of ``output exp(-i order phase)``; of order 0 over time."""
-    every, begin, out = np.arange(motion.segments), np.zeros(motion.segments), []
-    for order in orders:
-        exponent, polynomial = phase.filters(order, motion.time, motion.length)
-        out.append(motion.weighted_integrals(output_of, every, begin, motion.length, exponent, polynomial))
-    return np.stack(out, axis=2) if out else np.zeros((motion.segments, 0, 0), dtype=complex)
+    filters = [phase.filters(order, motion.time, motion.length) for order in orders]
+    longest = max((polynomial.shape[1] for _, polynomial in filters), default=1)
+    exponent = np.array([exponent for exponent, _ in filters]).reshape(len(filters), motion.segments)
+    padded = [np.pad(polynomial, ((0, 0), (0, longest - polynomial.shape[1]))) for _, polynomial in filters]
+    polynomial = np.array(padded).reshape(*exponent.shape, longest)
+    return np.moveaxis(motion.weighted_integrals(output_of, exponent, polynomial), 0, 2)
 
 
 def _largest_energy(motion: Trajectory, cycle: Ints, count: int) -> Floats:
