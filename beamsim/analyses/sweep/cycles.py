@@ -84,7 +84,7 @@ class Phase:
 class CycleRecord:
     """Values of K outputs in C cycles; R orders, m contacts, p of them pressed by others."""
 
-    high: Floats  # (C, K)
+    high: Floats  # (C, K) nan where it is not sought
     low: Floats  # (C, K)
     mean_square: Floats  # (C, K), over the cycle's time
     harmonic: Complexes  # (C, K, R) amplitude of cos(order phase) minus i times that of sin; of order 0 the mean
@@ -124,7 +124,12 @@ class CycleRecord:
 
 
 def record_cycles(
-    motion: Trajectory, edge: Floats, output_of: OutputOf, orders: Sequence[float], phase: Phase
+    motion: Trajectory,
+    edge: Floats,
+    output_of: OutputOf,
+    orders: Sequence[float],
+    phase: Phase,
+    searched: Ints | slice = slice(None),
 ) -> CycleRecord:
     """Values of a motion between edges, at which segments end.
 
@@ -135,6 +140,7 @@ def record_cycles(
     output_of : K outputs by the phases of the contacts.
     orders : R harmonics that are tracked, multiples of the instantaneous frequency.
     phase : of the sine.
+    searched : outputs whose extremes are sought; all by default.
 
     Returns
     -------
@@ -150,17 +156,19 @@ def record_cycles(
         np.add.at(out, cycle, values)
         return out
 
-    extremes = motion.extrema(output_of, edge)
+    extremes = motion.extrema(lambda phases: output_of(phases).some(searched), edge)
     harmonic: Complexes = summed(_harmonics(motion, output_of, orders, phase))
     square, imbalance = _products(motion, output_of)
+    high, low = np.full((2, count, square.shape[1]), np.nan)
+    high[:, searched], low[:, searched] = extremes.high, extremes.low
     touching = motion.flow.system.contacts.touching(motion.phases_of(motion.state))
     closings = np.zeros((count, touching.shape[1]), dtype=np.int64)
     closes = motion.event_closing
     of_event = np.clip(np.searchsorted(edge, motion.event_time[closes], side="right") - 1, 0, count - 1)
     np.add.at(closings, (of_event, motion.event_contact[closes]), 1)
     return CycleRecord(
-        high=extremes.high,
-        low=extremes.low,
+        high=high,
+        low=low,
         mean_square=summed(square) / duration,
         harmonic=np.asarray(harmonic / np.where(np.asarray(orders) == 0.0, duration[:, :, None], np.pi)),
         contact_share=summed(touching * motion.length[:, None]) / duration,

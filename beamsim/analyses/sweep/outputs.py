@@ -155,6 +155,14 @@ class SweepOutputs:
         ends = np.cumsum(list(sizes.values())).tolist()
         return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
 
+    @property
+    def searched(self) -> Ints:
+        """Numbers of the outputs whose extremes are asked for: all but what losses and sliding follow from by means."""
+        groups, count = self._groups(), len(self.system.snubbers)
+        means = [np.arange(groups["impacts"].start + count, groups["impacts"].stop)] if self.with_impacts else []
+        means += [np.arange(groups[name].start, groups[name].stop) for name in ("sliding", "wear")]
+        return np.setdiff1d(np.arange(groups["outputs"].stop), np.concatenate(means))
+
     def _named(self, group: str) -> dict[str, int]:
         """Columns of a group by name of probe, snubber or output."""
         of = self._groups()[group]

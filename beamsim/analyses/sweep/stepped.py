@@ -165,7 +165,7 @@ def _point(
         kind, exponent, section = lyapunov.kind, lyapunov.value, settled.section
     measured = record_cycles(
         stepper.trajectory(motion, cycles), np.arange(cycles + 1.0) * stepper.period, outputs.rows(stepper.flow),
-        (0.0, *settings.orders), Phase.constant(stepper.omega),
+        (0.0, *settings.orders), Phase.constant(stepper.omega), outputs.searched,
     )  # fmt: skip
     return _Point(frequency, amplitude, settled, kind, exponent, measured, section)
 

@@ -118,7 +118,8 @@ def sweep_level(
     for stretch in march.stretches():
         output_of = outputs.rows(stretch.motion.flow)
         if stretch.reached:
-            record = record_cycles(stretch.motion, stretch.edge, output_of, orders, Phase.of_windows(stretch.windows))
+            phases = Phase.of_windows(stretch.windows)
+            record = record_cycles(stretch.motion, stretch.edge, output_of, orders, phases, outputs.searched)
             parts.append(record.first(stretch.reached))
         sampled = sum(values.shape[0] for values in samples)
         here = times[sampled : int(np.searchsorted(times, march.end * (1 + 1e-12), side="right"))]
