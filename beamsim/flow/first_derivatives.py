@@ -58,7 +58,15 @@ class FunctionsAtStart(NamedTuple):
         for order in range(1, orders):
             doubt[order] = rates_size @ doubt[order - 1] + added[order - 1, count:]
         value = y @ self.row[:count].T + driven[:, :count]
-        beyond = np.abs(value) > (ROUND_OFF * terms + hidden)[:, :count] + doubt @ size[:, :count]
-        first = beyond.argmax(axis=0)
-        decisive = first, np.arange(count)
-        return np.where(beyond[decisive], np.sign(value[decisive]), 0.0), first
+        return decisive(value, (ROUND_OFF * terms + hidden)[:, :count] + doubt @ size[:, :count])
+
+
+def decisive(value: Floats, doubt: Floats) -> tuple[Floats, Ints]:
+    """(k,) signs and orders of the first derivatives that are beyond their round-off; a sign is 0 where none is.
+
+    ``value`` and ``doubt`` are (orders, k), from order 0 on.
+    """
+    beyond = np.abs(value) > doubt
+    first = beyond.argmax(axis=0)
+    at = first, np.arange(first.size)
+    return np.where(beyond[at], np.sign(value[at]), 0.0), first

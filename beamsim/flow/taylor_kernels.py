@@ -7,8 +7,10 @@
 
 is polynomial, so that the Taylor coefficients of q and of every derivative of q follow from recursions (products of
 series are Cauchy sums). Steps are as long as the last coefficients allow at round-off (À. Jorba and M. Zou,
-*Experimental Mathematics* 14, 2005). Between the ends of a step the series itself is the dense output, on which
-contacts are located.
+*Experimental Mathematics* 14, 2005). Between the ends of a step the series itself is the dense output. A penetration is
+a polynomial there, so that contacts are found by the search of all flows (:mod:`beamsim.flow.event_kernels`).
+
+n is the number of coordinates, nc that of cubic springs, m of contacts, H of harmonics, P of parameters.
 """
 
 from __future__ import annotations
@@ -19,9 +21,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.flow.compiled import kernel
+from beamsim.flow.event_kernels import NO_STEP, Guards, first_event, make_search
+from beamsim.flow.kernels import EPS
 
 ORDER = 26
-LOOKS = 24  # times in a step at which the gaps are evaluated
+MOST_LOOKS = 1000  # of the search in a step, which is cut there
+MOST_STALLED = 4  # events in a row without time between them
 DONE, FULL, STUCK = 0, 1, 2
 
 
@@ -50,6 +55,49 @@ class SmoothSystem(NamedTuple):
     d_cubic: Any  # (P, nc)
     d_stiffness: Any  # (P, m)
     d_gap: Any  # (P, m)
+    longest: Any  # s, of a step
+
+
+class Series(NamedTuple):
+    """Taylor coefficients of a motion in a step, or of a derivative of it; x2, x3 are those of the motion."""
+
+    q: Any  # (ORDER + 1, n)
+    v: Any  # (ORDER + 1, n)
+    x: Any  # (nc, ORDER + 1) stretch of the cubic springs
+    x2: Any  # (nc, ORDER + 1) its square
+    x3: Any  # (nc, ORDER + 1) its cube
+    d: Any  # (ORDER + 1,) displacement of the base
+
+
+class SmoothMotion(NamedTuple):
+    """What is carried on, in place."""
+
+    y: Any  # (2n,)
+    closed: Any  # (m,)
+    by: Any  # (2n, columns) derivatives by the start, then by P parameters
+    slope: Any  # (2n,) time derivative of y
+
+
+class Steps(NamedTuple):
+    """Room for a log of K steps and events."""
+
+    time: Any  # (K,) s
+    length: Any  # (K,) s
+    closed: Any  # (K, m)
+    y: Any  # (K, 2n) at the start
+    event_time: Any  # (K,) s
+    event_contact: Any  # (K,)
+    event_closing: Any  # (K,)
+
+
+@kernel
+def make_series(s):  # type: ignore[no-untyped-def]
+    """Room for the series of a system."""
+    n, nc, terms = s.omega2.size, s.cubic.size, ORDER + 1
+    return Series(
+        np.zeros((terms, n)), np.zeros((terms, n)), np.zeros((nc, terms)), np.zeros((nc, terms)), np.zeros((nc, terms)),
+        np.zeros(terms),
+    )  # fmt: skip
 
 
 @kernel
@@ -86,8 +134,9 @@ def _varied_base_series(s, t, p, dd):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _penetration_coefficient(s, j, q, d, k):  # type: ignore[no-untyped-def]
+def _penetration_coefficient(s, j, series, k):  # type: ignore[no-untyped-def]
     """Taylor coefficient k of contact j's penetration."""
+    q, d = series.q, series.d
     value = -s.gap[j] if k == 0 else 0.0
     value -= s.sign[j] * s.ground[j] * d[k]
     for i in range(s.omega2.size):
@@ -96,8 +145,11 @@ def _penetration_coefficient(s, j, q, d, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _series(s, closed, t, q, v, x, x2, x3, d):  # type: ignore[no-untyped-def]
-    """Taylor coefficients (ORDER + 1, n) of q and v from their values in row 0; of the cubic springs' stretch; of d."""
+def series_at(s, closed, t, y, series):  # type: ignore[no-untyped-def]
+    """Fill in the series of the motion from a state y (2n,) at time t, with some contacts ``closed`` (m,)."""
+    q, v, x, x2, x3, d = series
+    for i in range(s.omega2.size):
+        q[0, i], v[0, i] = y[i], y[s.omega2.size + i]
     _base_series(s, t, d)
     n = s.omega2.size
     nc = s.cubic.size
@@ -134,7 +186,7 @@ def _series(s, closed, t, q, v, x, x2, x3, d):  # type: ignore[no-untyped-def]
             v[k + 1, i] = a
         for j in range(m):
             if closed[j]:
-                delta = _penetration_coefficient(s, j, q, d, k)
+                delta = _penetration_coefficient(s, j, series, k)
                 rate = -s.sign[j] * s.ground[j] * (k + 1) * d[k + 1]
                 for i in range(n):
                     rate -= s.sign[j] * s.shape[j, i] * v[k, i]
@@ -149,8 +201,10 @@ def _series(s, closed, t, q, v, x, x2, x3, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _varied(s, closed, t, q, v, x2, x3, d, p, dq, dv, dx, dd):  # type: ignore[no-untyped-def]
-    """The same of a derivative of the motion; p is the parameter's number, -1 for a derivative by the start."""
+def _varied(s, closed, t, series, p, varied):  # type: ignore[no-untyped-def]
+    """The same of a derivative, from its values in row 0; p is the parameter's number, -1 for one by the start."""
+    x2, x3 = series.x2, series.x3
+    dq, dv, dx, dd = varied.q, varied.v, varied.x, varied.d
     _varied_base_series(s, t, p, dd)
     n = s.omega2.size
     nc = s.cubic.size
@@ -190,7 +244,7 @@ def _varied(s, closed, t, q, v, x2, x3, d, p, dq, dv, dx, dd):  # type: ignore[n
                     rate -= s.sign[j] * s.shape[j, i] * dv[k, i]
                 push = s.stiffness[j] * delta + s.dashpot[j] * rate
                 if p >= 0:
-                    push += s.d_stiffness[p, j] * _penetration_coefficient(s, j, q, d, k)
+                    push += s.d_stiffness[p, j] * _penetration_coefficient(s, j, series, k)
                     if k == 0:
                         push -= s.stiffness[j] * s.d_gap[p, j]
                 for i in range(n):
@@ -210,110 +264,27 @@ def _varied(s, closed, t, q, v, x2, x3, d, p, dq, dv, dx, dd):  # type: ignore[n
 
 
 @kernel
-def _penetration(s, j, q, d, h):  # type: ignore[no-untyped-def]
-    """Penetration of contact j and its first two derivatives at h into a step."""
-    value = 0.0
-    rate = 0.0
-    bend = 0.0
-    for k in range(ORDER, -1, -1):
-        bend = bend * h + 2.0 * rate
-        rate = rate * h + value
-        value = value * h + _penetration_coefficient(s, j, q, d, k)
-    return value, rate, bend
+def _fill_guards(s, closed, series, H, guards):  # type: ignore[no-untyped-def]
+    """The penetration of closed contacts, the gap of open ones, as polynomials on a step of length H."""
+    for j in range(guards.count):
+        side = 1.0 if closed[j] else -1.0
+        guards.least[j] = 0.0
+        for k in range(guards.basis):
+            value = side * _penetration_coefficient(s, j, series, k)
+            guards.coefficient[k, j], guards.size[k, j] = value, abs(value)
+            parts = abs(s.ground[j] * series.d[k]) + (abs(s.gap[j]) if k == 0 else 0.0)
+            for i in range(s.omega2.size):
+                parts += abs(s.shape[j, i] * series.q[k, i])
+            guards.least[j] += 4.0 * EPS * parts * H**k
 
 
 @kernel
-def _first_event(s, closed, toggled, q, d, h):  # type: ignore[no-untyped-def]
-    """First (time, contact) within (0, h) at which a contact changes, (h, -1) without one."""
-    best = h
-    which = -1
-    for j in range(s.sign.size):
-        side = -1.0 if closed[j] else 1.0
-        before = 0.0
-        # just after an event of this contact the gap is zero to round-off: the first look lies inside the step
-        g0, r0, _b0 = _penetration(s, j, q, d, 0.0)
-        g0 *= -side
-        r0 *= -side
-        g_before, r_before = g0, r0
-        if j == toggled:
-            g_before = 0.0
-        for look in range(1, LOOKS + 1):
-            tau = best * look / LOOKS
-            g, r, _b = _penetration(s, j, q, d, tau)
-            g *= -side
-            r *= -side
-            lower, upper = before, tau
-            hit = g < 0.0
-            if not hit and r_before < 0.0 and r > 0.0:
-                # the gap has a minimum in between
-                a, c, ra, rc = before, tau, r_before, r
-                low = g
-                where = tau
-                for _ in range(60):
-                    mid = 0.5 * (a + c)
-                    if rc != ra:
-                        guess = c - rc * (c - a) / (rc - ra)
-                        if a < guess < c and _ % 3 != 2:
-                            mid = guess
-                    gm, rm, _bm = _penetration(s, j, q, d, mid)
-                    gm *= -side
-                    rm *= -side
-                    low = gm
-                    where = mid
-                    if gm < 0.0 or c - a < 1e-15 * h:
-                        break
-                    if rm < 0.0:
-                        a, ra = mid, rm
-                    else:
-                        c, rc = mid, rm
-                if low < 0.0:
-                    hit = True
-                    upper = where
-            if hit and j == toggled and lower == 0.0 and r0 <= 0.0 and look == 1:
-                # it turns back at once (grazing): the contact changes back at the event itself
-                best = 0.0
-                which = j
-                break
-            if hit:
-                if lower == 0.0 and g_before <= 0.0 and j == toggled:
-                    # find a time within the step at which the gap is open, to bracket the next root
-                    inner = upper
-                    for _ in range(60):
-                        inner *= 0.5
-                        gi, _ri, _bi = _penetration(s, j, q, d, inner)
-                        if -side * gi > 0.0:
-                            lower = inner
-                            break
-                root = upper
-                for _ in range(80):
-                    gr, rr, _br = _penetration(s, j, q, d, root)
-                    gr *= -side
-                    rr *= -side
-                    if gr < 0.0:
-                        upper = root
-                    else:
-                        lower = root
-                    step = -gr / rr if rr != 0.0 else 0.0
-                    new = root + step
-                    if not lower < new < upper:
-                        new = 0.5 * (lower + upper)
-                    if abs(new - root) <= 1e-16 * h or new == root:
-                        root = new
-                        break
-                    root = new
-                if root < best:
-                    best = root
-                    which = j
-                break
-            before = tau
-            g_before, r_before = g, r
-    return best, which
-
-
-@kernel
-def _length(q, v, scale):  # type: ignore[no-untyped-def]
+def _length(s, series):  # type: ignore[no-untyped-def]
     """Step at which the last two terms are below the round-off of the motion."""
-    n = q.shape[1]
+    q, v, n = series.q, series.v, s.omega2.size
+    scale = 0.0
+    for i in range(n):
+        scale = max(scale, math.sqrt(abs(s.omega2[i])))
     first = 0.0
     for i in range(n):
         first = max(first, abs(q[0, i]) * scale, abs(v[0, i]))
@@ -340,128 +311,128 @@ def _add_up(c, h, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def carry_smooth(  # type: ignore[no-untyped-def]
-    s, t, t_end, toggled, closed, y, sens, parameters, longest, log_time, log_length, log_closed, log_y, ev_time,
-    ev_contact, ev_closing, slope,
-):  # fmt: skip
-    """Carry y (2n,), the contacts' state ``closed`` and ``sens`` (2n, columns), all in place, from t to t_end.
+def _add_up_both(series, h, out):  # type: ignore[no-untyped-def]
+    """(2n,) coordinates and rates at h into a step."""
+    n = series.q.shape[1]
+    _add_up(series.q, h, out[:n])
+    _add_up(series.v, h, out[n:])
 
-    The last ``parameters`` columns are derivatives by parameters; ``toggled`` is the contact whose event lies at the
-    start (-1: none). Returns (status, t, toggled, steps, events); FULL when the log is full.
-    """
-    n = s.omega2.size
-    nc = s.cubic.size
-    m = s.sign.size
-    columns = sens.shape[1]
-    q = np.zeros((ORDER + 1, n))
-    v = np.zeros((ORDER + 1, n))
-    dq = np.zeros((ORDER + 1, n))
-    dv = np.zeros((ORDER + 1, n))
-    x = np.zeros((nc, ORDER + 1))
-    x2 = np.zeros((nc, ORDER + 1))
-    x3 = np.zeros((nc, ORDER + 1))
-    dx = np.zeros((nc, ORDER + 1))
-    d = np.zeros(ORDER + 1)
-    dd = np.zeros(ORDER + 1)
-    out = np.zeros(2 * n)
-    scale = 0.0
-    for i in range(n):
-        scale = max(scale, math.sqrt(abs(s.omega2[i])))
-    steps = 0
-    events = 0
-    stalled = 0
-    while t < t_end:
-        if steps == log_time.size or events == ev_time.size:
-            return FULL, t, toggled, steps, events
+
+@kernel
+def _vary(s, motion, t, h, series, varied):  # type: ignore[no-untyped-def]
+    """Carry the derivatives of a motion over a step, and fill in its slope at the end."""
+    n, by, P = s.omega2.size, motion.by, s.d_force.shape[0]
+    out = np.empty(2 * n)
+    for k in range(by.shape[1]):
         for i in range(n):
-            q[0, i] = y[i]
-            v[0, i] = y[n + i]
-        _series(s, closed, t, q, v, x, x2, x3, d)
-        h = min(_length(q, v, scale), longest, t_end - t)
-        ends = h == t_end - t
-        which = -1
-        if m > 0:
-            h, which = _first_event(s, closed, toggled, q, d, h)
-        log_time[steps] = t
-        log_length[steps] = h
+            varied.q[0, i], varied.v[0, i] = by[i, k], by[n + i, k]
+        _varied(s, motion.closed, t, series, max(k - (by.shape[1] - P), -1), varied)
+        _add_up_both(varied, h, out)
         for i in range(2 * n):
-            log_y[steps, i] = y[i]
-        for j in range(m):
-            log_closed[steps, j] = closed[j]
-        steps += 1
-        _add_up(q, h, y[:n])
-        _add_up(v, h, y[n:])
-        for k in range(columns):
-            for i in range(n):
-                dq[0, i] = sens[i, k]
-                dv[0, i] = sens[n + i, k]
-            p = k - (columns - parameters)
-            _varied(s, closed, t, q, v, x2, x3, d, p if p >= 0 else -1, dq, dv, dx, dd)
-            _add_up(dq, h, out[:n])
-            _add_up(dv, h, out[n:])
-            for i in range(2 * n):
-                sens[i, k] = out[i]
+            by[i, k] = out[i]
+    for i in range(n):
+        total = 0.0
+        for k in range(ORDER, 0, -1):
+            total = total * h + k * series.v[k, i]
+        motion.slope[i], motion.slope[n + i] = motion.y[n + i], total
+
+
+@kernel
+def _cross(s, motion, t, j, rate, dd):  # type: ignore[no-untyped-def]
+    """Take the derivatives across an event of contact j at time t, whose dashpot makes the acceleration jump there.
+
+    ``rate`` is that of the penetration; ``dd`` (ORDER + 1,) is for work.
+    """
+    n, by, P = s.omega2.size, motion.by, s.d_force.shape[0]
+    factor = (-1.0 if motion.closed[j] else 1.0) * s.dashpot[j] * s.sign[j]
+    if factor * rate == 0.0:
+        return
+    for k in range(by.shape[1]):
+        change = 0.0
         for i in range(n):
-            total = 0.0
-            for k in range(ORDER, 0, -1):
-                total = total * h + k * v[k, i]
-            slope[i] = y[n + i]
-            slope[n + i] = total
-        toggled = which
-        if which >= 0:
-            t = t + h
-            stalled = stalled + 1 if h == 0.0 else 0
-            if stalled > 4:
-                return STUCK, t, toggled, steps, events
-            j = which
-            ev_time[events] = t
-            ev_contact[events] = j
-            ev_closing[events] = not closed[j]
-            events += 1
-            _, rate, _ = _penetration(s, j, q, d, h)
-            jump = s.dashpot[j] * rate
-            if jump != 0.0:
-                factor = (1.0 if not closed[j] else -1.0) * s.dashpot[j] * s.sign[j]
-                for k in range(columns):
-                    change = 0.0
-                    for i in range(n):
-                        change -= s.sign[j] * s.shape[j, i] * sens[i, k]
-                    p = k - (columns - parameters)
-                    if p >= 0:
-                        _varied_base_series(s, t - h, p, dd)
-                        moved = 0.0
-                        for i in range(ORDER, -1, -1):
-                            moved = moved * h + dd[i]
-                        change -= s.d_gap[p, j] + s.sign[j] * s.ground[j] * moved
-                    for i in range(n):
-                        sens[n + i, k] += s.shape[j, i] * factor * change
-            closed[j] = not closed[j]
-        else:
+            change -= s.sign[j] * s.shape[j, i] * by[i, k]
+        p = k - (by.shape[1] - P)
+        if p >= 0:
+            _varied_base_series(s, t, p, dd)
+            change -= s.d_gap[p, j] + s.sign[j] * s.ground[j] * dd[0]
+        for i in range(n):
+            by[n + i, k] += s.shape[j, i] * factor * change
+
+
+@kernel
+def carry_smooth(s, t, t_end, begins, motion, log):  # type: ignore[no-untyped-def]
+    """Carry a motion from t to t_end and log its steps and events.
+
+    Parameters
+    ----------
+    s : SmoothSystem.
+    t, t_end : s.
+    begins : the contact whose event lies at t, or `ONWARDS`, or `BEGINNING` of the motion.
+    motion : SmoothMotion, updated in place.
+    log : Steps, filled from the start.
+
+    Returns
+    -------
+    status : DONE; FULL when the log is full: called again it goes on; STUCK when events follow without time.
+    t, begins : where it came.
+    steps, events : how many are logged.
+    """
+    m, y, closed = s.sign.size, motion.y, motion.closed
+    series, varied, dd = make_series(s), make_series(s), np.zeros(ORDER + 1)
+    powers, exponents = np.arange(ORDER + 1), np.zeros(ORDER + 1, dtype=np.complex128)
+    coefficient, size = np.zeros((ORDER + 1, m), dtype=np.complex128), np.zeros((ORDER + 1, m))
+    guards = Guards(ORDER + 1, m, exponents, powers, coefficient, size, np.zeros(m))
+    search = make_search(m)
+    steps, events, stalled = 0, 0, 0
+    while t < t_end:
+        if steps == log.time.size or events == log.event_time.size:
+            return FULL, t, begins, steps, events
+        series_at(s, closed, t, y, series)
+        h = min(_length(s, series), s.longest, t_end - t)
+        ends, hit = h == t_end - t, -1
+        if m > 0:
+            _fill_guards(s, closed, series, h, guards)
+            longest = h
+            h, hit, _ = first_event(guards, search, longest, begins, MOST_LOOKS)
+            ends = ends and h == longest
+            if hit == NO_STEP:
+                return STUCK, t, begins, steps, events
+        log.time[steps], log.length[steps] = t, h
+        for i in range(y.size):
+            log.y[steps, i] = y[i]
+        for j in range(m):
+            log.closed[steps, j] = closed[j]
+        steps += 1
+        _add_up_both(series, h, y)
+        _vary(s, motion, t, h, series, varied)
+        begins = hit
+        if hit < 0:
             t = t_end if ends else t + h
-    return DONE, t, toggled, steps, events
+            continue
+        t += h
+        stalled = stalled + 1 if h == 0.0 else 0
+        if stalled > MOST_STALLED:
+            return STUCK, t, begins, steps, events
+        log.event_time[events], log.event_contact[events], log.event_closing[events] = t, hit, not closed[hit]
+        events += 1
+        rate = 0.0
+        for k in range(ORDER, 0, -1):
+            rate = rate * h + k * coefficient[k, hit].real
+        _cross(s, motion, t, hit, rate, dd)
+        closed[hit] = not closed[hit]
+    return DONE, t, begins, steps, events
 
 
 @kernel
 def sample_smooth(s, log_time, log_closed, log_y, times, out):  # type: ignore[no-untyped-def]
     """(nt, 2n) states at increasing times from a log of steps."""
-    n = s.omega2.size
-    nc = s.cubic.size
-    q = np.zeros((ORDER + 1, n))
-    v = np.zeros((ORDER + 1, n))
-    x = np.zeros((nc, ORDER + 1))
-    x2 = np.zeros((nc, ORDER + 1))
-    x3 = np.zeros((nc, ORDER + 1))
-    d = np.zeros(ORDER + 1)
+    series = make_series(s)
     g = 0
     current = -1
     for i in range(times.size):
         while g < log_time.size - 1 and log_time[g + 1] <= times[i]:
             g += 1
         if g != current:
-            for k in range(n):
-                q[0, k], v[0, k] = log_y[g, k], log_y[g, n + k]
-            _series(s, log_closed[g], log_time[g], q, v, x, x2, x3, d)
+            series_at(s, log_closed[g], log_time[g], log_y[g], series)
             current = g
-        h = times[i] - log_time[g]
-        _add_up(q, h, out[i, :n])
-        _add_up(v, h, out[i, n:])
+        _add_up_both(series, times[i] - log_time[g], out[i])
