@@ -78,5 +78,6 @@ def as_arrays(steps: list[PieceStep], sources: Sources, length: float) -> PieceS
     return PieceSteps(
         pad([step.matrix for step in steps]), pad([step.curvature for step in steps]),
         pad([step.doubt for step in steps]), np.array([step.valid for step in steps]),
-        np.array([step.matrix.shape[1] for step in steps]), length, round_off(sources),
+        np.array([step.matrix.shape[1] for step in steps]),
+        np.array([step.curvature.shape[1] for step in steps]), length, round_off(sources),
     )  # fmt: skip

@@ -90,7 +90,7 @@ class Motion:
     @classmethod
     def beginning(cls, y: Floats, state: int) -> Motion:
         """A motion at t = 0, with the state of `ExactFlow.begin`."""
-        from beamsim.flow.march_kernels import BEGINNING
+        from beamsim.flow.event_kernels import BEGINNING
 
         return cls(y, state, BEGINNING)
 
@@ -100,11 +100,11 @@ class Motion:
 
     def advance(self, flow: Marched, end: float, log: Log, most_evaluations: int) -> tuple[int, int, int, int]:
         """One call of the compiled march: status, segments, events, evaluations."""
-        from beamsim.flow.march_kernels import NEED_STATE, march
+        from beamsim.flow.march_kernels import NEED_STATE, Position, march
 
         code, self.time, self.piece, self.state, self.guard, segments, events, evaluations = march(
-            *flow.kernel_arguments(), flow.equal_steps(), self.time, self.piece, end, self.state, self.guard,
-            self.waits, self.y, log, most_evaluations,
+            *flow.kernel_arguments(), flow.equal_steps(),
+            Position(self.time, self.piece, self.state, self.guard, self.waits), end, self.y, log, most_evaluations,
         )  # fmt: skip
         self.waits = code == NEED_STATE
         return code, segments, events, evaluations

@@ -11,33 +11,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.flow.compiled import kernel, summing
+from beamsim.flow.event_kernels import NO_STEP, Guards, first_event, make_search, safe_step
 from beamsim.flow.kernels import (
-    PATIENCE,
-    _clear_ahead,
+    EPS,
     _coefficients,
-    _combine,
-    _crossing,
-    _evaluate,
     _exp,
     _fill_basis,
-    _fill_floors,
-    _fill_floors_at_start,
-    _fill_least,
     _fill_sources,
-    _follow_zeros,
-    _is_close,
-    _leaves_at_once,
-    _long_step,
-    _next_step,
     _outputs,
     _parts,
     _reset,
     _rows,
-    _safe_step,
     _state_at,
 )
 
-BEGINNING = -2
 DONE, NEED_STATE, BUDGET, FULL, STUCK = 0, 1, 2, 3, 4
 RESTART = 256  # even samples, after which the exponentials are evaluated anew
 IN_A_ROW = 16  # of them, each of which follows from the one before
@@ -51,16 +38,27 @@ class PieceSteps(NamedTuple):
     doubt: Any  # (S, F + Z, g)
     valid: Any  # (S,)
     rows: Any  # (S,) of R
+    guards: Any  # (S,) of g
     length: float  # s
     round_off: float  # s, within which a piece has that length
 
 
+class Position(NamedTuple):
+    """Where a motion is."""
+
+    time: Any  # s
+    piece: Any  # of the sources
+    state: Any  # contact state
+    guard: Any  # whose event is here, or ONWARDS, or BEGINNING of the motion
+    waits: Any  # whether the state after that event was not built
+
+
 @kernel
-def _walk(tables, inputs, steps, s, piece, end, most, y, log, n_seg):  # type: ignore[no-untyped-def]
-    """Carry y over whole pieces in state s, at most so many, until one may hold an event; returns their number."""
-    F, N, Z, g = inputs.exponent.size, y.size, tables.n_free[s], tables.n_guards[s]
-    H = steps.length
-    R = steps.rows[s]
+def _walk(inputs, steps, position, end, most, y, log, n_seg):  # type: ignore[no-untyped-def]
+    """Carry y over whole pieces, at most so many, until one may hold an event; returns their number."""
+    s, piece = position.state, position.piece
+    F, N, g, R = inputs.exponent.size, y.size, steps.guards[s], steps.rows[s]
+    H, Z = steps.length, (R - N - 3 * g) // 2
     out = np.empty(R)
     size = np.empty(F + Z)
     done = 0
@@ -93,7 +91,7 @@ def _walk(tables, inputs, steps, s, piece, end, most, y, log, n_seg):  # type: i
             value, slope, last = out[first + j], out[first + g + j], out[first + 2 * g + j]
             # above the straight line between its ends but for an eighth of the curvature, or by the slope at its start
             above = min(value, last) - curvature * H * H / 8.0 > doubt
-            clear = clear and value > doubt and (above or _safe_step(value, slope, curvature) >= H)
+            clear = clear and value > doubt and (above or safe_step(value, slope, curvature) >= H)
         if not clear:
             break
         if log.time.size > 0:
@@ -109,32 +107,54 @@ def _walk(tables, inputs, steps, s, piece, end, most, y, log, n_seg):  # type: i
 
 
 @kernel
-def march(  # type: ignore[no-untyped-def]
-    tables, inputs, steps, t, piece, end, state, guard, waits, y, log, most_evaluations
-):
-    """Carry the state y, updated in place, to the time ``end``.
+def _fill_guards(tables, s, zeta, H, guards):  # type: ignore[no-untyped-def]
+    """The guards of state s on a segment of length H, from the amplitudes of its sources."""
+    coefficient, least = guards.coefficient, guards.least
+    _coefficients(tables, s, tables.watch, zeta, guards.count, coefficient)
+    for b in range(guards.basis):
+        for j in range(guards.count):
+            guards.size[b, j] = abs(coefficient[b, j])
+    for j in range(guards.count):
+        least[j] = 0.0
+    for q in range(tables.n_terms[s]):
+        # a power of time counts with what it reaches on this segment
+        a = 4.0 * EPS * abs(zeta[tables.term_source[s, q]]) * H ** tables.power[s, tables.term_basis[s, q]]
+        for j in range(guards.count):
+            least[j] += a * tables.roughness[s, q, j]
 
-    ``guard`` is the one whose event lies at the start (-1: none, or `BEGINNING` of the motion); ``waits`` says that
-    the state after that event was not built before. Segments and events go into ``log`` (see `beamsim.flow.march.Log`),
-    unless its size is zero.
 
-    Returns (status, t, piece, state, guard, segments, events, evaluations): DONE at the end; NEED_STATE when the state
-    that follows the guard's event is not built (the event is not logged yet, the segment is); FULL when the log is
-    full; BUDGET when ``most_evaluations`` were used: called again it goes on; STUCK when a step has no length. A
-    segment that takes that many evaluations alone is split.
+@kernel
+def march(tables, inputs, steps, position, end, y, log, most_evaluations):  # type: ignore[no-untyped-def]
+    """Carry a motion on from event to event.
+
+    Parameters
+    ----------
+    tables, inputs : Tables of the contact states, Inputs.
+    steps : PieceSteps, or None.
+    position : Position of the motion.
+    end : s.
+    y : (N,) state, updated in place.
+    log : takes segments and events (see `beamsim.flow.march.Log`), unless its size is zero.
+    most_evaluations : of the guards.
+
+    Returns
+    -------
+    status : DONE at the end; NEED_STATE when the state that follows the guard's event is not built (the event is not
+        logged yet, the segment is); FULL when the log is full; BUDGET when ``most_evaluations`` were used: called again
+        it goes on; STUCK when a step has no length. A segment that takes that many evaluations alone is split.
+    time, piece, state, guard : where the motion is.
+    segments, events, evaluations : how many.
     """
+    t, piece, state, guard, waits = position
     B, most = tables.exponent.shape[1], tables.guard_contact.shape[1]
     # each is written before it is read; zeros would take longer to compile
     zeta = np.empty(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     rest = np.empty(tables.projector.shape[2])
     gamma = np.empty((B, most), dtype=np.complex128)
     size = np.empty((B, most))
+    least = np.empty(most)
     basis = np.empty(B, dtype=np.complex128)
-    out = np.empty((4, most))
-    all_least = np.empty(most)
-    all_floors = np.empty(most)
-    slopes = np.empty(most)
-    largest, bend = np.empty(B), np.empty(B)
+    search = make_search(most)
     pieces = inputs.start.size
     logging = log.time.size > 0
     n_seg = 0
@@ -157,7 +177,8 @@ def march(  # type: ignore[no-untyped-def]
                 most_pieces = most_evaluations - n_eval + 1
                 if logging:
                     most_pieces = min(most_pieces, log.time.size - n_seg)
-                walked = _walk(tables, inputs, steps, state, piece, end, most_pieces, y, log, n_seg)
+                here = Position(t, piece, state, guard, False)
+                walked = _walk(inputs, steps, here, end, most_pieces, y, log, n_seg)
                 if walked > 0:
                     n_seg += walked
                     n_eval += walked
@@ -168,12 +189,7 @@ def march(  # type: ignore[no-untyped-def]
             whole = tables.horizon[state] >= H
             if not whole:
                 H = tables.horizon[state]
-            guards = tables.n_guards[state]
-            least, floors = all_least[:guards], all_floors[:guards]
             _fill_sources(tables, state, inputs, piece, t, y, rest, zeta)
-            if guards > 0:
-                _combine(tables, state, tables.watch, zeta, guards, gamma, size)
-                _fill_least(tables, state, zeta, H, least)
             nb = tables.n_basis[state]
             exponent = tables.exponent[state]
             power = tables.power[state]
@@ -184,47 +200,15 @@ def march(  # type: ignore[no-untyped-def]
                 for k in range(y.size):
                     log.y[n_seg, k] = y[k]
 
-            tau = 0.0
-            hit = -1
-            short = 0
-            for j in range(floors.size):
-                floors[j] = 0.0
-            most_here = n_eval + most_evaluations
-            clear = guards > 0 and _clear_ahead(exponent, power, nb, gamma, size, least, H, largest, bend)
-            n_eval += int(clear)
-            while guards > 0 and not clear:
-                reach = _evaluate(exponent, power, nb, guards, gamma, size, tau, H, out)
-                n_eval += 1
-                if tau == 0.0 and guard >= 0:
-                    _fill_floors(out, size, power, nb, H, floors)
-                elif tau == 0.0 and guard == BEGINNING:
-                    _fill_floors_at_start(out, least, floors)
-                step, hit = _next_step(out, least, floors, reach - tau)
-                if guard < 0:
-                    step *= _follow_zeros(out, least, tau, slopes, floors)
-                if hit >= 0:
-                    break
-                short = short + 1 if _is_close(out, least, floors) else 0
-                if short > PATIENCE and step < reach - tau:
-                    further = _long_step(exponent, power, nb, gamma, size, out, least, floors, tau, reach)
-                    short = short if further > 4.0 * step else 0
-                    step = further
-                before = tau
-                tau += step
-                if tau >= H:
-                    break
-                if tau == before:
+            tau, hit = H, -1
+            if tables.n_guards[state] > 0:
+                guards = Guards(nb, tables.n_guards[state], exponent, power, gamma, size, least)
+                _fill_guards(tables, state, zeta, H, guards)
+                tau, hit, looks = first_event(guards, search, H, guard, most_evaluations)
+                n_eval += looks
+                if hit == NO_STEP:
                     return STUCK, t, piece, state, guard, n_seg, n_ev, n_eval
-                if n_eval > most_here:
-                    H = tau
-                    whole = False
-                    break
-            if hit < 0:
-                tau = H
-            elif guard < 0 and _leaves_at_once(out, least, tau, slopes, hit):
-                tau = 0.0
-            else:
-                tau = _crossing(out, hit, tau)
+                whole = whole and tau >= H
             _fill_basis(exponent, power, nb, tau, basis)
             _state_at(tables, state, zeta, basis, y)
             if logging:

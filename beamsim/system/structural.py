@@ -158,12 +158,13 @@ class StructuralSystem:
         """Bending stress along the bodies; None where no body gives one."""
         return stress_rows(self.bodies)
 
-    def certificate_warnings(self, found_on: str) -> tuple[str, ...]:
-        """That contacts beside cubic springs may be missed; ``found_on`` is what they are looked for on."""
+    @property
+    def certificate_warnings(self) -> tuple[str, ...]:
+        """That harmonic balance may miss contacts beside cubic springs."""
         if not self.cubic.count or not self.dynamics.contacts.count:
             return ()
         return (
-            f"cubic springs have no closed-form motion: contacts are found by sign changes on {found_on}, without "
+            "cubic springs have no closed-form motion: contacts are found by sign changes on sums of harmonics, without "
             "certificate",
         )
 

@@ -12,39 +12,39 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-KERNELS, MARCH = "beamsim/flow/kernels.py", "beamsim/flow/march_kernels.py"
+KERNELS, SEARCH, MARCH = (f"beamsim/flow/{name}kernels.py" for name in ("", "event_", "march_"))
 
 SEEDED = {
     "step towards a zero 40 % too long": (
-        KERNELS,
+        SEARCH,
         "return 2.0 * g / (root - slope)",
         "return 2.8 * g / (root - slope)",
     ),
     "bound on the curvature a tenth": (
-        KERNELS,
+        SEARCH,
         "            noise = EPS * (8.0 + r * tau) * level\n",
         "            noise = EPS * (8.0 + r * tau) * level\n            bound *= 0.1\n",
     ),
     "bound without the cross term of tau e^(lambda tau)": (
-        KERNELS,
+        SEARCH,
         "bound = (r2 * reach + 2.0 * r) * level",
         "bound = r2 * reach * level",
     ),
-    "bound without the last term of powers": (KERNELS, "+ p * (p - 1.0)) * rp * level", ") * rp * level"),
+    "bound without the last term of powers": (SEARCH, "+ p * (p - 1.0)) * rp * level", ") * rp * level"),
     "sign in the slope": (
-        KERNELS,
+        SEARCH,
         "value.real, value.imag, slope.real, slope.imag",
         "value.real, value.imag, slope.real, -slope.imag",
     ),
     "decay taken at the far end": (
-        KERNELS,
+        SEARCH,
         "math.exp(lam.real * (tau if lam.real < 0.0 else reach))",
         "math.exp(lam.real * reach)",
     ),
     "only the first contact is watched": (
-        KERNELS,
-        "    step, hit = longest, -1\n    for j in range(least.size):",
-        "    step, hit = longest, -1\n    for j in range(min(1, least.size)):",
+        SEARCH,
+        "    step, hit = longest, NO_EVENT\n    for j in range(guards.count):",
+        "    step, hit = longest, NO_EVENT\n    for j in range(min(1, guards.count)):",
     ),
     "released faces start from the wrong side": (
         KERNELS,
@@ -58,16 +58,16 @@ SEEDED = {
     ),
     "breaks of the input are run over": (
         MARCH,
-        "                    stop = inputs.start[piece + 1]",
-        "                    pass",
+        "                stop = inputs.start[piece + 1]",
+        "                pass",
     ),
     "the curvature is taken for that of the first term": (
-        KERNELS,
+        SEARCH,
         "            bound = r2 * level\n",
         "            bound = r2 * level if b == 0 else 0.0\n",
     ),
     "late by 1e9 times the round-off": (
-        KERNELS,
+        SEARCH,
         "        if lifted < tolerance:",
         "        if lifted < -1e9 * tolerance:",
     ),

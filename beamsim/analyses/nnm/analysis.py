@@ -155,7 +155,6 @@ def nnm(
         warnings=(
             *scenario.warnings,
             *system.warnings,
-            *system.certificate_warnings("Taylor series"),
             *forces_beyond_tables(scenario, [motion.force]),
         ),
         wall_time_s=clock.perf_counter() - begin,

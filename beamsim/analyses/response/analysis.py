@@ -121,7 +121,6 @@ def frequency_response(
         parts = outcome.parts if outcome.code is COMPLETE.code else (outcome,)
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, *parts, left=missing)
     f, second = model.followed, model.second
-    found_on = "Taylor series" if settings.method.kind == "shooting" else "sums of harmonics"  # type: ignore[union-attr]
     return FrequencyResponse(
         scenario=scenario,
         outcome=outcome,
@@ -130,7 +129,7 @@ def frequency_response(
         warnings=(
             *scenario.warnings,
             *model.system.warnings,
-            *model.system.certificate_warnings(found_on),
+            *(model.system.certificate_warnings if isinstance(settings.method, HarmonicBalance) else ()),
             *left_out,
             *deflection_warnings(scenario, model.system.modes, (branch.peak_displacement for branch in branches)),
             *forces_beyond_tables(scenario, (branch.peak_force for branch in branches)),
