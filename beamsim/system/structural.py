@@ -164,8 +164,8 @@ class StructuralSystem:
         if not self.cubic.count or not self.dynamics.contacts.count:
             return ()
         return (
-            "cubic springs have no closed-form motion: contacts are found by sign changes on sums of harmonics, without "
-            "certificate",
+            "cubic springs have no closed-form motion: contacts are found by sign changes on sums of harmonics, "
+            "without certificate",
         )
 
     @property

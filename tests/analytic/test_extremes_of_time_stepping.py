@@ -127,7 +127,7 @@ def test_highest_of_polynomials_is_exact():
 
 
 def test_continuation_with_a_cubic_spring_and_a_stop():
-    """The peaks of its motions are those of an integration over a period; no contact is passed over, so none is warned of."""
+    """The peaks of its motions are those of an integration over a period. It has no warning: no contact is missed."""
     sweep = {"kind": "continuation", "from": "1.3 Hz", "to": "1.31 Hz", "seek_at": 0}
     result = frequency_response(case(45.0, run=None, sweep=sweep))
     assert not any("without certificate" in warning for warning in result.warnings)
