@@ -80,6 +80,10 @@ class CubicRecord:
             self._few = t.copy(), out
         return np.asarray(out[integral])
 
+    def keep(self, times: Floats, values: Floats) -> None:
+        """Keep values (3, nt) of the record and its integrals at times (nt,), until many others are asked for."""
+        self._few = times, values
+
     def _make(self, number: int) -> tuple[Signal, Signal, Signal]:
         first = number * PIECES_OF_A_BLOCK
         last = min(first + PIECES_OF_A_BLOCK, self.pieces)
@@ -150,20 +154,6 @@ class StreamedSignal(Signal):
     def antiderivative(self, initial: float = 0.0) -> Signal:
         """The exact integral from t = 0 on, of all pieces."""
         return Signal(self.start, self.exponent, self.coefficient).antiderivative(initial)
-
-
-class KnownValues(Signal):
-    """A signal of which the values at some increasing times (n,) are known, and nothing else."""
-
-    def __init__(self, times: Floats, values: Floats) -> None:
-        self.__dict__.update(times=times, values=values)
-
-    times: Floats
-    values: Floats
-
-    def __call__(self, t: ArrayLike) -> Floats:
-        """Values at some of the times."""
-        return np.asarray(self.values[np.searchsorted(self.times, np.asarray(t, dtype=float))])
 
 
 def common_record(signals: tuple[Signal, ...]) -> CubicRecord | None:

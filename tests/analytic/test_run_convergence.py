@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import butter, lsim, zpk2tf
 
 import beamsim
-from beamsim.analyses.run import convergence, exact_motion, filtered_motion
+from beamsim.analyses.run import convergence, filtered_motion
 from beamsim.analyses.run.filtered_motion import FilteredPanels, FilteredSegments, filtered
 from beamsim.analyses.run.low_pass import LowPassFilter
 from beamsim.analyses.run.outputs import exact_flow, output_groups
@@ -190,8 +190,7 @@ def test_forces_that_last_for_an_instant_are_compared_with_forces(monkeypatch):
     Accelerations are led through the filter once for each model; before, again for every part that is compared.
     """
     made = []
-    for module in (convergence, exact_motion):
-        monkeypatch.setattr(module, "filtered", lambda *given: made.append(given) or filtered(*given))
+    monkeypatch.setattr(convergence, "filtered", lambda *given: made.append(given) or filtered(*given))
     short = {"run.duration": 0.2, "run.spectrum": {"last": 0.1}, "reduction.modes": 5, "run.low_pass": 2e3}
     s = beamsim.run(load_scenario(CONFIGS / "one_sided_65hz.yaml", {"snubbers[0].stiffness": 151e8} | short)).summary
     assert s["convergence_model"]["sequences_part_s"] < 0.1

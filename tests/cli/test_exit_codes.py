@@ -86,10 +86,10 @@ def overflowing(real, since):
 def test_a_run_that_is_not_to_be_trusted_ends_with_3_keeps_its_file_and_says_from_when(
     options, code, says, tmp_path, monkeypatch
 ):
-    from beamsim.analyses.run import exact_motion
+    from beamsim.flow import stretches
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(exact_motion, "simulate", overflowing(exact_motion.simulate, 0.2))
+    monkeypatch.setattr(stretches, "motion_of", overflowing(stretches.motion_of, 0.2))
     Path("case.yaml").write_text(CASE)
     done = CliRunner().invoke(app, ["run", "case.yaml", "--quiet", "--no-plots", *options])
     assert done.exit_code == code, done.output

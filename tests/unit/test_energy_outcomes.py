@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import asked, exact_motion
+from beamsim.analyses.run import asked
 from beamsim.analyses.run.energy import (
     LARGEST_ERROR,
     LEAST_SEGMENTS,
@@ -20,7 +20,8 @@ from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.analyses.sweep.swept_sine import sweep_level
 from beamsim.cli.conclusion import exit_code
-from beamsim.flow.transient import simulate
+from beamsim.flow import stretches
+from beamsim.flow.transient import motion_of, simulate
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario import load_scenario
 from beamsim.store.results import write_result
@@ -30,20 +31,20 @@ CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
 SHORT = ["run.duration=0.1 s", "run.sample_rate=5 kHz", "run.spectrum.last=0.05 s"]
 
 
-def tampered(share, since):
-    """The solver, its motion multiplied by 1 + share from a time on."""
+def tampered(share, since, solver=simulate):
+    """A solver, its motion multiplied by 1 + share from a time on."""
 
-    def solver(*arguments, **options):
-        motion = simulate(*arguments, **options)
+    def changed(*arguments, **options):
+        motion = solver(*arguments, **options)
         factor = np.where(motion.time >= since, 1 + share, 1.0)[:, None]
         return replace(motion, y=motion.y * factor)
 
-    return solver
+    return changed
 
 
 @pytest.mark.parametrize(("share", "trusted"), [(0.0, True), (1e-8, True), (1e-4, False)])
 def test_lost_energy_is_an_outcome_with_its_time(monkeypatch, share, trusted):
-    monkeypatch.setattr(exact_motion, "simulate", tampered(share, 0.05))
+    monkeypatch.setattr(stretches, "motion_of", tampered(share, 0.05, motion_of))
     result = beamsim.run(load_scenario(CASE, SHORT))
     assert result.outcome.trusted is result.outcome.complete is trusted
     assert (result.summary["energy_error"] <= LARGEST_ERROR) is trusted
@@ -57,7 +58,7 @@ def test_lost_energy_is_an_outcome_with_its_time(monkeypatch, share, trusted):
 
 
 def test_lost_energy_is_stored_with_its_code(monkeypatch, tmp_path):
-    monkeypatch.setattr(exact_motion, "simulate", tampered(1e-4, 0.05))
+    monkeypatch.setattr(stretches, "motion_of", tampered(1e-4, 0.05, motion_of))
     write_result(beamsim.run(load_scenario(CASE, SHORT)), tmp_path / "case.h5")
     assert beamsim.open_result(tmp_path / "case.h5").outcome.code is OutcomeCode.ENERGY_NOT_BALANCED
 
@@ -66,7 +67,7 @@ def test_a_start_that_is_not_finite_has_an_outcome():
     system = build_system(load_scenario(CASE, SHORT))
     start = system.initial_state.copy()
     start[0] = np.nan
-    motion = simulate(exact_motion.exact_flow(system, 0.1), start)
+    motion = simulate(exact_flow(system, 0.1), start)
     assert motion.outcome.code is OutcomeCode.NOT_FINITE
     assert motion.outcome.numbers["time"] == motion.end == 0.0
     assert not motion.outcome.complete
@@ -76,11 +77,11 @@ def test_a_motion_that_overflows_is_kept_up_to_there(monkeypatch):
     """The twin without the tampering is complete (above)."""
 
     def solver(*arguments, **options):
-        motion = simulate(*arguments, **options)
+        motion = motion_of(*arguments, **options)
         later = motion.time[:, None] >= 0.05
         return replace(motion, y=np.where(later, np.inf, motion.y), final_y=motion.final_y * np.inf).up_to_finite()
 
-    monkeypatch.setattr(exact_motion, "simulate", solver)
+    monkeypatch.setattr(stretches, "motion_of", solver)
     result = beamsim.run(load_scenario(CASE, SHORT))
     assert result.outcome.code is OutcomeCode.NOT_FINITE
     end = result.outcome.numbers["time"]
@@ -104,7 +105,7 @@ def test_energies_beyond_floating_point_are_an_outcome(size):
 
 def test_the_search_for_extremes_ends_whatever_the_size():
     system = build_system(load_scenario(CASE, SHORT))
-    motion = tampered(1e200, 0.05)(exact_motion.exact_flow(system, 0.1), system.initial_state)
+    motion = tampered(1e200, 0.05)(exact_flow(system, 0.1), system.initial_state)
     delta, _ = motion.flow.penetrations
     found = motion.extrema(lambda _: delta)
     assert np.isfinite(found.high[0])

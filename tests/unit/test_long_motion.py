@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import analysis, long_run, parting, stretches
+from beamsim.analyses.run import exact_motion, parting
 from beamsim.analyses.run import motion as run_motion
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.errors import ScenarioError
-from beamsim.flow import exact, long_motion
+from beamsim.flow import exact, stretches
 from beamsim.flow.stopping import Stopped
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs import streamed
@@ -35,11 +35,9 @@ def scenario(**run):
 def small_parts():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(streamed, "PIECES_OF_A_BLOCK", 700)
-        for module in (long_motion, long_run):
+        for module in (stretches, exact_motion):
             patch.setattr(module, "CHECKPOINT_PIECES", 256)
-        for module in (analysis, long_run):
-            patch.setattr(module, "BYTES_A_PIECE", 12800)
-        patch.setattr(stretches, "SEEDS_OF_A_STRETCH", 8)
+        patch.setattr(exact_motion, "BYTES_A_PIECE", 12800)
         yield
 
 
@@ -116,7 +114,7 @@ def test_memory_does_not_grow_with_the_duration(pieces_made):
 def test_stretches_are_forgotten():
     system = build_system(scenario())
     flow = exact_flow(system, 0.14, pieces=(0, 513))
-    motion, kept = long_motion.LongMotion(flow, system.initial_state, 256), []
+    motion, kept = stretches.MotionInStretches(flow, system.initial_state, 256), []
     tracemalloc.start()
     for stretch in motion.stretches():
         del stretch
@@ -139,7 +137,7 @@ def test_statistics_are_gathered_a_few_histories_at_a_time(in_stretches, monkeyp
 
 def test_an_interrupted_motion_keeps_what_it_reached(in_stretches, pieces_made):
     reached = []
-    result = beamsim.run(scenario(), progress=reached.append, stop=lambda: len(reached) > 8)
+    result = beamsim.run(scenario(), progress=reached.append, stop=lambda: reached[-1:] > [0.4])
     assert result.outcome.code is OutcomeCode.INTERRUPTED
     assert np.all(np.diff(reached) > 0)
     assert 0.2 * 0.14 < result.time[-1] < 0.8 * 0.14
@@ -246,11 +244,10 @@ def test_an_interruption_of_the_spectra_samples_few_times(monkeypatch, memory):
         return make(record, number)
 
     monkeypatch.setattr(run_motion, "SAMPLES_OF_A_STOPPED_RUN", 100)
-    monkeypatch.setattr(stretches, "FEW_SAMPLES", 100)
     monkeypatch.setattr(run_motion, "spectra_of_motion", interrupted)
     monkeypatch.setattr(Trajectory, "sample", counted)
     monkeypatch.setattr(streamed.CubicRecord, "_make", counted_block)
-    monkeypatch.delattr("beamsim.analyses.run.histories.searched_extremes")
+    monkeypatch.setattr(exact_motion, "searched_extremes", None)
     result = beamsim.run(scenario(memory=memory, sample_rate=20000.0), stop=lambda: bool(reached))
     assert result.outcome.code is OutcomeCode.INTERRUPTED
     assert 50 < result.time.size <= 101

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import exact_motion, histories, records
+from beamsim.analyses.run import histories, records
 from beamsim.analyses.run import motion as run_motion
 from beamsim.analyses.run.energy import energy_history
+from beamsim.analyses.run.outputs import exact_flow, output_groups
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.flow import fourier, integral_kernels, march_kernels
@@ -53,7 +54,7 @@ def calls(monkeypatch):
 def test_energies_of_a_panel_thrown_on_a_stiff_damped_stop(calls):
     """Decays of 1e-8 s in a second of motion: panels as short as these would be 1e7 a contact-free segment."""
     system = build_system(load_scenario(CONFIGS / "released_panel.yaml", STIFF))
-    motion = simulate(exact_motion.exact_flow(system, 1.0), system.initial_state)
+    motion = simulate(exact_flow(system, 1.0), system.initial_state)
     assert max(np.abs(s.exponent).max() for s in motion.flow.states) > 9e7
     assert any(s.power.any() for s in motion.flow.states)  # the rigid rotation
     times = np.linspace(0.0, 1.0, 10_001)
@@ -123,8 +124,8 @@ def test_a_stopped_run_keeps_its_motion(monkeypatch):
 
 def test_fourier_integrals_in_pieces_are_those_in_one(monkeypatch):
     system = build_system(load_scenario(CONFIGS / "one_sided_65hz.yaml"))
-    motion = simulate(exact_motion.exact_flow(system, 0.8), system.initial_state)
-    acceleration = exact_motion.output_groups(system, motion.flow).groups["acceleration"]
+    motion = simulate(exact_flow(system, 0.8), system.initial_state)
+    acceleration = output_groups(system, motion.flow).groups["acceleration"]
     one, other = (fourier.MotionPart.of(motion, acceleration, 0.05, 0.2, np.inf).one(0) for _ in range(2))
     omega = 2 * np.pi * np.linspace(0.0, 2000.0, 700)
     calls = []

@@ -15,9 +15,9 @@ from beamsim.analyses.run.convergence import resting, with_convergence
 from beamsim.analyses.run.derived import DerivedFigures
 from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.figures import by_name, largest
-from beamsim.analyses.run.impacts import ImpactRecord, fatigue_doubts, fatigue_of
+from beamsim.analyses.run.first_part import checked_on_first_part
+from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of
 from beamsim.analyses.run.jumps import jump_warnings
-from beamsim.analyses.run.long_run import check_stretches, checked_on_first_part, long_motion_of
 from beamsim.analyses.run.model_check import convergence_of
 from beamsim.analyses.run.motion import (
     KEPT,
@@ -31,11 +31,9 @@ from beamsim.analyses.run.motion import (
     step_of_few,
 )
 from beamsim.analyses.run.orbit_start import built_at_orbit
-from beamsim.analyses.run.outputs import MOTION_SHARE, pieces_of
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import folding_doubts
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
-from beamsim.analyses.run.stretches import BYTES_A_PIECE
 from beamsim.analyses.run.summary import spectral_lines, summary_of_run
 from beamsim.analyses.table_reach import compressed_beyond_tables
 from beamsim.errors import Problem, ScenarioError
@@ -49,8 +47,8 @@ from beamsim.system.structural import StructuralSystem
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-    from beamsim.scenario.impacts import ImpactSettings
     from beamsim.scenario.run import ShockSpectrumSettings
+    from beamsim.structures.stations import StressRows
 
 
 def run(
@@ -80,14 +78,7 @@ def run(
     else:
         system = build_system(scenario, shared)
     times = output_times(settings)
-    solve, in_stretches = exact_motion_of, False
-    if steps_in_time(system, settings):
-        solve = stepped_motion_of
-    elif scenario.excitation.kind == "random":
-        in_stretches = pieces_of(system) * BYTES_A_PIECE > MOTION_SHARE * settings.memory
-    if in_stretches:
-        check_stretches(system, settings)
-        solve = long_motion_of
+    solve = stepped_motion_of if steps_in_time(system, settings) else exact_motion_of
     motion = solve(system, settings, times, progress, stop)
     try:
         with heeding(stop):
@@ -99,7 +90,6 @@ def run(
         spectra = spectra_of(scenario, system, motion)  # of the samples
     probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes["displacement"])
     snubbers = [snubber.name for snubber in system.snubbers]
-    with_inputs = (motion.few_inputs if motion.outcome.interrupted else None) or system
     result = RunResult(
         scenario=scenario,
         method=motion.method,
@@ -108,7 +98,7 @@ def run(
         base_unit="rad" if getattr(scenario.excitation, "rotates", False) else "m",
         events=motion.events,
         spectra=spectra,
-        **histories_of(scenario, with_inputs, motion),
+        **histories_of(scenario, system, motion),
         **bodies_of_run(scenario, system, motion),
         modes=system.modes,
         work=motion.work,
@@ -124,8 +114,8 @@ def run(
         ),
     )
     if scenario.excitation.kind in ("random", "sampled"):
-        result = _with_statistics(result, with_inputs, stop)
-    result = _with_impacts(result, system, motion, stop)
+        result = _with_statistics(result, system, stop)
+    result = _with_impacts(result, motion, system.stress, stop)
     summary = summary_of_run(scenario, system, motion, spectra, stop)
     jumps = jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
     result = changed(result, warnings=(*result.warnings, *jumps))
@@ -147,7 +137,7 @@ def run(
         result = _with_shock_response(result, system, motion, settings.srs, stop)
         if result.srs is not None:
             summary["srs"] = result.srs.summary()
-    if in_stretches:
+    if motion.compared_s is not None:
         checked = checked_on_first_part(scenario, system, motion, shared, stop)
     else:
         sampled_at = np.zeros(0) if result.random is None else result.time
@@ -168,7 +158,6 @@ def _with_few_samples(result: RunResult, system: StructuralSystem, motion: RunMo
     few = _with_few_times(motion)
     if few is motion:
         return result
-    system = motion.few_inputs or system
     outcome = result.outcome
     if outcome.complete:
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the evaluation of the motion")
@@ -177,24 +166,23 @@ def _with_few_samples(result: RunResult, system: StructuralSystem, motion: RunMo
 
 
 def _with_impacts(
-    result: RunResult, system: StructuralSystem, motion: RunMotion, stop: Callable[[], bool]
+    result: RunResult, motion: RunMotion, stress: StressRows | None, stop: Callable[[], bool]
 ) -> RunResult:
     """Add statistics of impacts and the damage of stress, where they are asked for."""
     settings = result.scenario.run
     assert settings is not None
-    if settings.impacts is None and settings.fatigue is None:
-        return result
     try:
         with heeding(stop):
             if settings.impacts is not None:
-                record = motion.impacts or _impacts_of(system, motion, settings.impacts)
-                impacts = record.statistics(stationary=result.scenario.excitation.kind == "random")
+                if motion.impacts is None:
+                    raise Stopped
+                impacts = motion.impacts.statistics(stationary=result.scenario.excitation.kind == "random")
                 result = changed(result, impacts=impacts)
-            if settings.fatigue is not None and system.stress is not None:
+            if settings.fatigue is not None and stress is not None:
                 if motion.trajectory is None:
                     raise Stopped
                 stresses = largest(motion.station_extremes())
-                of_bodies = fatigue_of(motion.parts, motion.trajectory.end, system.stress, stresses, settings.fatigue)
+                of_bodies = fatigue_of(motion.parts, motion.trajectory.end, stress, stresses, settings.fatigue)
                 doubts = fatigue_doubts(of_bodies, settings.fatigue)
                 result = changed(result, fatigue=of_bodies, warnings=(*result.warnings, *doubts))
     except Stopped:
@@ -213,14 +201,6 @@ def _with_few_times(motion: RunMotion) -> RunMotion:
         low_passed=None if motion.low_passed is None else motion.low_passed[::step],
         warnings=(*motion.warnings, KEPT.format(step)),
     )
-
-
-def _impacts_of(system: StructuralSystem, motion: RunMotion, settings: ImpactSettings) -> ImpactRecord:
-    if motion.trajectory is None:
-        raise Stopped
-    record = ImpactRecord(system, settings)
-    record.add(motion.trajectory, motion.extremes["force"][2])
-    return record
 
 
 def _given_up(result: RunResult, figures: str) -> RunResult:

@@ -322,12 +322,17 @@ def solve_exactly(
     """
     trajectory = march_again(system, settings, settings.duration, work, stop)
     events = ContactEvents.of(trajectory, len(system.snubbers))
-    behind = None
-    if settings.low_pass is not None:
-        acceleration = output_groups(system, trajectory.flow).groups["acceleration"]
-        behind = filtered(trajectory, acceleration, settings.low_pass, np.zeros(0))
+    behind = behind_filter(system, settings, trajectory)
     figures = solution_figures(system, settings, trajectory, behind)
     return Solution(system, settings, figures, events, trajectory, filtered=behind)
+
+
+def behind_filter(system: StructuralSystem, settings: Run, trajectory: Trajectory | None) -> FilteredMotion | None:
+    """Accelerations behind the filter of a run, at any time of its motion; None where there is no filter or motion."""
+    if settings.low_pass is None or trajectory is None:
+        return None
+    acceleration = output_groups(system, trajectory.flow).groups["acceleration"]
+    return filtered(trajectory, acceleration, settings.low_pass, np.zeros(0))
 
 
 def march_again(

@@ -63,12 +63,9 @@ class EnergyBalance:
     @classmethod
     def of(cls, times: Floats, history: EnergyHistory, exchanged: float) -> EnergyBalance:
         """Compare the energies; ``exchanged`` is the integral of the loads' power without its sign, J."""
-        imbalance = np.abs(history.work_in - history.dissipated - (history.stored - history.stored[0]))
-        scale = max(float(history.stored.max()), exchanged)
-        if scale == 0.0:
-            return cls(history, 0.0, None, exchanged)
-        lost = np.flatnonzero(~np.isfinite(imbalance) | (np.isfinite(scale) & (imbalance > LARGEST_ERROR * scale)))
-        return cls(history, float(imbalance.max() / scale), float(times[lost[0]]) if lost.size else None, exchanged)
+        sums = BalanceOfStretches()
+        sums.add(times, history, exchanged)
+        return sums.result(history)
 
     def checked(self, outcome: Outcome, remedy: str = "") -> Outcome:
         """The outcome of the motion, which is not to be trusted where the balance is lost."""
@@ -83,17 +80,60 @@ class EnergyBalance:
         )  # fmt: skip
 
 
+class BalanceOfStretches:
+    """The energy balance of a motion, stretch by stretch."""
+
+    def __init__(self) -> None:
+        self._imbalance = self._exchanged = self._largest_stored = 0.0  # J, at the end of the latest
+        self._worst: list[tuple[float, float | None]] = []  # of each its largest imbalance, and when it is lost, s
+
+    def add(self, times: Floats, history: EnergyHistory, exchanged: float) -> None:
+        """Include the next stretch.
+
+        Parameters
+        ----------
+        times : (nt,) s, from its start to its end.
+        history : energies there; work and dissipation since its start.
+        exchanged : J, integral of the loads' power without its sign.
+        """
+        with np.errstate(invalid="ignore"):
+            imbalance = self._imbalance + history.work_in - history.dissipated - (history.stored - history.stored[0])
+        size = np.abs(imbalance)
+        self._imbalance = float(imbalance[-1])
+        self._exchanged += exchanged
+        self._largest_stored = float(np.maximum(self._largest_stored, history.stored.max()))
+        lost = np.flatnonzero(~np.isfinite(size) | (np.isfinite(self._scale) & (size > LARGEST_ERROR * self._scale)))
+        self._worst.append((float(size.max()), float(times[lost[0]]) if lost.size else None))
+
+    @property
+    def _scale(self) -> float:
+        return max(self._largest_stored, self._exchanged)
+
+    def result(self, history: EnergyHistory | None = None) -> EnergyBalance:
+        """That of all stretches; ``history`` are energies to keep with it."""
+        history = unknown_energies(0) if history is None else history
+        if not self._worst:
+            return EnergyBalance.unknown()
+        scale = self._scale
+        if scale == 0.0:
+            return EnergyBalance(history, 0.0, None, self._exchanged)
+        allowed = min(LARGEST_ERROR * scale, np.finfo(float).max)
+        lost = (when for size, when in self._worst if when is not None and not size <= allowed)
+        worst = float(np.max([size for size, _ in self._worst]))
+        return EnergyBalance(history, worst / scale, next(lost, None), self._exchanged)
+
+
 def energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
     """Energies at the output times and their balance."""
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite shows in the balance
-        return _energy_history(trajectory, times)
+        return EnergyBalance.of(*_sampled_energies(trajectory, times))
 
 
-def _energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
+def _sampled_energies(trajectory: Trajectory, times: Floats) -> tuple[Floats, EnergyHistory, float]:
     left, right, weight = factors = power_factors(trajectory.flow)
     history = energies(trajectory, times, factors, float(trajectory.time[0]))
     power = (trajectory.sample(times, left) * trajectory.sample(times, right)) @ weight[:, 1]
-    return EnergyBalance.of(times, history, float(np.trapezoid(np.abs(power), times)))
+    return times, history, float(np.trapezoid(np.abs(power), times))
 
 
 def energies(
@@ -117,17 +157,23 @@ def energies(
 
 
 def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
-    """Energies where the segments begin, and at the end; the balance is as strict as that of `energy_history`.
+    """The balance of a motion by the energies of `energies_of_segments`."""
+    times, history, exchanged = energies_of_segments(trajectory)
+    return EnergyBalance.of(times, history, exchanged)
 
-    What is exchanged is counted segment by segment. Motions of few segments, with powers of time unless their pieces
-    are many, or of states that are not kept, are evaluated at `FEW_TIMES`.
+
+def energies_of_segments(trajectory: Trajectory) -> tuple[Floats, EnergyHistory, float]:
+    """Energies where the segments begin, and at the end; with the times, and what is exchanged, segment by segment.
+
+    Motions of few segments, with powers of time unless their pieces are many, or of states that are not kept, are
+    evaluated at `FEW_TIMES`.
     """
     flow, count = trajectory.flow, trajectory.time.size
     by_products = trajectory.exponentials or many_pieces(trajectory)
-    if count < LEAST_SEGMENTS or flow.dropped or not by_products:
-        begin = float(trajectory.time[0])
-        return energy_history(trajectory, begin + (trajectory.end - begin) * FEW_TIMES)
     with np.errstate(over="ignore", invalid="ignore"):
+        if count < LEAST_SEGMENTS or flow.dropped or not by_products:
+            begin = float(trajectory.time[0])
+            return _sampled_energies(trajectory, begin + (trajectory.end - begin) * FEW_TIMES)
         integrals = trajectory.work_of_segments(*power_factors(flow))
         sums = np.vstack([np.zeros(2), np.cumsum(integrals, axis=0)])
         events = np.cumsum(trajectory.event_losses().sum(axis=1))
@@ -136,7 +182,7 @@ def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
         phases = trajectory.phases_of(np.append(trajectory.state, trajectory.state[-1:]))
         y, penetration = contact_motion(trajectory)
         history = EnergyHistory(sums[:, 1], sums[:, 0], stored_energy(flow, y, penetration, phases))
-        return EnergyBalance.of(times, history, float(np.abs(integrals[:, 1]).sum()))
+        return times, history, float(np.abs(integrals[:, 1]).sum())
 
 
 def contact_motion(trajectory: Trajectory) -> tuple[Floats, Floats]:

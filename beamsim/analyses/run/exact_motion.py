@@ -1,4 +1,4 @@
-"""The motion of a run in closed form, kept as a whole."""
+"""The motion of a run in closed form, marched and evaluated stretch by stretch."""
 
 from __future__ import annotations
 
@@ -8,37 +8,89 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.run.energy import EnergyBalance, energy_of_segments
-from beamsim.analyses.run.figures import (
-    Extremes,
-    energy_extremes,
-    sampled_extremes,
-    searched_extremes,
-)
-from beamsim.analyses.run.filtered_motion import filtered
+from beamsim.analyses.run.energy import EnergyBalance
+from beamsim.analyses.run.figures import Extreme, Extremes, sampled_extremes, searched_extremes
+from beamsim.analyses.run.friction import friction_contacts
 from beamsim.analyses.run.histories import COMPONENTS, ExactHistories, Grace
-from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, few_times, memory_of, with_limit
+from beamsim.analyses.run.motion import (
+    KEPT,
+    RunMotion,
+    breakpoints,
+    events_of,
+    memory_of,
+    step_of_few,
+    with_limit,
+)
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.run.outputs import energies_of_rows, events_in_memory, exact_flow, output_groups, searched_outputs
+from beamsim.analyses.run.outputs import MOTION_SHARE, energies_of_rows, events_in_memory, exact_flow, pieces_of
 from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import Work
-from beamsim.flow.long_motion import LongMotion
+from beamsim.analyses.run.stretches import ROUND_OFF, FewSamples, StretchFigures, outer
+from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import Stopped, check_stop, heeding
-from beamsim.flow.transient import simulate
+from beamsim.flow.stretches import CHECKPOINT_PIECES, MotionInStretches
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.flow.exact import ExactFlow
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run
 
+EVALUATION = "the evaluation of the motion"
+BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
+STRETCH_SHARE = 0.064  # of the memory, for the pieces of a stretch
+COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that of a finer model
+SPECTRUM_SHARE = 0.25  # for those of the last part, of which there are spectra
 
-def most_events(flow: ExactFlow, settings: Run) -> tuple[int, str]:
-    """How many events a motion may have, and the setting that limits them."""
+
+def pieces_at_once(system: StructuralSystem, settings: Run) -> int | None:
+    """Number of pieces of the input in a stretch of the motion; None where the whole motion fits into the memory.
+
+    Raises
+    ------
+    ScenarioError
+        Where something is asked for that needs the whole motion, which does not fit.
+    """
+    if pieces_of(system) * BYTES_A_PIECE <= MOTION_SHARE * settings.memory:
+        return None
+    needed = {"run.srs": settings.srs is not None, "friction": friction_contacts(system).size > 0}
+    problems = [
+        Problem(
+            name,
+            f"needs the whole motion in memory, and that does not fit into run.memory = {settings.memory:.3g} bytes",
+            "raise run.memory, shorten run.duration, or leave it out",
+        )
+        for name, asked in needed.items()
+        if asked
+    ]
+    if problems:
+        raise ScenarioError(problems)
+    return max(int(STRETCH_SHARE * settings.memory / BYTES_A_PIECE), CHECKPOINT_PIECES)
+
+
+def motion_in_stretches(
+    system: StructuralSystem,
+    settings: Run,
+    *,
+    most_events: int | None = None,
+    progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool],
+) -> tuple[MotionInStretches, str]:
+    """The motion of a run, to be marched, and the setting that limits its events.
+
+    Parameters
+    ----------
+    most_events : by default as many as `Run.max_events` allows and the memory has room for.
+    progress, stop : see `beamsim.flow.transient.simulate`.
+    """
+    at_once = pieces_at_once(system, settings)
+    pieces = None if at_once is None else (0, min(at_once, pieces_of(system)))
+    flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory, pieces=pieces)
     room = events_in_memory(flow, settings.memory)
-    return min(settings.max_events, room), "run.max_events" if settings.max_events <= room else "run.memory"
+    most = min(settings.max_events, room) if most_events is None else most_events
+    motion = MotionInStretches(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
+    return motion, "run.max_events" if settings.max_events <= room else "run.memory"
 
 
 def exact_motion_of(
@@ -48,72 +100,108 @@ def exact_motion_of(
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
 ) -> RunMotion:
-    """The motion in closed form, with its figures."""
-    flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
-    most, limit = most_events(flow, settings)
-    trajectory = simulate(flow, system.initial_state, max_events=most, progress=progress, stop=stop)
-    outcome, grace = with_limit(trajectory.outcome, limit), Grace(stop)
-    warnings: tuple[str, ...] = ()
-    times = times if trajectory.outcome.complete else times.until(trajectory.end)
-    groups = output_groups(system, flow)
-    if stop():
-        times, warnings = few_times(times)
-    histories = ExactHistories(trajectory, groups, times, grace)
-    balance = EnergyBalance.unknown()
-    searched = searched_outputs(system, flow, groups)
-    behind = low_passed = None
-    acceleration = searched.pop("acceleration") if settings.low_pass is not None else None
-    try:
-        with heeding(grace):
-            check_stop()
-            balance = energy_of_segments(trajectory)
-            outcome = balance.checked(outcome)
-            extremes = searched_extremes(trajectory, searched)
-            if system.energy_outputs:
-                of_rows = groups.groups["energy"]
-                extremes["energy"] = energy_extremes(trajectory, system.energy_outputs, of_rows)
-            if acceleration is not None and settings.low_pass is not None:
-                behind = filtered(trajectory, acceleration, settings.low_pass, times.all)
-                low_passed, extremes["acceleration"] = behind.at(times.all), behind.extremes(0.0, trajectory.end)
-    except Stopped:
-        missing = "the energy balance, or peaks between the samples, are missing"
-        if acceleration is not None:
-            searched["acceleration"], behind, low_passed = acceleration, None, None
-            missing += "; accelerations are unfiltered"
-        times, thinned = few_times(times)
-        warnings = (*warnings, *thinned, f"interrupted during the evaluation: {missing}")
-        histories = ExactHistories(trajectory, groups, times, grace)
-        if outcome.complete:
-            outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="the evaluation of the motion")
-        extremes = histories.extremes(searched)
-        if system.energy_outputs:
-            energies = energies_of_rows(system.energy_outputs, histories.values["energy"])
-            extremes["energy"] = sampled_extremes(histories.time, energies)
-    whole = exact_motion(system, settings, trajectory, histories, searched, extremes)
+    """The motion in closed form, with its figures.
+
+    After a request to stop there is little time for its evaluation: later stretches that are not evaluated are left
+    out; of the first one samples are kept, without energy balance and peaks between them.
+
+    Parameters
+    ----------
+    system, settings : of the run.
+    times : at which it is asked for.
+    progress, stop : see `beamsim.flow.transient.simulate`.
+    """
+    motion, limit = motion_in_stretches(system, settings, progress=progress, stop=stop)
+    figures, grace = StretchFigures(system, settings, motion.flow, times), Grace(stop)
+    step = step_of_few(times.size)
+    few = None if motion.one_stretch else FewSamples(figures.groups, motion.flow, times.every(step))
+    evaluated = _evaluate(motion, figures, few, grace)
+    if motion.end * (1.0 + ROUND_OFF) < times.last:
+        times = times.until(motion.end)
+    step = step_of_few(times.size) if few is None else step
+    sampled = None if few is None else few.histories()
+    exact = ExactHistories(motion, figures.groups, times, grace)
+    balance = figures.balance.result() if evaluated else EnergyBalance.unknown()
+    outcome = balance.checked(with_limit(motion.outcome, limit))
+    if not evaluated:
+        figures.give_up()
+        figures.extremes = _extremes_of_samples(system, figures, exact.every(step))
+        outcome = Outcome.of(OutcomeCode.INTERRUPTED, during=EVALUATION) if outcome.complete else outcome
+    interrupted, behind = outcome.interrupted, figures.low_passed
     return replace(
-        whole,
+        _motion_of(system, settings, motion, figures, exact),
         outcome=outcome,
         balance=balance,
-        low_passed=low_passed,
-        filtered=behind,
-        trajectory=None if outcome.interrupted else trajectory,
-        parts=lambda: (trajectory,),
-        warnings=warnings,
+        histories=exact if not interrupted else sampled or exact.every(step),
+        von_mises={} if sampled and interrupted else _von_mises(system, exact, figures.searched),
+        low_passed=None if behind is None else behind.reached[:: step if interrupted else 1],
+        trajectory=None if interrupted else _analysed(motion, settings),
+        few=sampled,
+        warnings=(
+            *([KEPT.format(step)] if interrupted and step > 1 else ()),
+            *([] if evaluated else [_missing(settings)]),
+            *([] if motion.one_stretch else [_forgotten(motion, settings, interrupted=interrupted)]),
+        ),
     )
 
 
-def exact_motion(
+def _evaluate(
+    motion: MotionInStretches, figures: StretchFigures, few: FewSamples | None, stop: Callable[[], bool]
+) -> bool:
+    """March, evaluate and forget; False where a request to stop leaves not even the first stretch evaluated."""
+    end, evaluated = 0.0, True
+    for stretch in motion.stretches():
+        try:
+            with heeding(stop):
+                figures.add(stretch)
+        except Stopped:
+            if end > 0.0:
+                motion.cut(end)
+                break
+            evaluated = False
+        if few is not None:
+            few.add(stretch)
+        if not evaluated:
+            break
+        end = stretch.end
+    return evaluated
+
+
+def _extremes_of_samples(system: StructuralSystem, figures: StretchFigures, histories: ExactHistories) -> Extremes:
+    """What is quickly known of a motion."""
+    extremes = histories.extremes(figures.searched)
+    if system.energy_outputs:
+        energies = energies_of_rows(system.energy_outputs, histories.values["energy"])
+        extremes["energy"] = sampled_extremes(histories.time, energies)
+    return extremes
+
+
+def _motion_of(
     system: StructuralSystem,
     settings: Run,
-    motion: Trajectory | LongMotion,
+    motion: MotionInStretches,
+    figures: StretchFigures,
     histories: ExactHistories,
-    searched: Mapping[str, Any],
-    extremes: Extremes,
 ) -> RunMotion:
-    """What a motion that is kept and one that is marched in stretches have in common."""
+    """The motion with what does not depend on how far its evaluation came."""
+    extremes, searched = figures.extremes, figures.searched
     times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
     order = np.argsort(times)
-    interrupted = isinstance(motion, LongMotion) and motion.outcome.interrupted  # samples are as dear as the march
+
+    def of_stations() -> Extreme:
+        """The extremes at every station; after a request to stop values that they reach, and the largest of all."""
+        highest: Extreme | None = None
+        try:
+            with heeding(histories.stop.stop):
+                check_stop()
+                for part in motion.again():
+                    found = searched_extremes(part, {"stress": searched["stress"]}, one_figure=())["stress"]
+                    highest = outer(highest, found)
+        except Stopped:
+            return extremes["stress"]
+        assert highest is not None
+        return highest
+
     return RunMotion(
         method="exact",
         outcome=motion.outcome,
@@ -123,8 +211,7 @@ def exact_motion(
         contact_events=ContactEvents.of(motion, len(system.snubbers)),
         breakpoints=breakpoints(system, motion),
         extremes=extremes,
-        station_extremes=lambda: histories.station_extremes(searched["stress"]),
-        von_mises={} if interrupted else _von_mises(system, histories, searched),
+        station_extremes=of_stations,
         extreme_times=times,
         extreme_states=motion.states_at(times[order])[order],
         state_at=lambda time: motion.states_at(np.array([time]))[0],
@@ -136,8 +223,44 @@ def exact_motion(
             states=len(motion.flow.visited),
             processor_time_s=motion.processor_time_s,
         ),
+        parts=motion.again,
+        impacts=figures.impacts,
         memory=memory_of(motion.flow, settings),
+        compared_s=None if motion.one_stretch else COMPARED_SHARE * _kept_s(motion, settings),
     )
+
+
+def _kept_s(motion: MotionInStretches, settings: Run) -> float:
+    """Length of a motion under this input that would fit into the memory, s."""
+    assert motion.flow.record is not None
+    return settings.memory / BYTES_A_PIECE * motion.flow.record.step
+
+
+def _analysed(motion: MotionInStretches, settings: Run) -> Trajectory:
+    """The last part of the motion, of which there are spectra; all of one stretch."""
+    if motion.one_stretch:
+        return motion.within(0.0, motion.end)
+    room = SPECTRUM_SHARE * _kept_s(motion, settings)
+    return motion.within(max(motion.end - min(room, settings.spectrum.last or room), 0.0), motion.end)
+
+
+def _missing(settings: Run) -> str:
+    """What a motion lacks whose evaluation was interrupted."""
+    unfiltered = "; accelerations are unfiltered" if settings.low_pass is not None else ""
+    missing = "the energy balance, or peaks between the samples, are missing"
+    return f"interrupted during the evaluation: {missing}{unfiltered}"
+
+
+def _forgotten(motion: MotionInStretches, settings: Run, *, interrupted: bool) -> str:
+    """What becomes of a motion that does not fit into the memory."""
+    kept = f"the motion is kept {motion.stretch_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
+    if not interrupted:
+        last = motion.end - float(_analysed(motion, settings).time[0])
+        kept += f"; spectra and rms_* are those of the last {last:.3g} s"
+        if settings.convergence != "off":
+            compared = COMPARED_SHARE * _kept_s(motion, settings)
+            kept += f", a finer model is compared on the first {compared:.3g} s"
+    return kept
 
 
 def _von_mises(system: StructuralSystem, histories: ExactHistories, searched: Mapping[str, Any]) -> dict[str, Floats]:

@@ -14,15 +14,15 @@ from typing import Any, Protocol
 import numpy as np
 
 from beamsim.analyses.run.energy import energies, power_factors, unknown_energies
-from beamsim.analyses.run.figures import Extreme, Extremes, sampled_extremes, searched_extremes
+from beamsim.analyses.run.figures import Extremes, sampled_extremes
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import OutputSet
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.dataclass import dataclass
 from beamsim.fields import by_rows, later
 from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.long_motion import LongMotion
 from beamsim.flow.stopping import Stopped, check_stop, heeding
+from beamsim.flow.stretches import MotionInStretches
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Bools, Floats
 
@@ -137,12 +137,12 @@ class ExactHistories:
     stop : asked several times a second whether to give up the energies and peaks.
     """
 
-    def __init__(self, trajectory: Trajectory | LongMotion, groups: OutputSet, times: OutputTimes, stop: Grace) -> None:
-        self._trajectory, self._groups, self._stop, self.times = trajectory, groups, stop, times
-        columns = groups(trajectory.flow.system.contacts.start).row.shape[0] + trajectory.flow.size
+    def __init__(self, motion: MotionInStretches, groups: OutputSet, times: OutputTimes, stop: Grace) -> None:
+        self._motion, self._groups, self.stop, self.times = motion, groups, stop, times
+        columns = groups(motion.flow.system.contacts.start).row.shape[0] + motion.flow.size
         most = VALUES_A_BLOCK // columns
-        if isinstance(trajectory, LongMotion):
-            most = min(most, int(trajectory.stretch_s * times.rate / times.step))
+        if not motion.one_stretch:
+            most = min(most, int(motion.stretch_s * times.rate / times.step))
         self.block_size: int = 1 << max(most, 1).bit_length() - 1  # times of a block
         self._latest: dict[str, tuple[int, Any]] = {}  # number and contents of the last block of each kind
         self._work: list[Floats] = [np.zeros(2)]  # dissipated and put in before each block that was reached
@@ -188,7 +188,7 @@ class ExactHistories:
         first = number * self.block_size
         times = self.times.rows(first, min(first + self.block_size, self.count))
         begin = float(self.times.rows(first - 1, first)[0]) if number else 0.0
-        return times, self._trajectory.within(begin, float(times[-1]) if times.size else begin)
+        return times, self._motion.within(begin, float(times[-1]) if times.size else begin)
 
     def _outputs(self, number: int) -> Mapping[str, Floats]:
         def sampled(number: int) -> Mapping[str, Floats]:
@@ -206,7 +206,7 @@ class ExactHistories:
 
     @cached_property
     def _power_factors(self) -> Any:
-        return power_factors(self._trajectory.flow)
+        return power_factors(self._motion.flow)
 
     def _energies(self, number: int) -> EnergyHistory:
         """Energies of a block; those of all blocks before it have to be known, and are computed where they are not."""
@@ -220,7 +220,7 @@ class ExactHistories:
         history = unknown_energies(times.size)
         if not self._energies_given_up:
             try:
-                with heeding(self._stop):
+                with heeding(self.stop):
                     check_stop()
                     history = energies(motion, times, self._power_factors, begin, self._work[number])
             except Stopped:
@@ -274,7 +274,7 @@ class ExactHistories:
 
     def every(self, step: int) -> ExactHistories:
         """Those at one of ``step`` output times."""
-        return ExactHistories(self._trajectory, self._groups, self.times.every(step), self._stop)
+        return ExactHistories(self._motion, self._groups, self.times.every(step), self.stop)
 
     def extremes(self, searched: Mapping[str, OutputOf]) -> Extremes:
         """Extremes of the samples of some outputs; of the stress, which is no history and has many places, of few."""
@@ -282,7 +282,7 @@ class ExactHistories:
         return {
             name: sampled_extremes(self.time, self.values[name])
             if name in self.values
-            else sampled_extremes(few, self._trajectory.sample(few, output_of))
+            else sampled_extremes(few, self._motion.sample(few, output_of))
             for name, output_of in searched.items()
         }
 
@@ -291,18 +291,7 @@ class ExactHistories:
         few = self.times.every(max(1, self.count // SAMPLES_TO_SEED_STRESS)).all
         largest = np.zeros((of_body.stop - of_body.start) // COMPONENTS)
         for first in range(0, few.size, _STRESSES_AT_ONCE):
-            sampled = self._trajectory.sample(few[first : first + _STRESSES_AT_ONCE], stress_of)[:, of_body]
+            sampled = self._motion.sample(few[first : first + _STRESSES_AT_ONCE], stress_of)[:, of_body]
             x, y, shear = np.moveaxis(sampled.reshape(sampled.shape[0], COMPONENTS, -1), 1, 0)
             largest = np.maximum(largest, (x**2 - x * y + y**2 + 3 * shear**2).max(axis=0))
         return np.sqrt(largest)
-
-    def station_extremes(self, stress_of: OutputOf) -> Extreme:
-        """Extremes of the stress at every station; those of samples where a stop is requested before they are found."""
-        assert isinstance(self._trajectory, Trajectory)
-        try:
-            with heeding(self._stop.stop):
-                check_stop()
-                return searched_extremes(self._trajectory, {"stress": stress_of}, one_figure=())["stress"]
-        except Stopped:
-            few = self.times.every(max(1, self.count // MOST_STRESSES)).all
-            return sampled_extremes(few, self._trajectory.sample(few, stress_of))

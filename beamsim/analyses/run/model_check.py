@@ -6,7 +6,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from beamsim.analyses.run.convergence import Convergence, Solution, check_convergence, march_again, solve_exactly
+from beamsim.analyses.run.convergence import (
+    Convergence,
+    Solution,
+    behind_filter,
+    check_convergence,
+    march_again,
+    solve_exactly,
+)
 from beamsim.analyses.run.derived import DerivedFigures, OutputSamples
 from beamsim.analyses.run.motion import RunMotion, output_times
 from beamsim.analyses.run.parting import ContactEvents
@@ -50,7 +57,8 @@ def convergence_of(
 
     kept = {name: figures[name] for name in figures_of_motion(system, motion)}
     assert motion.contact_events is not None
-    first = Solution(system, settings, kept, motion.contact_events, motion.trajectory, filtered=motion.filtered)
+    behind = behind_filter(system, settings, motion.trajectory)
+    first = Solution(system, settings, kept, motion.contact_events, motion.trajectory, filtered=behind)
 
     def disturbed(share: float, end: float) -> ContactEvents:
         again = march_again(disturbed_system(system, share), settings, end, motion.work, stop)

@@ -36,13 +36,12 @@ from beamsim.contacts.springs import FRICTION
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import later
-from beamsim.flow.long_motion import LongMotion
+from beamsim.flow.stretches import MotionInStretches
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.analyses.run.filtered_motion import FilteredMotion
     from beamsim.flow.exact import ExactFlow
     from beamsim.flow.reference import ReferenceTrajectory
     from beamsim.flow.trajectory import Trajectory
@@ -87,14 +86,13 @@ class RunMotion:
     contact_share: Floats
     work: Work
     low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
-    filtered: FilteredMotion | None = None  # the same at any time, of the closed form
-    trajectory: Trajectory | None = None  # of the closed form
-    parts: Callable[[], Iterable[Trajectory]] = tuple  # the same, one after the other where it is not kept
+    trajectory: Trajectory | None = None  # of the closed form, the last part where not all is kept
+    parts: Callable[[], Iterable[Trajectory]] = tuple  # all of it, one after the other
     von_mises: Mapping[str, Floats] = field(default_factory=dict)  # (nx,) Pa, largest of the samples, by plate
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
     few: Histories | None = None  # evenly spaced samples, where all take as long as the march
-    few_inputs: StructuralSystem | None = None  # with inputs that are known at their times alone
-    impacts: ImpactRecord | None = None  # of a motion that is not kept
+    impacts: ImpactRecord | None = None  # of the closed form, where it is evaluated
+    compared_s: float | None = None  # s, first part that is compared with a finer model, where not all is kept
     finer: Mapping[str, Floats] | None = None  # samples of a time-stepped motion, a whole number for each output time
     warnings: tuple[str, ...] = ()
     contact_events: ContactEvents | None = None
@@ -124,12 +122,6 @@ def memory_of(flow: ExactFlow, settings: Run) -> dict[str, int]:
     """Bounds on the memory of a run, for the summary."""
     kept = {"contact_states_kept": len(flow.states)} if flow.dropped else {}
     return {"memory_bytes": round(settings.memory), **kept}
-
-
-def few_times(times: OutputTimes) -> tuple[OutputTimes, tuple[str, ...]]:
-    """Of many output times those that are quickly sampled and written, with a warning."""
-    step = step_of_few(times.size)
-    return times.every(step), (KEPT.format(step),) if step > 1 else ()
 
 
 def step_of_few(count: int) -> int:
@@ -293,7 +285,7 @@ def _outputs(system: StructuralSystem, motion: RunMotion) -> dict[str, OutputHis
     }  # fmt: skip
 
 
-def events_of(system: StructuralSystem, trajectory: Trajectory | LongMotion | ReferenceTrajectory) -> EventLog:
+def events_of(system: StructuralSystem, trajectory: MotionInStretches | ReferenceTrajectory) -> EventLog:
     """Contacts of the snubbers made and ended, without breakpoints of their tables; contacts with higher numbers are
     piecewise-linear springs."""
     of_snubber = (trajectory.event_contact < len(system.snubbers)) & (trajectory.touch_changes != 0)
@@ -301,7 +293,7 @@ def events_of(system: StructuralSystem, trajectory: Trajectory | LongMotion | Re
     return EventLog(times[of_snubber], snubbers[of_snubber], closing[of_snubber])
 
 
-def breakpoints(system: StructuralSystem, trajectory: Trajectory | LongMotion | ReferenceTrajectory) -> int:
+def breakpoints(system: StructuralSystem, trajectory: MotionInStretches | ReferenceTrajectory) -> int:
     """Number of breakpoints of piecewise-linear springs that the motion passes."""
     rubbing = np.isin(trajectory.event_contact, friction_contacts(system))
     of_spring = (trajectory.event_contact >= len(system.snubbers)) & ~rubbing

@@ -14,8 +14,8 @@ from typing import Self
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.flow.long_motion import LongMotion
 from beamsim.flow.reference import ReferenceTrajectory
+from beamsim.flow.stretches import MotionInStretches
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Floats, Ints
 
@@ -34,7 +34,7 @@ class ContactEvents:
     phase: Ints  # of the contact after the event
 
     @classmethod
-    def of(cls, motion: Trajectory | LongMotion | ReferenceTrajectory, snubbers: int) -> Self:
+    def of(cls, motion: Trajectory | MotionInStretches | ReferenceTrajectory, snubbers: int) -> Self:
         """Those of a motion whose first ``snubbers`` contacts are snubbers."""
         these = motion.event_contact < snubbers
         return cls(motion.end, motion.event_time[these], motion.event_contact[these], motion.event_phase[these])

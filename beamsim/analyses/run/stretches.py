@@ -1,80 +1,73 @@
-"""What a run reports of a motion that is not kept: gathered from stretches of it, each of which is then forgotten."""
+"""What a run reports of its motion, gathered stretch by stretch; each may then be forgotten."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import field
-
 import numpy as np
 
-from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance, energy_of_segments, unknown_energies
-from beamsim.analyses.run.figures import Extreme, Extremes, energy_extremes, sampled_extremes, searched_extremes
+from beamsim.analyses.run.energy import BalanceOfStretches, energies_of_segments, unknown_energies
+from beamsim.analyses.run.figures import Extreme, Extremes, energy_extremes, searched_extremes
 from beamsim.analyses.run.histories import SampledHistories
 from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.low_pass import LowPassFilter, filtered_part
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.run.outputs import OutputSet, energies_of_rows
-from beamsim.dataclass import dataclass
+from beamsim.analyses.run.outputs import OutputSet, output_groups, searched_outputs
 from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.long_motion import LongMotion
-from beamsim.flow.stopping import Stopped, check_stop, heeding
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
-from beamsim.inputs.signal import Signal
-from beamsim.outcomes import Outcome, OutcomeCode
-from beamsim.system.outputs import OutputRows
+from beamsim.scenario.run import Run
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
-BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
-STRETCH_SHARE = 0.064  # of the memory, for the pieces of a stretch
-COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that of a finer model
-SPECTRUM_SHARE = 0.25  # for those of the last part, of which there are spectra
-SEEDS_OF_A_STRETCH = 64  # times from which its search for extremes starts
-FEW_SAMPLES = 20_000  # of the whole motion, that are kept for an interruption
+ROUND_OFF = 1e-12  # relative, of the last output time
 
 
-@dataclass
-class _Balance:
-    """The energy balance of all stretches so far."""
+class StretchFigures:
+    """Figures of a motion that is given stretch by stretch.
 
-    initial: float | None = None  # J, stored
-    imbalance: float = 0.0  # J, at the end of the latest
-    exchanged: float = 0.0
-    largest_stored: float = 0.0
-    peaks: list[tuple[float, float]] = field(default_factory=list)  # largest imbalance of each stretch and its end, s
+    Parameters
+    ----------
+    system, settings : of the run.
+    flow : of the motion.
+    times : all output times.
+    """
+
+    def __init__(self, system: StructuralSystem, settings: Run, flow: ExactFlow, times: OutputTimes) -> None:
+        self._energies = system.energy_outputs
+        self.groups = output_groups(system, flow)
+        self.searched = searched_outputs(system, flow, self.groups)
+        self.balance, self.extremes = BalanceOfStretches(), Extremes()
+        self.low_passed: LowPassed | None = None
+        self.impacts = None if settings.impacts is None else ImpactRecord(system, settings.impacts)
+        if settings.low_pass is not None:
+            self.low_passed = LowPassed(self.searched.pop("acceleration"), settings.low_pass, times, len(system.probes))
 
     def add(self, stretch: Trajectory) -> None:
-        """Include the next stretch."""
-        balance = energy_of_segments(stretch)
-        history = balance.history
-        if self.initial is None:
-            self.initial = float(history.stored[0])
-        imbalance = self.imbalance + history.work_in - history.dissipated - (history.stored - history.stored[0])
-        self.imbalance = float(imbalance[-1])
-        self.exchanged += balance.exchanged
-        self.largest_stored = max(self.largest_stored, float(history.stored.max()))
-        self.peaks.append((float(np.abs(imbalance).max()), stretch.end))
+        """Include the next stretch.
 
-    def whole(self) -> EnergyBalance:
-        """That of all; it is lost by the end of a stretch."""
-        if not self.peaks:
-            return EnergyBalance.unknown()
-        scale = max(self.largest_stored, self.exchanged)
-        if scale == 0.0:
-            return EnergyBalance(unknown_energies(0), 0.0, None, self.exchanged)
-        lost = (end for peak, end in self.peaks if not np.isfinite(peak) or peak > LARGEST_ERROR * scale)
-        worst = float(np.max([peak for peak, _ in self.peaks])) / scale
-        return EnergyBalance(unknown_energies(0), worst, next(lost, None), self.exchanged)
+        Raises
+        ------
+        Stopped
+            On a request to stop that is heeded, see `beamsim.flow.stopping`.
+        """
+        check_stop()
+        found = searched_extremes(stretch, self.searched)
+        if self._energies:
+            found["energy"] = energy_extremes(stretch, self._energies, self.groups.groups["energy"])
+        balance = energies_of_segments(stretch)
+        if self.impacts is not None:
+            self.impacts.add(stretch, found["force"][2])
+        if self.low_passed is not None:
+            self.low_passed.add(stretch)
+            found["acceleration"] = self.low_passed.extremes
+        self.balance.add(*balance)
+        self.extremes = {name: outer(self.extremes.get(name), each) for name, each in found.items()}
 
-
-@dataclass(frozen=True)
-class StretchFigures:
-    """Figures of a motion of which no segments are kept."""
-
-    balance: EnergyBalance
-    extremes: Extremes
-    few: SampledHistories  # evenly spaced samples
-    signals: tuple[Floats, ...]  # inputs at their times
-    low_passed: Floats | None  # (nt, probes) at all output times that were reached
+    def give_up(self) -> None:
+        """Forget what was gathered: the evaluation of the first stretch was interrupted."""
+        self.balance, self.extremes, self.impacts = BalanceOfStretches(), {}, None
+        if self.low_passed is not None:
+            self.searched["acceleration"], self.low_passed = self.groups.groups["acceleration"], None
 
 
 class LowPassed:
@@ -83,15 +76,18 @@ class LowPassed:
     def __init__(self, output_of: OutputOf, frequency_hz: float, times: OutputTimes, probes: int) -> None:
         self._output_of, self._times, self._through = output_of, times, LowPassFilter(frequency_hz, probes)
         self.values, self._reached = np.empty((times.size, probes)), 0
-        unknown = np.full(probes, np.nan)
-        self.extremes: Extreme = unknown, unknown, unknown, unknown
+
+    @property
+    def extremes(self) -> Extreme:
+        """Lowest and highest values so far, and when."""
+        return self._through.extremes
 
     def add(self, stretch: Trajectory) -> None:
         """Go on through the next stretch."""
-        upto = max(self._times.until(stretch.end).size, self._reached)
-        times = self._times.rows(self._reached, upto)
+        upto = max(self._times.until(stretch.end * (1.0 + ROUND_OFF)).size, self._reached)
+        times = np.minimum(self._times.rows(self._reached, upto), stretch.end)
         self.values[self._reached : upto] = filtered_part(self._through, stretch, self._output_of, times)
-        self._reached, self.extremes = upto, self._through.extremes
+        self._reached = upto
 
     @property
     def reached(self) -> Floats:
@@ -99,90 +95,40 @@ class LowPassed:
         return self.values[: self._reached]
 
 
-def figures_of_stretches(
-    motion: LongMotion,
-    searched: Mapping[str, OutputOf],
-    energies: Sequence[OutputRows],
-    groups: OutputSet,
-    times: OutputTimes,
-    stop: Callable[[], bool],
-    signals: Sequence[Signal] = (),
-    low_passed: LowPassed | None = None,
-    impacts: ImpactRecord | None = None,
-) -> StretchFigures:
-    """March and evaluate stretch by stretch.
-
-    An interruption during the evaluation of a stretch cuts the motion at its beginning; of the first one samples are
-    kept.
+class FewSamples:
+    """Evenly spaced samples of a motion that is forgotten, which are kept for an interruption.
 
     Parameters
     ----------
-    searched : outputs by group, of which the extremes are searched for.
-    energies : whose rows are the group ``energy`` of ``groups``, where there are any.
-    times : of all output times, of which few are sampled.
-    stop : says whether to give up an evaluation.
-    signals : inputs that are sampled with the motion, while what they are made of is at hand.
-    low_passed, impacts : gathered too, where they are asked for.
+    groups : outputs that are sampled.
+    flow : of the motion; what its inputs are made of is sampled too, while it is at hand.
+    times : that are kept.
     """
-    few = times.every(max(1, -(-times.size // FEW_SAMPLES)))
-    balance, extremes, parts = _Balance(), Extremes(), list[tuple[Floats, ...]]()
-    begin, sampled = 0.0, 0
-    for stretch in motion.stretches():
-        upto = max(few.until(stretch.end).size, sampled)
-        at = few.rows(sampled, upto)
-        try:
-            with heeding(stop):
-                check_stop()
-                of_stretch = searched_extremes(stretch, searched)
-                if energies:
-                    of_stretch["energy"] = energy_extremes(stretch, energies, groups.groups["energy"])
-                part = _sampled(stretch, at, groups, signals)
-                balance.add(stretch)
-                if impacts is not None:
-                    impacts.add(stretch, of_stretch["force"][2])
-                if low_passed is not None:
-                    low_passed.add(stretch)
-        except Stopped:
-            if parts:
-                motion.cut(begin)
-                break
-            of_stretch = _extremes_of_samples(stretch, searched, energies, groups)
-            part = _sampled(stretch, at, groups, signals)
-            motion.outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=motion.end, unit="s")
-        extremes = {name: _outer(extremes.get(name), each) for name, each in of_stretch.items()}
-        parts.append(part)
-        begin, sampled = stretch.end, upto
-        if motion.outcome.interrupted:
-            break
-    at, values, touching, *inputs = (np.concatenate(column) for column in zip(*parts, strict=True))
-    by_group = groups.split(values, motion.flow.system.contacts.start)
-    histories = SampledHistories(at, by_group, touching.astype(bool), unknown_energies(at.size))
-    if low_passed is not None:
-        extremes["acceleration"] = low_passed.extremes
-    return StretchFigures(
-        balance.whole(), extremes, histories, tuple(inputs), None if low_passed is None else low_passed.reached,
-    )  # fmt: skip
+
+    def __init__(self, groups: OutputSet, flow: ExactFlow, times: OutputTimes) -> None:
+        assert flow.record is not None
+        self._groups, self._record, self._times = groups, flow.record, times
+        self._start, self._reached = flow.system.contacts.start, 0
+        self._parts: list[tuple[Floats, ...]] = []
+
+    def add(self, stretch: Trajectory) -> None:
+        """Sample the next stretch."""
+        upto = max(self._times.until(stretch.end).size, self._reached)
+        at = self._times.rows(self._reached, upto)
+        touching = stretch.flow.system.contacts.touching(stretch.phases_at(at)).astype(float)
+        inputs = np.stack([self._record.at(at, integral) for integral in range(3)], axis=1)
+        self._parts.append((at, stretch.sample(at, self._groups), touching, inputs))
+        self._reached = upto
+
+    def histories(self) -> SampledHistories:
+        """Those of the samples so far."""
+        at, values, touching, inputs = (np.concatenate(column) for column in zip(*self._parts, strict=True))
+        self._record.keep(at, inputs.T)
+        by_group = self._groups.split(values, self._start)
+        return SampledHistories(at, by_group, touching.astype(bool), unknown_energies(at.size))
 
 
-def _sampled(stretch: Trajectory, at: Floats, groups: OutputSet, signals: Sequence[Signal]) -> tuple[Floats, ...]:
-    """Times (nt,), outputs (nt, k), whether contacts touch (nt, m), and inputs (nt,) there."""
-    touching = stretch.flow.system.contacts.touching(stretch.phases_at(at)).astype(float)
-    return (at, stretch.sample(at, groups), touching, *(signal(at) for signal in signals))
-
-
-def _extremes_of_samples(
-    stretch: Trajectory, searched: Mapping[str, OutputOf], energies: Sequence[OutputRows], groups: OutputSet
-) -> Extremes:
-    """What is quickly known of a stretch."""
-    times = np.linspace(float(stretch.time[0]), stretch.end, SEEDS_OF_A_STRETCH)
-    extremes = {name: sampled_extremes(times, stretch.sample(times, of)) for name, of in searched.items()}
-    if energies:
-        values = energies_of_rows(energies, stretch.sample(times, groups.groups["energy"]))
-        extremes["energy"] = sampled_extremes(times, values)
-    return extremes
-
-
-def _outer(before: Extreme | None, new: Extreme) -> Extreme:
+def outer(before: Extreme | None, new: Extreme) -> Extreme:
     """The lowest and the highest of two extremes, with their times."""
     if before is None:
         return new
@@ -191,12 +137,3 @@ def _outer(before: Extreme | None, new: Extreme) -> Extreme:
         np.where(lower, new[0], before[0]), np.where(lower, new[1], before[1]),
         np.where(higher, new[2], before[2]), np.where(higher, new[3], before[3]),
     )  # fmt: skip
-
-
-def station_extremes(motion: LongMotion, stress_of: OutputOf, one_figure: Collection[str] = ()) -> Extreme:
-    """Extremes of the stress at every station."""
-    highest: Extreme | None = None
-    for part in motion.again():
-        highest = _outer(highest, searched_extremes(part, {"stress": stress_of}, one_figure)["stress"])
-    assert highest is not None
-    return highest

@@ -1,7 +1,7 @@
-"""Motions of so many pieces of the inputs that they are not kept: marched in stretches, each evaluated and forgotten.
+"""A motion that is marched in stretches, so that each can be evaluated and forgotten; a short one is one stretch.
 
-The states at checkpoints are kept. What is asked for later is marched again from the checkpoint before it, with the
-same bits, since a checkpoint is where a piece begins, where a segment begins in any case.
+The latest stretch and the states at checkpoints are kept. What is asked for later is marched again from the checkpoint
+before it, with the same bits, since a checkpoint is where a piece begins, where a segment begins in any case.
 """
 
 from __future__ import annotations
@@ -27,14 +27,15 @@ if TYPE_CHECKING:
 CHECKPOINT_PIECES = 4096  # between two checkpoints
 
 
-class LongMotion:
-    """A motion under inputs that are made of one record, see `beamsim.inputs.streamed`.
+class MotionInStretches:
+    """A motion from a state at t = 0 to the end of its flow.
 
     Parameters
     ----------
-    flow : on the first pieces of the record.
+    flow : of the whole motion; where it is taken in stretches, on the first pieces of a record of which all its inputs
+        are made, see `beamsim.inputs.streamed`.
     initial_state : at t = 0.
-    pieces_at_once : of a stretch.
+    pieces_at_once : of the record in a stretch; by default the whole motion is one.
     max_events, progress, stop : see `beamsim.flow.transient.simulate`.
     """
 
@@ -42,25 +43,29 @@ class LongMotion:
         self,
         flow: ExactFlow,
         initial_state: Floats,
-        pieces_at_once: int,
+        pieces_at_once: int | None = None,
         *,
         max_events: int = 1_000_000,
         progress: Callable[[float], None] | None = None,
         stop: Callable[[], bool] = never,
     ) -> None:
-        record = flow.record
-        assert record is not None
-        self.flow, self.record, self.outcome = flow, record, COMPLETE
-        self.pieces_at_once = max(pieces_at_once // CHECKPOINT_PIECES, 1) * CHECKPOINT_PIECES
+        begin = clock.process_time()
+        self.flow, self.outcome, self.one_stretch = flow, COMPLETE, pieces_at_once is None
+        self._step, self._pieces, self._at_once = flow.duration, 1, 1  # a motion of one stretch is one piece
+        if pieces_at_once is not None:
+            assert flow.record is not None
+            self._step = flow.record.step
+            self._pieces = int(np.ceil(flow.duration / self._step - 1e-9))
+            self._at_once = max(pieces_at_once // CHECKPOINT_PIECES, 1) * CHECKPOINT_PIECES
         motion, self._begun = start(flow, initial_state)
         self._first_phases = flow.visited[int(flow.visits(np.array([motion.state]))[0])]
         self._checkpoints, self._motion = [motion.copy()], motion
         self._max_events, self._progress, self._stop = max_events, progress, stop
         self._durations: list[tuple[float, Floats]] = []  # of each stretch its end and, (visited,), s in contact states
-        self._events = [self._begun]
-        self._latest: tuple[int, int, Trajectory] | None = None
-        self.evaluations = self.segments = 0
-        self.processor_time_s = 0.0
+        self._events: list[Log] = []
+        self._latest: Trajectory | None = None
+        self.evaluations = self.segments = self._marched_events = 0
+        self.processor_time_s = clock.process_time() - begin
 
     @property
     def end(self) -> float:
@@ -70,56 +75,61 @@ class LongMotion:
     @property
     def stretch_s(self) -> float:
         """Length of a stretch, s."""
-        return self.pieces_at_once * self.record.step
+        return self._at_once * self._step
 
     def stretches(self) -> Iterator[Trajectory]:
         """March, stretch by stretch."""
-        pieces = int(np.ceil(self.flow.duration / self.record.step - 1e-9))
-        for first in range(0, pieces, self.pieces_at_once):
-            last = min(first + self.pieces_at_once, pieces)
+        for first in range(0, self._pieces, self._at_once):
             begin = clock.process_time()
-            stretch = self._march(first, last, last == pieces)
+            stretch = self._march(first, min(first + self._at_once, self._pieces))
             self.processor_time_s += clock.process_time() - begin
-            self.outcome = stretch.outcome
+            self.outcome, self._latest = stretch.outcome, stretch
             if stretch.length.sum() > 0 or first == 0:
                 yield stretch
             if not self.outcome.complete:
                 return
 
-    def _march(self, first: int, last: int, ends: bool) -> Trajectory:
+    def _march(self, first: int, last: int) -> Trajectory:
         """Go on to the piece ``last``, or to the end of the motion, and keep checkpoints on the way."""
-        flow, motion = self.flow.on_pieces(first, last + 1), self._motion
-        motion.piece = 0
-        parts, events = [], sum(part.event_time.size for part in self._events)
-        stops = [*(k * self.record.step for k in range(first + CHECKPOINT_PIECES, last + 1, CHECKPOINT_PIECES))]
-        if ends and (not stops or stops[-1] < flow.duration):
-            stops = [*(t for t in stops if t < flow.duration), flow.duration]
-        carried = Carried(None, 0, 0, 0, COMPLETE)
+        flow, motion, duration = self._on_pieces(first, last), self._motion, self.flow.duration
+        stops = [k * self._step for k in range(first + CHECKPOINT_PIECES, last + 1, CHECKPOINT_PIECES)]
+        if last == self._pieces:
+            stops = [*(t for t in stops if t < duration), duration]
+        parts, carried = [], Carried(None, 0, 0, 0, COMPLETE)
         for end in stops:
             carried = carry(
-                flow, motion, (end,), keep=True, max_events=self._max_events - events, max_evaluations=2_000_000_000,
-                stop=self._stop,
+                flow, motion, (end,), keep=True, max_events=self._max_events - self._marched_events,
+                max_evaluations=2_000_000_000, stop=self._stop,
+                progress=None if self._progress is None else self._report,
             )  # fmt: skip
             assert carried.log is not None
             parts.append(carried.log)
-            events += carried.events
+            self._marched_events += carried.events
             self.evaluations += carried.evaluations
             self.segments += carried.segments
             if not carried.outcome.complete or not np.all(np.isfinite(motion.y)):
                 break
             self._checkpoints.append(motion.copy())
-            if self._progress is not None:
-                self._progress(motion.time / flow.duration)
-        whole = replace(carried, log=Log.join(parts))
         begun = self._begun if first == 0 else Log.sized(0, motion.y.size, 0)
-        stretch = motion_of(flow, motion.copy(), begun, whole, 0.0)
+        stretch = motion_of(flow, motion.copy(), begun, replace(carried, log=Log.join(parts)), 0.0)
         if not stretch.outcome.complete:
             motion.time = stretch.end
         if stretch.outcome.code is OutcomeCode.EVENT_LIMIT:
-            stretch = replace(stretch, outcome=stretch.outcome.but(events=events))
-        self._events.append(_events_of(whole.log))
+            stretch = replace(stretch, outcome=stretch.outcome.but(events=self._marched_events))
+        self._events.append(_events_of(stretch))
         self._durations.append((stretch.end, np.bincount(stretch.state, stretch.length).astype(float)))
         return stretch
+
+    def _on_pieces(self, first: int, last: int) -> ExactFlow:
+        """The flow on some of the pieces, the first of which the motion is to go on with."""
+        if self.one_stretch:
+            return self.flow
+        self._motion.piece = 0
+        return self.flow.on_pieces(first, last + 1)
+
+    def _report(self, time: float) -> None:
+        assert self._progress is not None
+        self._progress(time / self.flow.duration)
 
     def cut(self, end: float) -> None:
         """Forget what is after a checkpoint's time, where the evaluation was interrupted."""
@@ -127,32 +137,39 @@ class LongMotion:
         self._checkpoints, self._motion = kept, kept[-1].copy()
         self._events = [_before(part, end) for part in self._events]
         self._durations = [(at, durations) for at, durations in self._durations if at <= end]
+        self._latest = None
         self.outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=self.end, unit="s")
 
     def within(self, begin: float, end: float) -> Trajectory:
-        """The segments of a part of the motion, marched again; see `beamsim.flow.trajectory.Trajectory.within`."""
-        times = np.array([point.time for point in self._checkpoints])
-        at = max(int(np.searchsorted(times, begin, side="right")) - 1, 0)
-        first = at * CHECKPOINT_PIECES
-        last = min(max(int(np.ceil(end / self.record.step - 1e-9)) + 1, first + 1), self.record.pieces - 1)
-        if self._latest is None or self._latest[:2] != (first, last):
-            self._latest = first, last, self._again(at, first, last)
-        return self._latest[2].within(begin, end)
+        """The segments of a part of the motion; see `beamsim.flow.trajectory.Trajectory.within`.
+
+        Parameters
+        ----------
+        begin, end : s; what is not part of the latest stretch is marched again.
+        """
+        latest = self._latest
+        if latest is None or (not self.one_stretch and (begin < latest.time[0] or end > latest.end)):
+            latest = self._latest = self._again(begin, end)
+        whole = begin <= float(latest.time[0]) and end >= latest.end
+        return latest if whole else latest.within(begin, end)
 
     def again(self) -> Iterator[Trajectory]:
-        """The motion that was reached, stretch by stretch, marched again."""
-        for first in range(0, self.record.pieces - 1, self.pieces_at_once):
-            begin = float(self.record.start(first, first + 1)[0])
-            if begin >= self.end:
+        """The motion that was reached, stretch by stretch; what is not kept is marched again."""
+        for first in range(0, self._pieces, self._at_once):
+            if first and first * self._step >= self.end:
                 return
-            last = min(first + self.pieces_at_once, self.record.pieces - 1)
-            yield self.within(begin, min(float(self.record.start(last, last + 1)[0]), self.end))
+            yield self.within(first * self._step, min((first + self._at_once) * self._step, self.end))
 
-    def _again(self, checkpoint: int, first: int, last: int) -> Trajectory:
-        flow, motion = self.flow.on_pieces(first, last + 1), self._checkpoints[checkpoint].copy()
+    def _again(self, begin: float, end: float) -> Trajectory:
+        """From the checkpoint before a time to the end of the piece in which another one is."""
+        at = max(int(np.searchsorted([point.time for point in self._checkpoints], begin, side="right")) - 1, 0)
+        first = at * CHECKPOINT_PIECES
+        last = min(max(int(np.ceil(end / self._step - 1e-9)) + 1, first + 1), self._pieces)
+        flow, motion = self.flow.on_pieces(first, last + 1), self._checkpoints[at].copy()
         motion.piece = 0
-        end = min(last * self.record.step, self.end)
-        carried = carry(flow, motion, (end,), keep=True, max_events=10**9, max_evaluations=10**12)
+        carried = carry(
+            flow, motion, (min(last * self._step, self.end),), keep=True, max_events=10**9, max_evaluations=10**12
+        )
         return motion_of(flow, motion, Log.sized(0, motion.y.size, 0), carried, 0.0)
 
     def sample(self, times: Floats, output_of: OutputOf) -> Floats:
@@ -161,7 +178,7 @@ class LongMotion:
         out, first = np.empty((times.size, count)), 0
         while first < times.size:
             begin = float(times[first])
-            last = max(int(np.searchsorted(times, begin + self.stretch_s)), first + 1)
+            last = max(int(np.searchsorted(times, begin + self.stretch_s, side="right")), first + 1)
             out[first:last] = self.within(begin, float(times[last - 1])).sample(times[first:last], output_of)
             first = last
         return out
@@ -211,11 +228,12 @@ class LongMotion:
         return in_contact / total if total > 0 else in_contact
 
 
-def _events_of(log: Log | None) -> Log:
+def _events_of(stretch: Trajectory) -> Log:
     """The events alone; no part of an array that holds the segments too, which would keep it."""
-    assert log is not None
-    events = {name: getattr(log, name).copy() for name in ("event_time", "event_contact", "event_phase")}
-    return Log.sized(0, log.y.shape[1], 0)._replace(**events)
+    return Log.sized(0, stretch.y.shape[1], 0)._replace(
+        event_time=stretch.event_time.copy(), event_contact=stretch.event_contact.copy(),
+        event_phase=stretch.event_phase.copy(),
+    )  # fmt: skip
 
 
 def _before(log: Log, end: float) -> Log:
