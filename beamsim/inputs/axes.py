@@ -54,6 +54,11 @@ def axis_factor(unit: str, key: str, *, of_frequency: bool) -> float:
 def check_record(axis: Floats, values: Floats | Complexes, *, of_frequency: bool) -> None:
     """Refuse values that are not finite, and an axis that does not increase.
 
+    Parameters
+    ----------
+    axis : (n,) s or, ``of_frequency``, Hz.
+    values : (n,) there.
+
     Raises
     ------
     AxisError

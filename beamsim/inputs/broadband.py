@@ -23,7 +23,13 @@ MOST_PIECES = 4_000_000
 
 
 def make_leg(first_hz: float, last_hz: float, rate: Rate) -> Leg:
-    """One direction of a sweep, from the rate of the scenario."""
+    """One direction of a sweep.
+
+    Parameters
+    ----------
+    first_hz, last_hz : Hz, from and to.
+    rate : of the scenario, in octaves or Hz per second.
+    """
     if rate.unit == "oct/s":
         return Leg(first_hz, last_hz, float(rate.value * np.log(2.0)), True)
     return Leg(first_hz, last_hz, float(rate.value), False)
@@ -36,7 +42,16 @@ def make_profile(
     between: str = "held",
     notches: Sequence[Notch] = (),
 ) -> Profile:
-    """The level over frequency, with its notches: one level, or a table of which ``level`` is a factor."""
+    """The level over frequency, with its notches.
+
+    Parameters
+    ----------
+    level : in SI units; with a table a factor of its levels.
+    quantity : of the level, and of points and notches that name none where it is a force.
+    points : the table.
+    between : its points, ``held`` or log-log interpolation.
+    notches : ranges with a limit of their own.
+    """
     default = "acceleration" if power_of(quantity) else quantity
     if points:
         table = [(p.frequency, p.level, p.quantity or default) for p in points]
@@ -53,6 +68,11 @@ def phase_of_acceleration(quantity: str, level: float, points: Sequence[ProfileP
 
     With a table of levels that is the quantity of its first point: a displacement is X sin(phase) however it is given,
     and the phase of the acceleration runs on through the table.
+
+    Parameters
+    ----------
+    quantity, level : as of `make_profile`; a negative level turns the phase.
+    points : the table of levels, where there is one.
     """
     if points:
         quantity = points[0].quantity or "acceleration"

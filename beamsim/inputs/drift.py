@@ -245,7 +245,14 @@ class CorrectionSize:
 
 
 def jumps(legs: Sequence[Leg], profile: Profile, phase: float) -> tuple[Correction, ...]:
-    """The corrections of a sweep: at the profile's corners and steps, and at turns."""
+    """The corrections of a sweep: at the profile's corners and steps, and at turns.
+
+    Parameters
+    ----------
+    legs : directions of the sweep, one after the other.
+    profile : level over frequency.
+    phase : of the sine at the start, rad.
+    """
     corrections = []
     turns, time = 0.0, 0.0
     before: tuple[Leg, int] | None = None  # leg and piece of the profile
@@ -266,8 +273,18 @@ def jumps(legs: Sequence[Leg], profile: Profile, phase: float) -> tuple[Correcti
 def leg_pieces(leg: Leg, profile: Profile, fraction: float) -> tuple[Floats, Ints]:
     """Turns since the start of a leg at which each piece of the profile begins, and the numbers of the pieces.
 
-    An edge that lies on the end of a cycle to within round-off is moved there; ``fraction`` is the part of a cycle that
-    is over at the start of the leg.
+    An edge that lies on the end of a cycle to within round-off is moved there.
+
+    Parameters
+    ----------
+    leg : direction of the sweep.
+    profile : level over frequency.
+    fraction : of a cycle that is over at the start of the leg.
+
+    Returns
+    -------
+    tuple
+        (P,) turns and (P,) numbers.
     """
     low, high = sorted((leg.first_hz, leg.last_hz))
     turns = np.sort(leg.turns(profile.edge[(profile.edge > low) & (profile.edge < high)]))

@@ -56,7 +56,13 @@ def linear_pieces(time: float, *pieces: tuple[float, float, float]) -> Signal:
 
 
 def half_sine(level: float, duration: float, time: float) -> Signal:
-    """``level * sin(pi (t - time) / duration)`` during the pulse, 0 outside."""
+    """``level * sin(pi (t - time) / duration)`` during the pulse, 0 outside.
+
+    Parameters
+    ----------
+    level : peak, in SI units.
+    duration, time : s, of the pulse, and when it begins.
+    """
     start = np.array([0.0, time, time + duration]) if time > 0 else np.array([0.0, duration])
     coefficient = np.zeros((start.size, 1, 1), dtype=complex)
     coefficient[-2] = -1j * level
@@ -112,10 +118,19 @@ def _without_drift(signal: Signal) -> Signal:
 
 
 def base_motion(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
-    """Motion of the base from the prescribed quantity; the parameters are those of `level_signal`.
+    """Motion of the base from the prescribed quantity.
 
     A step or half-sine of base displacement and a step of base velocity would need infinite accelerations; the
     scenario does not accept them.
+
+    Parameters
+    ----------
+    excitation, duration, folder : see `level_signal`.
+
+    Raises
+    ------
+    ScenarioError
+        As `level_signal`.
     """
     if excitation.kind == "swept_sine":
         windows, corrections = sweep_windows(excitation, duration)

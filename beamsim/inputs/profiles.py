@@ -24,7 +24,14 @@ def power_of(quantity: str) -> float:
 
 
 def acceleration_amplitude(level: float, quantity: str, frequency_hz: float) -> float:
-    """Amplitude of the acceleration (of the force, for a force) of a sine with the given level."""
+    """Amplitude of the acceleration (of the force, for a force) of a sine.
+
+    Parameters
+    ----------
+    level : amplitude of ``quantity``, in SI units.
+    quantity : displacement, velocity, acceleration or force.
+    frequency_hz : Hz, of the sine.
+    """
     return float(level * (2 * np.pi * frequency_hz) ** power_of(quantity))
 
 

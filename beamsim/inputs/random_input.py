@@ -32,7 +32,13 @@ MOST_PIECES = 1_000_000_000
 
 
 def density(frequency_hz: Floats, at_hz: Floats, value: Floats) -> Floats:
-    """One-sided density at frequencies by log-log interpolation, zero outside the table."""
+    """One-sided density by log-log interpolation, zero outside the table.
+
+    Parameters
+    ----------
+    frequency_hz : (n,) Hz, where it is asked for.
+    at_hz, value : (p,) Hz and (p,) unit^2/Hz, the table.
+    """
     inside = (frequency_hz >= at_hz[0] * (1 - 1e-12)) & (frequency_hz <= at_hz[-1] * (1 + 1e-12))
     out = np.zeros(frequency_hz.shape)
     f = np.clip(frequency_hz[inside], at_hz[0], at_hz[-1])
@@ -63,7 +69,16 @@ def _spectrum(
 def noise(
     at_hz: Floats, value: Floats, period: float, rate: float, generator: np.random.Generator, gaussian: bool = False
 ) -> Floats:
-    """Samples of one period, at ``rate`` (rounded up to a whole number of samples); amplitudes fixed or Gaussian."""
+    """Samples of one period of the noise.
+
+    Parameters
+    ----------
+    at_hz, value : (p,) Hz and (p,) unit^2/Hz, its density.
+    period : s.
+    rate : Hz, of the samples, rounded up to a whole number of them.
+    generator : of the phases.
+    gaussian : whether the amplitudes are random too.
+    """
     count = int(np.ceil(period * rate))
     _, amplitude = _spectrum(at_hz, value, period, count, generator, gaussian)
     return np.asarray(np.fft.irfft(0.5 * count * amplitude, count))

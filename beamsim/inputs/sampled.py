@@ -26,7 +26,14 @@ LARGEST_GAP = 1.5  # in median steps of the time axis; a longer step is a gap
 
 
 def interpolate(time: Floats, samples: Floats, kind: str) -> Signal:
-    """Linear or cubic-spline interpolation of the samples; constant after the last one."""
+    """Interpolation of samples; constant after the last one.
+
+    Parameters
+    ----------
+    time : (n,) s, increasing.
+    samples : (n,) there.
+    kind : ``linear``, or ``cubic`` for a spline.
+    """
     if kind == "linear" or time.size < 4:
         slope = np.diff(samples) / np.diff(time)
         pieces = np.stack([samples[:-1], slope], axis=1)
@@ -41,6 +48,12 @@ def interpolate(time: Floats, samples: Floats, kind: str) -> Signal:
 
 def sampled_signal(excitation: SampledInput, duration: float | None, folder: Path | None = None) -> Signal:
     """The samples as a signal from t = 0 on.
+
+    Parameters
+    ----------
+    excitation : of the scenario.
+    duration : s, of the run; by default of the samples.
+    folder : to which the path of the file is relative, by default the current one.
 
     Raises
     ------

@@ -35,7 +35,12 @@ class Signal:
 
     @classmethod
     def harmonic(cls, amplitude: ArrayLike, omega: ArrayLike, phase: ArrayLike = 0.0) -> Signal:
-        """``sum_k amplitude_k * sin(omega_k t + phase_k)`` (omega in rad/s, phase in rad)."""
+        """``sum_k amplitude_k * sin(omega_k t + phase_k)``.
+
+        Parameters
+        ----------
+        amplitude, omega, phase : (k,) or single numbers; rad/s and rad.
+        """
         amplitude, omega, phase = np.broadcast_arrays(
             *(np.atleast_1d(np.asarray(x, dtype=float)) for x in (amplitude, omega, phase))
         )

@@ -8,22 +8,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
-from beamsim.analyses.run.energy import energy_of_segments
-from beamsim.analyses.run.figures import Extremes, by_name, largest, openings, searched_extremes, static_figures
+from beamsim.analyses.run.exact_motion import motion_in_stretches
+from beamsim.analyses.run.figures import Extremes, by_name, largest, openings, static_figures
 from beamsim.analyses.run.intervals import SKIPPED
+from beamsim.analyses.run.motion import with_limit
 from beamsim.analyses.run.outputs import (
+    OutputSet,
     bending_stress,
-    exact_flow,
     in_every_state,
     output_groups,
 )
 from beamsim.analyses.run.random_response import LEAST_SAMPLES
+from beamsim.analyses.run.stretches import StretchFigures
 from beamsim.errors import NotTrustedError
 from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.stopping import Stopped, check_stop, heeding, never
-from beamsim.flow.transient import simulate
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.flow.stopping import Stopped, heeding, never
+from beamsim.outcomes import Outcome
 from beamsim.scenario.run import OrbitStart
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.flow.exact import ExactFlow
@@ -97,89 +99,79 @@ def asked_figures(
     NotTrustedError
         Once ``stop`` says so.
     """
-    flow = exact_flow(system, settings.duration, settings.most_contact_states, shared, settings.memory)
-    trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, stop=stop)
+    motion, _ = motion_in_stretches(system, settings, shared=shared, most_events=settings.max_events, stop=stop)
+    groups = output_groups(system, motion.flow)
+    searched = _searched(system, motion.flow, groups, {_SEARCHED[entry] for entry in asked if entry in _SEARCHED})
+    figures, squares = StretchFigures(searched), MeanSquares(groups, settings, asked)
     try:
         with heeding(stop):
-            return _evaluated(system, settings, trajectory, asked)
+            for stretch in motion.stretches():
+                figures.add(stretch)
+                squares.add(stretch)
     except Stopped:
         raise NotTrustedError("interrupted") from None
-
-
-def _evaluated(
-    system: StructuralSystem, settings: Run, trajectory: Trajectory, asked: Collection[str]
-) -> tuple[dict[str, Any], Outcome]:
-    check_stop()
-    balance = energy_of_segments(trajectory)
-    outcome = balance.checked(trajectory.outcome)
-    if outcome.code is OutcomeCode.EVENT_LIMIT:
-        outcome = outcome.but(limit="run.max_events")
-    of_model = [name for name in _STATIC if name in asked]
-    static = static_figures(system) if of_model else {}
-    figures: dict[str, Any] = {name: static[name] for name in of_model}
-    if "energy_error" in asked:
-        figures["energy_error"] = balance.error
+    balance = figures.balance.result()
+    outcome = balance.checked(with_limit(motion.outcome))
+    found: dict[str, Any] = {name: value for name, value in static_figures(system).items() if name in _STATIC}
+    found["energy_error"] = balance.error
     snubbers = [s.name for s in system.snubbers]
-    if "contact_share" in asked:
-        figures["contact_share"] = by_name(snubbers, trajectory.contact_share()[: len(snubbers)])
-    if "contacts" in asked:
-        closings = trajectory.event_contact[trajectory.event_closing]
-        figures["contacts"] = dict(zip(snubbers, np.bincount(closings, minlength=len(snubbers)).tolist(), strict=False))
+    shares = motion.contact_share()[: len(snubbers)]
+    found["contact_share"] = by_name(snubbers, shares)
+    closings = motion.event_contact[motion.event_closing]
+    found["contacts"] = dict(zip(snubbers, np.bincount(closings, minlength=len(snubbers)).tolist(), strict=False))
     if outcome.complete:
-        figures |= _extremes(system, trajectory, asked)
-        if openings_of := figures.get("largest_gap_m"):
-            lowest = -np.array(list(openings_of.values()))
-            shares = trajectory.contact_share()[: len(snubbers)]
-            figures["largest_gap_m"] = by_name(snubbers, openings(lowest, shares))
-        figures |= _root_mean_squares(system, settings, trajectory, asked)
-    return figures, outcome
+        found |= _named(system, figures.extremes, shares) | squares.root_mean_squares(system)
+    return {entry: value for entry, value in found.items() if entry in asked}, outcome
 
 
-def _root_mean_squares(
-    system: StructuralSystem, settings: Run, trajectory: Trajectory, asked: Collection[str]
-) -> dict[str, Any]:
-    """Those of the samples, without the first part of the run, as `beamsim.analyses.run.random_response` has them."""
-    names = [entry for entry in ROOT_MEAN_SQUARES if entry in asked]
-    count = int(np.floor(settings.duration * settings.output_rate * (1 + 1e-12))) + 1
-    first = int(SKIPPED * count)
-    if not names or count - first < LEAST_SAMPLES:
-        return {}
-    groups = output_groups(system, trajectory.flow)
-    table = trajectory.flow.output_table(groups)
-    squares = 0.0
-    for begin in range(first, count, SAMPLES_A_PART):
-        times = np.arange(begin, min(begin + SAMPLES_A_PART, count)) / settings.output_rate
-        squares = squares + np.sum(trajectory.sample_table(times, table) ** 2, axis=0)
-    root = np.sqrt(squares / (count - first))[None, :]
-    values = groups.split(root, trajectory.flow.system.contacts.start)
-    owners = {"force": [s.name for s in system.snubbers]}
-    probes = [p.name for p in system.probes]
-    return {
-        entry: dict(zip(owners.get(name, probes), values[name][0].tolist(), strict=False))
-        for entry, name in ROOT_MEAN_SQUARES.items()
-        if entry in names
-    }
+class MeanSquares:
+    """Mean squares of samples without the first part of a run, as `beamsim.analyses.run.random_response` has them.
+
+    Parameters
+    ----------
+    groups : all outputs.
+    settings : of the run.
+    asked : entries, of which those of `ROOT_MEAN_SQUARES` count.
+    """
+
+    def __init__(self, groups: OutputSet, settings: Run, asked: Collection[str]) -> None:
+        self._names = {entry: name for entry, name in ROOT_MEAN_SQUARES.items() if entry in asked}
+        self._groups = OutputSet({name: groups.groups[name] for name in self._names.values()})
+        self._rate = settings.output_rate
+        self._last = int(np.floor(settings.duration * self._rate * (1 + 1e-12))) + 1
+        self._first = self._reached = int(SKIPPED * self._last)
+        if self._last - self._first < LEAST_SAMPLES:
+            self._names = {}
+        self._squares: Floats | float = 0.0
+
+    def add(self, stretch: Trajectory) -> None:
+        """Include the samples of the next stretch."""
+        upto = min(int(stretch.end * (1 + 1e-12) * self._rate) + 1, self._last) if self._names else 0
+        for begin in range(self._reached, upto, SAMPLES_A_PART):
+            times = np.arange(begin, min(begin + SAMPLES_A_PART, upto)) / self._rate
+            self._squares = self._squares + np.sum(stretch.sample(times, self._groups) ** 2, axis=0)
+        self._reached = max(upto, self._reached)
+        self._start = stretch.flow.system.contacts.start
+
+    def root_mean_squares(self, system: StructuralSystem) -> dict[str, Any]:
+        """By entry and name."""
+        if not self._names:
+            return {}
+        root = np.sqrt(self._squares / (self._last - self._first))
+        values = self._groups.split(np.atleast_2d(root), self._start)
+        owners = {"force": [s.name for s in system.snubbers]}
+        probes = [p.name for p in system.probes]
+        return {
+            entry: dict(zip(owners.get(name, probes), values[name][0].tolist(), strict=False))
+            for entry, name in self._names.items()
+        }
 
 
-def _extremes(system: StructuralSystem, trajectory: Trajectory, asked: Collection[str]) -> dict[str, Any]:
-    """The entries that are extremes, from one search for all of them."""
-    searched = _searched(system, trajectory.flow, {_SEARCHED[entry] for entry in asked if entry in _SEARCHED})
-    if not searched:
-        return {}
-    extremes = searched_extremes(trajectory, searched)
-    figures = _named(system, extremes)
-    if system.stress is not None and "stress" in extremes:
-        stress = largest(extremes["stress"])
-        where = int(stress.argmax())
-        figures["largest_bending_stress_pa"] = float(stress[where])
-        figures["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
-    return {entry: value for entry, value in figures.items() if entry in asked}
-
-
-def _searched(system: StructuralSystem, flow: ExactFlow, names: Collection[str]) -> dict[str, OutputOf]:
+def _searched(
+    system: StructuralSystem, flow: ExactFlow, all_groups: OutputSet, names: Collection[str]
+) -> dict[str, OutputOf]:
     """The outputs to be searched, by group; of contacts those of snubbers, and no groups without outputs."""
-    groups = output_groups(system, flow).groups
-    searched = {}
+    groups, searched = all_groups.groups, {}
     for name in sorted(names):
         if name == "stress":
             if system.stress is not None:
@@ -196,8 +188,8 @@ def _first(output_of: OutputOf, count: int) -> OutputOf:
     return lambda phases: output_of(phases).some(slice(count))
 
 
-def _named(system: StructuralSystem, extremes: Extremes) -> dict[str, Any]:
-    """By entry of the summary the extremes of probes, snubbers and outputs, by name."""
+def _named(system: StructuralSystem, extremes: Extremes, shares: Floats) -> dict[str, Any]:
+    """By entry of the summary the extremes of probes, snubbers and outputs, by name; snubbers touch (m,) ``shares``."""
     probes, snubbers = [p.name for p in system.probes], [s.name for s in system.snubbers]
     figures: dict[str, Any] = {}
     if "displacement" in extremes:
@@ -209,10 +201,15 @@ def _named(system: StructuralSystem, extremes: Extremes) -> dict[str, Any]:
     if "force" in extremes:
         figures["peak_force_n"] = by_name(snubbers, extremes["force"][2])
     if "penetration" in extremes:
-        figures["largest_gap_m"] = by_name(snubbers, np.maximum(-extremes["penetration"][0], 0.0))
+        figures["largest_gap_m"] = by_name(snubbers, openings(extremes["penetration"][0], shares))
     if "output" in extremes:
         outputs = [output.name for output in system.linear_outputs]
         low, _, high, _ = extremes["output"]
         figures["min_output"], figures["max_output"] = by_name(outputs, low), by_name(outputs, high)
         figures["peak_output"] = by_name(outputs, largest(extremes["output"]))
+    if system.stress is not None and "stress" in extremes:
+        stress = largest(extremes["stress"])
+        where = int(stress.argmax())
+        figures["largest_bending_stress_pa"] = float(stress[where])
+        figures["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
     return figures

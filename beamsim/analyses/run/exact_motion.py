@@ -25,7 +25,7 @@ from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import MOTION_SHARE, energies_of_rows, events_in_memory, exact_flow, pieces_of
 from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import Work
-from beamsim.analyses.run.stretches import ROUND_OFF, FewSamples, StretchFigures, outer
+from beamsim.analyses.run.stretches import ROUND_OFF, FewSamples, RunFigures, outer
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import Stopped, check_stop, heeding
 from beamsim.flow.stretches import CHECKPOINT_PIECES, MotionInStretches
@@ -36,6 +36,7 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run
+    from beamsim.system.shared import SharedBuilds
 
 EVALUATION = "the evaluation of the motion"
 BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
@@ -44,16 +45,41 @@ COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that
 SPECTRUM_SHARE = 0.25  # for those of the last part, of which there are spectra
 
 
-def pieces_at_once(system: StructuralSystem, settings: Run) -> int | None:
-    """Number of pieces of the input in a stretch of the motion; None where the whole motion fits into the memory.
+def motion_in_stretches(
+    system: StructuralSystem,
+    settings: Run,
+    *,
+    shared: SharedBuilds | None = None,
+    most_events: int | None = None,
+    progress: Callable[[float], None] | None = None,
+    stop: Callable[[], bool],
+) -> tuple[MotionInStretches, str]:
+    """The motion of a run, to be marched, and the setting that limits its events.
 
-    Raises
-    ------
-    ScenarioError
-        Where something is asked for that needs the whole motion, which does not fit.
+    It is one stretch where its input has no more pieces than the motion between them has room for in the memory.
+
+    Parameters
+    ----------
+    system, settings : of the run.
+    shared : keeps what the motions of several systems have in common.
+    most_events : by default as many as the settings allow and the memory has room for.
+    progress, stop : see `beamsim.flow.transient.simulate`.
     """
-    if pieces_of(system) * BYTES_A_PIECE <= MOTION_SHARE * settings.memory:
-        return None
+    pieces, at_once = pieces_of(system), None
+    if pieces * BYTES_A_PIECE > MOTION_SHARE * settings.memory:
+        at_once = max(int(STRETCH_SHARE * settings.memory / BYTES_A_PIECE), CHECKPOINT_PIECES)
+    flow = exact_flow(
+        system, settings.duration, settings.most_contact_states, shared, settings.memory,
+        None if at_once is None else (0, min(at_once, pieces)),
+    )  # fmt: skip
+    room = events_in_memory(flow, settings.memory)
+    most = min(settings.max_events, room) if most_events is None else most_events
+    motion = MotionInStretches(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
+    return motion, "run.max_events" if settings.max_events <= room else "run.memory"
+
+
+def _refuse_what_needs_all(system: StructuralSystem, settings: Run) -> None:
+    """Refuse what needs the whole motion, which does not fit into the memory."""
     needed = {"run.srs": settings.srs is not None, "friction": friction_contacts(system).size > 0}
     problems = [
         Problem(
@@ -66,31 +92,6 @@ def pieces_at_once(system: StructuralSystem, settings: Run) -> int | None:
     ]
     if problems:
         raise ScenarioError(problems)
-    return max(int(STRETCH_SHARE * settings.memory / BYTES_A_PIECE), CHECKPOINT_PIECES)
-
-
-def motion_in_stretches(
-    system: StructuralSystem,
-    settings: Run,
-    *,
-    most_events: int | None = None,
-    progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool],
-) -> tuple[MotionInStretches, str]:
-    """The motion of a run, to be marched, and the setting that limits its events.
-
-    Parameters
-    ----------
-    most_events : by default as many as `Run.max_events` allows and the memory has room for.
-    progress, stop : see `beamsim.flow.transient.simulate`.
-    """
-    at_once = pieces_at_once(system, settings)
-    pieces = None if at_once is None else (0, min(at_once, pieces_of(system)))
-    flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory, pieces=pieces)
-    room = events_in_memory(flow, settings.memory)
-    most = min(settings.max_events, room) if most_events is None else most_events
-    motion = MotionInStretches(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
-    return motion, "run.max_events" if settings.max_events <= room else "run.memory"
 
 
 def exact_motion_of(
@@ -110,9 +111,16 @@ def exact_motion_of(
     system, settings : of the run.
     times : at which it is asked for.
     progress, stop : see `beamsim.flow.transient.simulate`.
+
+    Raises
+    ------
+    ScenarioError
+        Where something is asked for that needs the whole motion, which does not fit into the memory.
     """
     motion, limit = motion_in_stretches(system, settings, progress=progress, stop=stop)
-    figures, grace = StretchFigures(system, settings, motion.flow, times), Grace(stop)
+    if not motion.one_stretch:
+        _refuse_what_needs_all(system, settings)
+    figures, grace = RunFigures(system, settings, motion.flow, times), Grace(stop)
     step = step_of_few(times.size)
     few = None if motion.one_stretch else FewSamples(figures.groups, motion.flow, times.every(step))
     evaluated = _evaluate(motion, figures, few, grace)
@@ -145,9 +153,7 @@ def exact_motion_of(
     )
 
 
-def _evaluate(
-    motion: MotionInStretches, figures: StretchFigures, few: FewSamples | None, stop: Callable[[], bool]
-) -> bool:
+def _evaluate(motion: MotionInStretches, figures: RunFigures, few: FewSamples | None, stop: Callable[[], bool]) -> bool:
     """March, evaluate and forget; False where a request to stop leaves not even the first stretch evaluated."""
     end, evaluated = 0.0, True
     for stretch in motion.stretches():
@@ -167,7 +173,7 @@ def _evaluate(
     return evaluated
 
 
-def _extremes_of_samples(system: StructuralSystem, figures: StretchFigures, histories: ExactHistories) -> Extremes:
+def _extremes_of_samples(system: StructuralSystem, figures: RunFigures, histories: ExactHistories) -> Extremes:
     """What is quickly known of a motion."""
     extremes = histories.extremes(figures.searched)
     if system.energy_outputs:
@@ -180,7 +186,7 @@ def _motion_of(
     system: StructuralSystem,
     settings: Run,
     motion: MotionInStretches,
-    figures: StretchFigures,
+    figures: RunFigures,
     histories: ExactHistories,
 ) -> RunMotion:
     """The motion with what does not depend on how far its evaluation came."""

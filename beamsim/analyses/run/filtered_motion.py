@@ -46,17 +46,27 @@ class FilteredMotion(Protocol):
         ...
 
 
-def filtered(trajectory: Trajectory, output_of: OutputOf, frequency_hz: float, times: Floats) -> FilteredMotion:
+def filtered(
+    trajectory: Trajectory,
+    output_of: OutputOf,
+    frequency_hz: float,
+    times: Floats,
+    before: LowPassFilter | None = None,
+) -> FilteredMotion:
     """Outputs of a motion behind the Butterworth low-pass of a frequency.
 
     Parameters
     ----------
+    trajectory : the motion, or its next stretch.
+    output_of : k outputs.
+    frequency_hz : of the filter.
     times : (nt,) increasing, s, at which the values are to be right to 1e-9; elsewhere to 1e-5 at least.
+    before : the filter, led through the stretches before; only inputs with powers of time are taken in stretches.
     """
     if trajectory.exponentials and not _near_poles(trajectory, butterworth(frequency_hz)[0]):
         return FilteredSegments.of(trajectory, output_of, frequency_hz)
     known, longest = known_times(trajectory, times)
-    through = LowPassFilter(frequency_hz, output_of(trajectory.flow.system.contacts.start).row.shape[0])
+    through = before or LowPassFilter(frequency_hz, output_of(trajectory.flow.system.contacts.start).row.shape[0])
     return FilteredPanels(*through.curve(known, lambda at: trajectory.sample(at, output_of), longest)[:3])
 
 

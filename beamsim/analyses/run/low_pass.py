@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.run.linear_filter import LONGEST_TURN, Extreme, LinearFilter, Signal, panels
-from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -54,13 +53,6 @@ class LowPassFilter:
             slopes.append(slope)
         self._value, self._slope = values[-1][-1], slopes[-1][-1]
         return np.concatenate(ends), np.vstack(values), np.vstack(slopes), of_times
-
-
-def filtered_part(through: LowPassFilter, part: Trajectory, output_of: OutputOf, times: Floats) -> Floats:
-    """(nt, k) outputs behind the filter at times in the next part of a motion, of which it knows what was before."""
-    known, longest = known_times(part, times)
-    history = through.through(known, lambda at: part.sample(at, output_of), longest)
-    return history[np.searchsorted(known, times)]
 
 
 def known_times(part: Trajectory, times: Floats) -> tuple[Floats, float]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from beamsim.analyses.run.energy import BalanceOfStretches, energies_of_segments, unknown_energies
 from beamsim.analyses.run.figures import Extreme, Extremes, energy_extremes, searched_extremes
+from beamsim.analyses.run.filtered_motion import filtered
 from beamsim.analyses.run.histories import SampledHistories
 from beamsim.analyses.run.impacts import ImpactRecord
-from beamsim.analyses.run.low_pass import LowPassFilter, filtered_part
+from beamsim.analyses.run.low_pass import LowPassFilter
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import OutputSet, output_groups, searched_outputs
 from beamsim.flow.contact_state import OutputOf
@@ -23,24 +26,16 @@ ROUND_OFF = 1e-12  # relative, of the last output time
 
 
 class StretchFigures:
-    """Figures of a motion that is given stretch by stretch.
+    """Peaks and energy balance of a motion that is given stretch by stretch.
 
     Parameters
     ----------
-    system, settings : of the run.
-    flow : of the motion.
-    times : all output times.
+    searched : outputs by group, of which the extremes are searched for.
     """
 
-    def __init__(self, system: StructuralSystem, settings: Run, flow: ExactFlow, times: OutputTimes) -> None:
-        self._energies = system.energy_outputs
-        self.groups = output_groups(system, flow)
-        self.searched = searched_outputs(system, flow, self.groups)
+    def __init__(self, searched: Mapping[str, OutputOf]) -> None:
+        self.searched = dict(searched)
         self.balance, self.extremes = BalanceOfStretches(), Extremes()
-        self.low_passed: LowPassed | None = None
-        self.impacts = None if settings.impacts is None else ImpactRecord(system, settings.impacts)
-        if settings.low_pass is not None:
-            self.low_passed = LowPassed(self.searched.pop("acceleration"), settings.low_pass, times, len(system.probes))
 
     def add(self, stretch: Trajectory) -> None:
         """Include the next stretch.
@@ -51,17 +46,44 @@ class StretchFigures:
             On a request to stop that is heeded, see `beamsim.flow.stopping`.
         """
         check_stop()
-        found = searched_extremes(stretch, self.searched)
+        balance = energies_of_segments(stretch)
+        found = self.found(stretch)
+        self.balance.add(*balance)
+        self.extremes = {name: outer(self.extremes.get(name), each) for name, each in found.items()}
+
+    def found(self, stretch: Trajectory) -> Extremes:
+        """Extremes of a stretch."""
+        return searched_extremes(stretch, self.searched) if self.searched else {}
+
+
+class RunFigures(StretchFigures):
+    """The figures of a run: also peaks of energies, accelerations behind a filter, and impacts.
+
+    Parameters
+    ----------
+    system, settings : of the run.
+    flow : of the motion.
+    times : all output times.
+    """
+
+    def __init__(self, system: StructuralSystem, settings: Run, flow: ExactFlow, times: OutputTimes) -> None:
+        self.groups, self._energies = output_groups(system, flow), system.energy_outputs
+        super().__init__(searched_outputs(system, flow, self.groups))
+        self.low_passed: LowPassed | None = None
+        self.impacts = None if settings.impacts is None else ImpactRecord(system, settings.impacts)
+        if settings.low_pass is not None:
+            self.low_passed = LowPassed(self.searched.pop("acceleration"), settings.low_pass, times, len(system.probes))
+
+    def found(self, stretch: Trajectory) -> Extremes:
+        """Extremes of a stretch, which is included in the impacts and led through the filter."""
+        found = super().found(stretch)
         if self._energies:
             found["energy"] = energy_extremes(stretch, self._energies, self.groups.groups["energy"])
-        balance = energies_of_segments(stretch)
         if self.impacts is not None:
             self.impacts.add(stretch, found["force"][2])
         if self.low_passed is not None:
-            self.low_passed.add(stretch)
-            found["acceleration"] = self.low_passed.extremes
-        self.balance.add(*balance)
-        self.extremes = {name: outer(self.extremes.get(name), each) for name, each in found.items()}
+            found["acceleration"] = self.low_passed.add(stretch)
+        return found
 
     def give_up(self) -> None:
         """Forget what was gathered: the evaluation of the first stretch was interrupted."""
@@ -71,23 +93,29 @@ class StretchFigures:
 
 
 class LowPassed:
-    """Accelerations behind the filter at all output times, led through it stretch by stretch."""
+    """Accelerations behind the filter at all output times, led through it stretch by stretch.
+
+    Parameters
+    ----------
+    output_of : accelerations of the probes.
+    frequency_hz : of the filter.
+    times : all output times.
+    probes : number of accelerations.
+    """
 
     def __init__(self, output_of: OutputOf, frequency_hz: float, times: OutputTimes, probes: int) -> None:
-        self._output_of, self._times, self._through = output_of, times, LowPassFilter(frequency_hz, probes)
-        self.values, self._reached = np.empty((times.size, probes)), 0
+        self._output_of, self._frequency_hz, self._times = output_of, frequency_hz, times
+        self._through, self._begin, self._reached = LowPassFilter(frequency_hz, probes), 0.0, 0
+        self.values = np.empty((times.size, probes))
 
-    @property
-    def extremes(self) -> Extreme:
-        """Lowest and highest values so far, and when."""
-        return self._through.extremes
-
-    def add(self, stretch: Trajectory) -> None:
-        """Go on through the next stretch."""
+    def add(self, stretch: Trajectory) -> Extreme:
+        """Go on through the next stretch, and return its lowest and highest values."""
         upto = max(self._times.until(stretch.end * (1.0 + ROUND_OFF)).size, self._reached)
         times = np.minimum(self._times.rows(self._reached, upto), stretch.end)
-        self.values[self._reached : upto] = filtered_part(self._through, stretch, self._output_of, times)
-        self._reached = upto
+        behind = filtered(stretch, self._output_of, self._frequency_hz, times, self._through)
+        self.values[self._reached : upto] = behind.at(times)
+        begin, self._begin, self._reached = self._begin, stretch.end, upto
+        return behind.extremes(begin, stretch.end)
 
     @property
     def reached(self) -> Floats:
