@@ -15,7 +15,18 @@ def as_real(zeta: Complexes) -> Floats:
 
 
 def basis_derivatives(exponent: Complexes, power: Ints, tau: float, orders: int) -> Complexes:
-    r"""(orders, B) of :math:`\tau^p e^{\lambda \tau}`, from order 0 on (Leibniz)."""
+    r"""Derivatives of :math:`\tau^p e^{\lambda \tau}`, from order 0 on (Leibniz).
+
+    Parameters
+    ----------
+    exponent, power : (B,) 1/s, and p.
+    tau : s.
+    orders : how many, the value itself included.
+
+    Returns
+    -------
+    derivatives : (orders, B).
+    """
     if tau == 0.0:  # what is left is the term in which the power is differentiated away
         factorial = np.cumprod(np.maximum(np.arange(orders), 1.0))
         rest = np.arange(orders)[:, None] - power
@@ -32,7 +43,17 @@ def basis_derivatives(exponent: Complexes, power: Ints, tau: float, orders: int)
 
 
 def largest_curvature(exponent: Complexes, power: Ints, H: float) -> Floats:
-    """(B,) bound on the second derivative of every basis function on [0, H]."""
+    """Bound on the second derivative of every basis function on [0, H].
+
+    Parameters
+    ----------
+    exponent, power : (B,) 1/s, and p.
+    H : s.
+
+    Returns
+    -------
+    bound : (B,).
+    """
     size, p = np.abs(exponent), power
     level = np.exp(np.maximum(exponent.real, 0.0) * H)
     rest = np.where(p > 1, p * (p - 1.0) * H ** np.maximum(p - 2, 0), 0.0)

@@ -67,7 +67,17 @@ class LinearOutput:
         return np.asarray(np.logical_and.reduce([(one == two).all(axis=1) for one, two in pairs]))
 
     def values(self, y: Floats, inputs: Floats, slopes: Floats) -> Floats:
-        """(n, k) outputs at states y (n, N), with the inputs and their time derivatives (n, F)."""
+        """Outputs of motions.
+
+        Parameters
+        ----------
+        y : (n, N) states.
+        inputs, slopes : (n, F) the sources and their time derivatives.
+
+        Returns
+        -------
+        values : (n, k).
+        """
         return np.asarray(y @ self.row.T + inputs @ self.direct.T + slopes @ self.direct_slope.T)
 
     def above(self, other: LinearOutput) -> LinearOutput:
@@ -113,7 +123,18 @@ class ContactState:
         return self.modes.horizon
 
     def coefficients(self, output: LinearOutput, sources: Sources, table: Complexes | None = None) -> Complexes:
-        """(T, k) factor of ``zeta * basis`` of every term in every output, in an array that is made or given."""
+        """Factors of ``zeta * basis`` of every term in every output.
+
+        Parameters
+        ----------
+        output : k outputs in this contact state.
+        sources : of the loads.
+        table : (T, k) to write to; a new array by default.
+
+        Returns
+        -------
+        table : (T, k).
+        """
         if table is None:
             table = np.empty((self.term_vector.shape[0], output.row.shape[0]), dtype=complex)
         count, n = table.shape[0], (self.term_vector.shape[1] - self.modes.internal_states) // 2
@@ -251,7 +272,14 @@ class ContactModes:
         return min(self.horizon, float(sources.longest_piece[source])), float(sources.limit[source])
 
     def respond(self, terms: _Terms, whole: SimpleModes, sources: Sources, f: int) -> None:
-        """Add the response to a source; ``whole`` are the simple modes, both of each pair."""
+        """Add the response to a source.
+
+        Parameters
+        ----------
+        terms : what it is added to.
+        whole : the simple modes, both of each pair.
+        sources, f : all sources, and the number of one.
+        """
         nu, p = complex(sources.exponent[f]), int(sources.power[f])
         polynomial = np.zeros((p + 1, terms.size), dtype=complex)
         polynomial[:, -self.load.shape[1] :] = _driving(self.load[f], self.slope[f], nu, p)
@@ -620,20 +648,6 @@ class SourceLoads(NamedTuple):
         return load, slope
 
 
-def state_loads(
-    system: PiecewiseLinearSystem,
-    forcing: Forcing,
-    sources: Sources,
-    base_channel: int,
-    phases: Ints,
-) -> tuple[Floats, Floats]:
-    """(F, n + r) generalised force, and rate of the internal states, per unit of each source and of its derivative.
-
-    Without what the reactions of contacts that hold balance.
-    """
-    return _free(system, phases, *acting_loads(system, forcing, sources, base_channel, phases))
-
-
 def _free(system: PiecewiseLinearSystem, phases: Ints, load: Floats, slope: Floats) -> tuple[Floats, Floats]:
     """Loads without what the reactions of contacts that hold balance."""
     n, held = system.size, held_contacts(system, phases)
@@ -643,13 +657,21 @@ def _free(system: PiecewiseLinearSystem, phases: Ints, load: Floats, slope: Floa
 
 
 def acting_loads(
-    system: PiecewiseLinearSystem,
-    forcing: Forcing,
-    sources: Sources,
-    base_channel: int,
-    phases: Ints,
+    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, base_channel: int, phases: Ints
 ) -> tuple[Floats, Floats]:
-    """As `state_loads`, with what reactions balance."""
+    """Generalised forces and rates of the internal states, with what the reactions of contacts that hold balance.
+
+    Parameters
+    ----------
+    system, forcing : the structure and what its loads act on.
+    sources : of the loads' signals.
+    base_channel : the channel of the base displacement (-1 without).
+    phases : (m,) of the contacts.
+
+    Returns
+    -------
+    load, slope : (F, n + r) per unit of each source, and of its time derivative.
+    """
     return _loads_of_sources(system, forcing, sources, base_channel, phases).total()
 
 

@@ -51,7 +51,15 @@ def round_off(sources: Sources) -> float:
 
 
 def step_of(state: ContactState, watch: Complexes, roughness: Floats, sources: Sources, length: float) -> PieceStep:
-    """The step of a contact state; ``watch`` (T, g) and ``roughness`` (T, g) are those of its guards."""
+    """The step of a contact state over a piece.
+
+    Parameters
+    ----------
+    state : the contact state.
+    watch, roughness : (T, g) coefficients of its guards, and their round-off scale.
+    sources : of the loads.
+    length : s, of the piece.
+    """
     F, Z, of_term = sources.count, state.projector.shape[0], state.term_basis
     start = basis_derivatives(state.exponent, state.power, 0.0, 2)[:, of_term, None]
     end = basis_derivatives(state.exponent, state.power, length, 1)[0, of_term, None]
@@ -72,7 +80,14 @@ def step_of(state: ContactState, watch: Complexes, roughness: Floats, sources: S
 
 
 def as_arrays(steps: list[PieceStep], sources: Sources, length: float) -> PieceSteps:
-    """PieceSteps side by side as the march takes them."""
+    """Steps side by side, as the march takes them.
+
+    Parameters
+    ----------
+    steps : of the contact states, in their order.
+    sources : of the loads.
+    length : s, of a piece.
+    """
     from beamsim.flow.march_kernels import PieceSteps
 
     return PieceSteps(

@@ -46,7 +46,7 @@ class Guards(NamedTuple):
     least: Any  # (g,) round-off that cancelling parts of the coefficients leave
 
 
-class Search(NamedTuple):
+class SearchWork(NamedTuple):
     """Work of a search."""
 
     out: Any  # (4, g) value, slope, bound on the curvature, round-off
@@ -57,7 +57,7 @@ class Search(NamedTuple):
 @kernel
 def make_search(guards):  # type: ignore[no-untyped-def]
     """Work for the search among a number of guards."""
-    return Search(np.empty((4, guards)), np.empty(guards), np.empty(guards))
+    return SearchWork(np.empty((4, guards)), np.empty(guards), np.empty(guards))
 
 
 @kernel
@@ -174,7 +174,13 @@ def _evaluate(guards, tau, H, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
-    """Longest step from g > 0 over which g + slope h - bound h^2 / 2 stays positive."""
+    """Longest step over which ``g + slope h - bound h^2 / 2`` stays positive.
+
+    Parameters
+    ----------
+    g, slope : value, positive, and slope here.
+    bound : on the size of the curvature from here on.
+    """
     if bound <= 0.0:
         return np.inf if slope >= 0.0 else -g / slope
     root = math.sqrt(slope * slope + 2.0 * bound * g)
@@ -221,7 +227,7 @@ def _fill_floors(guards, out, H, begins, floors):  # type: ignore[no-untyped-def
 
 @kernel
 def _follow_zeros(guards, out, tau, slopes, floors):  # type: ignore[no-untyped-def]
-    """Fill in the slopes of `Search`; what has risen has no floor any more.
+    """Fill in the slopes of `SearchWork`; what has risen has no floor any more.
 
     Returns the share of a step to take: half of the first one where a guard rises, so that it is seen above zero before
     it may come back.

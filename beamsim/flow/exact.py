@@ -292,26 +292,18 @@ class ExactFlow:
         return index
 
     def kernel_arguments(self) -> tuple[Tables, Inputs]:
-        """What the march takes; see :class:`beamsim.flow.march.Marched`."""
+        """The contact states so far and the sources, as the kernels take them."""
         return self.tables(), self.inputs()
 
     def equal_steps(self) -> PieceSteps | None:
-        """What the march takes for equal pieces; None where they are not many."""
+        """What carries a motion over equal pieces of the sources; None where they are not many."""
         if self._steps is None and self._length is not None:
             self._steps = as_arrays(self._step, self.sources, self._length)
         return self._steps
 
-    def time_of(self, motion: Motion) -> float:
-        """Time since the start of the motion, s."""
-        return motion.time
-
     def tables(self) -> Tables:
         """The states' tables for the kernels."""
         return self._tables.arrays()
-
-    def tables_of(self, state: int) -> Tables:
-        """Those of one state, as number 0."""
-        return self._tables.arrays_of(state)
 
     def inputs(self) -> Inputs:
         """The sources as the kernels take them."""
@@ -479,10 +471,6 @@ class ExactFlow:
         output.row[:, 2 * self.system.size :] += internal
         return output
 
-    def starting_state(self, state: Floats, time: float = 0.0) -> Ints:
-        """Phases of the contacts at a given motion (N,)."""
-        return self.begin(state, time).phases
-
     def begin(self, state: Floats, time: float = 0.0) -> StartOfMotion:
         """How a motion starts from a state (N,).
 
@@ -583,7 +571,18 @@ class ExactFlow:
         return self._above_rates(self.empty_output(0), phases)
 
     def forces_at(self, phases: Ints, y: Floats, times: Floats) -> Floats:
-        """(nt, m) forces of the contacts at states (nt, N) in phases (nt, m)."""
+        """Forces of the contacts along a motion.
+
+        Parameters
+        ----------
+        phases : (nt, m) of the contacts.
+        y : (nt, N) states.
+        times : (nt,) s.
+
+        Returns
+        -------
+        forces : (nt, m) N.
+        """
         known, which = np.unique(phases, axis=0, return_inverse=True)
         F, inputs, out = self.sources.count, self.inputs_at(times)[:, 0], np.empty(phases.shape)
         for k, row in enumerate(known):

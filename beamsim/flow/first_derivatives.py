@@ -39,9 +39,17 @@ class FunctionsAtStart(NamedTuple):
         return cls(count, output.row, load, np.abs(output.row), np.abs(load))
 
     def signs(self, inputs: InputsAtStart, state: Floats, highest: int) -> tuple[Floats, Ints]:
-        """Signs and orders of the first derivatives, up to a ``highest`` order, that are beyond their round-off.
+        """Signs and orders of the first derivatives that are beyond their round-off, see `decisive`.
 
-        A sign is 0 where all are within it. ``state`` is (N,).
+        Parameters
+        ----------
+        inputs : with as many derivatives at least.
+        state : (N,).
+        highest : order up to which derivatives are looked at.
+
+        Returns
+        -------
+        signs, orders : (functions,).
         """
         count, load_size, orders = self.functions, self.load_size.T, highest + 1
         rates, rates_size, size = self.row[count:], self.row_size[count:], self.row_size.T

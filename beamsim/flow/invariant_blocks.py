@@ -135,10 +135,21 @@ def second_order_blocks(
 def block_diagonalise(
     A: Floats, window: float = np.inf, inverse: Callable[[], Floats] | None = None
 ) -> tuple[SimpleModes, list[Block]]:
-    """Blocks of a general real matrix, as small as conditioning allows; see :func:`second_order_blocks`.
+    """Blocks of a general real matrix, as small as conditioning allows.
 
-    ``inverse`` gives that of A, written down rather than computed, and with it the eigenvalues far below the largest,
-    which A itself knows only to the round-off of the largest (a heavily overdamped contact).
+    Parameters
+    ----------
+    A : (N, N).
+    window : s, longest time for which the blocks will be used.
+    inverse : gives that of A, written down rather than computed, and with it the eigenvalues far below the largest,
+        which A itself knows only to the round-off of the largest (a heavily overdamped contact).
+
+    Returns
+    -------
+    simple, blocks : see `second_order_blocks`.
+
+    Notes
+    -----
 
     Where eigenvectors are ill-conditioned, the coordinates are scaled first: displacements and the internal states of a
     contact much stiffer than the structure have other sizes (balancing, after Osborne, J. ACM 7 (1960)). Balancing, and

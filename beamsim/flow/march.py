@@ -36,7 +36,14 @@ class Log(NamedTuple):
 
     @classmethod
     def sized(cls, segments: int, size: int, most_events: int | None = None) -> Log:
-        """An empty log for a number of segments and events; with a size of zero nothing is kept."""
+        """An empty log; with a size of zero nothing is kept.
+
+        Parameters
+        ----------
+        segments : room for them.
+        size : N, of the state.
+        most_events : room for events, at most one more than segments.
+        """
         whole = np.int64
         events = segments + 1 if most_events is None else min(segments + 1, most_events)
         return cls(
@@ -72,9 +79,6 @@ class Marched(Protocol):
     def visits(self, states: Ints) -> Ints:
         """Numbers for the log of the states of the last segments."""
 
-    def time_of(self, motion: Motion) -> float:
-        """Time since the start of the motion, s."""
-
 
 @dataclass
 class Motion:
@@ -99,7 +103,19 @@ class Motion:
         return replace(self, y=self.y.copy())
 
     def advance(self, flow: Marched, end: float, log: Log, most_evaluations: int) -> tuple[int, int, int, int]:
-        """One call of the compiled march: status, segments, events, evaluations."""
+        """One call of the compiled march.
+
+        Parameters
+        ----------
+        flow : whose contact states are visited.
+        end : s.
+        log : takes segments and events.
+        most_evaluations : of the guards.
+
+        Returns
+        -------
+        status, segments, events, evaluations : see `beamsim.flow.march_kernels.march`.
+        """
         from beamsim.flow.march_kernels import NEED_STATE, Position, march
 
         code, self.time, self.piece, self.state, self.guard, segments, events, evaluations = march(
@@ -132,11 +148,17 @@ def carry(
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] = never,
 ) -> Carried:
-    """Carry a motion on to the last of ``stops``, times in s.
+    """Carry a motion on, with contact states built as they are visited.
 
-    Contact states are built as they are visited. More than ``max_events`` events or ``max_evaluations`` evaluations of
-    the watched functions end the motion early, with an outcome that says so. ``keep`` logs segments and events;
-    ``progress`` is called with the time reached, now and then and at every stop; ``stop`` says whether to end there.
+    Parameters
+    ----------
+    flow, motion : the motion is changed in place.
+    stops : s, times at which progress is reported; the last one ends it.
+    keep : whether segments and events are logged.
+    max_events, max_evaluations : numbers of events and of evaluations of the guards, beyond which it ends early with an
+        outcome that says so.
+    progress : called with the time reached, now and then and at every stop.
+    stop : says whether to end, several times a second.
     """
     from beamsim.flow.march_kernels import BUDGET, DONE, STUCK
 
@@ -157,13 +179,13 @@ def carry(
             if motion.waits:
                 flow.follow(motion.state, motion.guard)
             if code == STUCK or (code == BUDGET and evaluations >= max_evaluations):
-                outcome = Outcome.of(OutcomeCode.EVALUATION_LIMIT, time=flow.time_of(motion), evaluations=evaluations)
+                outcome = Outcome.of(OutcomeCode.EVALUATION_LIMIT, time=motion.time, evaluations=evaluations)
             elif events > max_events:
-                outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=flow.time_of(motion), events=events)
+                outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=motion.time, events=events)
             elif stop():
-                outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=flow.time_of(motion), unit="s")
+                outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=motion.time, unit="s")
             elif progress is not None:
-                progress(flow.time_of(motion))
+                progress(motion.time)
             if code == DONE:
                 break
     return Carried(Log.join(parts) if parts else None, segments, events, evaluations, outcome)

@@ -19,9 +19,14 @@ INEXACT = 1e-11  # relative error of a motion and its rate, at which the eigenva
 
 
 def can_update(system: PiecewiseLinearSystem, before: Ints, phases: Ints) -> bool:
-    """Whether the modes with the contacts in given phases may follow from those with the phases ``before``.
+    """Whether the modes of a contact state may follow from those of another one.
 
     Undamped modes may not: their eigenvalues have no real part, and round-off would give them one.
+
+    Parameters
+    ----------
+    system : the structure.
+    before, phases : (m,) of the contacts in the known state and in the new one.
     """
     n, contacts = system.size, system.contacts
     if n < SMALLEST or contacts.coupled(before) or contacts.coupled(phases):
@@ -37,8 +42,18 @@ def can_update(system: PiecewiseLinearSystem, before: Ints, phases: Ints) -> boo
 def neighbouring_modes(
     system: PiecewiseLinearSystem, known: SimpleModes, before: Ints, phases: Ints
 ) -> SimpleModes | None:
-    """Modes of (q, q') with the contacts in given phases, one of each conjugate pair, from those ``known`` with the
-    phases ``before`` (see `can_update`); None where they have to be computed anew."""
+    """Modes of (q, q') in a contact state from those of another one, see `can_update`.
+
+    Parameters
+    ----------
+    system : the structure.
+    known : modes with the phases ``before``, one of each conjugate pair.
+    before, phases : (m,) of the contacts in the known state and in the new one.
+
+    Returns
+    -------
+    modes : one of each conjugate pair; None where they have to be computed anew.
+    """
     from beamsim.flow.secular_kernels import update
 
     n, contacts = system.size, system.contacts

@@ -41,7 +41,18 @@ def check_finite(y: Floats | Complexes) -> None:
 
 
 def penetration_of_states(contacts: Contacts, y: Floats, base: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
-    """Penetration and its rate, (nt, m) each, of states (nt, N) and the base's displacement and velocity (nt,)."""
+    """Penetration and its rate.
+
+    Parameters
+    ----------
+    contacts : m of them.
+    y : (nt, N) states.
+    base : (nt,) displacement, m, and velocity, m/s, of the base; None where it rests.
+
+    Returns
+    -------
+    delta, rate : (nt, m) m, m/s.
+    """
     n, shape = contacts.shape.shape[1], -contacts.sign[:, None] * contacts.shape
     delta, rate = y[:, :n] @ shape.T - contacts.gap, y[:, n : 2 * n] @ shape.T
     if base is not None:
@@ -91,7 +102,17 @@ class PeriodicForcing:
         return force, base, force * (self.force_power / omega)[:, None], base * (self.base_power / omega)
 
     def base_motion(self, omega: float, level: float, times: Floats) -> tuple[Floats, Floats]:
-        """(nt,) displacement and velocity of the base."""
+        """The motion of the base.
+
+        Parameters
+        ----------
+        omega, level : rad/s, and factor of the loads.
+        times : (nt,) s.
+
+        Returns
+        -------
+        displacement, velocity : (nt,) m, m/s.
+        """
         iw = 1j * self.multiple * omega
         moving = self.at(omega, level)[1] * np.exp(np.multiply.outer(times, iw))
         return moving.sum(axis=1).real, (moving * iw).sum(axis=1).real
@@ -139,7 +160,17 @@ class PeriodicForcing:
         return np.concatenate([force, base]), np.asarray(1j * multiple * omega)
 
     def rates_of_signals(self, omega: float, level: float, parameter: Frequency | Level) -> tuple[Complexes, Complexes]:
-        """Derivatives of the same by the frequency or the level."""
+        """Derivatives of the amplitudes and exponents of `signals`.
+
+        Parameters
+        ----------
+        omega, level : rad/s, and factor of the loads.
+        parameter : by which they are taken.
+
+        Returns
+        -------
+        amplitude, exponent : (L + B,) of the loads' signals and of the base's harmonics.
+        """
         harmonic = self._rows[0]
         if isinstance(parameter, Level):
             amplitude = self._amplitudes(omega, 1.0)[0]
@@ -179,7 +210,15 @@ class ContactDirection:
         shape: Any = 0.0,
         along: Contacts | None = None,
     ) -> ContactDirection:
-        """Broadcast numbers to all contacts."""
+        """A direction from numbers that are broadcast to all contacts.
+
+        Parameters
+        ----------
+        contacts : m of them.
+        stiffness, dashpot, gap : N/m, N s/m and m per unit of the parameter; (m,), or one for all.
+        shape : (m, n) per unit of the parameter.
+        along : contacts whose laws' forces are added.
+        """
 
         def spread(value: Any, like: Floats) -> Floats:
             return np.array(np.broadcast_to(np.asarray(value, dtype=float), like.shape))
@@ -214,7 +253,14 @@ class StructureDirection:
         mass: Any = 0.0,
         load: Any = 0.0,
     ) -> StructureDirection:
-        """Matrices (n, n) or their diagonals (n,), and a load (n,); what is not given does not change."""
+        """A direction from what changes; the rest does not.
+
+        Parameters
+        ----------
+        size : n.
+        stiffness, damping, mass : (n, n), or their diagonals (n,), per unit of the parameter.
+        load : (n,) constant loads per unit of the parameter.
+        """
 
         def matrix(value: Any) -> Floats:
             value = np.asarray(value, dtype=float)
@@ -263,7 +309,14 @@ class Passage:
 
 
 def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amount: float) -> PiecewiseLinearSystem:
-    """The system with its contacts' numbers moved by ``amount`` along a direction."""
+    """The system with its contacts' numbers moved along a direction.
+
+    Parameters
+    ----------
+    system : stays as it is.
+    direction : derivatives of the numbers by a parameter.
+    amount : change of the parameter.
+    """
     c = system.contacts
     moved = replace(c, gap=c.gap + amount * direction.gap, shape=c.shape + amount * direction.shape)
     if direction.along is not None:

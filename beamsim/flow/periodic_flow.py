@@ -105,15 +105,36 @@ class PeriodicFlow(ABC):
         return penetration_of_states(self.system.contacts, y, base)
 
     def contact_forces(self, phases: Ints, y: Floats, times: Floats) -> Floats:
-        """(nt, m) forces of the contacts at states (nt, N) in phases (nt, m), N."""
+        """Forces of the contacts along a motion.
+
+        Parameters
+        ----------
+        phases : (nt, m) of the contacts.
+        y : (nt, N) states.
+        times : (nt,) s.
+
+        Returns
+        -------
+        forces : (nt, m) N.
+        """
         delta, rate = self.penetration_of(y, times)
         return self.system.contacts.forces(phases, delta, rate, y[:, 2 * self.system.size :])
 
     def penetration_derivative(
         self, passage: Passage, contact: int, parameters: Sequence[Parameter]
     ) -> tuple[Floats, Floats]:
-        """Derivatives of a contact's penetration at the end of a passage from t = 0: by the start (N,), and by the
-        parameters that the passage was carried with (P,)."""
+        """Derivatives of a contact's penetration at the end of a passage from t = 0.
+
+        Parameters
+        ----------
+        passage : carried with the parameters.
+        contact : number of it.
+        parameters : P of them.
+
+        Returns
+        -------
+        by_start, by_parameters : (N,) and (P,).
+        """
         n, c, j = self.system.size, self.system.contacts, contact
         row = -c.sign[j] * c.shape[j]
         by = row @ passage.parameters[:n]

@@ -71,8 +71,26 @@ def sampled(
     output_of: OutputOf,
     since: float | None = None,
 ) -> Floats:
-    """Outputs (nt, k) of states (nt, N) with contacts in phases (nt, m); the sources are those that act
-    at ``since``, by default at the times themselves."""
+    """Outputs of a time-stepped motion.
+
+    Parameters
+    ----------
+    flow : the system and its sources.
+    times : (nt,) s.
+    y : (nt, N) states.
+    phases : (nt, m) of the contacts.
+    output_of : the outputs in given phases.
+    since : s, time whose sources count; by default those at the times themselves.
+
+    Returns
+    -------
+    values : (nt, k).
+
+    Raises
+    ------
+    ValueError
+        Without times.
+    """
     value, slope = _source_values(flow, times, times if since is None else np.full(times.size, since))
     out: Floats | None = None
     for key in np.unique(phases, axis=0):
@@ -225,12 +243,10 @@ class _RightHandSide:
         self.held = held_contacts(self.flow.system, phases)
 
     def _sources(self, t: float) -> tuple[Floats, Floats]:
-        s = self.flow.sources
-        sigma = t - s.start[self.piece]
-        term = s.amplitude[self.piece] * np.exp(s.exponent * sigma)
-        value = term * sigma**s.power
-        slope = s.exponent * value + term * np.where(s.power > 0, s.power * sigma ** np.maximum(s.power - 1, 0), 0.0)
-        return value.real, slope.real
+        """(F,) values of the sources and of their time derivatives, of the piece that acts."""
+        sources, piece = self.flow.sources, [self.piece]
+        value, slope = sources.values_after(sources.amplitude[piece], t - sources.start[piece])
+        return value[0], slope[0]
 
     def _contact(self, t: float, y: Floats) -> tuple[Floats, Floats]:
         c = self.flow.system.contacts
@@ -344,9 +360,5 @@ def _stopping(stop: Callable[[], bool], begin: float) -> Callable[[float, Floats
 def _source_values(flow: ExactFlow, times: Floats, since: Floats) -> tuple[Floats, Floats]:
     """(nt, F) real values of the sources and of their time derivatives, of the pieces at the times ``since``."""
     s = flow.sources
-    piece = np.clip(np.searchsorted(s.start, since, side="right") - 1, 0, None)
-    sigma = (times - s.start[piece])[:, None]
-    term = s.amplitude[piece] * np.exp(s.exponent * sigma)
-    value = term * sigma**s.power
-    slope = s.exponent * value + term * np.where(s.power > 0, s.power * sigma ** np.maximum(s.power - 1, 0), 0.0)
-    return value.real, slope.real
+    piece = np.maximum(np.searchsorted(s.start, since, side="right") - 1, 0)
+    return s.values_after(s.amplitude[piece], times - s.start[piece])

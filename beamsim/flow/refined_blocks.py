@@ -30,11 +30,16 @@ class Subspaces(NamedTuple):
 
 
 def refined(A: Floats, right: Complexes, left: Complexes, groups: Sequence[Ints], scale: Floats) -> Subspaces | None:
-    """Subspaces of A (N, N) nearer to invariant ones; None where couplings are small already or do not decrease.
+    """Subspaces of A nearer to invariant ones; None where couplings are small already or do not decrease.
 
-    The columns of ``right`` and the rows of ``left`` belong together in ``groups``; those in no group are alone.
-    What couplings make of a state is judged in coordinates ``scale`` (N,) times as large as these. What is gained is
-    what numbers of NumPy's `longdouble` have more digits than others, on most computers three.
+    What is gained is what numbers of NumPy's `longdouble` have more digits than others, on most computers three.
+
+    Parameters
+    ----------
+    A : (N, N).
+    right, left : (N, N) vectors in columns, and in rows.
+    groups : numbers of vectors that belong together; those in no group are alone.
+    scale : (N,) what couplings make of a state is judged in coordinates so many times as large as these.
     """
     error = (scale[:, None] * right) @ _couplings(left @ (A @ right), groups) @ (left / scale)
     if np.abs(error).max(initial=0.0) <= TOLERATED:

@@ -133,12 +133,22 @@ def _find_zeros(pole, residue, k, c, near, offset):  # type: ignore[no-untyped-d
 
 @kernel
 def update(pole, participation, k, c, zero, weight):  # type: ignore[no-untyped-def]
-    """Modes after a spring k and a dashpot c were added along one direction; whether they were found.
+    """Modes after a spring and a dashpot were added along one direction.
 
-    ``participation`` (n,) holds p of the modes with eigenvalues ``pole`` (n,) in the upper half-plane, sorted by their
-    imaginary parts; it is replaced by the one of which the new eigenvalues ``zero`` (n,) are exact. The real and then
-    the imaginary parts (2n, n) of the new vectors, one a row, are ``weight @ [Re(p u); Re(p conj(mu) u)]``, which adds
-    conjugate poles without cancellation; a vector whose p is zero stays as it is.
+    The real and then the imaginary parts (2n, n) of the new vectors, one a row, are ``weight @ [Re(p u);
+    Re(p conj(mu) u)]``, which adds conjugate poles without cancellation; a vector whose p is zero stays as it is.
+
+    Parameters
+    ----------
+    pole : (n,) eigenvalues in the upper half-plane, sorted by their imaginary parts.
+    participation : (n,) p of their modes, replaced by the one of which the new eigenvalues are exact.
+    k, c : stiffness and dashpot.
+    zero : (n,) receives the new eigenvalues.
+    weight : (2n, 2n) receives the factors above.
+
+    Returns
+    -------
+    found : whether all modes were found.
     """
     n = pole.size
     near, offset = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.complex128)

@@ -67,7 +67,13 @@ class FlowOutputs:
         return self._rates[key]
 
     def event(self, before: Ints, contact: int, after: int) -> Event:
-        """The event that takes a contact from its phase in ``before`` to ``after``."""
+        """The event that takes a contact to another phase.
+
+        Parameters
+        ----------
+        before : (m,) phases of the contacts.
+        contact, after : number of it, and its new phase.
+        """
         key = before.tobytes(), contact, after
         if key not in self._events:
             self._events[key] = self._event(before, contact, after)

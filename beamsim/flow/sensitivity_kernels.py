@@ -44,7 +44,13 @@ class Crossings(NamedTuple):
 
 @kernel
 def unit_integral(q, p, x):  # type: ignore[no-untyped-def]
-    """``int_0^1 (1 - s)^q s^p e^(x s) ds`` for Re x <= 0: by parts where x is large, else by its power series."""
+    """``int_0^1 (1 - s)^q s^p e^(x s) ds``: by parts where x is large, else by its power series.
+
+    Parameters
+    ----------
+    q, p : powers.
+    x : complex, with Re x <= 0.
+    """
     if abs(x) < 0.5 * (p + q + 1.0):
         factor = 1.0  # q! p! / (p + q + 1)!
         for k in range(1, q + 1):
@@ -258,9 +264,16 @@ def _cross(crossings, c, rates, v, slopes, whole, dt, late, S):  # type: ignore[
 
 @kernel
 def carry_sensitivity(tables, log, sources, rates, crossings, parameters, S, ends):  # type: ignore[no-untyped-def]
-    """Carry S (N, N + P), updated in place, along a log of segments; ``rates`` (S, N, V) are the states' factors.
+    """Carry derivatives along a log of segments.
 
-    ``ends`` (2, 2 F) receives the inputs and their slopes at the end, and the time derivatives of both.
+    Parameters
+    ----------
+    tables, log : Tables of the contact states, and the Log of the motion.
+    sources : Exponentials.
+    rates : (S, N, V) factors of the state's rate in each contact state.
+    crossings, parameters : Crossings, Parameters.
+    S : (N, N + P) derivatives, updated in place.
+    ends : (2, 2 F) receives the inputs and their slopes at the end, and the time derivatives of both.
     """
     N, C = S.shape
     F, P = sources.exponent.size, parameters.amplitude.shape[0]

@@ -140,7 +140,13 @@ def _limits(sources: Sources) -> Floats:
 def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, duration: float) -> Sources:
     """The sources on some of the pieces of a record of which all channels are made, see `common_record`.
 
-    All but the pieces' starts and amplitudes is that of the whole motion, of a ``duration`` in s.
+    All but the pieces' starts and amplitudes is that of the whole motion.
+
+    Parameters
+    ----------
+    channels : signals made of the record.
+    first, last : number of the first piece, and of the one after the last.
+    duration : s, of the whole motion.
     """
     record = common_record(channels)
     assert record is not None

@@ -66,9 +66,17 @@ class StateTables:
             self._used[state] = self._uses
 
     def append(self, state: ContactState, watched: Watched, watch: Complexes, roughness: Floats) -> int:
-        """Add a state with the coefficients of its watched functions (T, w) and the guards' round-off scale (T, g).
+        """Add a state; its number may be that of one that is dropped for it.
 
-        Its number may be that of one that is dropped for it.
+        Parameters
+        ----------
+        state, watched : the state, and the functions that are watched in it.
+        watch : (T, w) coefficients of these.
+        roughness : (T, g) round-off scale of the guards.
+
+        Returns
+        -------
+        index : of the state.
         """
         guards = watched.guards
         if self.most is not None and self.count >= self.most:
@@ -127,7 +135,13 @@ class StateTables:
         return grown
 
     def lead(self, state: int, guard: int, follower: int) -> None:
-        """Note which state follows the event of a guard."""
+        """Note which state follows an event.
+
+        Parameters
+        ----------
+        state, guard : the event of a guard in a state.
+        follower : number of the state after it.
+        """
         self._arrays["follower"][state, guard] = follower
 
     def _drop(self, index: int) -> None:
@@ -144,13 +158,6 @@ class StateTables:
         if self._tables is None:
             self._tables = Tables(first=self.contacts.arrays.first, states=self.contacts.arrays.states, **self._arrays)
         return self._tables
-
-    def arrays_of(self, state: int) -> Tables:
-        """The same of one state alone."""
-        from beamsim.flow.kernels import Tables
-
-        rows = {name: array[state : state + 1] for name, array in self._arrays.items()}
-        return Tables(first=self.contacts.arrays.first, states=self.contacts.arrays.states, **rows)
 
 
 def visited_states(states: Ints) -> list[int]:

@@ -146,7 +146,16 @@ def _penetration_coefficient(s, j, series, k):  # type: ignore[no-untyped-def]
 
 @kernel
 def series_at(s, closed, t, y, series):  # type: ignore[no-untyped-def]
-    """Fill in the series of the motion from a state y (2n,) at time t, with some contacts ``closed`` (m,)."""
+    """Fill in the series of a motion.
+
+    Parameters
+    ----------
+    s : SmoothSystem.
+    closed : (m,) which contacts are.
+    t : s.
+    y : (2n,) state.
+    series : Series, written.
+    """
     q, v, x, x2, x3, d = series
     for i in range(s.omega2.size):
         q[0, i], v[0, i] = y[i], y[s.omega2.size + i]
@@ -425,7 +434,15 @@ def carry_smooth(s, t, t_end, begins, motion, log):  # type: ignore[no-untyped-d
 
 @kernel
 def sample_smooth(s, log_time, log_closed, log_y, times, out):  # type: ignore[no-untyped-def]
-    """(nt, 2n) states at increasing times from a log of steps."""
+    """States within a log of steps.
+
+    Parameters
+    ----------
+    s : SmoothSystem.
+    log_time, log_closed, log_y : (K,), (K, m), (K, 2n) of the steps.
+    times : (nt,) s, increasing.
+    out : (nt, 2n) receives the states.
+    """
     series = make_series(s)
     g = 0
     current = -1

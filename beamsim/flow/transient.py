@@ -33,6 +33,15 @@ def simulate(
     A contact that begins at t = 0, where its gap is just closed, is the first event. One that is pressed there was in
     contact before and has none.
 
+    Parameters
+    ----------
+    flow : the system under its forcing.
+    initial_state : (2n,) at least; internal states that are left out are zero.
+    duration : s; that of the flow by default.
+    max_events, max_evaluations : where it ends early.
+    progress : called with the share that is done.
+    stop : asked whether to end.
+
     Returns
     -------
     Trajectory : segments, events and counters; sample it for outputs.
@@ -59,7 +68,15 @@ def start(flow: ExactFlow, initial_state: Floats) -> tuple[Motion, Log]:
 
 
 def motion_of(flow: ExactFlow, motion: Motion, begun: Log, carried: Carried, processor_time_s: float) -> Trajectory:
-    """What was logged until a motion got where it is, after events at its start."""
+    """The trajectory of a motion up to where it got.
+
+    Parameters
+    ----------
+    flow, motion : the motion after `carry`.
+    begun : events at its start, see `start`.
+    carried : what was logged since.
+    processor_time_s : s, that it took.
+    """
     assert carried.log is not None
     log = carried.log
     if begun.event_time.size:

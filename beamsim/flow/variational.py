@@ -163,7 +163,7 @@ class VariationalFlow(PeriodicFlow):
         return max(self.exact.largest_exponent, float(np.abs(self.loads.multiple * self.omega).max(initial=0.0)))
 
     def contact_forces(self, phases: Ints, y: Floats, times: Floats) -> Floats:
-        """(nt, m) forces of the contacts at states (nt, N) in phases (nt, m), N."""
+        """See `PeriodicFlow.contact_forces`; forces of contacts that hold or rub are included."""
         return self.exact.forces_at(phases, y, times)
 
     def states_at(self, passage: Passage, times: Floats) -> Floats:

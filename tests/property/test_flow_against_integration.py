@@ -210,7 +210,7 @@ def test_at_rest_with_zero_gap_nothing_flutters(make_system):
         system = make_system([1.0, 50.0], [0.02, 1.0], shape=[[1.0, 1.0]], stiffness=[30.0])
         forcing = Forcing(np.array([[1.0, 1.0]]), (Signal.harmonic(1.0, 0.8, phase),))
         flow = ExactFlow(system, forcing, 3.0)
-        assert flow.starting_state(np.zeros(4)).tolist() == [int(closes)]
+        assert flow.begin(np.zeros(4)).phases.tolist() == [int(closes)]
         trajectory = simulate(flow, np.zeros(4))
         assert (trajectory.event_time[:1] == 0.0).tolist() == (
             [True] if closes else [False] * trajectory.event_time[:1].size
