@@ -33,6 +33,12 @@ def axis_factor(unit: str, key: str, *, of_frequency: bool) -> float:
     ----------
     unit : of the axis; one that is empty is SI.
     key : where a user can give another unit, for the remedy.
+    of_frequency : whether it is an axis of frequencies, not of times.
+
+    Returns
+    -------
+    float
+        1 without a unit.
 
     Raises
     ------

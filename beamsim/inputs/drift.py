@@ -252,6 +252,11 @@ def jumps(legs: Sequence[Leg], profile: Profile, phase: float) -> tuple[Correcti
     legs : directions of the sweep, one after the other.
     profile : level over frequency.
     phase : of the sine at the start, rad.
+
+    Returns
+    -------
+    tuple
+        Corrections in order of time.
     """
     corrections = []
     turns, time = 0.0, 0.0

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.inputs.broadband import sweep_windows
-from beamsim.inputs.drift import Correction
-from beamsim.inputs.profiles import power_of
+from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.drift import Correction, jumps
+from beamsim.inputs.legs import Leg, make_leg
+from beamsim.inputs.profiles import make_profile, phase_of_acceleration, power_of
 from beamsim.inputs.random_input import random_signals
 from beamsim.inputs.sampled import sampled_signal
 from beamsim.inputs.signal import Signal
-from beamsim.inputs.swept import swept_signals
+from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from beamsim.scenario.excitation import Sawtooth, Trapezoid
 
     Driven = Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth | SweptSineInput | SampledInput | RandomInput
+
+MOST_PIECES = 4_000_000  # of a swept sine
 
 
 @dataclass(frozen=True)
@@ -62,11 +65,53 @@ def half_sine(level: float, duration: float, time: float) -> Signal:
     ----------
     level : peak, in SI units.
     duration, time : s, of the pulse, and when it begins.
+
+    Returns
+    -------
+    Signal
+        Of three pieces, or of two from t = 0 on.
     """
     start = np.array([0.0, time, time + duration]) if time > 0 else np.array([0.0, duration])
     coefficient = np.zeros((start.size, 1, 1), dtype=complex)
     coefficient[-2] = -1j * level
     return Signal(start, np.array([1j * np.pi / duration]), coefficient)
+
+
+def sweep_windows(
+    excitation: SweptSineInput, duration: float | None
+) -> tuple[SweepWindows, tuple[Correction, ...] | None]:
+    """The windows of a swept sine up to a duration in s, and the corrections of a base's acceleration.
+
+    Raises
+    ------
+    ScenarioError
+        If the sweep ends before the run, or has too many cycles.
+    """
+    quantity = excitation.quantity or "acceleration"
+    level = 1.0 if excitation.level is None else excitation.level
+    profile = make_profile(level, quantity, excitation.profile, excitation.between, excitation.notches)
+    phase = excitation.phase + phase_of_acceleration(quantity, level, excitation.profile)
+    leg = make_leg(excitation.from_, excitation.to, excitation.rate)
+    corrections = jumps([leg], profile, phase) if excitation.on_base else None  # whatever part of the sweep is run
+    if duration is not None:
+        if duration > leg.duration * (1 + 1e-9):
+            raise ScenarioError(
+                Problem(
+                    "run.duration",
+                    f"= {duration:g} s is longer than the sweep, which ends at {leg.duration:g} s",
+                    f"use at most {np.floor(leg.duration * 1e4) / 1e4:g} s, or a wider or slower sweep",
+                )
+            )
+        turns = float(leg.turns_after(np.array(leg.first_hz), np.array(duration)))
+        last = float(leg.frequency(np.array(min(turns + 1.0, leg.cycles))))
+        leg = Leg(leg.first_hz, last, leg.rate, leg.logarithmic)
+    if leg.cycles * 8 > MOST_PIECES:
+        raise ScenarioError(
+            Problem(
+                "excitation", f"has {leg.cycles:.3g} cycles, too many for a run", "use `beamsim sweep` or a shorter run"
+            )
+        )
+    return cut_into_windows([leg], profile, phase=phase, corrections=corrections), corrections
 
 
 def level_signal(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> Signal:
@@ -77,6 +122,11 @@ def level_signal(excitation: Driven, duration: float | None = None, folder: Path
     excitation : of the scenario.
     duration : s, of the run, which an input in time must cover; by default all of it.
     folder : of the scenario, to which the paths of files are relative.
+
+    Returns
+    -------
+    Signal
+        In SI units.
 
     Raises
     ------
@@ -126,6 +176,11 @@ def base_motion(excitation: Driven, duration: float | None = None, folder: Path 
     Parameters
     ----------
     excitation, duration, folder : see `level_signal`.
+
+    Returns
+    -------
+    BaseMotion
+        Harmonics have no mean; what begins in the run begins at rest.
 
     Raises
     ------

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
+
+if TYPE_CHECKING:
+    from beamsim.scenario.quantities import Rate
 
 
 @dataclass(frozen=True)
@@ -76,3 +81,21 @@ class Leg:
     def time_at(self, turns: Floats) -> Floats:
         """Time since the start of the leg, s."""
         return self.time_between(np.full(np.shape(turns), self.first_hz), turns)
+
+
+def make_leg(first_hz: float, last_hz: float, rate: Rate) -> Leg:
+    """One direction of a sweep.
+
+    Parameters
+    ----------
+    first_hz, last_hz : Hz, from and to.
+    rate : of the scenario, in octaves or Hz per second.
+
+    Returns
+    -------
+    Leg
+        Logarithmic for octaves.
+    """
+    if rate.unit == "oct/s":
+        return Leg(first_hz, last_hz, float(rate.value * np.log(2.0)), True)
+    return Leg(first_hz, last_hz, float(rate.value), False)

@@ -19,7 +19,13 @@ def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[Profi
 
     Parameters
     ----------
+    file, folder : CSV file, and where its path begins.
     takes : quantities that the levels may be of; levels that multiply several forces have none, and no unit.
+
+    Returns
+    -------
+    tuple
+        Points in SI units by increasing frequency.
 
     Raises
     ------

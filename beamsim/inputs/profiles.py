@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,9 @@ from numpy.typing import ArrayLike
 from beamsim.dataclass import dataclass
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.typing import Floats, Ints
+
+if TYPE_CHECKING:
+    from beamsim.scenario.level_profile import Notch, ProfilePoint
 
 
 def power_of(quantity: str) -> float:
@@ -31,6 +35,11 @@ def acceleration_amplitude(level: float, quantity: str, frequency_hz: float) -> 
     level : amplitude of ``quantity``, in SI units.
     quantity : displacement, velocity, acceleration or force.
     frequency_hz : Hz, of the sine.
+
+    Returns
+    -------
+    float
+        m/s^2, or N.
     """
     return float(level * (2 * np.pi * frequency_hz) ** power_of(quantity))
 
@@ -135,3 +144,57 @@ class Profile:
                 crossing = float((levels[1] / levels[0]) ** (1.0 / power))
                 found += [crossing] if lower < crossing < upper else []
         return found
+
+
+def make_profile(
+    level: float,
+    quantity: str,
+    points: Sequence[ProfilePoint] = (),
+    between: str = "held",
+    notches: Sequence[Notch] = (),
+) -> Profile:
+    """The level over frequency, with its notches.
+
+    Parameters
+    ----------
+    level : in SI units; with a table a factor of its levels.
+    quantity : of the level, and of points and notches that name none where it is a force.
+    points : the table.
+    between : its points, ``held`` or log-log interpolation.
+    notches : ranges with a limit of their own.
+
+    Returns
+    -------
+    Profile
+        Amplitudes of the acceleration, or of the force.
+    """
+    default = "acceleration" if power_of(quantity) else quantity
+    if points:
+        table = [(p.frequency, p.level, p.quantity or default) for p in points]
+        profile = (Profile.held(table) if between == "held" else Profile.interpolated(table)).scaled(abs(level))
+    else:
+        profile = Profile.constant(abs(level), quantity)
+    for notch in notches:
+        profile = profile.notched(notch.from_, notch.to, notch.level, notch.quantity or default)
+    return profile
+
+
+def phase_of_acceleration(quantity: str, level: float, points: Sequence[ProfilePoint] = ()) -> float:
+    """Phase by which the acceleration leads the prescribed quantity (a sine), rad.
+
+    With a table of levels that is the quantity of its first point: a displacement is X sin(phase) however it is given,
+    and the phase of the acceleration runs on through the table.
+
+    Parameters
+    ----------
+    quantity, level : as of `make_profile`; a negative level turns the phase.
+    points : the table of levels, where there is one.
+
+    Returns
+    -------
+    float
+        A multiple of a quarter turn.
+    """
+    if points:
+        quantity = points[0].quantity or "acceleration"
+    return float(0.5 * np.pi * power_of(quantity) + (np.pi if level < 0 else 0.0))

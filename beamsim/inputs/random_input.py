@@ -38,6 +38,11 @@ def density(frequency_hz: Floats, at_hz: Floats, value: Floats) -> Floats:
     ----------
     frequency_hz : (n,) Hz, where it is asked for.
     at_hz, value : (p,) Hz and (p,) unit^2/Hz, the table.
+
+    Returns
+    -------
+    ndarray
+        (n,) unit^2/Hz.
     """
     inside = (frequency_hz >= at_hz[0] * (1 - 1e-12)) & (frequency_hz <= at_hz[-1] * (1 + 1e-12))
     out = np.zeros(frequency_hz.shape)
@@ -78,6 +83,11 @@ def noise(
     rate : Hz, of the samples, rounded up to a whole number of them.
     generator : of the phases.
     gaussian : whether the amplitudes are random too.
+
+    Returns
+    -------
+    ndarray
+        (period times rate,) unit.
     """
     count = int(np.ceil(period * rate))
     _, amplitude = _spectrum(at_hz, value, period, count, generator, gaussian)

@@ -33,6 +33,11 @@ def interpolate(time: Floats, samples: Floats, kind: str) -> Signal:
     time : (n,) s, increasing.
     samples : (n,) there.
     kind : ``linear``, or ``cubic`` for a spline.
+
+    Returns
+    -------
+    Signal
+        Of a piece between each two samples, and one after the last.
     """
     if kind == "linear" or time.size < 4:
         slope = np.diff(samples) / np.diff(time)
@@ -54,6 +59,11 @@ def sampled_signal(excitation: SampledInput, duration: float | None, folder: Pat
     excitation : of the scenario.
     duration : s, of the run; by default of the samples.
     folder : to which the path of the file is relative, by default the current one.
+
+    Returns
+    -------
+    Signal
+        In SI units.
 
     Raises
     ------

@@ -40,6 +40,11 @@ class Signal:
         Parameters
         ----------
         amplitude, omega, phase : (k,) or single numbers; rad/s and rad.
+
+        Returns
+        -------
+        Signal
+            Of one piece with k exponents.
         """
         amplitude, omega, phase = np.broadcast_arrays(
             *(np.atleast_1d(np.asarray(x, dtype=float)) for x in (amplitude, omega, phase))

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
-from beamsim.inputs.broadband import make_leg
+from beamsim.inputs.legs import make_leg
 from beamsim.inputs.profiles import Profile
 from beamsim.outcomes import OutcomeCode
 from beamsim.plots.sweep import sweep_figures

@@ -21,7 +21,8 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
 if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
+    from beamsim.scenario import Run, Scenario
+    from beamsim.scenario.broadband import RandomInput
     from beamsim.system.shared import SharedBuilds
 
 
@@ -51,10 +52,7 @@ def checked_on_first_part(
     if stop():
         return Convergence({}, reason="interrupted")
     duration = motion.compared_s
-    same = excitation.model_copy(update={"period": excitation.period or settings.duration})
-    first = scenario.model_copy(
-        update={"excitation": same, "run": settings.model_copy(update={"duration": duration, "convergence": "on"})}
-    )
+    first = _first_part_of(scenario, excitation, settings, duration)
     assert first.run is not None
     of_part = build_system(first, shared, assessed=False)
     part = exact_motion_of(of_part, first.run, output_times(first.run), None, stop)
@@ -91,3 +89,10 @@ def checked_on_first_part(
     except Stopped:
         return replace(checked, reason="interrupted")
     return replace(whole, lines={})
+
+
+def _first_part_of(scenario: Scenario, excitation: RandomInput, settings: Run, duration: float) -> Scenario:
+    """The scenario of a shorter run under the same input."""
+    same = excitation.model_copy(update={"period": excitation.period or settings.duration})
+    shorter = settings.model_copy(update={"duration": duration, "convergence": "on"})
+    return scenario.model_copy(update={"excitation": same, "run": shorter})

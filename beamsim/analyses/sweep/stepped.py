@@ -18,8 +18,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Motion
 from beamsim.flow.stopping import never
 from beamsim.flow.transient import start
-from beamsim.inputs.broadband import phase_of_acceleration
-from beamsim.inputs.profiles import acceleration_amplitude
+from beamsim.inputs.profiles import acceleration_amplitude, phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.lyapunov import largest_exponent
 from beamsim.orbits.steady import CycleStepper, MotionStopped, Settled, settle

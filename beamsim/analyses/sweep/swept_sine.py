@@ -16,10 +16,9 @@ from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, Sweep
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import never
 from beamsim.flow.swept_motion import SweptLoads, SweptMotion
-from beamsim.inputs.broadband import make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.drift import CorrectionSize, jumps
-from beamsim.inputs.legs import Leg
-from beamsim.inputs.profiles import Profile, power_of
+from beamsim.inputs.legs import Leg, make_leg
+from beamsim.inputs.profiles import Profile, make_profile, phase_of_acceleration, power_of
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.scenario.excitation import Sine
