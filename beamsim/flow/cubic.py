@@ -35,6 +35,11 @@ class Cubic:
         c, e = self.factors
         return np.asarray(self.left_slope + place * (2.0 * c + place * 3.0 * e))
 
+    def curvature_at(self, place: Floats) -> Floats:
+        """Second derivatives at places from 0 to 1."""
+        c, e = self.factors
+        return np.asarray(2.0 * c + 6.0 * place * e)
+
     def top(self) -> tuple[Floats, Floats]:
         """Largest values, and the places of maxima between the ends: 0 where there is none."""
         d, (c, e) = self.left_slope, self.factors

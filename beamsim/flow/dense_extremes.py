@@ -28,7 +28,7 @@ Outputs = Callable[[Floats, Floats], dict[str, Floats]]
 
 def polynomials(values: Floats, start: Floats, length: Floats) -> Waves:
     """Outputs on S steps, from their values (S, NODES + 1, k) at the Chebyshev points, the earliest first."""
-    steps, _, outputs = values.shape
+    steps = values.shape[0]
     coefficient = _COEFFICIENTS @ values
     round_off = NODES * EPS * np.abs(values).max(axis=1, keepdims=True)
     coefficient = np.where(np.abs(coefficient) > round_off, coefficient, 0.0)
@@ -36,8 +36,8 @@ def polynomials(values: Floats, start: Floats, length: Floats) -> Waves:
     table = (_POWERS.T @ coefficient) * half[:, None, None] ** -number[:, None]
     return Waves(
         np.zeros(NODES + 1, dtype=complex), number, number, np.zeros_like(number), table.astype(complex),
-        np.arange(outputs), lambda rows: np.ones((rows.size, 1), dtype=complex), start + half, half,
-        -np.ones(steps), np.ones(steps), np.zeros(steps, dtype=np.int64),
+        lambda rows: np.ones((rows.size, 1), dtype=complex), start + half, half, -np.ones(steps), np.ones(steps),
+        np.zeros(steps, dtype=np.int64),
     )  # fmt: skip
 
 

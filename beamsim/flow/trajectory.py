@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, sample_alike
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import Extrema, Search, Waves
+from beamsim.flow.extrema import Extrema, Search, Waves, turning_points
 from beamsim.flow.moments import weighted_moments
 from beamsim.flow.quadratic_forms import forms
 from beamsim.flow.state_tables import pad, visited_states
@@ -32,6 +33,14 @@ VALUES_A_CALL = 20_000_000  # of terms times outputs, in sampling
 # Gauss-Legendre rules for products of two outputs: points, and how far the fastest motion may turn on a panel, rad; the
 # rule's error on exp(i 2 turn t), the product's fastest part, is then below 2e-13
 GAUSS_RULES = ((8, 2.0), (12, 5.75), (20, 15.25))
+
+
+class TurningPoints(NamedTuple):
+    """Values at both ends of segments (limits from within) and at the maxima and minima between them, in order."""
+
+    segment: Ints  # (n,)
+    time: Floats  # (n,) s
+    value: Floats  # (n,)
 
 
 @dataclass(frozen=True)
@@ -320,11 +329,18 @@ class Trajectory:
 
         Parameters
         ----------
+        output_of : the outputs, by the phases of the contacts.
         edges : (W + 1,) s, increasing: the extremes between each two of them, (W, K) in place of (K,). Where there is
-            no motion they are infinite.
+            no motion they are infinite. All are searched together, so that there may be very many, such as the
+            cycles of a sweep.
         share : (K,) of outputs with equal numbers only the smallest and the largest value of all is sought; the others
             keep values that they reach.
-        squares : (K,) first of each group of consecutive outputs, where half the sums of their squares are asked for.
+        squares : (j,) first of each group of consecutive outputs, where half the sums of their squares are asked for:
+            j of them in place of K.
+
+        Returns
+        -------
+        Values in the units of the outputs (K,) or (W, K), and times, s.
 
         Raises
         ------
@@ -336,7 +352,7 @@ class Trajectory:
         scale = 2.0 ** max(0.0, np.ceil(np.log2(largest / LARGEST))) if largest > LARGEST else 1.0
         search = Search.of(outputs, 1 if edges is None else edges.size - 1, share, squares)
         for part in self.lasting.parts():
-            search.add(part._waves(output_of, edges, scale, squares is None))
+            search.add(part._waves(output_of, edges, scale))
         found = search.extrema()
         unit = scale if squares is None else scale**2
         low, high = unit * found.low, unit * found.high
@@ -344,25 +360,56 @@ class Trajectory:
             return Extrema(low[0], found.when_low[0], high[0], found.when_high[0], found.evaluations)
         return replace(found, low=low, high=high)
 
-    def _waves(self, output_of: OutputOf, edges: Floats | None, scale: float, acting: bool) -> list[Waves]:
-        """What is searched, by contact state; of those ``acting`` some are always zero, and left out."""
+    def turning_points(self, output_of: OutputOf, segments: Ints) -> TurningPoints:
+        """All maxima and minima of one output, certified to 1e-10 of its largest value, and its values at the ends.
+
+        Parameters
+        ----------
+        output_of : the output, by the phases of the contacts.
+        segments : increasing numbers of those that are looked at.
+
+        Raises
+        ------
+        Stopped
+            Where a stop is requested.
+        """
+        found = [(segments[:0], segments[:0], np.zeros(0), np.zeros(0))]  # segment, order in it, time, value
+        first = 0
+        for part in self.parts():
+            last = first + part.time.size
+            inside = segments[(segments >= first) & (segments < last)]
+            if inside.size:
+                some = part.only(inside - first)
+                waves = some._waves(output_of, None, 1.0)
+                of_wave = [inside[some.state == number] for number in visited_states(some.state)]
+                wave, row, time, value = turning_points(waves)
+                starts = np.cumsum([0, *(each.size for each in of_wave)])[:-1]
+                found.append((np.concatenate(of_wave)[starts[wave] + row], np.ones_like(row), time, value))
+                for owner, of in zip(of_wave, waves, strict=True):
+                    begin, end = of.at_ends().T
+                    found.append((owner, np.zeros_like(owner), of.time, begin))
+                    found.append((owner, np.full_like(owner, 2), of.time + of.length, end))
+            first = last
+        segment, place, time, value = (np.concatenate([part[k] for part in found]) for k in range(4))
+        order = np.lexsort((time, place, segment))
+        return TurningPoints(segment[order], time[order], value[order])
+
+    def _waves(self, output_of: OutputOf, edges: Floats | None, scale: float) -> list[Waves]:
+        """What is searched, by contact state."""
         segment, begin, end, window = self._cut(edges)
         of_state, waves = self.state[segment], []
         for number in visited_states(of_state):
             state, parts = self.flow.states[number], np.flatnonzero(of_state == number)
-            output = output_of(state.phases)
-            used = np.flatnonzero(output.acts) if acting else np.arange(output.row.shape[0])
 
-            def amplitudes(rows: Ints, of: Ints = segment[parts], state: ContactState = state) -> Complexes:
+            def amplitude(rows: Ints, of: Ints = segment[parts], state: ContactState = state) -> Complexes:
                 given = self.flow.sources.amplitudes_at(self.time[of[rows]], self.piece[of[rows]])
                 return state.amplitudes(given, self.y[of[rows]]) / scale
 
-            table = state.coefficients(output.some(used), self.flow.sources)
-            wave = Waves(
-                state.exponent, state.power, state.term_basis, state.term_source, table, used, amplitudes,
+            table = state.coefficients(output_of(state.phases), self.flow.sources)
+            waves.append(Waves(
+                state.exponent, state.power, state.term_basis, state.term_source, table, amplitude,
                 self.time[segment[parts]], self.length[segment[parts]], begin[parts], end[parts], window[parts],
-            )  # fmt: skip
-            waves.append(wave)
+            ))  # fmt: skip
         return waves
 
     def _cut(self, edges: Floats | None) -> tuple[Ints, Floats, Floats, Ints]:

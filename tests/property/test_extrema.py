@@ -125,6 +125,31 @@ def test_half_the_sums_of_squares(motion):
         np.testing.assert_allclose(at, value[order], atol=1e-7 * found.high.max())
 
 
+def test_turning_points_are_those_of_fine_samples(motion):
+    """Between two of them every output rises or falls throughout; none is missed that samples show."""
+    whole, outputs = motion
+    segments = np.arange(0, whole.segments, max(whole.segments // 40, 1))
+    for k in range(0, whole.extrema(outputs).low.size, 4):
+        one = lambda phases, k=k: outputs(phases).some(np.array([k]))  # noqa: E731
+        found = whole.turning_points(one, segments)
+        size = np.abs(found.value).max()
+        for segment in segments:
+            mine = found.segment == segment
+            begin, end = whole.time[segment], whole.time[segment] + whole.length[segment]
+            times = np.linspace(begin, end - 1e-9 * whole.length[segment], 1001)
+            values = whole.sample(times, one)[:, 0]
+            at, turns = found.time[mine], found.value[mine]
+            assert at[0] == begin
+            assert at[-1] == end
+            of_sample = np.clip(np.searchsorted(at, times, side="right") - 1, 0, at.size - 2)
+            low, high = (f(turns[of_sample], turns[of_sample + 1]) for f in (np.minimum, np.maximum))
+            assert np.all(values >= low - 1e-7 * size)
+            assert np.all(values <= high + 1e-7 * size)
+            rises = np.sign(turns[of_sample + 1] - turns[of_sample])[1:]
+            inside = of_sample[1:] == of_sample[:-1]
+            assert np.all((np.diff(values) * rises)[inside] >= -1e-7 * size)
+
+
 def test_few_pairs_of_a_segment_and_an_output_are_divided():
     whole, outputs = motion_of("harmonic", 12)
     found = whole.extrema(outputs)
@@ -149,8 +174,8 @@ def test_sums_of_any_terms(seed, frequency, decay, ratio, squares):
     table, number = rng.normal(size=(8, outputs)) + 0j, np.arange(8)
     length, time = rng.uniform(0.2, 1.5, count), 10.0 * np.arange(count)
     waves = Waves(
-        exponent, power, number, number, table, np.arange(outputs), lambda rows: amplitude[rows], time, length,
-        np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64),
+        exponent, power, number, number, table, lambda rows: amplitude[rows], time, length, np.zeros(count),
+        np.ones(count), np.zeros(count, dtype=np.int64),
     )  # fmt: skip
     first = np.array([0, 1]) if squares else None
     search = Search.of(outputs, squares=first)
@@ -240,8 +265,8 @@ def waves_of(exponent, amplitude, length):
     """One output on one segment."""
     number, one = np.arange(exponent.size), np.ones(1)
     return Waves(
-        exponent, np.zeros(exponent.size, dtype=np.int64), number, number, np.ones((exponent.size, 1), dtype=complex),
-        np.zeros(1, dtype=np.int64), lambda rows: amplitude[rows], np.zeros(1), length * one, np.zeros(1), one,
+        exponent, np.zeros_like(number), number, number, np.ones((exponent.size, 1), dtype=complex),
+        lambda rows: amplitude[rows], np.zeros(1), length * one, np.zeros(1), one,
         np.zeros(1, dtype=np.int64),
     )  # fmt: skip
 

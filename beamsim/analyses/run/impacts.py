@@ -20,21 +20,16 @@ from beamsim.analyses.rainflow import damage, equivalent_range, rainflow, revers
 from beamsim.analyses.run.energy import contact_losses
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow, SnubberImpacts
 from beamsim.analyses.run.intervals import BLOCKS, LEAST, SKIPPED, FigureInterval, Sums, jackknife
-from beamsim.analyses.run.outputs import accelerations, bending_stress, stack, velocities
+from beamsim.analyses.run.outputs import bending_stress, stack
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.trajectory import Trajectory
-from beamsim.flow.turning_points import GRID, TurningPoints, turning_points
+from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.scenario.impacts import ImpactSettings, StressLife
 from beamsim.structures.stations import StressRows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats, Ints
 
-SAME_PEAK = (
-    1e-9  # relative distance of the highest turning point from the certified peak, above which the grid is refined
-)
-FINEST = 8  # times the grid
 LEAST_RANGE = 1e-11  # of the largest value, of a cycle
 
 
@@ -52,9 +47,9 @@ class ImpactRecord:
         self._parts: list[list[_Contacts]] = [[] for _ in system.snubbers]
         self.end = 0.0  # s
 
-    def add(self, part: Trajectory, peaks: Floats) -> None:
-        """Include the next part, over which the largest forces (m,) are ``peaks``, N, from a certified search."""
-        contacts = [_contacts(part, j, float(peaks[j])) for j in range(len(self._parts))]
+    def add(self, part: Trajectory) -> None:
+        """Include the next part."""
+        contacts = [_contacts(part, j) for j in range(len(self._parts))]
         for of_snubber, new in zip(self._parts, contacts, strict=True):
             of_snubber.append(new)
         self.end = part.end
@@ -129,8 +124,8 @@ class _Impacts:
         return _Impacts(*(values[which] for values in vars(self).values()))
 
 
-def _contacts(trajectory: Trajectory, contact: int, certified: float) -> _Contacts:
-    """Contacts at one snubber, whose largest force over the motion is ``certified``, N."""
+def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
+    """Contacts at one snubber."""
     flow = trajectory.flow
     touching = flow.system.contacts.touching(trajectory.phases_of(trajectory.state))[:, contact]
     first = np.flatnonzero(touching & ~np.append(False, touching[:-1]))
@@ -143,7 +138,8 @@ def _contacts(trajectory: Trajectory, contact: int, certified: float) -> _Contac
     def summed(values: Floats, which: Bools) -> Floats:
         return np.asarray(np.bincount(of_segment[which], values[which], minlength=count), dtype=float)
 
-    force = _force(trajectory, contact, np.flatnonzero(touching), certified)
+    one = np.array([contact])
+    force = trajectory.turning_points(lambda phases: flow.contact_forces(phases).some(one), np.flatnonzero(touching))
     owner = of_segment[force.segment]
     peak, peak_time = _largest(owner, force, count)
     speeds = _penetration_rates(trajectory, contact, np.concatenate([start, end]))
@@ -258,39 +254,6 @@ def _factors(flow: ExactFlow, contact: int) -> tuple[OutputOf, OutputOf, Floats]
     weight[0, 0] = weight[1, 1] = 1.0
     weight[2:, 2] = 1.0
     return left, right, weight
-
-
-def _force(trajectory: Trajectory, contact: int, segments: Ints, certified: float) -> TurningPoints:
-    """Turning points of a contact's force; the grid is refined until the highest is the certified peak."""
-
-    def of_flow(phases: Ints) -> LinearOutput:
-        return _force_and_rate(trajectory.flow, contact, phases)
-
-    refined = 1
-    while True:
-        force = turning_points(trajectory, of_flow, segments, refined * GRID)
-        highest = float(force.value.max(initial=0.0))
-        if highest >= certified * (1.0 - SAME_PEAK) or refined >= FINEST:
-            return force
-        refined *= 2
-
-
-def _force_and_rate(flow: ExactFlow, contact: int, phases: Ints) -> LinearOutput:
-    """(2,) force of one contact and its time derivative."""
-    contacts, one = flow.system.contacts, np.array([contact])
-    row, internal = contacts.force_rows(phases)
-    stiffness, dashpot, _ = row[contact]
-    rate = flow.penetrations[1].some(one).scaled(stiffness)
-    if dashpot != 0.0:
-        sign = contacts.sign[contact]
-        shape = -sign * contacts.shape[one]
-        faster = accelerations(flow, shape, phases)
-        if flow.observers:
-            faster.direct[:, flow.sources.channel == flow.first_observer] -= sign * contacts.felt[contact]
-        rate += faster.scaled(dashpot)
-    if internal.shape[1]:
-        rate += flow.internal_rates(phases).combined(internal[one])
-    return stack(flow.contact_forces(phases).some(one), rate)
 
 
 def _largest(owner: Ints, points: TurningPoints, count: int) -> tuple[Floats, Floats]:
@@ -467,10 +430,5 @@ def _fatigue(
 
 def _stress_turns(part: Trajectory, stress: StressRows) -> Floats:
     """Values between which the stress at one station rises and falls in a part of a motion."""
-    flow = part.flow
-    rate = velocities(flow, stress.row)
-    if flow.observers:
-        base = flow.sources.channel == flow.first_observer
-        rate.direct_slope[:, base] += stress.base[:, None]
-    both = stack(bending_stress(flow, stress), rate)
-    return reversals(turning_points(part, lambda phases: both, np.arange(part.time.size)).value)
+    segments = np.arange(part.time.size)
+    return reversals(part.turning_points(lambda _: bending_stress(part.flow, stress), segments).value)
