@@ -108,7 +108,8 @@ def test_a_stopped_run_keeps_its_motion(monkeypatch):
     assert part.outcome.code is OutcomeCode.INTERRUPTED
     assert 0.0 < part.time[-1] < whole.time[-1]
     assert part.summary["energy_error"] < 1e-9  # short enough to be evaluated in time
-    np.testing.assert_array_equal(part.probes["tip"].displacement, whole.probes["tip"].displacement[: part.time.size])
+    longer = whole.probes["tip"].displacement
+    np.testing.assert_allclose(part.probes["tip"].displacement, longer[: part.time.size], atol=1e-13 * longer.max())
     monkeypatch.setattr(histories, "GRACE_S", 0.0)
     bare = beamsim.run(scenario, stop=lambda: True)
     assert np.isnan(bare.summary["energy_error"])
