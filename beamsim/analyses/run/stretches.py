@@ -80,7 +80,7 @@ class RunFigures(StretchFigures):
         if self._energies:
             found["energy"] = energy_extremes(stretch, self._energies, self.groups.groups["energy"])
         if self.impacts is not None:
-            self.impacts.add(stretch, found["force"][2])
+            self.impacts.add(stretch)
         if self.low_passed is not None:
             found["acceleration"] = self.low_passed.add(stretch)
         return found
