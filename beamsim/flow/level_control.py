@@ -19,6 +19,7 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
+from beamsim.flow.cycle_extremes import extremes_of_cycles
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Carried, Log, Motion, carry
 from beamsim.flow.stopping import never
@@ -191,9 +192,10 @@ class LevelControl:
         parts.append(self._carry(flow, begun, windows.duration))
         carried = replace(parts[-1], log=Log.join([part.log for part in parts if part.log is not None]))
         motion = motion_of(flow, begun, Log.sized(0, begun.y.size, 0), carried, 0.0)
-        counted = np.array([edge[skipped - 1] if skipped else 0.0, windows.duration])
-        found = motion.extrema(self.outputs(flow), counted)
-        share = float(np.max(np.maximum(found.high, -found.low) / self.limits))
+        cycles = np.append(windows.start[np.flatnonzero(np.diff(windows.cycle, prepend=-1))], windows.duration)
+        low, high = extremes_of_cycles(motion, self.outputs(flow), cycles)
+        counted = slice(int(ahead[skipped - 1]) - at if skipped else 0, None)
+        share = float(np.max(np.maximum(high, -low)[counted] / self.limits))
         return float(np.log(max(share, 1e-300))), there
 
     def _carrier(self, first: int, last: int) -> float:

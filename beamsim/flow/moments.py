@@ -10,8 +10,6 @@ import numpy as np
 
 from beamsim.typing import Complexes, Floats, Ints
 
-LEAST = 1.0  # size of an exponent from which (e^x - 1) / x keeps its digits
-
 
 def exponential_moments(x: Complexes, top: int) -> Complexes:
     r"""Moments :math:`m_q(x) = \int_0^1 s^q e^{x s} ds`.
@@ -29,36 +27,12 @@ def exponential_moments(x: Complexes, top: int) -> Complexes:
     -------
     (..., top + 1) moments, each as exact as round-off of :math:`\int_0^1 s^q |e^{x s}| ds`.
     """
-    every = np.asarray(x, dtype=complex).ravel()
-    order = np.argsort(np.abs(every), kind="stable")
-    sorted_x = every[order]
-    end, size = np.exp(sorted_x), np.abs(sorted_x)
-    # of the exponents in order, the first for which the moment of each power follows from the one below
-    first = np.searchsorted(size, np.maximum(np.arange(top + 1.0), LEAST))
-    found = np.empty((top + 1, every.size), dtype=complex)
-    found[0, first[0] :] = (end[first[0] :] - 1.0) / sorted_x[first[0] :]
-    for q in range(1, top + 1):
-        above = slice(first[q], None)
-        found[q, above] = (end[above] - q * found[q - 1, above]) / sorted_x[above]
-    below = slice(0, first[top])
-    found[top, below] = end[below] * _series(sorted_x[below], top)
-    for q in range(top - 1, -1, -1):
-        below = slice(0, first[q])
-        found[q, below] = (end[below] - sorted_x[below] * found[q + 1, below]) / (q + 1)
+    from beamsim.flow.moment_kernels import fill_moments
+
+    every = np.ascontiguousarray(x, dtype=complex).ravel()
     out = np.empty((every.size, top + 1), dtype=complex)
-    out[order] = found.T
+    fill_moments(every, out)
     return out.reshape(*np.shape(x), top + 1)
-
-
-def _series(x: Complexes, q: int) -> Complexes:
-    """(n,) sums over k of ``(-x)^k q! / (q + 1 + k)!`` for exponents no larger than q, or than 1."""
-    total = np.full(x.size, 1.0 / (q + 1), dtype=complex)
-    term, k = total.copy(), 0
-    while np.any(np.abs(term) > np.finfo(float).eps * 0.1 * np.abs(total)):
-        k += 1
-        term *= -x / (q + 1 + k)
-        total += term
-    return total
 
 
 def weighted_moments(
@@ -77,19 +51,12 @@ def weighted_moments(
     -------
     (n, B) integrals.
     """
-    order = np.arange(polynomial.shape[1])
-    scaled = polynomial * length[:, None] ** order
+    from beamsim.flow.moment_kernels import fill_weighted
+
     rates, number = np.unique(exponent, return_inverse=True)
     highest = np.zeros(rates.size, dtype=np.int64)
     np.maximum.at(highest, number, power)
     out = np.empty((length.size, exponent.size), dtype=complex)
-    for top in np.unique(highest):  # those that need few moments together
-        alike = np.flatnonzero(highest == top)
-        place = np.cumsum(highest == top) - 1
-        x = (rates[alike] + weight_exponent[:, None]) * length[:, None]
-        moments = exponential_moments(x, int(top) + order[-1])
-        for p in range(top + 1):
-            of = np.flatnonzero((highest[number] == top) & (power == p))
-            here = moments[:, place[number[of]], p : p + order.size]
-            out[:, of] = length[:, None] ** (p + 1) * np.einsum("nq,nbq->nb", scaled, here)
+    given = (np.ascontiguousarray(part) for part in (length, weight_exponent, polynomial))
+    fill_weighted(rates, highest, number, power, *given, out)
     return out

@@ -1,4 +1,4 @@
-"""Compiled search for the highest and lowest values of outputs on a segment of a swept sine.
+"""Compiled search for the highest and lowest values of outputs on the segments of a motion, window by window.
 
 An output is a sum of groups, polynomials times exponentials in s, the time on the segment over its length. Its slope
 and curvature are such sums as well. The points of a grid stand side by side, so that one loop without branches adds a
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.flow.compiled import kernel
-from beamsim.flow.kernels import EPS, _exp
+from beamsim.flow.kernels import EPS, _coefficients, _exp, _fill_sources
 
 FINEST = 1e-10  # of an output's range: peaks are found to this
 EXACT = 0.01  # of that, what the cube of the last step may change
@@ -21,6 +21,38 @@ GRID = 0.05  # share of its range by which an output may miss the chord or the c
 SLOPE = math.sqrt(3.0) / 216.0  # error of the slope of an interpolating cubic, over the fourth derivative and h^3
 MOST_POINTS = 300  # of the grid on a segment
 EQUAL = 16  # steps of that grid, before its width is chosen anew
+PRUNED = 1e-13  # of an output's range: a group with a smaller share is left out
+
+
+class Groups(NamedTuple):
+    """The different exponents of the basis functions of S contact states, G each at most."""
+
+    count: Any  # (S,)
+    exponent: Any  # (S, G)
+    of_basis: Any  # (S, B) group of each basis function
+
+
+class Segments(NamedTuple):
+    """Logged segments, and the numbers of the windows that they belong to, which do not decrease."""
+
+    time: Any  # (n,) s
+    length: Any  # (n,) s
+    state: Any  # (n,)
+    piece: Any  # (n,)
+    y: Any  # (n, N)
+    window: Any  # (n,)
+
+
+class Functions(NamedTuple):
+    """K outputs on a segment: sums of polynomials times exponentials of s, the time over the segment's length."""
+
+    poly: Any  # (K, P, G) coefficients
+    degree: Any  # (G,)
+    exponent: Any  # (G,) times the segment's length
+    end: Any  # (G,) exp of it
+    live: Any  # (G,)
+    length: Any  # (K, G, 5) sums over p of |poly| times 1, p, p (p - 1), ... p (p - 1) (p - 2) (p - 3)
+    peaks: Any  # see `Peaks`
 
 
 class Peaks(NamedTuple):
@@ -65,6 +97,74 @@ def make_peaks(G, P, K):  # type: ignore[no-untyped-def]
         np.zeros(3),
         np.zeros((80, 8)),
     )
+
+
+@kernel
+def extremes_of_windows(tables, inputs, table, groups, segments, high, low):  # type: ignore[no-untyped-def]
+    """Raise ``high`` and lower ``low`` (W, K) to the extremes of outputs in windows, limits at events included.
+
+    ``table`` (S, T, K) are their coefficients by term.
+    """
+    B, K, G, P = tables.exponent.shape[1], table.shape[2], groups.exponent.shape[1], tables.power.max() + 1
+    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
+    rest = np.empty(tables.projector.shape[2])
+    gamma = np.zeros((B, K), dtype=np.complex128)
+    scale = np.zeros(K)
+    work = Functions(
+        np.zeros((K, P, G), dtype=np.complex128),
+        np.zeros(G, dtype=np.int64),
+        np.zeros(G, dtype=np.complex128),
+        np.zeros(G, dtype=np.complex128),
+        np.zeros(G, dtype=np.bool_),
+        np.zeros((K, G, 5)),
+        make_peaks(G, P, K),
+    )
+    for n in range(segments.time.size):
+        s, w = segments.state[n], segments.window[n]
+        if segments.length[n] > 0.0:
+            _fill_sources(tables, s, inputs, segments.piece[n], segments.time[n], segments.y[n], rest, zeta)
+            _coefficients(tables, s, table, zeta, K, gamma)
+            _fill_functions(work, tables, groups, s, gamma, segments.length[n], scale)
+            search_peaks(work, groups.count[s], K, scale, high[w], low[w])
+        if n + 1 < segments.time.size and segments.window[n + 1] != w:
+            for j in range(K):
+                if high[w, j] > low[w, j]:
+                    scale[j] = high[w, j] - low[w, j]
+
+
+@kernel
+def _fill_functions(work, tables, groups, s, gamma, T, scale):  # type: ignore[no-untyped-def]
+    """The segment of length T in state s whose outputs have the coefficients gamma (B, K)."""
+    K = gamma.shape[1]
+    for g in range(groups.count[s]):
+        work.degree[g] = 0
+    for b in range(tables.n_basis[s]):
+        g = groups.of_basis[s, b]
+        work.degree[g] = max(work.degree[g], tables.power[s, b])
+    for g in range(groups.count[s]):
+        for j in range(K):
+            for p in range(work.degree[g] + 1):
+                work.poly[j, p, g] = 0.0
+    for b in range(tables.n_basis[s]):
+        g, p = groups.of_basis[s, b], tables.power[s, b]
+        for j in range(K):
+            work.poly[j, p, g] += gamma[b, j] * T**p
+    for g in range(groups.count[s]):
+        lam = groups.exponent[s, g]
+        work.exponent[g] = lam * T
+        work.end[g] = _exp(lam.real, lam.imag, T)
+        live = False
+        for j in range(K):
+            length = work.length[j, g]
+            for q in range(5):
+                length[q] = 0.0
+            for p in range(work.degree[g] + 1):
+                part = size(work.poly[j, p, g])
+                for q in range(5):
+                    length[q] += part
+                    part *= p - q
+            live = live or length[0] > PRUNED * scale[j]
+        work.live[g] = live
 
 
 @kernel
