@@ -21,6 +21,7 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.flow.held import held_contacts
 from beamsim.flow.invariant_blocks import Block, SimpleModes, block_diagonalise, second_order_blocks
+from beamsim.flow.moments import SegmentOutputs
 from beamsim.flow.neighbouring_modes import can_update, neighbouring_modes
 from beamsim.flow.sources import Sources
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
@@ -154,6 +155,17 @@ class ContactState:
             rising = sources.power > 0
             table[lowered[rising]] += (sources.power * output.direct_slope)[:, rising].T
         return table
+
+    @property
+    def amplitude_count(self) -> int:
+        """F + Z, of inputs and free motions."""
+        return int(self.basis_of_source.size + self.projector.shape[0])
+
+    def unit_outputs(self, table: Complexes) -> SegmentOutputs:
+        """Outputs of coefficients (T, K) for a unit of each amplitude (F + Z), as sums of the basis functions."""
+        coefficient = np.zeros((self.amplitude_count, self.exponent.size, table.shape[1]), dtype=complex)
+        coefficient[self.term_source, self.term_basis] = table
+        return SegmentOutputs(self.exponent, self.power, coefficient)
 
     @cached_property
     def forced_at_start(self) -> Complexes:

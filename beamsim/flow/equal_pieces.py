@@ -1,15 +1,13 @@
 r"""Motions of very many equal pieces (random and sampled inputs), evaluated together.
 
 At one time :math:`\tau` after their start, segments of one contact state differ in their amplitudes :math:`\zeta`
-alone: an output is the same linear function of these on all of them, and the integral of a product of two outputs the
-same quadratic form. A matrix made once replaces exponentials for each of them.
+alone: an output is the same linear function of these on all of them. A matrix made once replaces exponentials for each.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import groupby
-from math import ceil
 from typing import Protocol
 
 import numpy as np
@@ -25,7 +23,6 @@ FEWEST = 64  # fewest like segments for which a matrix pays
 FEWEST_SAMPLES = 24  # ... of outputs at one time, for which it is made faster than for integrals or bounds
 AT_ONCE = 8192  # segments of one product of matrices, which bounds the memory
 VALUES_AT_ONCE = 200_000  # of terms times outputs, at several times
-RULE_POINTS, RULE_RADIANS = 20, 10.0  # Gauss-Legendre, and how far the fastest motion turns on a panel: 1e-15
 
 
 class Segments(Protocol):
@@ -108,12 +105,6 @@ def blocks(group: Alike) -> Iterator[Ints]:
         yield group.entries[first : first + AT_ONCE]
 
 
-def amplitudes(motion: Segments, state: int, segments: Ints) -> Complexes:
-    """(n, Z) amplitudes on whole pieces of one contact state: of the inputs, then of the free motions."""
-    flow = motion.flow
-    return flow.states[state].amplitudes(flow.sources.amplitude[motion.piece[segments]], motion.y[segments])
-
-
 def output_map(motion: Segments, state: int, basis: Complexes, table: Complexes) -> Floats:
     """(..., 2 Z, k) outputs for a unit of each amplitude, see `as_real`.
 
@@ -154,35 +145,3 @@ def _output_maps(motion: Segments, groups: list[Alike], table: Complexes) -> Ite
         some = groups[first : first + together]
         basis = _basis(motion, some[0].state, np.array([group.tau for group in some]))
         yield from zip(some, output_map(motion, some[0].state, basis, table), strict=True)
-
-
-def product_forms(motion: Segments, group: Alike, table: Complexes, weight: Floats) -> Floats:
-    """(Q, 2 Z, 2 Z) integrals from 0 to tau of ``sum_k weight[k, q] left_k right_k`` as forms of the amplitudes.
-
-    ``table`` (S, T, 2 K) holds the left factors, then the right ones.
-    """
-    point, gauss = np.polynomial.legendre.leggauss(RULE_POINTS)
-    turn = group.tau * float(np.abs(motion.flow.states[group.state].exponent).max(initial=0.0))
-    panels = max(ceil(turn / RULE_RADIANS), 1)
-    width, count = group.tau / panels, weight.shape[0]
-    forms: Floats = np.zeros(())
-    for begin in width * np.arange(panels):
-        for at, share in zip(begin + 0.5 * width * (1.0 + point), 0.5 * width * gauss, strict=True):
-            both = output_map(motion, group.state, _basis(motion, group.state, float(at)), table[group.state])
-            left, right = both[:, :count], both[:, count:]
-            forms = forms + np.array([(left * (share * w)) @ right.T for w in weight.T])
-    return forms
-
-
-def integrals_alike(
-    motion: Segments, segment: Ints, tau: Floats, table: Complexes, weight: Floats, out: Floats
-) -> Ints:
-    """Integrals over the first tau of segments into ``out`` (n, Q); returns the entries outside of groups."""
-    groups, single = alike(motion, segment, tau)
-    for group in groups:
-        forms = product_forms(motion, group, table, weight)
-        for part in blocks(group):
-            x = as_real(amplitudes(motion, group.state, segment[part]))
-            for q, form in enumerate(forms):
-                out[part, q] = np.einsum("ni,ni->n", x @ form, x)
-    return single

@@ -4,35 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import ContactState, OutputOf
-from beamsim.flow.equal_pieces import FEWEST, integrals_alike, many_pieces, sample_alike
+from beamsim.flow.equal_pieces import FEWEST, many_pieces, sample_alike
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema, Search, Waves, turning_points
-from beamsim.flow.moments import weighted_moments
-from beamsim.flow.quadratic_forms import forms
-from beamsim.flow.state_tables import pad, visited_states
+from beamsim.flow.moments import SegmentOutputs, blocks, equal_times, weighted_moments
+from beamsim.flow.state_tables import visited_states
 from beamsim.flow.stopping import check_stop
-from beamsim.flow.term_integrals import AT_ONCE, IntegratedForm, products_on_segments, summed_products
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
 EVEN = 16  # samples, from which on equal steps are exploited
-WORK_A_CALL = 20_000_000  # of a kernel, in products; about a tenth of a second
 FEW_EVEN = 4096  # samples at equal steps, up to which exponentials of each cost no more than making use of the steps
 MOST_EVEN = 2**16  # ... up to which products of matrices do, and the kernel for them need not be compiled
 EVEN_A_SEGMENT = 16  # ... on the average of the segments, or of outputs, at least
 FEW_TIMES = 8  # for each contact state, below which no tables of outputs are made to sample them
 VALUES_A_CALL = 20_000_000  # of terms times outputs, in sampling
-# Gauss-Legendre rules for products of two outputs: points, and how far the fastest motion may turn on a panel, rad; the
-# rule's error on exp(i 2 turn t), the product's fastest part, is then below 2e-13
-GAUSS_RULES = ((8, 2.0), (12, 5.75), (20, 15.25))
 
 
 class TurningPoints(NamedTuple):
@@ -434,130 +428,115 @@ class Trajectory:
         return segment[kept], begin[kept], end[kept], window[kept]
 
     def product_integrals(
-        self,
-        times: Floats,
-        left_of: OutputOf,
-        right_of: OutputOf,
-        weight: Floats,
-        begin: float = 0.0,
+        self, times: Floats, left_of: OutputOf, right_of: OutputOf, weight: Floats, begin: float = 0.0
     ) -> Floats:
-        """(nt, Q) integrals from ``begin`` to ``times`` of ``sum_k weight[k, q] left_k right_k``.
+        """Integrals of sums of products of K outputs up to times, in closed form.
 
-        In closed form; where powers of time are long and the times close together (sampled inputs), by
-        Gauss-Legendre panels short against the motion.
+        Parameters
+        ----------
+        times : (nt,) increasing, s, not before ``begin``.
+        left_of, right_of : the factors.
+        weight : (K, Q) of the products in the sums.
+        begin : s, from when on; not before the first segment.
+
+        Returns
+        -------
+        (nt, Q) integrals from ``begin`` to ``times`` of ``sum_k weight[k, q] left_k right_k``.
         """
-        parts: list[Floats] = []
-        first, before = 0, np.zeros(weight.shape[1])
+        asked = np.append(begin, times)
+        segment = np.clip(np.searchsorted(self.time, asked, side="right") - 1, 0, None)
+        tau = np.minimum(asked - self.time[segment], self.length[segment])
+        whole, inside = np.empty((self.time.size, weight.shape[1])), np.empty((asked.size, weight.shape[1]))
+        first = 0
         for part in self.parts():
-            table = np.concatenate([part.flow.output_table(left_of), part.flow.output_table(right_of)], axis=2)
-            last = times.size if part.end >= self.end else int(np.searchsorted(times, part.end))
-            ends = times[first:last] if last == times.size else np.append(times[first:last], part.end)
-            after = 0.0 if parts else begin - float(part.time[0])
-            integrals = before + part.integrals(ends, table, weight, after)
-            parts.append(integrals[: last - first])
+            last = first + part.time.size
+            here = np.flatnonzero((segment >= first) & (segment < last))
+            of_part = np.append(np.arange(part.time.size), segment[here] - first)
+            integrals = part._products(of_part, np.append(part.length, tau[here]), left_of, right_of, weight)
+            whole[first:last], inside[here] = integrals[: part.time.size], integrals[part.time.size :]
             first = last
-            if last < times.size:
-                before = integrals[-1]
-        return np.concatenate(parts)
+        before = np.cumsum(whole.astype(np.longdouble), axis=0) - whole
+        values = before[segment] + inside
+        return np.asarray(values[1:] - values[0], dtype=float)
 
-    def integrals(self, times: Floats, table: Complexes, weight: Floats, after: float = 0.0) -> Floats:
-        """The same of outputs in a table (S, T, 2 K), the left factors first, from ``after`` the first segment began.
+    def segment_integrals(self, left_of: OutputOf, right_of: OutputOf, weight: Floats) -> Floats:
+        """(S, Q) integrals over each segment of sums of products of outputs, see `product_integrals`."""
+        return np.concatenate([
+            part._products(np.arange(part.time.size), part.length, left_of, right_of, weight) for part in self.parts()
+        ])  # fmt: skip
 
-        Times must not lie before that.
-        """
-        if not (self.exponentials or many_pieces(self)):
-            return self._integrals(times, table, weight, after)
-        if after > 0.0:
-            since = self.integrals(np.append(self.time[0] + after, times), table, weight)
-            return np.asarray(since[1:] - since[0])
-        sums = np.cumsum(self.segment_integrals(table, weight).astype(np.longdouble), axis=0)
-        before = np.vstack([np.zeros(weight.shape[1]), sums]).astype(float)
-        segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
-        tau = np.minimum(times - self.time[segment], self.length[segment])
-        out = np.empty((times.size, weight.shape[1]))
-        single = self._by_products(segment, tau, table, weight, out)
-        if single.size:
-            few, number = np.unique(segment[single], return_inverse=True)
-            starts = self.time[few]
-            inside = _not_beyond(times[single], starts[number], self.length[few][number])
-            at = np.sort(np.concatenate([starts, inside]))
-            values = self.only(few)._integrals(at, table, weight)
-            out[single] = values[np.searchsorted(at, inside)] - values[np.searchsorted(at, starts)][number]
-        return np.asarray(out + before[segment])
-
-    def segment_integrals(self, table: Complexes, weight: Floats) -> Floats:
-        """(S, Q) integrals over each segment of outputs in a table, see `integrals`."""
-        out = np.empty((self.time.size, weight.shape[1]))
-        single = self._by_products(np.arange(self.time.size), self.length, table, weight, out)
-        if single.size:
-            few = self.only(single)
-            ends = _not_beyond(few.time + few.length, few.time, few.length)
-            out[single] = np.diff(few._integrals(ends, table, weight), axis=0, prepend=0.0)
+    def _products(self, segment: Ints, tau: Floats, left_of: OutputOf, right_of: OutputOf, weight: Floats) -> Floats:
+        """(n, Q) the same over the first tau of segments."""
+        tau = equal_times(tau, self._resolution)
+        of_entry, out = self.state[segment], np.empty((tau.size, weight.shape[1]))
+        for number in visited_states(of_entry):
+            check_stop()
+            state, entries = self.flow.states[number], np.flatnonzero(of_entry == number)
+            left, right = left_of(state.phases), right_of(state.phases)
+            acting = np.flatnonzero(left.acts & right.acts)  # open contacts have no force
+            one, other = (state.coefficients(factor.some(acting), self.flow.sources) for factor in (left, right))
+            for some, alike in _alike(tau[entries], 2 * state.amplitude_count):
+                of_group = entries[some]
+                integrals = self._alike_products if alike else self._single_products
+                out[of_group] = integrals(state, segment[of_group], tau[of_group], one, other, weight[acting])
         return out
+
+    def _alike_products(
+        self, state: ContactState, segment: Ints, tau: Floats, left: Complexes, right: Complexes, weight: Floats
+    ) -> Floats:
+        """(n, Q) integrals over the same tau of segments of one contact state: forms of the amplitudes."""
+        one, other = state.unit_outputs(left), state.unit_outputs(right)
+        forms, out = one.product_forms(other, float(tau[0]), weight), np.empty((tau.size, weight.shape[1]))
+        for block in blocks(tau.size, forms.shape[2]):
+            zeta = self._sources(state, segment[block])
+            both = np.concatenate([zeta, zeta.conj()], axis=1)
+            out[block] = np.stack([np.einsum("ns,ns->n", zeta @ form, both).real for form in forms], axis=1)
+        return out
+
+    def _single_products(
+        self, state: ContactState, segment: Ints, tau: Floats, left: Complexes, right: Complexes, weight: Floats
+    ) -> Floats:
+        """(n, Q) integrals over the first tau of segments of one contact state."""
+        functions, out = state.exponent.size, np.empty((tau.size, weight.shape[1]))
+        for block in blocks(tau.size, functions * (2 * functions + left.shape[1])):
+            visits, at = np.unique(segment[block], return_inverse=True)
+            one, other = (self.outputs(state, visits, table) for table in (left, right))
+            out[block] = one.product_integrals(other, at, tau[block]) @ weight
+        return out
+
+    @cached_property
+    def equal_lengths(self) -> Floats:
+        """(S,) lengths, of which those that differ by round-off are made equal, s."""
+        return equal_times(self.length, self._resolution)
+
+    @property
+    def _resolution(self) -> float:
+        """Round-off of times, s."""
+        return 4.0 * float(np.finfo(float).eps) * abs(self.end)
+
+    def outputs(self, state: ContactState, segments: Ints, table: Complexes) -> SegmentOutputs:
+        """Outputs of coefficients (T, K) on segments of one contact state.
+
+        Powers of time have far more terms than basis functions, which are summed; else the terms are as few.
+        """
+        if not state.exponential:
+            return state.unit_outputs(table).combined(self._sources(state, segments))
+        basis, amplitude = state.term_basis, self.amplitudes(state, segments)
+        return SegmentOutputs(state.exponent[basis], state.power[basis], amplitude[:, :, None] * table)
 
     @property
     def exponentials(self) -> bool:
         """Whether no term of the motion has a power of time."""
         return all(state.exponential for state in self.flow.states)
 
-    def _by_products(self, segment: Ints, tau: Floats, table: Complexes, weight: Floats, out: Floats) -> Ints:
-        """Integrals over the first tau of segments into ``out`` (nt, Q); returns the entries outside of groups."""
-        if not self.exponentials:
-            every = np.arange(tau.size)
-            return integrals_alike(self, segment, tau, table, weight, out) if many_pieces(self) else every
-        of_entry = self.state[segment]
-        for number in visited_states(of_entry):
-            state, entries = self.flow.states[number], np.flatnonzero(of_entry == number)
-            visits = segment[entries]
-            if np.all(visits[1:] > visits[:-1]):  # whole segments, one after the other
-                at = np.arange(visits.size)
-            else:
-                visits, at = np.unique(visits, return_inverse=True)
-            begin = self.amplitudes(state, visits)
-            factors = table[number, : state.term_basis.size]
-            left, right = factors[:, : weight.shape[0]], factors[:, weight.shape[0] :]
-            acting = left.any(axis=0) & right.any(axis=0)  # open contacts have no force
-            columns = ((acting & (w != 0.0)).nonzero()[0] for w in weight.T)
-            of_sums = [forms([(left[:, c] * w[c], right[:, c])]) for c, w in zip(columns, weight.T, strict=True)]
-            longest = float(tau[entries].max())
-            form = IntegratedForm.of(state.exponent[state.term_basis], np.stack(of_sums, axis=1), longest)
-            out[entries] = form(begin, at, tau[entries])
-        return np.zeros(0, dtype=np.int64)
-
-    def work_of_segments(self, left_of: OutputOf, right_of: OutputOf, weight: Floats) -> Floats:
-        """(S, Q) integrals over each segment of ``sum_k weight[k, q] left_k right_k``.
-
-        Without powers of time coefficients are worked out one contact state after the other, once where both factors
-        are equal, and not of products that are zero, as those of open contacts are.
-        """
-        if not self.exponentials:
-            table = self.flow.output_table(lambda phases: left_of(phases).above(right_of(phases)))
-            return self.segment_integrals(table, weight)
-        out, sources = np.empty((self.time.size, weight.shape[1])), self.flow.sources
-        for number in visited_states(self.state):
-            state, segments = self.flow.states[number], np.flatnonzero(self.state == number)
-            left, right = left_of(state.phases), right_of(state.phases)
-            acting = (left.acts & right.acts).nonzero()[0]
-            left, right = left.some(acting), right.some(acting)
-            of_left = of_right = state.coefficients(left, sources)
-            other = (~left.equal(right)).nonzero()[0]
-            if other.size:
-                of_right = of_left.copy()
-                of_right[:, other] = state.coefficients(right.some(other), sources)
-            products = [(w, w.nonzero()[0]) for w in weight[acting].T]
-            factors = [(of_left[:, c] * w[c], of_right[:, c]) for w, c in products]
-            for first in range(0, segments.size, AT_ONCE):
-                check_stop()
-                some = segments[first : first + AT_ONCE]
-                motion = state.exponent[state.term_basis], self.amplitudes(state, some), self.length[some]
-                for q, (one, two) in enumerate(factors):
-                    out[some, q] = products_on_segments(*motion, one, two)
-        return out
-
     def amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
-        """(n, T) amplitudes of the terms where segments of one contact state begin; without powers of time."""
+        """(n, T) amplitudes of the terms where segments of one contact state begin."""
+        return self._sources(state, segments)[:, state.term_source]
+
+    def _sources(self, state: ContactState, segments: Ints) -> Complexes:
+        """(n, F + Z) amplitudes of the inputs and of the free motions where segments begin."""
         given = self.flow.sources.amplitudes_at(self.time[segments], self.piece[segments])
-        return state.amplitudes(given, self.y[segments])[:, state.term_source]
+        return state.amplitudes(given, self.y[segments])
 
     def weighted_integrals(self, output_of: OutputOf, exponent: Complexes, polynomial: Complexes) -> Complexes:
         r"""Integrals of K outputs times W polynomials and exponentials of their own, over each segment.
@@ -580,65 +559,15 @@ class Trajectory:
             output = output_of(state.phases)
             acting = np.flatnonzero(output.acts)  # open contacts have no force
             table = state.coefficients(output.some(acting), self.flow.sources)
-            half = 0.5 * self._coefficients(state, some, table)
-            rates, power = np.concatenate([state.exponent, state.exponent.conj()]), np.tile(state.power, 2)
+            both = self.outputs(state, some, table).with_conjugates()
             weights = exponent[:, some].ravel(), polynomial[:, some].reshape(-1, polynomial.shape[2])
-            moments = weighted_moments(rates, power, np.tile(self.length[some], exponent.shape[0]), *weights)
-            moments = moments.reshape(exponent.shape[0], some.size, rates.size).swapaxes(0, 1)
-            integrals = moments @ np.hstack([half, half.conj()])
+            moments = weighted_moments(
+                both.exponent, both.power, np.tile(self.length[some], exponent.shape[0]), *weights
+            )
+            moments = moments.reshape(exponent.shape[0], some.size, both.power.size).swapaxes(0, 1)
+            integrals = moments @ both.coefficient
             out[np.ix_(np.arange(exponent.shape[0]), some, acting)] = integrals.swapaxes(0, 1)
         return out
-
-    def _coefficients(self, state: ContactState, segments: Ints, table: Complexes) -> Complexes:
-        """(n, B, K) of the basis functions in outputs of coefficients (T, K), on segments of one contact state."""
-        given = self.flow.sources.amplitudes_at(self.time[segments], self.piece[segments])
-        zeta = state.amplitudes(given, self.y[segments])
-        of_unit = np.zeros((zeta.shape[1], state.exponent.size, table.shape[1]), dtype=complex)
-        of_unit[state.term_source, state.term_basis] = table
-        return np.asarray((zeta @ of_unit.reshape(zeta.shape[1], -1)).reshape(segments.size, *of_unit.shape[1:]))
-
-    def square_integrals(self, *tables: Complexes) -> Floats:
-        """(k,) integrals over the whole motion of the squares of outputs whose coefficients (S, T, k) are the sum of
-        tables; without powers of time."""
-        total = np.zeros(tables[0].shape[2])
-        for number in np.unique(self.state):
-            check_stop()
-            state, segments = self.flow.states[number], np.flatnonzero(self.state == number)
-            coefficients = sum(table[number, : state.term_basis.size] for table in tables)
-            exponent = state.exponent[state.term_basis]
-            sums = summed_products(exponent, self.amplitudes(state, segments), self.length[segments])
-            c = np.concatenate([coefficients.real, -coefficients.imag])
-            total += np.einsum("ik,ik->k", sums @ c, c)
-        return total
-
-    def _integrals(self, times: Floats, table: Complexes, weight: Floats, after: float = 0.0) -> Floats:
-        from beamsim.flow.integral_kernels import product_integrals
-
-        flow, out, weight = self.flow, np.empty((times.size, weight.shape[1])), np.ascontiguousarray(weight)
-        group, degree = zip(*(_groups(s.exponent, s.power) for s in flow.states), strict=True)
-        at, total, lost = np.array([0.0, 0.0, after]), np.zeros(weight.shape[1]), np.zeros(weight.shape[1])
-        arguments = (
-            flow.tables(), flow.inputs(), table, weight, self.time, self.length, self.state, self.piece, self.y,
-            np.ascontiguousarray(times), pad(list(group)), pad(list(degree)), *_gauss_rules(), at, total, lost, out,
-        )  # fmt: skip
-        check_stop()
-        while not product_integrals(*arguments, WORK_A_CALL):
-            check_stop()
-        return out
-
-
-def _not_beyond(times: Floats, start: Floats, length: Floats) -> Floats:
-    """Times that round-off does not put behind the ends of their segments, where there may be none."""
-    return np.where(times - start > length, np.nextafter(times, start), times)
-
-
-def _groups(exponent: Complexes, power: Ints) -> tuple[Ints, Ints]:
-    """Group of every basis function (those of equal exponents share one), and the largest power in each group."""
-    values: dict[complex, int] = {}
-    group = np.array([values.setdefault(complex(e), len(values)) for e in exponent], dtype=np.int64)
-    degree = np.zeros(len(values), dtype=np.int64)
-    np.maximum.at(degree, group, power)
-    return group, degree
 
 
 def _real_parts(table: Complexes) -> Floats:
@@ -646,11 +575,13 @@ def _real_parts(table: Complexes) -> Floats:
     return np.stack([table.real, -table.imag], axis=1).reshape(-1, table.shape[1])
 
 
-@cache
-def _gauss_rules() -> tuple[Floats, Floats, Floats]:
-    """Longest panel of each rule in radians, nodes and weights (rules, points), padded with zeros."""
-    most = max(points for points, _ in GAUSS_RULES)
-    node, weight = np.zeros((len(GAUSS_RULES), most)), np.zeros((len(GAUSS_RULES), most))
-    for r, (points, _) in enumerate(GAUSS_RULES):
-        node[r, :points], weight[r, :points] = np.polynomial.legendre.leggauss(points)
-    return np.array([radians for _, radians in GAUSS_RULES]), node, weight
+def _alike(tau: Floats, fewest: int) -> Iterator[tuple[Ints, bool]]:
+    """Entries of one time each, where no fewer than some have it, each time True; then the others, False."""
+    _, which, counts = np.unique(tau, return_inverse=True, return_counts=True)
+    order = np.argsort(which, kind="stable")
+    ends = np.cumsum(counts)
+    for last, count in zip(ends[counts >= fewest], counts[counts >= fewest], strict=True):
+        yield order[last - count : last], True
+    others = np.flatnonzero(counts[which] < fewest)
+    if others.size:
+        yield others, False

@@ -15,7 +15,6 @@ from beamsim.analyses.run.figures import searched_extremes
 from beamsim.analyses.run.outputs import bending_stress, exact_flow, in_every_state, output_groups
 from beamsim.cli.report import table_rows
 from beamsim.fields import RowBlocks, _Later, attribute, changed, dataset, declared, later
-from beamsim.flow import fourier
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
@@ -70,7 +69,7 @@ def test_a_field_is_computed_once_for_all_copies():
 
 @pytest.fixture
 def calls(monkeypatch):
-    """How often searches for extremes were begun, energies sampled, and bounds on folding worked out."""
+    """How often searches for extremes were begun, and energies sampled."""
     counted = Counter()
 
     def counting(owner, name):
@@ -85,7 +84,6 @@ def calls(monkeypatch):
     counting(Trajectory, "extrema")
     counting(histories, "energies")
     counting(energy, "energy_history")
-    counting(fourier, "folded_by_products")
     return counted
 
 
@@ -100,10 +98,10 @@ def test_a_summary_costs_one_search_a_model_and_no_history(calls, tmp_path):
     assert not any(is_computed(snubber, name) for name in ("force", "penetration", "closed"))
     assert not is_computed(result.energy, "work_in")
     curves = result.spectra.values()
-    assert not any(is_computed(s, name) for s in curves for name in ("amplitude", "amplitude_db", "folded"))
+    assert not any(is_computed(s, name) for s in curves for name in ("amplitude", "amplitude_db"))
     assert not is_computed(result.bodies["beam"], "peak_bending_stress")
     write_result(result, tmp_path / "run.h5")
-    written = {"extrema": 3, "energies": 1, "folded_by_products": 1}
+    written = {"extrema": 3, "energies": 1}
     assert calls == written
     assert is_computed(tip, "displacement")
     stored = open_run(tmp_path / "run.h5")

@@ -8,7 +8,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run.energy import energy_of_segments, power_factors
 from beamsim.analyses.run.outputs import exact_flow, output_groups
-from beamsim.flow import equal_pieces, exact, fourier, trajectory
+from beamsim.flow import equal_pieces, exact, moments, trajectory
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
@@ -71,15 +71,22 @@ def test_samples(motion, one_by_one):
     assert largest_difference(together, trajectory.sample(some_times(), groups)) < 1e-11
 
 
-def test_integrals_of_products(motion, one_by_one):
+def test_integrals_of_products(motion):
+    """Against a fine rule on the samples."""
     trajectory, _ = motion
-    together = trajectory.product_integrals(some_times(), *power_factors(trajectory.flow))
-    one_by_one()
-    alone = trajectory.product_integrals(some_times(), *power_factors(trajectory.flow))
-    assert largest_difference(together, alone) < 1e-11
+    left, right, weight = power_factors(trajectory.flow)
+    cuts = np.unique(np.concatenate([trajectory.time, some_times(), [DURATION]]))
+    node, gauss = np.polynomial.legendre.leggauss(12)
+    middle, half = 0.5 * (cuts[1:] + cuts[:-1]), 0.5 * np.diff(cuts)
+    times = (middle[:, None] + half[:, None] * node).ravel()
+    products = (trajectory.sample(times, left) * trajectory.sample(times, right)) @ weight
+    parts = np.einsum("pnq,n,p->pq", products.reshape(-1, node.size, 2), gauss, half)
+    fine = np.vstack([np.zeros(2), np.cumsum(parts, axis=0)])[np.searchsorted(cuts, some_times())]
+    exact = trajectory.product_integrals(some_times(), left, right, weight)
+    assert largest_difference(exact, fine) < 1e-11
 
 
-def test_integrals_of_products_from_a_later_time_on(motion, one_by_one):
+def test_integrals_of_products_from_a_later_time_on(motion):
     trajectory, _ = motion
     begin, end = 0.02071, DURATION
     late = trajectory.within(begin, end)  # begins a little before
@@ -87,39 +94,17 @@ def test_integrals_of_products_from_a_later_time_on(motion, one_by_one):
     together = late.product_integrals(times, *factors, begin)
     whole = trajectory.product_integrals(np.append(begin, times), *factors)
     assert largest_difference(together, whole[1:] - whole[0]) < 1e-11
-    one_by_one()
-    assert largest_difference(together, late.product_integrals(times, *factors, begin)) < 1e-11
 
 
-@pytest.mark.parametrize("rate", [20e3, pytest.param(60e3, marks=pytest.mark.slow)])
-def test_bound_on_what_samples_fold(motion, rate):
-    """Fourier sums of samples differ from integrals by less than the bound, which is of that order."""
-    trajectory, groups = motion
-    count = round((DURATION - 0.01) * rate)
-    part = fourier.MotionPart.of(trajectory, groups.groups["acceleration"], 0.01, DURATION, np.pi * rate)
-    omega = 2 * np.pi * np.arange(0.0, 0.3 * rate, 100.0)
-    x = np.vstack([part.samples(count), part.at_end()])
-    x[[0, -1]] *= 0.5
-    sums = np.exp(-1j * np.outer(omega, np.arange(count + 1) / rate)) @ x / rate
-    difference = np.abs(sums.T - part.integrals(omega)).max(axis=1)
-    bound = part.folded(1 / rate, float(omega[-1]), open_ends=True)
-    assert np.all(difference < bound)
-    assert np.all(bound < 1e3 * difference)
-
-
-def test_few_segments_are_evaluated_one_by_one(motion, monkeypatch):
-    """The whole evaluation costs a few matrices, and kernels only for the segments next to events."""
+def test_equal_pieces_share_their_moments(motion, monkeypatch):
     trajectory, _ = motion
-    kept = []
-    segment_by_segment = Trajectory._integrals
-    monkeypatch.setattr(
-        Trajectory, "_integrals", lambda self, *of: (kept.append(self.time.size), segment_by_segment(self, *of))[1]
-    )
+    asked = []
+    right = moments.exponential_moments
+    monkeypatch.setattr(moments, "exponential_moments", lambda x, top: (asked.append(x.shape[0]), right(x, top))[1])
     balance = energy_of_segments(trajectory)
     assert balance.error < 1e-11
     assert balance.history.stored.size == trajectory.time.size + 1  # the balance is looked at in every piece
-    assert kept
-    assert max(kept) <= trajectory.time.size / 8
+    assert 0 < sum(asked) <= trajectory.time.size / 8
 
 
 @pytest.fixture

@@ -27,13 +27,12 @@ def motion():
 
 @pytest.mark.parametrize("every", [2, 3])
 def test_gaps_between_segments_change_nothing(motion, every):
-    left, right, weight = power_factors(motion.flow)
-    table = np.concatenate([motion.flow.output_table(left), motion.flow.output_table(right)], axis=2)
-    whole = motion.segment_integrals(table, weight)
+    factors = power_factors(motion.flow)
+    whole = motion.segment_integrals(*factors)
     chosen = np.arange(0, motion.time.size, every)
     assert not motion.exponentials
     assert chosen.size > 30
-    some = motion.only(chosen).segment_integrals(table, weight)
+    some = motion.only(chosen).segment_integrals(*factors)
     np.testing.assert_allclose(some, whole[chosen], rtol=1e-9, atol=1e-12 * np.abs(whole).sum())
 
 

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import histories, records
+from beamsim.analyses.run import histories
 from beamsim.analyses.run import motion as run_motion
 from beamsim.analyses.run.energy import energy_history
 from beamsim.analyses.run.outputs import exact_flow, output_groups
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
-from beamsim.flow import fourier, integral_kernels, march_kernels
+from beamsim.flow import fourier, march_kernels
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import EVALUATIONS_A_CALL
+from beamsim.flow.moments import SegmentOutputs
 from beamsim.flow.stopping import Stopped, heeding
-from beamsim.flow.trajectory import WORK_A_CALL
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
@@ -33,7 +33,7 @@ STIFF = [
 
 @pytest.fixture
 def calls(monkeypatch):
-    """What every call of a compiled search or integral returned."""
+    """What every call of a compiled search returned."""
     returned = {}
 
     def counting(module, name):
@@ -46,12 +46,11 @@ def calls(monkeypatch):
 
         monkeypatch.setattr(module, name, called)
 
-    for module, name in ((march_kernels, "march"), (integral_kernels, "product_integrals")):
-        counting(module, name)
+    counting(march_kernels, "march")
     return returned
 
 
-def test_energies_of_a_panel_thrown_on_a_stiff_damped_stop(calls):
+def test_energies_of_a_panel_thrown_on_a_stiff_damped_stop():
     """Decays of 1e-8 s in a second of motion: panels as short as these would be 1e7 a contact-free segment."""
     system = build_system(load_scenario(CONFIGS / "released_panel.yaml", STIFF))
     motion = simulate(exact_flow(system, 1.0), system.initial_state)
@@ -60,8 +59,6 @@ def test_energies_of_a_panel_thrown_on_a_stiff_damped_stop(calls):
     times = np.linspace(0.0, 1.0, 10_001)
     balance = energy_history(motion, times)
     assert balance.error < 1e-9
-    assert len(calls["product_integrals"]) <= 3  # each of at most WORK_A_CALL
-    assert WORK_A_CALL <= 20_000_000
     coarse = energy_history(motion, times[::2500])  # closed form over many turns of the fastest mode
     np.testing.assert_allclose(coarse.history.dissipated, balance.history.dissipated[::2500], rtol=1e-9)
 
@@ -127,28 +124,23 @@ def test_fourier_integrals_in_pieces_are_those_in_one(monkeypatch):
     system = build_system(load_scenario(CONFIGS / "one_sided_65hz.yaml"))
     motion = simulate(exact_flow(system, 0.8), system.initial_state)
     acceleration = output_groups(system, motion.flow).groups["acceleration"]
-    one, other = (fourier.MotionPart.of(motion, acceleration, 0.05, 0.2, np.inf).one(0) for _ in range(2))
+    one, other = (fourier.MotionPart.of(motion, acceleration, 0.05, 0.2, np.inf) for _ in range(2))
     omega = 2 * np.pi * np.linspace(0.0, 2000.0, 700)
-    calls = []
-    summed = fourier.summed_integrals
-    monkeypatch.setattr(fourier, "summed_integrals", lambda *a: calls.append(a[3].size) or summed(*a))
-    whole = one.integrals(omega)
-    assert calls == [700] * (2 * len(motion.flow.states))  # terms and their conjugates
-    calls.clear()
-    monkeypatch.setattr(fourier, "EXPONENTIALS_A_CALL", 3000)
-    pieces = other.integrals(omega)
+    whole = one.integrals(omega, 0)
+    calls, summed = [], SegmentOutputs.fourier_sums
+    monkeypatch.setattr(fourier, "EXPONENTIALS_AT_ONCE", 3000)
+    monkeypatch.setattr(SegmentOutputs, "fourier_sums", lambda *a: calls.append(a[2].size) or summed(*a))
+    pieces = other.integrals(omega, 0)
     assert max(calls) < 150
     np.testing.assert_allclose(pieces, whole, rtol=1e-12, atol=1e-13 * np.abs(whole).max())
 
 
-@pytest.mark.parametrize(("name", "most"), [("summed_integrals", 2), ("folded_by_products", 1)])
-def test_a_run_that_is_stopped_during_its_spectra_has_those_of_its_samples(name, most, monkeypatch):
+def test_a_run_that_is_stopped_during_its_spectra_has_those_of_its_samples(monkeypatch):
     scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml")
-    whole, compiled, asked = beamsim.run(scenario), getattr(fourier, name), []
-    monkeypatch.setattr(records, "MOST_DEFERRED", 0)  # as of a motion of many pieces, whose bound does not wait
-    monkeypatch.setattr(fourier, name, lambda *arguments: asked.append(1) or compiled(*arguments))
+    whole, asked, summed = beamsim.run(scenario), [], SegmentOutputs.fourier_sums
+    monkeypatch.setattr(SegmentOutputs, "fourier_sums", lambda *of: asked.append(1) or summed(*of))
     part = beamsim.run(scenario, stop=lambda: bool(asked))
-    assert 1 <= len(asked) <= most  # nothing is worked out after that
+    assert len(asked) == 1  # nothing is worked out after that
     assert part.outcome.code is OutcomeCode.INTERRUPTED
     np.testing.assert_array_equal(part.time, whole.time)
     assert part.summary["energy_error"] == whole.summary["energy_error"]

@@ -14,6 +14,7 @@ import numpy as np
 from beamsim.analyses.response.motion import DrivenSignals, MeasuredMotion, measure, of_extremes, sampled_orbit
 from beamsim.analyses.run.outputs import stack
 from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.fourier import fourier_integrals
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.variational import VariationalFlow
 from beamsim.typing import Complexes, Floats, Ints
@@ -125,14 +126,7 @@ def _extremes(orbit: Trajectory, table: Complexes) -> tuple[Floats, Floats]:
 
 def _harmonics(orbit: Trajectory, table: Complexes, highest: int) -> Complexes:
     """(k, H + 1) mean and complex amplitudes of outputs (S, T, k)."""
-    from beamsim.flow.fourier_kernels import fourier_integrals
-
-    omega = 2.0 * np.pi / orbit.end * np.arange(highest + 1)
-    out = np.zeros((table.shape[2], omega.size), dtype=complex)
-    fourier_integrals(
-        orbit.flow.tables(), orbit.flow.inputs(), np.ascontiguousarray(table), orbit.time, orbit.length, orbit.state,
-        orbit.piece, orbit.y, omega, 0, orbit.segments, out,
-    )  # fmt: skip
-    out *= 2.0 / orbit.end
+    omega: Floats = 2.0 * np.pi / orbit.end * np.arange(highest + 1.0)
+    out = 2.0 / orbit.end * fourier_integrals(orbit, table, omega)
     out[:, 0] *= 0.5
     return out

@@ -32,7 +32,7 @@ from beamsim.analyses.run.motion import (
 )
 from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.run.spectra import folding_doubts
+from beamsim.analyses.run.spectra import coverage_notes
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import spectral_lines, summary_of_run
 from beamsim.analyses.table_reach import compressed_beyond_tables
@@ -110,7 +110,7 @@ def run(
             *pull_warnings(system, motion),
             *compressed_beyond_tables(scenario, by_name(snubbers, motion.extremes["penetration"][2][: len(snubbers)])),
             *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
-            *(folding_doubts(spectra) if motion.trajectory is None else ()),  # else a bound, and lines are free of it
+            *coverage_notes(system, spectra, closed_form=motion.trajectory is not None),
         ),
     )
     if scenario.excitation.kind in ("random", "sampled"):

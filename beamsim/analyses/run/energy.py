@@ -14,7 +14,6 @@ from beamsim.analyses.run.outputs import OutputSet, stack, velocities
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput, OutputOf
-from beamsim.flow.equal_pieces import many_pieces
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import penetration_of_states
 from beamsim.flow.trajectory import Trajectory
@@ -165,16 +164,14 @@ def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
 def energies_of_segments(trajectory: Trajectory) -> tuple[Floats, EnergyHistory, float]:
     """Energies where the segments begin, and at the end; with the times, and what is exchanged, segment by segment.
 
-    Motions of few segments, with powers of time unless their pieces are many, or of states that are not kept, are
-    evaluated at `FEW_TIMES`.
+    Motions of few segments are evaluated at `FEW_TIMES`.
     """
-    flow, count = trajectory.flow, trajectory.time.size
-    by_products = trajectory.exponentials or many_pieces(trajectory)
+    flow = trajectory.flow
     with np.errstate(over="ignore", invalid="ignore"):
-        if count < LEAST_SEGMENTS or flow.dropped or not by_products:
+        if trajectory.time.size < LEAST_SEGMENTS:
             begin = float(trajectory.time[0])
             return _sampled_energies(trajectory, begin + (trajectory.end - begin) * FEW_TIMES)
-        integrals = trajectory.work_of_segments(*power_factors(flow))
+        integrals = trajectory.segment_integrals(*power_factors(flow))
         sums = np.vstack([np.zeros(2), np.cumsum(integrals, axis=0)])
         events = np.cumsum(trajectory.event_losses().sum(axis=1))
         sums[:, 0] += np.append(events, events[-1:])

@@ -223,13 +223,8 @@ def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
     contacts = trajectory.flow.system.contacts
     segments = np.arange(touching.size) if contacts.arrays.states[contact] else np.flatnonzero(touching)
     out = np.zeros((touching.size, 3))
-    first = 0
-    for part in trajectory.parts():
-        last = first + part.time.size
-        inside = segments[(segments >= first) & (segments < last)]
-        if inside.size:
-            out[inside] = part.only(inside - first).work_of_segments(*_factors(part.flow, contact))
-        first = last
+    if segments.size:
+        out[segments] = trajectory.only(segments).segment_integrals(*_factors(trajectory.flow, contact))
     return out
 
 

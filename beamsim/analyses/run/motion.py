@@ -93,7 +93,6 @@ class RunMotion:
     few: Histories | None = None  # evenly spaced samples, where all take as long as the march
     impacts: ImpactRecord | None = None  # of the closed form, where it is evaluated
     compared_s: float | None = None  # s, first part that is compared with a finer model, where not all is kept
-    finer: Mapping[str, Floats] | None = None  # samples of a time-stepped motion, a whole number for each output time
     warnings: tuple[str, ...] = ()
     contact_events: ContactEvents | None = None
 
@@ -329,7 +328,7 @@ def bodies_of_run(scenario: Scenario, system: StructuralSystem, motion: RunMotio
 def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
     """Spectra of every probe and snubber: from the closed form, or of samples."""
     if motion.trajectory is None or motion.trajectory.end <= 0.0:
-        return spectra_of_samples(scenario, system, motion.histories.time, motion.histories.values, motion.finer)
+        return spectra_of_samples(scenario, system, motion.histories.time, motion.histories.values)
     groups = output_groups(system, motion.trajectory.flow).groups
     outputs = OutputSet({name: groups[name] for name in SPECTRAL_GROUPS if name in groups})
     return spectra_of_motion(scenario, system, motion.trajectory, outputs)

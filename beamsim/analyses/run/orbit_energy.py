@@ -92,9 +92,7 @@ def _work_and_loss(flow: PeriodicFlow, passage: Passage) -> tuple[float, float]:
 
 def _in_closed_form(orbit: Trajectory) -> tuple[float, float]:
     """The same of a motion that is known in closed form."""
-    left, right, weight = power_factors(orbit.flow)
-    table = np.concatenate([orbit.flow.output_table(left), orbit.flow.output_table(right)], axis=2)
-    lost, work = orbit.segment_integrals(table, weight).sum(axis=0)
+    lost, work = orbit.segment_integrals(*power_factors(orbit.flow)).sum(axis=0)
     return float(work), float(lost + orbit.event_losses().sum())
 
 

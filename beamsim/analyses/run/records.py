@@ -20,7 +20,6 @@ from beamsim.flow.fourier import MotionPart
 from beamsim.typing import Complexes, Floats
 
 MOST_TERMS = 5_000_000  # segments x basis functions x frequencies, above which a projection takes the samples
-MOST_DEFERRED = 50_000_000  # segments x terms x outputs, above which a bound on folding does not wait until it is read
 RECTANGULAR = Window("rectangular")
 
 
@@ -47,13 +46,6 @@ class Record(Protocol):
 
     def band(self, lines: int) -> int:
         """How many of the lines from 0 to half the rate belong to the spectrum."""
-
-    def folded(self, window: Window) -> float | None:
-        """Bound on the amplitude that folds into a line of the spectrum; None where that is not known."""
-
-    @property
-    def brief(self) -> bool:
-        """Whether `folded` takes so little time that it may wait until it is read, after a request to stop too."""
 
     def rms(self) -> float:
         """Root mean square, mean included."""
@@ -88,17 +80,11 @@ class _NormalEquations:
 
 @dataclass(frozen=True)
 class SampledRecord:
-    """Equally spaced samples.
-
-    Parameters
-    ----------
-    finer : a whole number of samples for each of them, from the same beginning, which show what the others fold.
-    """
+    """Equally spaced samples."""
 
     time: Floats
     x: Floats
     rate: float
-    finer: Floats | None = None
 
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
         """By sums over the samples."""
@@ -111,23 +97,11 @@ class SampledRecord:
         return self._part(slice(0, half)), self._part(slice(half, None))
 
     def _part(self, part: slice) -> SampledRecord:
-        return replace(self, time=self.time[part], x=self.x[part], finer=None)
+        return replace(self, time=self.time[part], x=self.x[part])
 
     def band(self, lines: int) -> int:
         """All lines."""
         return lines
-
-    def folded(self, window: Window) -> float | None:
-        """Largest difference from the spectrum of the finer samples, which hold the motion's content."""
-        if self.finer is None:
-            return None
-        coarse = window.amplitudes(self.x)
-        return float(np.abs(coarse - window.amplitudes(self.finer)[: coarse.size])[: -1 or None].max(initial=0.0))
-
-    @property
-    def brief(self) -> bool:
-        """Two transforms."""
-        return True
 
     def rms(self) -> float:
         """Of the samples."""
@@ -140,13 +114,14 @@ class MotionRecord:
 
     Parameters
     ----------
-    part : the output on the part that is analysed.
+    part : outputs on the part that is analysed, of which this is number ``column``.
     begin, duration : s, of that part.
     time, x, rate : samples that divide the duration, see `Record`.
     highest_hz : end of the spectrum.
     """
 
     part: MotionPart
+    column: int
     begin: float
     duration: float
     time: Floats
@@ -165,9 +140,8 @@ class MotionRecord:
         if self.part.segments * self.part.table.shape[1] * frequencies > MOST_TERMS:
             return self._sampled.project(frequency_hz, window)
         omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
-
         normal, total = _normal_equations(window, omega.tobytes(), self.duration)
-        moved = window.weigh(lambda nu: self.part.integrals(nu)[0], np.append(0.0, omega), self.duration)
+        moved = window.weigh(lambda nu: self.part.integrals(nu, self.column), np.append(0.0, omega), self.duration)
         right = np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real])
         fit = normal.solution(right / total)
         c = fit[1 : 1 + omega.size] + 1j * fit[1 + omega.size :]
@@ -176,39 +150,20 @@ class MotionRecord:
     def halves(self) -> tuple[MotionRecord, MotionRecord]:
         """Both halves of the duration."""
         half, size = 0.5 * self.duration, self.x.size // 2
-        middle = self.begin + half
-        first = replace(
-            self, part=self.part.between(self.begin, middle), duration=half, time=self.time[:size], x=self.x[:size]
-        )
+        early, late = self.part.halves
+        first = replace(self, part=early, duration=half, time=self.time[:size], x=self.x[:size])
         second = replace(
-            self, part=self.part.between(middle, self.begin + self.duration), begin=middle, duration=half,
-            time=self.time[size:], x=self.x[size:],
-        )  # fmt: skip
+            self, part=late, begin=self.begin + half, duration=half, time=self.time[size:], x=self.x[size:]
+        )
         return first, second
 
     def band(self, lines: int) -> int:
         """Up to the highest frequency."""
         return min(lines, int(self.highest_hz * self.duration * (1 + 1e-12)) + 1)
 
-    def folded(self, window: Window) -> float:
-        """In closed form, see `beamsim.flow.folding`."""
-        turn, step = window.turn(self.duration), self.duration / self.x.size
-        reach = 2.0 * np.pi * self.highest_hz + (window.cosines.size - 1) * turn
-        bound = float(self.part.folded(step, reach, open_ends=window.open_ended)[0])
-        # where a window comes to zero at its ends its curvature jumps
-        curvature = float(np.abs(window.cosines) @ (np.arange(window.cosines.size) * turn) ** 2)
-        bound += 0.0163 * step**3 * curvature * float(np.max(np.abs(self.x)))
-        return 2.0 * bound / float(window.transform(np.zeros(1), self.duration)[0].real)
-
-    @property
-    def brief(self) -> bool:
-        """Whether the sums over the pieces of all outputs are done in about half a second."""
-        return self.part.work <= MOST_DEFERRED
-
     def rms(self) -> float:
-        """In closed form where the motion is made of exponentials alone, else of the samples."""
-        square = self.part.mean_squares()
-        return self._sampled.rms() if square is None else float(np.sqrt(max(square[0], 0.0)))
+        """In closed form."""
+        return float(np.sqrt(max(self.part.mean_squares[self.column], 0.0)))
 
 
 @lru_cache(maxsize=4)

@@ -213,13 +213,6 @@ class Spectrum:
     lines: tuple[SpectralLine, ...] = table("lines", Counter("line", "number of the line"), default=())
     # None in files of earlier versions
     rate_hz: float | None = attribute("Hz", "rate of the samples that the curve is made of", default=None)
-    folded: float | None = attribute(  # None in files of earlier versions
-        "{unit}",
-        "bound on the amplitude that sampling adds to the curve; of a time-stepped motion what finer samples show. "
-        "Lines are free of it, but for those of time-stepped motions and of inputs with many pieces",
-        deferred=True,
-        default=None,
-    )
     rms: float | None = attribute(
         "{unit}", "root mean square over the part that is analysed, mean included", default=None
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,24 +26,19 @@ HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
 MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
 FLOOR_LINES = 16  # beyond the highest content: a line is told by what lies beside it
 FEWEST_SAMPLES, MOST_SAMPLES = 256, 2**17
-MOST_FINER_SAMPLES = 2**21  # of a time-stepped motion, to see what its output samples fold
-FOLDED_ALLOWED = 0.01  # of the highest point of a spectrum, which sampling adds without a warning
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
 
 
 def spectra_of_samples(
-    scenario: Scenario,
-    system: StructuralSystem,
-    time: Floats,
-    values: Mapping[str, Floats],
-    finer: Mapping[str, Floats] | None = None,
+    scenario: Scenario, system: StructuralSystem, time: Floats, values: Mapping[str, Floats]
 ) -> dict[tuple[str, str], Spectrum]:
     """Spectra of a motion that is known at the output times alone.
 
     Parameters
     ----------
+    scenario, system : what was asked for, and of what.
+    time : (nt,) s.
     values : by group of outputs, (nt, probes), and (nt, outputs).
-    finer : the same with a whole number of samples for each, from which follows what the samples fold.
     """
     assert scenario.run is not None
     spectra = {}
@@ -52,29 +46,28 @@ def spectra_of_samples(
         for i, probe in enumerate(system.probes):
             spectra[probe.name, quantity] = spectrum(
                 time, values[group][:, i], scenario.run.spectrum, system.excitation_frequency_hz, probe.name, quantity,
-                unit, None if finer is None else finer[group][:, i],
+                unit,
             )  # fmt: skip
     for i, output in enumerate(system.linear_outputs):
         spectra[output.name, output.kind] = spectrum(
             time, values["output"][:, i], scenario.run.spectrum, system.excitation_frequency_hz, output.name,
-            output.kind, output.unit, None if finer is None else finer["output"][:, i],
+            output.kind, output.unit,
         )  # fmt: skip
     return spectra
 
 
-def finer_rate(system: StructuralSystem, rate: float, samples: int) -> int:
-    """How many times as many samples show what samples at a rate (Hz) fold: those that cover every frequency twice."""
-    highest = float(system.modes.closed_frequencies_hz.max(initial=0.0))
-    return max(2, min(ceil(2.0 * SAMPLES_OF_A_PERIOD * highest / rate), MOST_FINER_SAMPLES // max(samples, 1)))
-
-
-def folding_doubts(spectra: Mapping[tuple[str, str], Spectrum]) -> list[str]:
-    """A warning for each spectrum of samples whose highest points are not far above what sampling folds."""
+def coverage_notes(
+    system: StructuralSystem, spectra: Mapping[tuple[str, str], Spectrum], *, closed_form: bool
+) -> list[str]:
+    """A note where samples of spectra do not cover every mode kept."""
+    highest = float(system.modes.closed_frequencies_hz[: system.modes.kept_modes].max(initial=0.0))
+    rate = min((s.rate_hz for s in spectra.values() if s.rate_hz is not None), default=np.inf)
+    if rate >= 2.0 * highest:
+        return []
+    remedy = "analyse a shorter part of the run (run.spectrum.last)" if closed_form else "raise run.sample_rate"
     return [
-        f"spectrum of {quantity.replace('_', ' ')} at {probe}: sampling at {s.rate_hz:g} Hz folds up to "
-        f"{100 * s.folded / top:.2g} % of its highest point back into it; raise run.sample_rate"
-        for (probe, quantity), s in spectra.items()
-        if s.folded is not None and s.folded > FOLDED_ALLOWED * (top := float(np.max(s.amplitude)))
+        f"spectra are made of samples at {rate:g} Hz, and the highest mode kept has {highest:.4g} Hz: what moves "
+        f"faster than {0.5 * rate:g} Hz shows at lower frequencies; {remedy}"
     ]
 
 
@@ -123,7 +116,7 @@ def records_of(
     time = begin + np.arange(size) / rate
     for column, last in enumerate(at_end):
         x = np.ascontiguousarray(samples[:, column])
-        yield MotionRecord(part.one(column), begin, duration, time, x, rate, highest), float(last)
+        yield MotionRecord(part, column, begin, duration, time, x, rate, highest), float(last)
 
 
 def _duration(settings: SpectrumSettings, available: float, excitation_hz: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,12 +58,11 @@ def spectrum(
     probe: str,
     quantity: str,
     unit: str,
-    finer: Floats | None = None,
 ) -> Spectrum:
     """Spectrum of the last part of a record of samples, see `spectrum_of`.
 
     Samples are taken as they are: what they hold beyond half the sample rate has folded back, and shows up as lines of
-    the kind "other"; how much it is follows from ``finer`` samples, see `SampledRecord`.
+    the kind "other".
 
     Parameters
     ----------
@@ -84,8 +83,7 @@ def spectrum(
         raise ValueError(f"a spectrum needs a time history, got shapes {time.shape} and {x.shape}")
     rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
     length = _samples_analysed(time.size, rate, settings.last, settings.periods, excitation_hz)
-    finer = None if finer is None else finer[(time.size - length) * (finer.size // time.size) :]
-    record = SampledRecord(time[-length:], x[-length:], rate, finer)
+    record = SampledRecord(time[-length:], x[-length:], rate)
     return spectrum_of(
         record, settings.window or "hann", excitation_hz, probe, quantity, unit, chosen_hz=settings.frequencies
     )
@@ -165,7 +163,6 @@ def spectrum_of(
         duration_s=x.size / rate,
         lines=lines,
         rate_hz=rate,
-        folded=later(partial(record.folded, shape)) if record.brief else record.folded(shape),
         rms=record.rms(),
     )
 

@@ -14,7 +14,6 @@ from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import EnergyHistory, Work
-from beamsim.analyses.run.spectra import finer_rate
 from beamsim.system.structural import StructuralSystem
 
 if TYPE_CHECKING:
@@ -54,8 +53,7 @@ def stepped_motion_of(
             f"cubic springs have no closed-form motion: integrated by {integrator} with rtol = {rtol:g}; "
             "contacts are found by sign changes between steps, without certificate",
         )
-    finer = finer_rate(system, settings.output_rate, times.all.size)
-    outputs = SteppedOutputs(system, flow, times.all, 1.0 / (finer * settings.output_rate), settings.low_pass)
+    outputs = SteppedOutputs(system, flow, times.all, settings.low_pass)
     trajectory = integrate(
         flow, system.initial_state, times.all, integrator=integrator, rtol=rtol, atol=settings.atol,
         max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress, stop=stop,
@@ -92,7 +90,6 @@ def stepped_motion_of(
             processor_time_s=trajectory.processor_time_s,
         ),
         low_passed=None if outputs.low_passed is None else outputs.low_passed[: at.size],
-        finer=outputs.finer(finer * at.size),
         warnings=warnings,
     )
 

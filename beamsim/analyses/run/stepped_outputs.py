@@ -9,14 +9,11 @@ import numpy as np
 from beamsim.analyses.run.figures import Extremes, sampled_extremes
 from beamsim.analyses.run.low_pass import LowPassFilter
 from beamsim.analyses.run.outputs import SEARCHED, bending_stress, energies_of_rows, in_every_state, output_groups
-from beamsim.analyses.run.spectra import SPECTRAL_GROUPS
 from beamsim.flow.dense_extremes import DenseExtremes
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory, sampled
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
-
-AT_ONCE = 4096  # finer samples, which bounds the memory
 
 
 class SteppedOutputs:
@@ -25,20 +22,14 @@ class SteppedOutputs:
     Parameters
     ----------
     times : (nt,) s, of the output.
-    step : s, between the finer samples that it keeps of what spectra are made of.
     low_pass : Hz, of the filter of the probes' accelerations.
     """
 
-    def __init__(
-        self, system: StructuralSystem, flow: ExactFlow, times: Floats, step: float, low_pass: float | None = None
-    ) -> None:
-        self.system, self.flow, self.times, self.step = system, flow, times, step
-        self.parts: list[dict[str, Floats]] = []
-        self.samples = 0  # in these parts
+    def __init__(self, system: StructuralSystem, flow: ExactFlow, times: Floats, low_pass: float | None = None) -> None:
+        self.system, self.flow, self.times = system, flow, times
         self.groups = output_groups(system, flow)
         self.stress = None if system.stress is None else in_every_state(bending_stress(flow, system.stress))
         self.probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, flow.system.size)
-        self.spectral = [group for group in SPECTRAL_GROUPS if group in self.groups.groups]
         self.energies: list[tuple[Floats, Floats]] = []  # times (k,) and energies (k, outputs) then
         self.dense = DenseExtremes()
         self.filter = None if low_pass is None else LowPassFilter(low_pass, len(system.probes))
@@ -95,13 +86,6 @@ class SteppedOutputs:
             return self.searched(times, y[:, : self.flow.size], each, begin)
 
         self.dense.add(solution, outputs)
-        until = int(np.floor(end / self.step * (1 + 1e-12))) + 1
-        for first in range(self.samples, until, AT_ONCE):
-            times = np.minimum(np.arange(first, min(first + AT_ONCE, until)) * self.step, end)
-            each = np.broadcast_to(phases, (times.size, phases.size))
-            values = self.at(times, solution.sol(times)[: self.flow.size].T, each, begin)
-            self.parts.append({group: values[group] for group in self.spectral})
-        self.samples = max(self.samples, until)
         if self.filter is not None and self.low_passed is not None:
             self._filter_piece(self.filter, self.low_passed, solution, phases)
         _, when_lowest, _, when_highest = self.dense.extremes()["displacement"]
@@ -110,13 +94,6 @@ class SteppedOutputs:
             self.lowest_state = solution.sol(lowest)[: self.flow.size]
         if begin <= highest <= end:
             self.highest_state = solution.sol(highest)[: self.flow.size]
-
-    def finer(self, count: int) -> dict[str, Floats] | None:
-        """The first ``count`` finer samples by group, the last one repeated where the motion ends; None without any."""
-        if not self.parts:
-            return None
-        whole = {group: np.concatenate([part[group] for part in self.parts])[:count] for group in self.spectral}
-        return {group: np.pad(x, ((0, count - x.shape[0]), (0, 0)), mode="edge") for group, x in whole.items()}
 
     def _filter_piece(self, low_pass: LowPassFilter, out: Floats, solution: Any, phases: Ints) -> None:
         """Lead the filter through the integrator's dense output; panels end at its steps and at the output times."""

@@ -199,7 +199,7 @@ def _products(motion: Trajectory, output_of: OutputOf) -> tuple[Floats, Floats]:
         return both
 
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite shows in the balance
-        integrals = motion.work_of_segments(above(left), above(right), weights)
+        integrals = motion.segment_integrals(above(left), above(right), weights)
         dissipated, work_in = integrals[:, outputs:].T
         y, penetration = contact_motion(motion)
         stored = stored_energy(flow, y, penetration, motion.phases_of(np.append(motion.state, motion.state[-1:])))

@@ -1,0 +1,138 @@
+"""Integrals of products of outputs and Fourier integrals against Gauss rules."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from beamsim.analyses.run.energy import power_factors
+from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.flow.fourier import MotionPart, fourier_integrals
+from beamsim.flow.moments import SegmentOutputs
+from beamsim.flow.transient import simulate
+from beamsim.scenario import Scenario
+from beamsim.system.build import build_system
+
+CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
+
+
+def motion_of(scenario, duration):
+    system = build_system(scenario)
+    return simulate(exact_flow(system, duration), system.initial_state)
+
+
+def turning(motion, rows, omega):
+    return np.exp(-1j * np.multiply.outer(motion.time[rows] - motion.time[0], omega))
+
+
+def light_chain(damping):
+    """Two masses with next to no damping, shaken near a resonance, above a stop."""
+    chain = {
+        "masses": [1.0, 0.5], "springs": [40.0, 30.0], "dashpots": [damping, damping],
+        "snubbers": [{"name": "stop", "mass": 2, "side": "below", "stiffness": 300.0, "gap": 0.01}],
+    }  # fmt: skip
+    shaken = {"kind": "multi_tone", "tones": [{"level": 1.5, "frequency": 0.8}, {"level": 0.5, "frequency": 0.62}]}
+    return Scenario.model_validate({"chain": chain, "excitation": {**shaken, "applied_to": "base"}})
+
+
+def quadrature(motion, begin, times, values_of):
+    """Integrals from begin to times of functions of time (nt,) -> (nt, Q), by panels short against the motion."""
+    fastest = max(float(np.abs(state.exponent).max()) for state in motion.flow.states)
+    even = np.linspace(begin, times[-1], int((times[-1] - begin) * fastest / 5.0) + 2)
+    cuts = np.unique(np.concatenate([even, motion.time[motion.time > begin], times, [begin]]))
+    cuts = cuts[(cuts >= begin) & (cuts <= times[-1])]
+    node, gauss = np.polynomial.legendre.leggauss(20)
+    middle, half = 0.5 * (cuts[1:] + cuts[:-1]), 0.5 * np.diff(cuts)
+    values = values_of((middle[:, None] + half[:, None] * node).ravel())
+    parts = np.einsum("pnq,n,p->pq", values.reshape(half.size, node.size, -1), gauss, half)
+    sums = np.vstack([np.zeros((1, parts.shape[1])), np.cumsum(parts, axis=0)])
+    return sums[np.searchsorted(cuts, times)]
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-6, 1e-3, 1.0])
+@pytest.mark.parametrize("powers", [False, True])
+def test_products_are_integrated_however_slow_a_pair_is(size, powers):
+    rng = np.random.default_rng(5)
+    exponent = np.array([0.0, 30.0j, 30.0j * (1.0 + size) - 2.0 * size, -40.0 + 7.0j, -3.0, -size])
+    power = np.array([3, 0, 1, 0, 2, 0]) * powers
+    left, right = rng.normal(size=(2, 4, 6, 3, 2)) @ [1.0, 1.0j]
+    segment, tau = np.array([0, 3, 1, 2, 2]), np.array([0.3, 1e-7, 0.0, 0.2, 0.7])
+    factors = (SegmentOutputs(exponent, power, coefficient) for coefficient in (left, right))
+    integrals = next(factors).product_integrals(next(factors), segment, tau)
+    point, gauss = np.polynomial.legendre.leggauss(80)
+    for g, t, integral in zip(segment, tau, integrals, strict=True):
+        at = 0.5 * t * (1.0 + point)
+        terms = at[:, None] ** power * np.exp(exponent * at[:, None])
+        product = (terms @ left[g]).real * (terms @ right[g]).real
+        scale = max(float(np.abs(left[g]).max() * np.abs(right[g]).max()), 1.0)
+        assert np.all(np.abs(integral - 0.5 * t * (gauss @ product)) < 1e-12 * scale)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-9, 1e-3, 0.3])
+def test_work_and_loss_are_those_of_a_fine_rule(damping):
+    motion = motion_of(light_chain(damping), 60.0)
+    assert motion.exponentials
+    assert motion.time.size > 20
+    left, right, weight = power_factors(motion.flow)
+    times = np.sort(np.append(np.random.default_rng(2).uniform(0.0, 60.0, 3000), 60.0))
+    power = lambda at: (motion.sample(at, left) * motion.sample(at, right)) @ weight  # noqa: E731
+    fine = quadrature(motion, 0.0, times, power)
+    largest = np.abs(fine[:, 1]).max()
+    exact = motion.product_integrals(times, left, right, weight)
+    np.testing.assert_allclose(exact, fine, rtol=0.0, atol=1e-12 * largest)
+    whole = motion.segment_integrals(left, right, weight).sum(axis=0)
+    np.testing.assert_allclose(whole, exact[-1], atol=1e-12 * largest)
+
+
+def test_integrals_count_from_a_later_time_on():
+    motion = motion_of(light_chain(0.3), 30.0)
+    factors = power_factors(motion.flow)
+    times = np.linspace(3.0, 30.0, 200)
+    late = motion.product_integrals(times, *factors, 2.0)
+    since = motion.product_integrals(np.append(2.0, times), *factors)
+    np.testing.assert_allclose(late, since[1:] - since[0], rtol=1e-12)
+    assert np.abs(late - motion.product_integrals(times, *factors)).max() > 1e-6
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-9, 1e-3, 0.3])
+def test_mean_squares_are_those_of_a_fine_rule(damping):
+    system = build_system(light_chain(damping))
+    motion = motion_of(light_chain(damping), 60.0)
+    outputs = output_groups(system, motion.flow)
+    part = MotionPart.of(motion, outputs, 0.0, 60.0, 1e9)
+    fine = quadrature(motion, 0.0, np.array([60.0]), lambda at: motion.sample(at, outputs) ** 2)[0] / 60.0
+    np.testing.assert_allclose(part.mean_squares, fine, rtol=1e-11, atol=1e-13 * fine.max())
+
+
+def test_fourier_integrals_are_those_of_a_fine_rule():
+    """At zero, at the load's own frequency, next to it and to one of a free motion, and far away."""
+    system = build_system(light_chain(0.3))
+    flow = exact_flow(system, 30.0)
+    motion = simulate(flow, system.initial_state)
+    assert motion.exponentials
+    outputs = output_groups(system, flow)
+    part = MotionPart.of(motion, outputs, 5.0, 30.0, 1e9)
+    load = float(np.abs(flow.sources.exponent).max())
+    free = float(np.abs(flow.states[0].exponent.imag).max())
+    omega = np.array([0.0, load, load * (1.0 + 1e-9), load * (1.0 + 1e-4), free, free * (1.0 + 1e-7), 40.0])
+
+    def turned(at):
+        factor = np.exp(-1j * np.multiply.outer(at - 5.0, omega)).view(float)
+        return (motion.sample(at, outputs)[:, :, None] * factor[:, None, :]).reshape(at.size, -1)
+
+    fine = quadrature(motion, 5.0, np.array([30.0]), turned)[0].reshape(-1, omega.size, 2) @ [1.0, 1.0j]
+    largest = np.abs(fine).max(axis=1, keepdims=True)
+    found = fourier_integrals(part.motion, part.table, omega)
+    assert np.all(np.abs(found - fine) < 1e-11 * largest)
+    for column, (some, of_fine, size) in enumerate(zip(found, fine, largest, strict=True)):
+        np.testing.assert_allclose(part.integrals(omega[::-1], column), some[::-1], rtol=0.0, atol=1e-12 * size)
+        functions = part.motion.outputs  # outputs one by one, as of motions with powers of time
+        alone = sum(
+            functions(state, rows, part.table[s, : state.term_basis.size, column, None])
+            .with_conjugates()
+            .fourier_sums(part.motion.equal_lengths[rows], omega, turning(part.motion, rows, omega))
+            .sum(axis=(0, 1))
+            for s, state in enumerate(part.motion.flow.states)
+            for rows in (np.flatnonzero(part.motion.state == s),)
+        )
+        assert np.all(np.abs(alone - of_fine) < 1e-11 * size)

@@ -1,0 +1,44 @@
+"""Spectra of samples say where the rate does not cover the modes kept."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import beamsim
+
+SHORT = ["run.duration=0.05 s", "run.spectrum.last=0.03 s", "reduction.modes=3", "run.convergence=off"]
+STEPPED = [*SHORT, "run.method=reference", "run.integrator=DOP853"]
+
+
+def run(*changes: str) -> beamsim.RunResult:
+    return beamsim.run(beamsim.load_scenario("configs/one_sided_65hz.yaml", list(changes)))
+
+
+def notes(result: beamsim.RunResult) -> list[str]:
+    return [text for text in result.warnings if "shows at lower frequencies" in text]
+
+
+@pytest.mark.slow
+def test_a_time_stepped_run_says_that_its_rate_is_too_low():
+    coarse, fine = (run(*STEPPED, f"run.sample_rate={rate} Hz") for rate in (1500.0, 40_000.0))
+    (note,) = notes(coarse)
+    assert "samples at 1500 Hz" in note
+    assert "raise run.sample_rate" in note
+    assert not notes(fine)
+
+
+def test_a_motion_in_closed_form_is_sampled_fast_enough_whatever_the_output_rate():
+    result = run(*SHORT, "run.sample_rate=500 Hz")
+    highest = result.modes.closed_frequencies_hz[: result.modes.kept_modes].max()
+    assert all(s.rate_hz > 2.0 * highest for s in result.spectra.values())
+    assert not notes(result)
+
+
+def test_where_there_are_too_many_samples_for_the_modes_a_note_says_so(monkeypatch):
+    monkeypatch.setattr("beamsim.analyses.run.spectra.MOST_SAMPLES", 32)
+    monkeypatch.setattr("beamsim.analyses.run.spectra.FEWEST_SAMPLES", 32)
+    result = run(*SHORT)
+    (note,) = notes(result)
+    assert "run.spectrum.last" in note
+    assert np.isfinite(result.summary["energy_error"])
