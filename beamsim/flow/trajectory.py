@@ -560,13 +560,12 @@ class Trajectory:
             acting = np.flatnonzero(output.acts)  # open contacts have no force
             table = state.coefficients(output.some(acting), self.flow.sources)
             both = self.outputs(state, some, table).with_conjugates()
+            count = exponent.shape[0]
             weights = exponent[:, some].ravel(), polynomial[:, some].reshape(-1, polynomial.shape[2])
-            moments = weighted_moments(
-                both.exponent, both.power, np.tile(self.length[some], exponent.shape[0]), *weights
-            )
-            moments = moments.reshape(exponent.shape[0], some.size, both.power.size).swapaxes(0, 1)
+            moments = weighted_moments(both.exponent, both.power, np.tile(self.length[some], count), *weights)
+            moments = moments.reshape(count, some.size, both.power.size).swapaxes(0, 1)
             integrals = moments @ both.coefficient
-            out[np.ix_(np.arange(exponent.shape[0]), some, acting)] = integrals.swapaxes(0, 1)
+            out[np.ix_(np.arange(count), some, acting)] = integrals.swapaxes(0, 1)
         return out
 
 
