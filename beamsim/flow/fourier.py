@@ -85,12 +85,8 @@ class MotionPart:
 
     @cached_property
     def mean_squares(self) -> Floats:
-        """(K,) mean of the square, nothing left out."""
+        """(K,) mean of the square, nothing left out; without powers of time."""
         m, count = self.motion, self.table.shape[2]
-        if not m.exponentials:
-            return np.asarray(
-                m.segment_integrals(self.output_of, self.output_of, np.eye(count)).sum(axis=0) / (m.end - m.time[0])
-            )
         squares = np.zeros(count)
         for number in visited_states(m.state):  # sums of products of terms serve all outputs
             check_stop()

@@ -162,7 +162,9 @@ class MotionRecord:
         return min(lines, int(self.highest_hz * self.duration * (1 + 1e-12)) + 1)
 
     def rms(self) -> float:
-        """In closed form."""
+        """In closed form where the motion is made of exponentials alone, else of the samples."""
+        if not self.part.motion.exponentials:
+            return self._sampled.rms()
         return float(np.sqrt(max(self.part.mean_squares[self.column], 0.0)))
 
 
