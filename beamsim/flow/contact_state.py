@@ -27,6 +27,7 @@ from beamsim.flow.sources import Sources
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
+GROWTH = 600.0  # logarithm of a function's growth; where it is larger, the amplitude is zero
 SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
 
 
@@ -176,10 +177,18 @@ class ContactState:
         np.add.at(forced, self.term_source[at_start], self.term_vector[at_start])
         return forced
 
+    def terms_after(self, zeta: Complexes, tau: Floats) -> Complexes:
+        """(n, T) terms at times tau (n,) after those at which the amplitudes are zeta (n, F + Z)."""
+        turned = tau[:, None] * self.exponent
+        basis = np.exp(np.where(turned.real < GROWTH, turned, 0.0))
+        if not self.exponential:
+            powers = tau[:, None] ** np.arange(self.power.max() + 1)
+            basis *= powers[:, self.power]
+        return zeta.take(self.term_source, axis=1) * basis.take(self.term_basis, axis=1)
+
     def states_after(self, zeta: Complexes, tau: Floats) -> Floats:
         """(n, N) states at times tau (n,) after those at which the amplitudes are zeta (n, F + Z)."""
-        basis = tau[:, None] ** self.power * np.exp(tau[:, None] * self.exponent)
-        return np.asarray(((zeta[:, self.term_source] * basis[:, self.term_basis]) @ self.term_vector).real)
+        return np.asarray((self.terms_after(zeta, tau) @ self.term_vector).real)
 
     def amplitude_map(self) -> Complexes:
         """(2 F + N, F + Z) amplitudes of the inputs and of the free motions, for a unit of the real and the imaginary

@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beamsim.dataclass import dataclass
+from beamsim.flow.contact_state import GROWTH
 from beamsim.flow.cubic import Cubic
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -32,7 +33,6 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
 PARTS = 4  # of an interval
 NEAR = 1.0 / 32.0  # of an interval, from the top of the cubic to the ends of the parts about it
-GROWTH = 600.0  # logarithm of a function's growth on a segment; where it is larger, the amplitude is zero
 FARTHEST = 3.0  # rad, that a term may turn on an interval to be part of the cubic
 VALUE, SLOPE = 1.0 / 384.0, math.sqrt(3.0) / 216.0  # errors of a cubic and of its slope, over the fourth derivative
 AT_ONCE = 400_000

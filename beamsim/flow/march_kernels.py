@@ -1,4 +1,4 @@
-"""The compiled march from event to event, and the sampler of what it logged.
+"""The compiled march from event to event.
 
 Positions are a time and a piece of the sources.
 """
@@ -10,24 +10,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.compiled import kernel, summing
+from beamsim.flow.compiled import kernel
 from beamsim.flow.event_kernels import NO_STEP, Guards, first_event, make_search, safe_step
 from beamsim.flow.kernels import (
     EPS,
     _coefficients,
-    _exp,
     _fill_basis,
     _fill_sources,
-    _outputs,
-    _parts,
     _reset,
-    _rows,
     _state_at,
 )
 
 DONE, NEED_STATE, BUDGET, FULL, STUCK = 0, 1, 2, 3, 4
-RESTART = 256  # even samples, after which the exponentials are evaluated anew
-IN_A_ROW = 16  # of them, each of which follows from the one before
 
 
 class PieceSteps(NamedTuple):
@@ -234,118 +228,3 @@ def march(tables, inputs, steps, position, end, y, log, most_evaluations):  # ty
         n_ev += 1
         state = following
     return DONE, t, piece, state, guard, n_seg, n_ev, n_eval
-
-
-@kernel
-def sample(  # type: ignore[no-untyped-def]
-    tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, time, out
-):
-    """Outputs (nt, k) at increasing times, from the logged segments; ``table`` is (S, T, k).
-
-    Where a segment holds several times, the coefficients of its basis functions are computed once; for one or two
-    times summing over the terms is cheaper.
-    """
-    k = table.shape[2]
-    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
-    rest = np.empty(tables.projector.shape[2])
-    B = tables.exponent.shape[1]
-    rows_real, rows_imag = np.zeros((B, k)), np.zeros((B, k))
-    basis = np.zeros(B, dtype=np.complex128)
-    real, imag = _parts(table)
-    current = -1
-    several = False
-    g = 0
-    last = seg_time.size - 1
-    for i in range(time.size):
-        while g < last and time[i] >= seg_time[g + 1]:
-            g += 1
-        s, piece, t = seg_state[g], seg_piece[g], seg_time[g]
-        nb = tables.n_basis[s]
-        if g != current:
-            _fill_sources(tables, s, inputs, piece, t, seg_y[g], rest, zeta)
-            several = i + 2 < time.size
-            if several and g < last:
-                several = time[i + 2] < seg_time[g + 1]
-            if several:
-                _rows(tables, s, real, imag, zeta, rows_real, rows_imag)
-            current = g
-        tau = time[i] - t
-        _fill_basis(tables.exponent[s], tables.power[s], nb, tau, basis)
-        if several:
-            _outputs(rows_real, rows_imag, basis, nb, out[i])
-        else:
-            for j in range(k):
-                out[i, j] = 0.0
-            for q in range(tables.n_terms[s]):
-                a = zeta[tables.term_source[s, q]] * basis[tables.term_basis[s, q]]
-                if a != 0.0:
-                    for j in range(k):
-                        out[i, j] += real[s, q, j] * a.real - imag[s, q, j] * a.imag
-
-
-@kernel
-def sample_evenly(  # type: ignore[no-untyped-def]
-    tables, inputs, table, seg_time, seg_state, seg_piece, seg_y, time, step, out
-):
-    """As `sample` at times with equal steps: an exponential follows from one sample to the next by a product."""
-    k = table.shape[2]
-    B = tables.exponent.shape[1]
-    zeta = np.zeros(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
-    rest = np.empty(tables.projector.shape[2])
-    gamma = np.zeros((B, k), dtype=np.complex128)
-    real, imag = np.zeros(RESTART), np.zeros(RESTART)
-    sums = np.zeros((k, RESTART))
-    i = 0
-    last = seg_time.size - 1
-    for g in range(seg_time.size):
-        stop = i if g < last else time.size
-        while stop < time.size and time[stop] < seg_time[g + 1]:
-            stop += 1
-        if stop == i:
-            continue
-        s = seg_state[g]
-        _fill_sources(tables, s, inputs, seg_piece[g], seg_time[g], seg_y[g], rest, zeta)
-        _coefficients(tables, s, table, zeta, k, gamma)
-        while i < stop:
-            count = min(RESTART, stop - i)
-            for j in range(k):
-                for n in range(count):
-                    sums[j, n] = 0.0
-            for b in range(tables.n_basis[s]):
-                lam, p = tables.exponent[s, b], tables.power[s, b]
-                _fill_evenly(lam, time[i] - seg_time[g], step, count, real, imag)
-                if p > 0:
-                    for n in range(count):
-                        factor = (time[i + n] - seg_time[g]) ** p
-                        real[n] *= factor
-                        imag[n] *= factor
-                for j in range(k):
-                    if gamma[b, j] != 0.0:
-                        _add_real_part(gamma[b, j].real, gamma[b, j].imag, real[:count], imag[:count], sums[j])
-            for n in range(count):
-                for j in range(k):
-                    out[i + n, j] = sums[j, n]
-            i += count
-
-
-@summing
-def _fill_evenly(lam, tau, step, count, real, imag):  # type: ignore[no-untyped-def]
-    """Exponentials at ``count`` equal steps from tau: some by products in a row, all others from those ones."""
-    value, ratio = _exp(lam.real, lam.imag, tau), _exp(lam.real, lam.imag, step)
-    for n in range(min(IN_A_ROW, count)):
-        real[n], imag[n] = value.real, value.imag
-        value *= ratio
-    ratio = _exp(lam.real, lam.imag, IN_A_ROW * step)
-    re, im = ratio.real, ratio.imag
-    for first in range(IN_A_ROW, count, IN_A_ROW):
-        for n in range(first, min(first + IN_A_ROW, count)):
-            before = n - IN_A_ROW
-            real[n] = real[before] * re - imag[before] * im
-            imag[n] = real[before] * im + imag[before] * re
-
-
-@summing
-def _add_real_part(re, im, real, imag, sums):  # type: ignore[no-untyped-def]
-    """Add the real part of a coefficient times exponentials."""
-    for n in range(real.size):
-        sums[n] += re * real[n] - im * imag[n]

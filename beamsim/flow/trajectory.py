@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
@@ -11,7 +11,6 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import ContactState, OutputOf
-from beamsim.flow.equal_pieces import FEWEST, many_pieces, sample_alike
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema, Search, Waves, turning_points
 from beamsim.flow.moments import SegmentOutputs, blocks, equal_times, weighted_moments
@@ -21,12 +20,7 @@ from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
-EVEN = 16  # samples, from which on equal steps are exploited
-FEW_EVEN = 4096  # samples at equal steps, up to which exponentials of each cost no more than making use of the steps
-MOST_EVEN = 2**16  # ... up to which products of matrices do, and the kernel for them need not be compiled
-EVEN_A_SEGMENT = 16  # ... on the average of the segments, or of outputs, at least
-FEW_TIMES = 8  # for each contact state, below which no tables of outputs are made to sample them
-VALUES_A_CALL = 20_000_000  # of terms times outputs, in sampling
+VALUES_AT_ONCE = 100_000  # of terms or outputs, in sampling
 
 
 class TurningPoints(NamedTuple):
@@ -95,113 +89,52 @@ class Trajectory:
 
     def sample(self, times: Floats, output_of: OutputOf) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""
-        if not self.flow.dropped:
-            if times.size < FEW_TIMES * len(self.flow.states):
-                return self._sample_few(times, output_of)
-            return self.sample_table(times, self.flow.output_table(output_of))
         parts, first = [], 0
+        outputs = output_of(self.flow.system.contacts.start).row.shape[0]
+
+        def coefficients(_: int, state: ContactState) -> Complexes:
+            return state.coefficients(output_of(state.phases), self.flow.sources)
+
         for part in self.parts():
             last = times.size if part.end >= self.end else int(np.searchsorted(times, part.end))
-            parts.append(part.sample_table(times[first:last], part.flow.output_table(output_of)))
+            parts.append(part._sampled(times[first:last], outputs, coefficients))
             first = last
         return np.concatenate(parts)
 
-    def _sample_few(self, times: Floats, output_of: OutputOf) -> Floats:
-        """The same from the states at these times, which are fewer than a table of each contact state pays for."""
-        sources, segment = self.flow.sources, np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
-        out = np.empty((times.size, output_of(self.flow.states[0].phases).row.shape[0]))
-        for number in np.unique(self.state[segment]):
-            check_stop()
-            state, at = self.flow.states[number], np.flatnonzero(self.state[segment] == number)
-            begun, tau = segment[at], times[at] - self.time[segment[at]]
-            given = sources.amplitudes_at(self.time[begun], self.piece[begun])
-            y = self.y[begun]
-            if tau.any():  # not where segments begin, as at events
-                y = state.states_after(state.amplitudes(given, y), tau)
-            out[at] = output_of(state.phases).values(y, *sources.values_after(given, tau))
-        return out
-
     def sample_table(self, times: Floats, table: Complexes) -> Floats:
         """The same from the coefficients (S, T, k) of the outputs, all states being kept."""
-        out = np.empty((times.size, table.shape[2]))
-        if times.size < FEWEST or not many_pieces(self):
-            self._sample(times, table, out)
-            return out
-        single = sample_alike(self, times, table, out)
-        others = np.empty((single.size, table.shape[2]))
-        self._sample(times[single], table, others)
-        out[single] = others
-        return out
+        return self._sampled(times, table.shape[2], lambda number, state: table[number, : state.term_basis.size])
 
-    def _sample(self, times: Floats, table: Complexes, out: Floats) -> None:
-        from beamsim.flow.march_kernels import sample, sample_evenly
+    def _sampled(self, times: Floats, outputs: int, coefficients: Callable[[int, ContactState], Complexes]) -> Floats:
+        """The same from the coefficients of the terms; the states that are not visited at these times need none.
 
-        if not times.size:
-            return
-        in_a_row = np.ascontiguousarray(times)  # the kernels are compiled for these alone
-        step = float(times[-1] - times[0]) / (times.size - 1) if times.size >= EVEN else 0.0
-        even = times[0] + step * np.arange(times.size) if step > 0.0 else times[:0]
-        evenly = even.size > 0 and np.abs(times - even).max() <= 4.0 * np.finfo(float).eps * abs(times[-1])
-        if self.exponentials and (not evenly or times.size <= FEW_EVEN):
-            return self._sample_by_products(times, table, out)
-        spacious = EVEN_A_SEGMENT * self.segments <= times.size or table.shape[2] >= EVEN_A_SEGMENT
-        if self.exponentials and spacious and times.size <= MOST_EVEN:
-            return self._sample_equal_steps(times, step, table, out)
-        rows = max(1, VALUES_A_CALL // max(table.shape[1] * table.shape[2], 1))
-        for first in range(0, times.size, rows):
-            check_stop()
-            part = slice(first, first + rows)
-            logged = (self.time, self.state, self.piece, self.y, in_a_row[part])
-            if evenly:
-                sample_evenly(self.flow.tables(), self.flow.inputs(), table, *logged, step, out[part])
-            else:
-                sample(*self.flow.kernel_arguments(), table, *logged, out[part])
+        Parameters
+        ----------
+        times : (nt,) s, increasing.
+        outputs : number k.
+        coefficients : (T, k) of a contact state, by its number.
 
-    def _sample_by_products(self, times: Floats, table: Complexes, out: Floats) -> None:
-        """Outputs at any times into ``out`` (nt, k), without powers of time."""
+        Returns
+        -------
+        (nt, k).
+        """
+        out = np.empty((times.size, outputs))
         segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
         of_time = self.state[segment]
-        for number in np.unique(of_time):
+        for number in visited_states(of_time):
             state, entries = self.flow.states[number], np.flatnonzero(of_time == number)
-            exponent = state.exponent[state.term_basis]
-            rows = max(1, VALUES_A_CALL // max(exponent.size, table.shape[2], 1))
+            table = coefficients(int(number), state)
+            factors = np.stack([table.real, -table.imag], axis=1).reshape(-1, outputs)
+            rows = max(1, VALUES_AT_ONCE // max(factors.shape))
             for first in range(0, entries.size, rows):
                 check_stop()
                 part = entries[first : first + rows]
                 visits, at = np.unique(segment[part], return_inverse=True)
-                tau = times[part] - self.time[segment[part]]
-                begun = self.amplitudes(state, visits)
-                acts = begun.any(axis=0)  # what rests may grow without bound
-                terms = begun[:, acts][at] * np.exp(tau[:, None] * exponent[acts])
-                out[part] = (terms @ table[number, : exponent.size][acts]).real
-
-    def _sample_equal_steps(self, times: Floats, step: float, table: Complexes, out: Floats) -> None:
-        """The same with equal steps, whose exponentials all segments of a contact state share."""
-        first = np.append(np.searchsorted(times, self.time[1:]), times.size)  # of the next segment
-        begin = np.concatenate([[0], first[:-1]])
-        for number in np.unique(self.state):
-            check_stop()
-            state, segments = self.flow.states[number], np.flatnonzero((self.state == number) & (first > begin))
-            if not segments.size:
-                continue
-            begun = self.amplitudes(state, segments)
-            acts = begun.any(axis=0)  # what rests may grow without bound
-            exponent = state.exponent[state.term_basis][acts]
-            counts = (first - begin)[segments]
-            turned = np.exp(step * np.arange(int(counts.max()))[:, None] * exponent)
-            tau = times[begin[segments]] - self.time[segments]
-            terms = begun[:, acts] * np.exp(tau[:, None] * exponent)
-            of_terms = table[number, : acts.size][acts]
-            if out.shape[1] * segments.size > counts.sum():  # coefficients of each segment would cost more than samples
-                which = np.repeat(np.arange(segments.size), counts)
-                at = np.arange(which.size) - np.repeat(np.cumsum(counts) - counts, counts)
-                samples = terms[which] * turned[at]
-                out[begin[segments][which] + at] = samples.view(float) @ _real_parts(of_terms)
-                continue
-            for segment, amplitude in zip(segments.tolist(), terms, strict=True):
-                parts = _real_parts(amplitude[:, None] * of_terms)
-                steps = turned[: first[segment] - begin[segment]].view(float)
-                np.matmul(steps, parts, out=out[begin[segment] : first[segment]])
+                given = self.flow.sources.amplitudes_at(self.time[visits], self.piece[visits])
+                amplitudes = state.amplitudes(given, self.y[visits])[at]
+                terms = state.terms_after(amplitudes, times[part] - self.time[segment[part]])
+                out[part] = terms.view(float) @ factors
+        return out
 
     def states_at(self, times: Floats) -> Floats:
         """(nt, N) the state: (q, q') and the contacts' internal states."""
@@ -567,11 +500,6 @@ class Trajectory:
             integrals = moments @ both.coefficient
             out[np.ix_(np.arange(count), some, acting)] = integrals.swapaxes(0, 1)
         return out
-
-
-def _real_parts(table: Complexes) -> Floats:
-    """(2 T, k) what real and imaginary parts of terms in turn give of the real parts of outputs (T, k) of them."""
-    return np.stack([table.real, -table.imag], axis=1).reshape(-1, table.shape[1])
 
 
 def _alike(tau: Floats, fewest: int) -> Iterator[tuple[Ints, bool]]:

@@ -8,7 +8,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run.energy import energy_of_segments, power_factors
 from beamsim.analyses.run.outputs import exact_flow, output_groups
-from beamsim.flow import equal_pieces, exact, moments, trajectory
+from beamsim.flow import exact, moments
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
@@ -41,14 +41,6 @@ def of_case() -> Trajectory:
     return simulate(exact_flow(system, DURATION), system.initial_state)
 
 
-@pytest.fixture
-def one_by_one(monkeypatch):
-    def switch() -> None:
-        monkeypatch.setattr(trajectory, "many_pieces", lambda motion: False)
-
-    return switch
-
-
 def largest_difference(one: np.ndarray, other: np.ndarray) -> float:
     return float((np.abs(one - other).max(axis=0) / np.abs(other).max(axis=0)).max())
 
@@ -62,13 +54,6 @@ def some_times() -> np.ndarray:
 def test_most_pieces_take_one_look_for_contact(motion):
     """High powers of time are no reason to approach the end of a short piece in steps that double."""
     assert motion[0].evaluations < 1.5 * motion[0].time.size
-
-
-def test_samples(motion, one_by_one):
-    trajectory, groups = motion
-    together = trajectory.sample(some_times(), groups)
-    one_by_one()
-    assert largest_difference(together, trajectory.sample(some_times(), groups)) < 1e-11
 
 
 def test_integrals_of_products(motion):
@@ -148,12 +133,3 @@ def test_a_wrong_step_shows(motion, monkeypatch):
     wrong = of_case()
     common = min(wrong.y.shape[0], motion[0].y.shape[0])
     assert largest_difference(motion[0].y[:common], wrong.y[:common]) > 1e-6
-
-
-def test_a_wrong_matrix_shows(motion, one_by_one, monkeypatch):
-    trajectory, groups = motion
-    right = equal_pieces.output_map
-    monkeypatch.setattr(equal_pieces, "output_map", lambda *of: 1.0001 * right(*of))
-    together = trajectory.sample(some_times(), groups)
-    one_by_one()
-    assert largest_difference(together, trajectory.sample(some_times(), groups)) > 1e-5
