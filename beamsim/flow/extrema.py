@@ -365,7 +365,7 @@ class Search:
     def _first_look(self, number: int, wave: Waves) -> Iterator[_Intervals]:
         """At all outputs on all parts of segments."""
         turn = float(np.abs(wave.exponent).max(initial=0.0)) * float(wave.length.max(initial=0.0))
-        parts = int(min(max(math.ceil(turn), 1), PARTS))
+        parts = int(min(max(math.ceil(turn / FARTHEST), 1), PARTS))
         for rows in wave.blocks((parts + 1) * max(2 * wave.power.size, wave.table.shape[-1])):
             u = wave.begin[rows, None] + (wave.end - wave.begin)[rows, None] * np.linspace(0.0, 1.0, parts + 1)
             sums = wave.sums(rows)
