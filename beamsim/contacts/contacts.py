@@ -188,20 +188,17 @@ class Contacts:
 
     def with_others(self, others: Contacts) -> Contacts:
         """These contacts followed by the others."""
+        pressed_by = None
+        if self.pressed.size or others.pressed.size:
+            pressed_by = np.full(self.count + others.count, -1)
+            pressed_by[self.pressed] = self.pressing
+            pressed_by[self.count + others.pressed] = self.count + others.pressing
         return Contacts(
             np.concatenate([self.shape, others.shape]), np.concatenate([self.sign, others.sign]),
             np.concatenate([self.gap, others.gap]), np.concatenate([self.on_ground, others.on_ground]),
             self.laws + others.laws, np.concatenate([self.levers, others.levers]),
-            _pressed_by(self, others),
+            pressed_by,
         )  # fmt: skip
-
-    def with_first(self, first: Contacts) -> Contacts:
-        """The contacts with the first ones replaced by others, which press and are pressed as these were."""
-        rest = slice(first.count, None)
-        others = replace(self, shape=self.shape[rest], sign=self.sign[rest], gap=self.gap[rest],
-                         on_ground=self.on_ground[rest], laws=self.laws[rest], lever=self.levers[rest],
-                         pressed_by=None)  # fmt: skip
-        return replace(first.with_others(others), pressed_by=self.pressed_by)
 
     def with_numbers(self, contact: int, stiffness: float, dashpot: float) -> Contacts:
         """The contacts with other numbers of one contact.
@@ -569,12 +566,3 @@ class Contacts:
             jumps=of_own["jump"].any(axis=-1),
             **of_own,
         )
-
-
-def _pressed_by(first: Contacts, others: Contacts) -> Ints | None:
-    """Which contact presses each of those of both."""
-    if first.pressed_by is None and others.pressed_by is None:
-        return None
-    pressing = [np.full(c.count, -1) if c.pressed_by is None else c.pressed_by for c in (first, others)]
-    pressing[1] = np.where(pressing[1] >= 0, pressing[1] + first.count, -1)
-    return np.concatenate(pressing)

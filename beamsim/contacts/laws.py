@@ -34,7 +34,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -271,12 +271,6 @@ class ContactLaw:
         return self.family is not None or self.undamped_law is not None or not memory
 
     @property
-    def recovers(self) -> bool:
-        """Whether its released face moves by itself, so that contact depends on internal states."""
-        guarded = any(any(guard.row.internal) for phase in self.phases for guard in phase.guards)
-        return guarded and not self.rubs
-
-    @property
     def yields(self) -> bool:
         """Whether it is a stop that loses work in phases in which its force still rises, and stays crushed."""
         return any(phase.lost.constant != 0.0 and phase.stiffness != 0.0 for phase in self.phases)
@@ -342,35 +336,14 @@ class ContactLaw:
 
     def dynamic_stiffness(self, phase: int, omega: Floats) -> Complexes:
         """(w,) force per penetration of small motions within a phase at frequencies, rad/s."""
-        force, iw = self.arrays.force[phase], 1j * np.asarray(omega, dtype=float)
-        internal = force[OWN : OWN + self.internal_states]
+        a, r, iw = self.arrays, self.internal_states, 1j * np.asarray(omega, dtype=float)
+        force, rates = a.force[phase], a.rates[phase]
         stiffness = np.asarray(force[0] + iw * force[1], dtype=complex)
-        return np.asarray(stiffness + self.moved_states(phase, iw) @ internal) if internal.any() else stiffness
-
-    def dynamic_stiffness_slope(self, phase: int, omega: Floats) -> Complexes:
-        """(w,) derivative of `dynamic_stiffness` by the frequency, N s/m."""
-        force, r, iw = self.arrays.force[phase], self.internal_states, 1j * np.asarray(omega, dtype=float)
-        slope, internal = np.full(iw.shape, 1j * force[1], dtype=complex), force[OWN : OWN + r]
-        if not internal.any():
-            return slope
-        driven = self.arrays.rates[phase][:, 1] - self.moved_states(phase, iw)
-        return np.asarray(slope + 1j * self._solved(phase, iw, driven) @ internal)
-
-    def moved_states(self, phase: int, iw: Any) -> Complexes:
-        """(w, r) internal states per penetration of small motions within a phase; ``iw`` (w,) is i omega."""
-        rates = self.arrays.rates[phase]
-        return self._solved(phase, iw, rates[:, 0] + iw[:, None] * rates[:, 1])
-
-    def _solved(self, phase: int, iw: Complexes, driven: Complexes) -> Complexes:
-        """(w, r) solutions of ``i omega p = A p + driven``."""
-        r = self.internal_states
-        moving = iw[:, None, None] * np.eye(r) - self.arrays.rates[phase][:, OWN : OWN + r]
-        return np.asarray(np.linalg.solve(moving, driven[..., None])[..., 0])
-
-    def relaxation(self, omega: Floats) -> tuple[Complexes, Complexes]:
-        """(w,) dynamic stiffness of the branches of a two-sided law, N/m, and its derivative by the frequency."""
-        static = self.dynamic_stiffness(self.start, np.zeros(1))[0]
-        return self.dynamic_stiffness(self.start, omega) - static, self.dynamic_stiffness_slope(self.start, omega)
+        if force[OWN : OWN + r].any():  # of states p with i omega p = A p + b per penetration
+            moving = iw[:, None, None] * np.eye(r) - rates[:, OWN : OWN + r]
+            moved = np.linalg.solve(moving, (rates[:, 0] + iw[:, None] * rates[:, 1])[..., None])[..., 0]
+            stiffness = stiffness + moved @ force[OWN : OWN + r]
+        return np.asarray(stiffness)
 
     def with_numbers(self, stiffness: float, dashpot: float) -> ContactLaw:
         """The same kind of law with other numbers."""

@@ -126,12 +126,17 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     _check_directions(scenario, structure)
     sites, asked = _loaded_sites(scenario, also_at), _asked_reduction(scenario, structure)
     gravity = tuple(direction for direction, _ in gravity_loads(scenario))
+    # the coordinates are those of the undamped structure
+    undamped = tuple((name, body.model_copy(update={"damping": None})) for name, body in bodies)
+    reduction = (scenario.joined_by, nodes, tuple(sites), gravity, driven, tuple(asked.items()))
+
+    def basis() -> ReducedBasis:
+        return reduce_model(structure, _patterns(structure, sites, gravity, moved), **asked)
+
     reduced = shared.once(
-        "reduction",
-        (bodies, scenario.joined_by, nodes, tuple(sites), gravity, driven, tuple(asked.items())),
-        lambda: ReducedStructure(
-            structure, reduce_model(structure, _patterns(structure, sites, gravity, moved), **asked)
-        ),
+        "reduced structure",
+        (bodies, *reduction),
+        lambda: ReducedStructure(structure, shared.once("reduction", (undamped, *reduction), basis)),
     )
     return Parts(scenario, reduced, shared, tuple(moved))
 

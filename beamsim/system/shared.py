@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import OrderedDict, defaultdict
 from collections.abc import Callable, Hashable, Sequence
-from functools import cached_property, lru_cache
+from dataclasses import field
+from functools import cached_property
 from threading import RLock
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -23,62 +24,6 @@ if TYPE_CHECKING:
 MOST_KEPT = 8  # of each sort; the one not used for longest is dropped
 
 Built = TypeVar("Built")
-
-
-@dataclass(frozen=True)
-class ReducedStructure:
-    """A structure in reduced, mass-normalised coordinates; what follows from it is kept for the systems that share it.
-
-    May be used by several threads.
-    """
-
-    structure: Structure
-    basis: ReducedBasis
-
-    @cached_property
-    def omega(self) -> Floats:
-        """(n,) rad/s."""
-        return np.asarray(self.basis.omega * self.structure.frequency_scale)
-
-    @cached_property
-    def damping(self) -> Floats:
-        """(n, n) C, 1/s."""
-        return self.structure.reduced_damping(self.basis, self.omega)
-
-    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(n,) modal inertia, sqrt(kg), and force of springs to the ground, N/(m sqrt(kg)), of a unit base motion."""
-        return self._kept_base_load(motion)
-
-    def shapes(self, sites: Sequence[LoadSite]) -> Floats:
-        """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
-        return self._kept_shapes(tuple(sites)).copy()
-
-    def recoveries(self, sites: Sequence[LoadSite], base: BaseDirection | None) -> tuple[Recovery, ...]:
-        """What can be recovered along each body, see `Structure.recoveries`."""
-        return self._kept_recoveries(tuple(sites), base)
-
-    @cached_property
-    def _kept_base_load(self) -> Callable[[BaseDirection], tuple[Floats, Floats]]:
-        def built(motion: BaseDirection) -> tuple[Floats, Floats]:
-            inertia, ground = self.structure.base_load(motion)
-            scale = np.sqrt(self.structure.mass_scale)
-            return np.asarray((inertia @ self.basis.vectors) * scale), np.asarray(ground @ self.basis.vectors) / scale
-
-        return lru_cache(MOST_KEPT)(built)
-
-    @cached_property
-    def _kept_shapes(self) -> Callable[[tuple[LoadSite, ...]], Floats]:
-        def built(sites: tuple[LoadSite, ...]) -> Floats:
-            return np.asarray(self.structure.rows(sites) @ self.basis.vectors / np.sqrt(self.structure.mass_scale))
-
-        return lru_cache(MOST_KEPT)(built)
-
-    @cached_property
-    def _kept_recoveries(self) -> Callable[[tuple[LoadSite, ...], BaseDirection | None], tuple[Recovery, ...]]:
-        def built(sites: tuple[LoadSite, ...], base: BaseDirection | None) -> tuple[Recovery, ...]:
-            return self.structure.recoveries(self.basis, sites, base)
-
-        return lru_cache(MOST_KEPT)(built)
 
 
 class SharedBuilds:
@@ -110,3 +55,48 @@ class SharedBuilds:
                 kept.popitem(last=False)
             known: Built = kept[key]
         return known
+
+
+@dataclass(frozen=True)
+class ReducedStructure:
+    """A structure in reduced, mass-normalised coordinates; what follows from it is kept for the systems that share it.
+
+    May be used by several threads.
+    """
+
+    structure: Structure
+    basis: ReducedBasis
+    kept: SharedBuilds = field(default_factory=SharedBuilds)
+
+    @cached_property
+    def omega(self) -> Floats:
+        """(n,) rad/s."""
+        return np.asarray(self.basis.omega * self.structure.frequency_scale)
+
+    @cached_property
+    def damping(self) -> Floats:
+        """(n, n) C, 1/s."""
+        return self.structure.reduced_damping(self.basis, self.omega)
+
+    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        """(n,) modal inertia, sqrt(kg), and force of springs to the ground, N/(m sqrt(kg)), of a unit base motion."""
+
+        def built() -> tuple[Floats, Floats]:
+            inertia, ground = self.structure.base_load(motion)
+            scale = np.sqrt(self.structure.mass_scale)
+            return np.asarray((inertia @ self.basis.vectors) * scale), np.asarray(ground @ self.basis.vectors) / scale
+
+        return self.kept.once("base load", motion, built)
+
+    def shapes(self, sites: Sequence[LoadSite]) -> Floats:
+        """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
+
+        def built() -> Floats:
+            return np.asarray(self.structure.rows(sites) @ self.basis.vectors / np.sqrt(self.structure.mass_scale))
+
+        return self.kept.once("shapes", tuple(sites), built).copy()
+
+    def recoveries(self, sites: Sequence[LoadSite], base: BaseDirection | None) -> tuple[Recovery, ...]:
+        """What can be recovered along each body, see `Structure.recoveries`."""
+        key = (tuple(sites), base)
+        return self.kept.once("recoveries", key, lambda: self.structure.recoveries(self.basis, tuple(sites), base))

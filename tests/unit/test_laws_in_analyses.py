@@ -17,9 +17,7 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario import load_scenario
-from beamsim.scenario.parameters import with_values
 from beamsim.system.build import build_system
-from beamsim.system.contact_change import with_changed_contacts
 
 BRANCHES = [{"stiffness": 200.0, "relaxation_time": 0.03}]
 TABLE = [[0, 0], [2e-3, 0.8], [10e-3, 6]]
@@ -221,16 +219,3 @@ def test_a_measured_vibration_gives_its_coefficient(law):
     found = beamsim.identify_stiffness(scenario, [signal]).nonlinear.parameters[0]
     assert found.value == pytest.approx(0.25, rel=1e-4)
     assert found.interval[0] < 0.25 < found.interval[1]
-
-
-@laws
-def test_a_gap_is_changed_without_assembling_anything(law):
-    """Contacts of the changed system are those of the system built anew: what presses which is kept as well."""
-    after = case(law)
-    before = with_values(after, {("chain", "snubbers", 0, "gap"): 2e-3})
-    quick, anew = with_changed_contacts(build_system(before), before, after), build_system(after)
-    assert quick is not None
-    a, b = quick.dynamics.contacts, anew.dynamics.contacts
-    assert [law.phases for law in a.laws] == [law.phases for law in b.laws]
-    for name in ("gap", "shape", "sign", "pressed", "pressing"):
-        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))

@@ -87,7 +87,7 @@ def test_scaled_friction_sticks_up_to_its_scaled_limit():
         assert end[0] == pytest.approx(moved, abs=1e-12)
 
 
-def test_what_presses_is_known_after_contacts_are_split_joined_and_replaced():
+def test_what_presses_is_known_after_contacts_are_split_and_joined():
     """Numbers of pressing contacts follow them; one that presses another stays whole."""
     rubs = pressed_friction_law(20.0, STATIC, SLIDING)
     table = table_law(ForceCurve(np.array([0.0, 0.1, 0.2]), np.array([0.0, 1.0, 5.0])))
@@ -102,11 +102,6 @@ def test_what_presses_is_known_after_contacts_are_split_joined_and_replaced():
     np.testing.assert_array_equal(split.shape[split.pressing[0]], contacts.shape[1])
     joined = system_of(rubs).contacts.with_others(system_of(rubs).contacts)
     assert joined.pressed_by.tolist() == [-1, 0, -1, 2]
-    stops = Contacts(np.eye(4)[:2], np.ones(2), np.array([0.1, 0.2]), np.zeros(2, dtype=bool), (kelvin_voigt(3.0),) * 2)
-    replaced = contacts.with_first(stops)
-    assert replaced.pressed_by.tolist() == [-1, -1, 1, 1]
-    assert replaced.gap.tolist() == [0.1, 0.2, 0.0, 0.0]
-    assert replaced.laws == (*stops.laws, rubs, rubs)
 
 
 def by_hand(tangential, dashpot, duration):

@@ -1,15 +1,19 @@
 """What several systems have in common: built once whatever the threads, and a bounded number of each kept."""
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from threading import Barrier
 
 import numpy as np
+import pytest
 
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Place
+from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 from beamsim.system.shared import MOST_KEPT, SharedBuilds
 
+CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
 BEAM = """\
 beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4,
   supports: {left: clamped, right: free}}
@@ -67,6 +71,38 @@ def test_a_point_that_moves_does_not_let_the_memory_of_a_structure_grow():
     for x in np.linspace(0.1, 0.27, 5 * MOST_KEPT):
         reduced.shapes([Place("beam", float(x))])
         reduced.recoveries([Place("beam", float(x))], None)
-    assert reduced._kept_shapes.cache_info().currsize == MOST_KEPT
-    assert reduced._kept_recoveries.cache_info().currsize == MOST_KEPT
+    assert {sort: len(each) for sort, each in reduced.kept._kept.items()} == {
+        "shapes": MOST_KEPT,
+        "recoveries": MOST_KEPT,
+    }
     np.testing.assert_array_equal(reduced.shapes([Place("beam", 0.27)]), row)
+
+
+@pytest.mark.parametrize(
+    "change", [{"beam.damping.ratio": 0.03}, {"beam.damping": {"kind": "rayleigh", "mass": 1.0, "stiffness": 1e-5}}]
+)
+def test_another_damping_shares_the_reduced_coordinates(change):
+    """The system is that of a build of its own, without that anything is reduced again."""
+    shared = SharedBuilds()
+    before, after = load_scenario(CASE), load_scenario(CASE, change)
+    one, other = reduced_parts(before, shared=shared), reduced_parts(after, shared=shared)
+    assert other.basis is one.basis
+    assert not np.array_equal(one.reduced.damping, other.reduced.damping)
+    np.testing.assert_array_equal(other.reduced.damping, reduced_parts(after).reduced.damping)
+
+
+@pytest.mark.parametrize(
+    "change", [{"snubbers[0].stiffness": 1e5}, {"snubbers[0].damping.ratio": 0.05}, {"snubbers[0].gap": -1e-4}]
+)
+def test_other_contacts_share_the_reduced_structure(change):
+    """... and are those of a build of their own."""
+    shared = SharedBuilds()
+    build_system(load_scenario(CASE), shared)
+    built, anew = build_system(load_scenario(CASE, change), shared), build_system(load_scenario(CASE, change))
+    assert (
+        reduced_parts(load_scenario(CASE), shared=shared).reduced
+        is reduced_parts(load_scenario(CASE, change), shared=shared).reduced
+    )
+    for name in ("stiffness", "dashpot", "gap"):
+        np.testing.assert_array_equal(getattr(built.dynamics.contacts, name), getattr(anew.dynamics.contacts, name))
+    np.testing.assert_array_equal(built.dynamics.damping, anew.dynamics.damping)

@@ -30,13 +30,12 @@ from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.loading import replacing
-from beamsim.system.contact_change import with_changed_contacts
+from beamsim.system.shared import SharedBuilds
 from beamsim.typing import Bools, Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.scenario.identification import IdentifyStiffness, MeasuredTest
-    from beamsim.system.structural import StructuralSystem
 
 Place = tuple[str | int, ...]
 
@@ -256,11 +255,10 @@ class _NonlinearFit:
     tests: list[_Test]
     responses: int = 0
     last: list[Complexes] = field(default_factory=list)  # predicted harmonics of each test
-    _cases: list[Scenario] = field(default_factory=list)
     _varied: list[Callable[[Mapping[Place, object]], Scenario]] = field(default_factory=list)
     _guesses: list[Floats | None] = field(default_factory=list)
     _vibrations: list[SteadyVibration] = field(default_factory=list)
-    _systems: list[StructuralSystem] = field(default_factory=list)  # with the scenario's own values
+    _shared: SharedBuilds = field(default_factory=SharedBuilds)
     _linear: list[bool] = field(default_factory=list)
     _scale: list[float] = field(default_factory=list)
     _segments: tuple[SoughtSegment, ...] = ()
@@ -273,20 +271,17 @@ class _NonlinearFit:
         reduction = self.scenario.reduction
         if reduction is None and any(body.reduced_by_default for body in self.scenario.all_bodies.values()):
             reduction = Reduction(highest_frequency=_HARMONICS_KEPT * highest)
+        without = {"run": None, "reduction": reduction, "sweep": None, "nnm": None}
+        cases = []
         for test in self.tests:
-            excitation = self.scenario.excitation.model_copy(
-                update={"frequency": test.frequency_hz, "level": test.level}
-            )
-            self._cases.append(
-                self.scenario.model_copy(
-                    update={"excitation": excitation, "run": None, "reduction": reduction, "sweep": None, "nnm": None}
-                )
-            )
+            harmonic = {"frequency": test.frequency_hz, "level": test.level}
+            excitation = self.scenario.excitation.model_copy(update=harmonic)
+            cases.append(self.scenario.model_copy(update={"excitation": excitation, **without}))
         places = [place for number in self.numbers for place in number.places]
-        self._varied = [replacing(case, places) for case in self._cases]
+        self._varied = [replacing(case, places) for case in cases]
         self._guesses = [None] * len(self.tests)
         try:
-            self._vibrations = [steady_vibration(case) for case in self._cases]
+            self._vibrations = [steady_vibration(case, shared=self._shared) for case in cases]
         except NoSteadyVibrationError as error:
             raise ScenarioError(
                 Problem(
@@ -296,7 +291,6 @@ class _NonlinearFit:
                 )
             ) from error
         self._guesses = [vibration.start for vibration in self._vibrations]
-        self._systems = [vibration.system for vibration in self._vibrations]
         self.last = [np.zeros(test.harmonics.order.size, dtype=complex) for test in self.tests]
         size = max(
             (v.largest_deflection(j) for v in self._vibrations for j in range(len(v.system.snubbers))), default=1e-3
@@ -343,10 +337,9 @@ class _NonlinearFit:
         """Harmonics of every test with the parameters x."""
         values = self.values(x)
         predicted = []
-        for t, (case, test) in enumerate(zip(self._cases, self.tests, strict=True)):
-            varied = self._varied[t](values)
-            built = with_changed_contacts(self._systems[t], case, varied)
-            vibration = steady_vibration(varied, self._guesses[t], harmonics=test.harmonics.order.size, built=built)
+        for t, test in enumerate(self.tests):
+            varied, count = self._varied[t](values), test.harmonics.order.size
+            vibration = steady_vibration(varied, self._guesses[t], harmonics=count, shared=self._shared)
             self.responses += 1
             self._guesses[t] = vibration.start
             self._vibrations[t] = vibration

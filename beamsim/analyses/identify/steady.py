@@ -17,6 +17,7 @@ from beamsim.typing import Complexes, Floats
 if TYPE_CHECKING:
     from beamsim.inputs.signal import Signal
     from beamsim.scenario import Scenario
+    from beamsim.system.shared import SharedBuilds
 
 _SAMPLES = 512  # of a period, for the harmonics of the displacement
 _SETTLE = 300  # most periods of transient
@@ -63,7 +64,7 @@ def steady_vibration(
     guess: Floats | None = None,
     *,
     harmonics: int = 16,
-    built: StructuralSystem | None = None,
+    shared: SharedBuilds | None = None,
 ) -> SteadyVibration:
     """The periodic response, by Newton's method on the exact flow with its exact monodromy matrix.
 
@@ -75,14 +76,14 @@ def steady_vibration(
     scenario : with a harmonic excitation, without cubic springs.
     guess : state at t = 0 of a neighbouring response.
     harmonics : number wanted.
-    built : its system, where it is at hand.
+    shared : keeps what was built for scenarios with the same structure.
 
     Raises
     ------
     NoSteadyVibrationError
         Where neither Newton's method nor a transient of 300 periods ends in such a motion.
     """
-    system = build_system(scenario, assessed=False) if built is None else built
+    system = build_system(scenario, shared, assessed=False, recovered=False)
     if system.cubic.count:
         raise NoSteadyVibrationError("cubic springs have no exact flow")
     omega = 2 * np.pi * system.excitation_frequency_hz
