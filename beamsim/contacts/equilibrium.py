@@ -3,16 +3,16 @@ r"""Static equilibrium: the minimum of a convex, piecewise quadratic energy.
 .. math:: E(q) = \tfrac12 q^T K q + \tfrac12 \sum_i k_i [\delta_i(q)]_+^2 - f^T q,
           \qquad \delta_i = -g_i - s_i \phi_i q .
 
-Eliminating the flexible coordinates leaves the contact forces N >= 0, which minimise a strictly convex quadratic
-function subject to the balance of the rigid-body modes, :math:`\Phi_R^T s N + f_R = 0`; its multipliers are the
-rigid-body coordinates. An active-set method finds the closed contacts, and a linear solve for this set gives the forces
-to machine precision.
-
-Cubic springs, and one-sided springs of negative stiffness (a piecewise-linear spring that softens; the total energy is
-still convex), have no such dual: they are solved by Newton's method on the energy.
+Cubic springs add :math:`\tfrac14 c\,(b^T q)^4`. One-sided springs of negative stiffness are parts of a spring that
+softens; the total energy is still convex. Newton's method with an exact search along each step finds the minimum:
+between changes of contact the energy is quadratic, so that a few steps end there. A refinement in extended precision
+follows; what is left is to say whether the minimum is the only one.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,13 +23,12 @@ from beamsim.typing import Bools, Floats, Ints
 # Relative size of what counts as round-off in loads and gaps.
 NODE = 1e-13  # of a contact's shape: a deflection in a rigid-body motion that is zero
 _ROUND_OFF = 1e-10
+_DAMPED = 1e-15  # of a coordinate's stiffness: keeps a step finite where nothing resists it
+_PRESTRESS = 0.01  # share of the forces at rest that counts where they have gone
 _CANCELLED = 1e-13  # of the parts of a sum: what is left where they cancel
-_STEPS = 500  # of Newton's method
-# Method of multipliers for the balance of rigid-body modes: weight of each pass (compliance of the contacts = 1). It
-# has to grow: soft contacts that carry the load alone converge as one over weight times their share of the stiffness.
-_PENALTIES = (*(10.0**p for p in range(3, 11)), *(1e10,) * 20)
-
-_REFINEMENTS = 3  # steps of the refinement
+_STEPS = 200  # of Newton's method
+_SETTLED = 3  # of them in which contacts stay as they are: the last ones
+_REFINEMENTS = 6  # steps of the refinement
 
 UNBALANCED = "the loads are not in balance: no support or snubber can hold the structure against them"
 FLOATS = "the structure floats: it has rigid-body motions that no support or closed snubber holds in place"
@@ -99,7 +98,7 @@ def find_equilibrium(
     rigid : number of rigid-body coordinates.
     springs : the one-sided springs.
     loads : (L, n) constant loads; kept separate so that a balance can be distinguished from round-off.
-    cubic : cubic springs, if any (Newton's method then starts from the equilibrium of the linear springs).
+    cubic : cubic springs, if any.
 
     Returns
     -------
@@ -112,93 +111,99 @@ def find_equilibrium(
         If the contact conditions are not met within round-off (a relative 1e-9).
     """
     cubic = CubicSprings(np.zeros((0, stiffness.size)), np.zeros(0)) if cubic is None else cubic
-    load = loads.sum(axis=0)
-    if np.any(springs.stiffness < 0):
-        return _refined(
-            _by_newton(stiffness, springs, load, cubic, Equilibrium(None, springs.gap)), stiffness, springs, load, cubic
-        )
-    linear = _by_forces(stiffness, rigid, springs, loads)
-    if cubic.count and (linear.q is None or np.any(cubic.shape @ linear.q)):
-        linear = _by_newton(stiffness, springs, load, cubic, linear)
-    return _refined(linear, stiffness, springs, load, cubic)
+    shape, load = springs.shape.copy(), loads.sum(axis=0)
+    # a stop on a node of a rigid-body motion does not hold it, whatever round-off says
+    nodes = np.abs(shape) <= NODE * np.linalg.norm(shape, axis=1)[:, None]
+    shape[:, :rigid][nodes[:, :rigid]] = 0.0
+    load[:rigid][np.abs(load[:rigid]) <= _ROUND_OFF * np.abs(loads[:, :rigid]).sum()] = 0.0
+    energy = _Energy(stiffness, replace(springs, shape=shape), cubic, load)
+    nothing = np.full(springs.stiffness.size, np.nan)
+    bounded = not energy.softens and not cubic.count
+    if bounded and not _balanced(energy.normal[:, :rigid], load[:rigid]):
+        return Equilibrium(None, nothing, UNBALANCED)
+    q = _minimum(energy)
+    if not energy.is_least(q):
+        if bounded:
+            raise NotTrustedError("static equilibrium: the contact conditions could not be met within round-off")
+        return Equilibrium(None, nothing, UNBALANCED)
+    q, force = _refined(energy, q)
+    return Equilibrium(q, force) if _unique(energy, q, force) else Equilibrium(None, nothing, FLOATS, q)
 
 
-def _refined(
-    equilibrium: Equilibrium, stiffness: Floats, springs: Springs, load: Floats, cubic: CubicSprings
-) -> Equilibrium:
-    """The same with residuals at the round-off of what each coordinate feels, where it is unique.
+def _minimum(energy: _Energy) -> Floats:
+    """(n,) coordinates at which Newton's method ends."""
+    from scipy.optimize import brentq
+
+    q, settled = np.zeros_like(energy.stiffness), 0
+    for _ in range(_STEPS):
+        gradient, size, _ = energy.slope(q)
+        if settled == _SETTLED or np.abs(gradient).max(initial=0.0) <= _CANCELLED * size:
+            break
+        closed = energy.penetration(q) > 0
+        step = _Newton(energy, q, closed).step(gradient, np.zeros(int(closed.sum())))[: q.size]
+        along = energy.along(q, step)
+        before, behind = along(0.0), along(1.0)
+        if before >= 0.0:
+            break
+        share = 1.0 if behind <= 0.0 else brentq(along, 0.0, 1.0, xtol=1e-300, maxiter=1000)
+        q = q + share * step
+        # a whole step that changes no contact and leaves little of the slope ends at the minimum, but for round-off
+        still = share > 0.9 and behind > 0.5 * before and np.array_equal(closed, energy.penetration(q) > 0)
+        still &= not energy.cubic.count or bool(np.abs(step).max() <= 1e-9 * np.abs(q).max())
+        settled = settled + 1 if still else 0
+    return q
+
+
+class _Newton:
+    """Newton steps at given coordinates with given springs closed.
+
+    Coordinates and forces of closed springs move together, so that the stiffness of springs costs no accuracy.
+    """
+
+    def __init__(self, energy: _Energy, q: Floats, closed: Bools) -> None:
+        k = energy.springs.stiffness[closed]
+        tangent, normal = energy.open_tangent(q), energy.normal[closed]
+        felt = np.diag(tangent)
+        damped = np.where(felt > 0, felt, energy.largest_stiffness)
+        self.scale = np.concatenate([1.0 / np.sqrt(damped + np.abs(k) @ normal**2), np.sqrt(np.abs(k))])
+        matrix = np.block([[tangent + np.diag(_DAMPED * damped), -normal.T], [normal, np.diag(1.0 / k)]])
+        self.matrix = matrix * self.scale * self.scale[:, None]
+
+    def step(self, gradient: Floats, misfit: Floats) -> Floats:
+        """(n + c,) of coordinates and forces, from the balance of forces (n,) and of the springs' stretches (c,)."""
+        return np.asarray(self.scale * np.linalg.solve(self.matrix, -self.scale * np.concatenate([gradient, misfit])))
+
+
+def _refined(energy: _Energy, q: Floats) -> tuple[Floats, Floats]:
+    """Coordinates and forces of springs (m,) with residuals at the round-off of what each coordinate feels.
 
     A stiff stop carries a load that soft coordinates hardly feel: the round-off of the load is not that of the little
-    they feel. Newton's method on coordinates and forces of closed springs together, residuals in extended precision:
-    deflections of stiff springs do not have to be differences of others.
+    they feel. So residuals are in extended precision, and deflections of stiff springs are no differences of others. A
+    spring that closed by round-off alone, and has no force then, is open.
     """
-    closed = equilibrium.force != 0.0
-    if equilibrium.q is None or not (equilibrium.q.any() or closed.any() or load.any()):
-        return equilibrium
-    normal = springs.sign[closed, None] * springs.shape[closed]
-    n = stiffness.size
-    exact = np.concatenate([equilibrium.q, equilibrium.force[closed]]).astype(np.longdouble)
-    wide = [x.astype(np.longdouble) for x in (stiffness, normal, springs.stiffness[closed], cubic.shape, load)]
-    third = 3 * cubic.stiffness * (cubic.shape @ equilibrium.q) ** 2
-    tangent = np.diag(stiffness) + cubic.shape.T @ (third[:, None] * cubic.shape)
-    compliance = 1.0 / springs.stiffness[closed]
-    size = np.diag(tangent) + np.abs(springs.stiffness[closed]) @ normal**2
-    if not np.all(size > 0):
-        return equilibrium
-    scale = np.sqrt(np.concatenate([1.0 / size, 1.0 / np.abs(compliance)]))
-    matrix = np.diag(np.concatenate([np.zeros(n), compliance]))
-    matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = tangent, -normal.T, normal
-    matrix *= scale * scale[:, None]
-    for _ in range(_REFINEMENTS):
-        q, force = exact[:n], exact[n:]
-        bent = wide[3] @ q
-        residual = np.concatenate(
-            [
-                wide[0] * q + wide[3].T @ (cubic.stiffness * bent**3) - wide[1].T @ force - wide[4],
-                springs.gap[closed] + wide[1] @ q + force / wide[2],
-            ]
-        )
-        try:
-            step = scale * np.linalg.solve(matrix, scale * -residual.astype(float))
-        except np.linalg.LinAlgError:
-            return equilibrium
-        if not np.linalg.norm(step / scale) <= 1e-2 * np.linalg.norm(exact.astype(float) / scale):
-            return equilibrium  # no refinement
-        exact += step
-    if np.any(exact[n:] * springs.stiffness[closed] <= 0):
-        return equilibrium
-    pressed = equilibrium.force.copy()
-    pressed[closed] = exact[n:]
-    return Equilibrium(np.asarray(exact[:n], dtype=float), pressed)
-
-
-def _by_forces(stiffness: Floats, rigid: int, springs: Springs, loads: Floats) -> Equilibrium:
-    m = springs.stiffness.size
-    nothing = np.full(m, np.nan)
-    load = loads.sum(axis=0)
-    load_size = float(np.abs(loads[:, :rigid]).sum()) if rigid else 0.0
-    normal = springs.sign[:, None] * springs.shape  # (m, n) opening direction: clearance = gap + normal @ q
-    away, push = normal[:, :rigid].copy(), load[:rigid].copy()
-    # a stop on a node of a rigid-body motion does not hold it, whatever round-off says
-    away[np.abs(away) <= NODE * np.linalg.norm(normal, axis=1)[:, None]] = 0.0
-    push[np.abs(push) <= _ROUND_OFF * load_size] = 0.0
-    if not _balanced(away, push):
-        return Equilibrium(None, nothing, UNBALANCED)
-
-    flexible = np.zeros_like(stiffness)
-    flexible[rigid:] = 1.0 / stiffness[rigid:]
-    compliance = (normal * flexible) @ normal.T + np.diag(1.0 / springs.stiffness)
-    clearance = springs.gap + normal @ (flexible * load)  # with the flexible coordinates under the load alone
-    force, drift = _contact_forces(compliance, clearance, away, push)
-    q = flexible * (load + normal.T @ force)
-    q[:rigid] = drift
-    if rigid:
-        size = float(np.abs(springs.gap).max(initial=0.0) + np.abs(normal * q).max(initial=0.0))
-        clear = springs.gap + normal @ q
-        closed = force * np.diag(compliance) > _ROUND_OFF * size
-        if not _held(away, closed, clear <= _ROUND_OFF * size):
-            return Equilibrium(None, nothing, FLOATS, q)
-    return Equilibrium(q, force)
+    springs, cubic, n = energy.springs, energy.cubic, q.size
+    force = springs.stiffness * energy.penetration(q)
+    bent, stiffness = cubic.shape.astype(np.longdouble), energy.stiffness.astype(np.longdouble)
+    closed = force != 0.0
+    while True:
+        newton = _Newton(energy, q, closed)
+        exact = np.concatenate([q, force[closed]]).astype(np.longdouble)
+        k, normal = (x.astype(np.longdouble)[closed] for x in (springs.stiffness, energy.normal))
+        for _ in range(_REFINEMENTS):
+            moved, pushed = exact[:n], exact[n:]
+            pull = bent.T @ (cubic.stiffness * (bent @ moved) ** 3)
+            gradient = stiffness * moved + pull - normal.T @ pushed - energy.load
+            step = newton.step(
+                gradient.astype(float), (springs.gap[closed] + normal @ moved + pushed / k).astype(float)
+            )
+            if not np.linalg.norm(step / newton.scale) <= 1e-2 * np.linalg.norm(exact.astype(float) / newton.scale):
+                return q, force  # no refinement
+            exact += step
+        pushes = exact[n:] * k > 0
+        if pushes.all():
+            force[closed], force[~closed] = exact[n:], 0.0
+            return np.asarray(exact[:n], dtype=float), force
+        closed[closed] = pushes
 
 
 def _balanced(away: Floats, push: Floats) -> bool:
@@ -219,78 +224,17 @@ def _least_residual(matrix: Floats, target: Floats) -> float:
     return float(nnls(matrix, target)[1])
 
 
-def _held(away: Floats, closed: Bools, touching: Bools) -> bool:
-    """Whether no rigid-body motion leaves all closed contacts unchanged without compressing a touching one."""
-    loose = _loose(away[closed])
-    if loose.shape[0] == 0:
+def _held(stops: Floats) -> bool:
+    """Whether every one of l motions, (m, l) how they open touching contacts, compresses one of these."""
+    if stops.shape[1] == 0:
         return True
-    stops = away[touching & ~closed] @ loose.T
     stops = stops[np.linalg.norm(stops, axis=1) > 1e-12]
-    if stops.shape[0] == 0 or np.linalg.matrix_rank(stops) < loose.shape[0]:
+    if stops.shape[0] == 0 or np.linalg.matrix_rank(stops) < stops.shape[1]:
         return False
     # Stiemke: only d = 0 satisfies stops @ d >= 0 if a combination of the rows with positive weights is zero.
     stops = stops / np.linalg.norm(stops, axis=1)[:, None]
     target = -stops.sum(axis=0)
     return bool(_least_residual(stops.T, target) <= _ROUND_OFF * stops.shape[0])
-
-
-def _contact_forces(compliance: Floats, clearance: Floats, away: Floats, push: Floats) -> tuple[Floats, Floats]:
-    """Forces N and rigid coordinates d with N >= 0, gap >= 0, N gap = 0 and away^T N + push = 0.
-
-    gap = compliance @ N + clearance + away @ d (the spring's own compliance included). With rigid-body coordinates this
-    is the method of multipliers: each pass finds N >= 0 by non-negative least squares with the balance as a penalty,
-    and d is corrected by the residual of the balance. The set of closed contacts settles after a few passes; a direct
-    solve for this set then meets all conditions to round-off, which ends the iteration.
-    """
-    m, rigid = away.shape
-    if m == 0 or (rigid == 0 and np.all(clearance >= 0.0)):
-        return np.zeros(m), np.zeros(rigid)
-    from scipy.optimize import nnls
-
-    # Forces are scaled by the compliance of each contact, rigid-body coordinates by the deflection at the contacts.
-    s = 1.0 / np.sqrt(np.diag(compliance))
-    t = np.linalg.norm(away * s[:, None], axis=0)
-    t = 1.0 / np.where(t > 0, t, 1.0)
-    compliance, clearance, away, push = compliance * s[:, None] * s, clearance * s, away * s[:, None] * t, push * t
-    drift = np.zeros(rigid)
-    for weight in _PENALTIES:
-        upper = np.asarray(np.linalg.cholesky(compliance + weight * away @ away.T).T, dtype=float)
-        linear = clearance + away @ (drift + weight * push)
-        force = nnls(upper, -np.linalg.solve(upper.T, linear))[0]
-        drift = drift + weight * (away.T @ force + push)
-        exact = _meet_conditions(compliance, clearance, away, push, force > 0, drift)
-        if exact is not None:
-            return np.maximum(exact[0], 0.0) * s, exact[1] * t
-    raise NotTrustedError("static equilibrium: the contact conditions could not be met within round-off")
-
-
-def _meet_conditions(
-    compliance: Floats, clearance: Floats, away: Floats, push: Floats, closed: Bools, drift: Floats
-) -> tuple[Floats, Floats] | None:
-    """N and d for a closed set, None if they violate a contact condition by more than round-off.
-
-    If the closed contacts leave a rigid-body motion free, d follows the given drift along it.
-    """
-    m, rigid = away.shape
-    c = int(closed.sum())
-    a = away[closed]
-    matrix = np.block([[compliance[np.ix_(closed, closed)], a], [a.T, np.zeros((rigid, rigid))]])
-    rhs = np.concatenate([-clearance[closed] - a @ drift, -push])
-    solution = np.linalg.lstsq(matrix, rhs, rcond=1e-13)[0] if rhs.size else rhs
-    force = np.zeros(m)
-    force[closed] = solution[:c]
-    drift = drift + solution[c:]
-    bent, moved = compliance @ force, away @ drift
-    gap = bent + clearance + moved
-    size = float(np.abs(clearance).max() + np.abs(bent).max() + np.abs(moved).max())
-    reach = float((np.abs(away.T) @ np.abs(force) + np.abs(push)).max(initial=0.0))
-    met = (
-        np.all(force >= -_ROUND_OFF * size)
-        and np.all(gap[~closed] >= -_ROUND_OFF * size)
-        and np.all(np.abs(gap[closed]) <= _ROUND_OFF * size)
-        and np.all(np.abs(away.T @ force + push) <= _ROUND_OFF * reach + 1e-13 * size)
-    )
-    return (force, drift) if met else None
 
 
 def _loose(away: Floats) -> Floats:
@@ -315,19 +259,21 @@ class _Energy:
         """(m, n) opening of each spring for a unit of each coordinate."""
         return self.springs.sign[:, None] * self.springs.shape
 
+    @property
+    def softens(self) -> bool:
+        """Whether a spring loses stiffness."""
+        return bool(np.any(self.springs.stiffness < 0))
+
+    @property
+    def largest_stiffness(self) -> Floats:
+        """(n,) that each coordinate may meet: of the structure and of all springs; 1 where there is none."""
+        felt = self.stiffness + np.abs(self.springs.stiffness) @ self.normal**2
+        felt = felt + np.abs(self.cubic.stiffness) @ self.cubic.shape**2
+        return np.where(felt > 0, felt, 1.0)
+
     def penetration(self, q: Floats) -> Floats:
         """(m,) of each spring, 0 where it is open."""
         return np.maximum(-self.springs.gap - self.normal @ q, 0.0)
-
-    def value(self, q: Floats) -> tuple[float, float]:
-        """Energy and the size of its parts."""
-        parts = (
-            0.5 * self.stiffness * q**2,
-            0.5 * self.springs.stiffness * self.penetration(q) ** 2,
-            0.25 * self.cubic.stiffness * (self.cubic.shape @ q) ** 4,
-            -self.load * q,
-        )
-        return float(sum(p.sum() for p in parts)), float(sum(np.abs(p).sum() for p in parts))
 
     def slope(self, q: Floats) -> tuple[Floats, float, float]:
         """Gradient, the size of its parts, and their round-off: gaps of stiff springs cancel."""
@@ -340,84 +286,57 @@ class _Energy:
         )
         cancelling = np.abs(self.springs.gap) + np.abs(self.normal) @ np.abs(q)
         noise = _CANCELLED * np.abs(self.normal.T) @ np.where(delta > 0, np.abs(k) * cancelling, 0.0)
-        size = float(max(np.abs(t).max(initial=0.0) for t in terms))
+        at_rest = self.normal.T @ (k * np.maximum(-self.springs.gap, 0.0))  # a prestress that is gone leaves round-off
+        size = float(max(np.abs(t).max(initial=0.0) for t in (*terms, _PRESTRESS * at_rest)))
         return np.asarray(sum(terms)), size, float(noise.max(initial=0.0))
 
-    def tangent(self, q: Floats) -> Floats:
-        """(n, n) derivative of the gradient."""
-        closed, bent = self.penetration(q) > 0, self.cubic.shape
-        normal = self.normal[closed]
-        tangent = np.diag(self.stiffness) + normal.T @ (self.springs.stiffness[closed, None] * normal)
-        return np.asarray(tangent + bent.T @ ((3 * self.cubic.stiffness * (bent @ q) ** 2)[:, None] * bent))
+    def open_tangent(self, q: Floats) -> Floats:
+        """(n, n) derivative of the gradient without one-sided springs."""
+        bent = self.cubic.shape
+        return np.asarray(
+            np.diag(self.stiffness) + bent.T @ ((3 * self.cubic.stiffness * (bent @ q) ** 2)[:, None] * bent)
+        )
 
-    @property
-    def stiffest(self) -> float:
-        """Size of the tangent: of the structure, of all springs closed, and of cubic ones that hold the load."""
-        reach = np.abs(self.cubic.shape).max(axis=1)
-        reach = np.where(reach > 0, reach, 1.0)
-        scales = [
-            self.stiffness,
-            np.abs(self.springs.stiffness) @ self.normal**2,
-            np.cbrt(np.abs(self.cubic.stiffness) * (np.abs(self.load).max() / reach) ** 2) * reach**2,
-        ]
-        return float(max(np.max(scale, initial=1e-290) for scale in scales))
+    def along(self, q: Floats, step: Floats) -> Callable[[float], float]:
+        """The derivative of the energy on the way from coordinates along a step, by the fraction of the step."""
+        clear, opening, k = self.springs.gap + self.normal @ q, self.normal @ step, self.springs.stiffness
+        bent, bending, c = self.cubic.shape @ q, self.cubic.shape @ step, self.cubic.stiffness
+        start, rise = float((self.stiffness * q - self.load) @ step), float(self.stiffness @ step**2)
 
+        def derivative(t: float) -> float:
+            pushed = k * np.maximum(-clear - t * opening, 0.0) @ opening
+            return start + t * rise - float(pushed) + float(c * (bent + t * bending) ** 3 @ bending)
 
-def _by_newton(
-    stiffness: Floats, springs: Springs, load: Floats, cubic: CubicSprings, start: Equilibrium
-) -> Equilibrium:
-    """Levenberg-damped Newton's method on the energy of all springs (smooth except at the contacts).
+        return derivative
 
-    The minimum of a convex energy is unique unless the energy is constant in some direction from it.
-    """
-    energy = _Energy(stiffness, springs, cubic, load)
-    q = np.zeros_like(stiffness) if start.q is None else start.q
-    floor = 1e-12 * energy.stiffest
-    damping = floor
-    value, parts = energy.value(q)
-    for _ in range(_STEPS):
-        gradient, size, _ = energy.slope(q)
-        if np.abs(gradient).max(initial=0.0) <= _CANCELLED * size:
-            break
-        step = np.linalg.solve(energy.tangent(q) + damping * np.eye(q.size), -gradient)
-        trial, trial_parts = energy.value(q + step)
-        better = bool(trial <= value + 1e-15 * abs(value))
-        if not better and trial <= value + _ROUND_OFF * parts:  # soft parts are the round-off of stiff ones: by slope
-            better = bool(abs(energy.slope(q + step)[0] @ step) <= 0.5 * abs(gradient @ step))
-        if better:
-            q, value, parts, damping = q + step, trial, trial_parts, max(damping / 10, floor)
-        else:
-            damping *= 10
-    gradient, size, noise = energy.slope(q)
-    nothing, softens = np.full(springs.stiffness.size, np.nan), bool(np.any(springs.stiffness < 0))
-    residual = float(np.abs(gradient).max(initial=0.0))
-    # far away the forces of the parts of a softening spring cancel: their sum is compared with loads that do not grow
-    given = float(np.abs(load).max(initial=0.0))
-    given += float(np.abs((springs.stiffness * springs.gap) @ energy.normal).max(initial=0.0))
-    if residual > 1e-9 * size + noise or (softens and residual > 1e-6 * given):
-        return Equilibrium(None, nothing, start.reason or UNBALANCED)
-    if softens and not _unique(stiffness, springs, cubic.shape, q):
-        return Equilibrium(None, nothing, FLOATS)
-    return Equilibrium(q, springs.stiffness * energy.penetration(q))
+    def is_least(self, q: Floats) -> bool:
+        """Whether the gradient vanishes."""
+        gradient, size, noise = self.slope(q)
+        residual = float(np.abs(gradient).max(initial=0.0))
+        # far away the forces of the parts of a softening spring cancel: they are compared with loads that do not grow
+        given = float(np.abs(self.load).max(initial=0.0))
+        given += float(np.abs((self.springs.stiffness * self.springs.gap) @ self.normal).max(initial=0.0))
+        return residual <= 1e-9 * size + noise and not (self.softens and residual > 1e-6 * given)
 
 
-def _unique(stiffness: Floats, springs: Springs, bent: Floats, q: Floats) -> bool:
+def _unique(energy: _Energy, q: Floats, force: Floats) -> bool:
     """Whether a minimum of the convex energy is unique: every direction from it stretches a spring.
 
-    Contacts that just touch count as closed if that softens the structure, and as stops if it stiffens it.
+    Contacts that just touch count as closed if that softens the structure, and as stops if it stiffens it. A stiff stop
+    is closed where the structure would follow it, were it taken away.
     """
-    normal = springs.sign[:, None] * springs.shape
+    normal, springs, k = energy.normal, energy.springs, energy.stiffness
     clear = springs.gap + normal @ q
     near = _ROUND_OFF * float(np.abs(springs.gap).max(initial=0.0) + np.abs(normal * q).max(initial=0.0))
+    flexible = np.divide(1.0, k, out=np.zeros_like(k), where=k > 0)
+    compliance = normal**2 @ flexible + 1.0 / np.abs(springs.stiffness)
     softer = springs.stiffness < 0
-    closed = (clear < -near) | (softer & (clear <= near))
-    loose = _unresisted(stiffness, springs.take(closed))
-    if bent.shape[0]:  # a cubic spring stops every motion that stretches it
-        loose = _loose(bent @ loose.T) @ loose
-    if loose.shape[0] == 0:
-        return True
-    touching = normal[(np.abs(clear) <= near) & ~softer]
-    return _held(touching @ loose.T, np.zeros(touching.shape[0], dtype=bool), np.ones(touching.shape[0], dtype=bool))
+    closed = np.where(softer, clear <= near, force * compliance > near)
+    loose = _unresisted(k, springs.take(closed))
+    if energy.cubic.count:  # a cubic spring stops every motion that stretches it
+        loose = _loose(energy.cubic.shape @ loose.T) @ loose
+    stops = normal[(np.abs(clear) <= near) & ~softer & ~closed] @ loose.T
+    return _held(stops)
 
 
 def _unresisted(stiffness: Floats, closed: Springs) -> Floats:
@@ -438,9 +357,8 @@ def _unresisted(stiffness: Floats, closed: Springs) -> Floats:
     shape = closed.shape[first]
     held, softened = shape[slope > 0], shape[slope < 0]
     n, rigid = stiffness.size, int(np.sum(stiffness == 0.0))
-    away = held[:, :rigid] / np.linalg.norm(held, axis=1)[:, None]
-    away[np.abs(away) <= NODE] = 0.0
-    floating = _loose(away)
+    size = np.linalg.norm(held, axis=1)[:, None]
+    floating = _loose(held[:, :rigid] / np.where(size > 0, size, 1.0))
     free = np.pad(floating, ((0, 0), (0, n - rigid)))
     if softened.shape[0] == 0:
         return free

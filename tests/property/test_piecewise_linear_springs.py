@@ -172,7 +172,8 @@ HELD = {  # slopes, directions and gaps of the parts of two contacts, and whethe
     "a stiff stop that gives way is pressed": ([STOP, -0.6 * STOP, -1.0], [1, 1, 1], [-2e-3, -1e-3, 1.0], False),
     "pressed, and no stiffer from there on": ([STOP, -STOP, -1.0], [1, 1, 1], [-2e-3, -1e-3, 1.0], False),
     "a spring softens beside a stop that is pressed": ([STOP, 0.5 * STOP, -2.0], [1, 1, -1], [-1e-9, 1.0, -1.0], False),
-    "a spring takes all stiffness": ([STOP, 0.5 * STOP, -3.0], [1, 1, 1], [1e-3, 1.0, -1.0], True),
+    "a spring takes all stiffness": ([STOP, 0.5 * STOP, -3.0], [1, 1, 1], [1e-3, 1.0, 0.0], True),
+    "it takes all, and presses on a stiff stop": ([STOP, 0.5 * STOP, -3.0], [1, 1, 1], [1e-3, 1.0, -1.0], False),
 }
 
 
