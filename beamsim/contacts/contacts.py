@@ -4,39 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.contacts.laws import JOINT, OWN, PRESSING, ContactLaw, LawArrays, OneSidedSpring, kelvin_voigt
+from beamsim.contacts.laws import INTERNAL, OWN, PRESSING, ContactLaw, LawArrays, OneSidedSpring, kelvin_voigt
 from beamsim.dataclass import dataclass
 from beamsim.typing import Bools, Complexes, Floats, Ints
-
-
-class PhaseArrays(NamedTuple):
-    """The contacts and their laws as padded arrays, for compiled code: m contacts, P phases, G guards, R states.
-
-    A row of 3 + R factors multiplies the penetration, its rate, 1, and the contact's own internal states; see
-    `beamsim.contacts.laws.LawArrays`.
-    """
-
-    shape: Any  # (m, n)
-    sign: Any  # (m,)
-    gap: Any  # (m,)
-    felt: Any  # (m,) displacement of the ground contacts for a unit displacement of the base
-    start: Any  # (m,) phase from which the search for the current one starts
-    first: Any  # (m,) index of the contact's first internal state among those of all contacts
-    states: Any  # (m,) number of its internal states
-    touching: Any  # (m, P) bool
-    force: Any  # (m, P, 3 + R) the force's row
-    dynamics: Any  # (m, P, R, 3 + R) rows of the rates of the internal states
-    guards: Any  # (m, P) number of guards
-    guard: Any  # (m, P, G, 3 + R) their rows
-    next: Any  # (m, P, G) phase that follows
-    resets: Any  # (m, P, G) bool
-    reset: Any  # (m, P, G, R, 3 + R) rows of the internal states after the event
-    jumps: Any  # (m, P, G) bool, whether the force jumps
-    jump: Any  # (m, P, G, 3 + R) row of the jump, see `ContactLaw.jump`
 
 
 @dataclass(frozen=True)
@@ -88,14 +61,24 @@ class Contacts:
         return sum(law.internal_states for law in self.laws)
 
     @cached_property
+    def states(self) -> Ints:
+        """(m,) number of internal states of each contact."""
+        return np.array([law.internal_states for law in self.laws], dtype=np.int64)
+
+    @cached_property
+    def first(self) -> Ints:
+        """(m,) index of each contact's first internal state among those of all contacts."""
+        return np.asarray(np.cumsum(self.states) - self.states)
+
+    @cached_property
     def _owner(self) -> Ints:
         """(r,) contact of each internal state."""
-        return np.repeat(np.arange(self.count), self.arrays.states)
+        return np.repeat(np.arange(self.count), self.states)
 
     @cached_property
     def _column(self) -> Ints:
         """(r,) column of each internal state in the rows of its contact's law."""
-        return np.asarray(OWN + np.arange(self.internal_states) - self.arrays.first[self._owner])
+        return np.asarray(INTERNAL + np.arange(self.internal_states) - self.first[self._owner])
 
     @cached_property
     def sliders(self) -> Ints:
@@ -234,7 +217,7 @@ class Contacts:
     @property
     def start(self) -> Ints:
         """(m,) phases from which the search for those of a given motion starts."""
-        return np.asarray(self.arrays.start.copy())
+        return np.array([law.start for law in self.laws], dtype=np.int64)
 
     @cached_property
     def pressed(self) -> Ints:
@@ -248,12 +231,12 @@ class Contacts:
 
     def pressing_factors(self, phases: Ints) -> Floats:
         """Of each of `pressed` the factor of the pressing force in its own, in phases (..., m)."""
-        return np.asarray(self.tables.lost[self.pressed, phases[..., self.pressed], PRESSING])
+        return np.asarray(self.arrays.lost[self.pressed, phases[..., self.pressed], PRESSING])
 
     def pressing_stretches(self, phases: Ints) -> Floats:
         """Of each of `pressed` the stretch of its spring for a unit of the pressing force, m/N, in phases (..., m)."""
         place = self.pressed, phases[..., self.pressed]
-        strained, factor = self.tables.energy[(*place, PRESSING, PRESSING)], self.tables.lost[(*place, PRESSING)]
+        strained, factor = self.arrays.energy[(*place, PRESSING, PRESSING)], self.arrays.lost[(*place, PRESSING)]
         return np.asarray(np.divide(strained, factor, out=np.zeros_like(factor), where=factor != 0.0))
 
     def presses(self, phases: Ints) -> bool:
@@ -354,7 +337,7 @@ class Contacts:
 
     def force_rows(self, phases: Ints) -> tuple[Floats, Floats]:
         """Forces in given phases (m,): (m, 3) factors of penetration, rate and 1; (m, r) of all internal states."""
-        rows = self.tables.force[np.arange(self.count), phases]
+        rows = self.arrays.force[np.arange(self.count), phases]
         return rows[:, :OWN], self._of_all_states(rows, np.arange(self.count))
 
     def _of_all_states(self, rows: Floats, contact: Ints) -> Floats:
@@ -363,8 +346,8 @@ class Contacts:
 
     def own_internal(self, internal: Floats) -> Floats:
         """(nt, m, R) internal states of each contact from all of them (nt, r)."""
-        out = np.zeros((internal.shape[0], self.count, self.tables.losses.shape[2]))
-        out[:, self._owner, self._column - OWN] = internal
+        out = np.zeros((internal.shape[0], self.count, self.arrays.losses.shape[2]))
+        out[:, self._owner, self._column - INTERNAL] = internal
         return out
 
     def forces(self, phases: Ints, penetration: Floats, rate: Floats, internal: Floats) -> Floats:
@@ -382,7 +365,7 @@ class Contacts:
         """
         row = self.arrays.force[np.arange(self.count), phases]
         force = row[..., 0] * penetration + row[..., 1] * rate + row[..., 2]
-        return np.asarray(force + np.sum(row[..., 3:] * self.own_internal(internal), axis=-1))
+        return np.asarray(force + np.sum(row[..., INTERNAL:] * self.own_internal(internal), axis=-1))
 
     def stored_energy(self, phases: Ints, penetration: Floats, internal: Floats) -> Floats:
         """Energy stored in all contacts.
@@ -399,35 +382,35 @@ class Contacts:
         if self.pressed.size:
             forces = self.forces(phases, penetration, np.zeros_like(penetration), internal)
             pressing[:, self.pressed] = forces[:, self.pressing]
-        own, R = self.own_internal(internal), self.tables.rates.shape[2]
-        columns = [0, *range(2, OWN + R), OWN + R]
+        own, R = self.own_internal(internal), self.arrays.rates.shape[2]
+        columns = [0, 2, PRESSING, *range(INTERNAL, INTERNAL + R)]
         energy = np.zeros(penetration.shape[0])
         for j, law in enumerate(self.laws):
-            z = np.column_stack([penetration[:, j], np.ones(energy.size), own[:, j], pressing[:, j]])
+            z = np.column_stack([penetration[:, j], np.ones(energy.size), pressing[:, j], own[:, j]])
             for k in range(len(law.phases)):
                 now = np.flatnonzero(np.broadcast_to(phases, penetration.shape)[:, j] == k)
                 energy[now] += 0.5 * np.sum(
-                    z[now] @ self.tables.energy[j, k][np.ix_(columns, columns)] * z[now], axis=1
+                    z[now] @ self.arrays.energy[j, k][np.ix_(columns, columns)] * z[now], axis=1
                 )
         return energy
 
     def losses(self, phases: Ints) -> tuple[Floats, Floats]:
         """Dissipated power in given phases: (m,) per squared penetration rate, (r,) per squared rate of a state."""
-        of_states = self.tables.losses[self._owner, phases[self._owner], self._column - OWN]
-        return self.tables.lost[np.arange(self.count), phases, 1], of_states
+        of_states = self.arrays.losses[self._owner, phases[self._owner], self._column - INTERNAL]
+        return self.arrays.lost[np.arange(self.count), phases, 1], of_states
 
     def friction(self, phases: Ints) -> Floats:
         """(..., m) constant part of each force whose work is lost, N, in phases (..., m)."""
-        return np.asarray(self.tables.lost[np.arange(self.count), phases, 2])
+        return np.asarray(self.arrays.lost[np.arange(self.count), phases, 2])
 
     def holds(self, phases: Ints) -> Bools:
         """(m,) whether the force of each contact is what keeps its penetration."""
-        return np.asarray(self.tables.holds[np.arange(self.count), phases])
+        return np.asarray(self.arrays.holds[np.arange(self.count), phases])
 
     @cached_property
     def may_hold(self) -> Bools:
         """(m,) whether a phase of each contact holds."""
-        return np.asarray(self.tables.holds.any(axis=1))
+        return np.asarray(self.arrays.holds.any(axis=1))
 
     @cached_property
     def ever_hold(self) -> bool:
@@ -451,7 +434,7 @@ class Contacts:
     def _losing_events(self) -> Floats:
         """(2, m, P, P) energy lost when a contact changes from one phase to another, J, and for a unit of the pressing
         force squared, m/N."""
-        a, most = self.tables, self.arrays.touching.shape[1]
+        a, most = self.arrays, self.arrays.touching.shape[1]
         out = np.zeros((2, self.count, most, most))
         j, k, g = np.nonzero(a.event_loss.any(axis=-1))
         out[:, j, k, a.next[j, k, g]] = a.event_loss[j, k, g].T
@@ -460,7 +443,7 @@ class Contacts:
     def energy_slopes(self, phases: Ints) -> tuple[Floats, Floats]:
         """Derivatives of the energy at zero penetration by all internal states: (r, r) factors of these, and (r,) at
         zero."""
-        form = self.tables.energy[self._owner, phases[self._owner], self._column]
+        form = self.arrays.energy[self._owner, phases[self._owner], self._column]
         return self._of_all_states(form, self._owner), form[:, 2]
 
     def resting_phases(self, penetration: Floats) -> Ints:
@@ -489,14 +472,14 @@ class Contacts:
         Returns (r, r) factors of the states themselves, and (r, m, 3) factors of each contact's penetration, its rate,
         and 1.
         """
-        rates = self.tables.rates[self._owner, phases[self._owner], self._column - OWN]
+        rates = self.arrays.rates[self._owner, phases[self._owner], self._column - INTERNAL]
         drive = np.zeros((self.internal_states, self.count, OWN))
         drive[np.arange(self.internal_states), self._owner] = rates[:, :OWN]
         return self._of_all_states(rates, self._owner), drive
 
     def coupled(self, phases: Ints) -> bool:
         """Whether internal states and structure drive each other in these phases."""
-        return self.internal_states > 0 and bool(self.tables.coupled[np.arange(self.count), phases].any())
+        return self.internal_states > 0 and bool(self.arrays.coupled[np.arange(self.count), phases].any())
 
     def kept(self, phases: Ints) -> tuple[Ints, Floats]:
         """The contacts (k,) whose internal state is to be written anew in these phases; (k, 2) how.
@@ -514,55 +497,21 @@ class Contacts:
 
     def watched(self, phases: Ints) -> Watched:
         """What ends a contact state: the guards of its phases, contact by contact."""
-        a, tables = self.arrays, self.tables
+        a = self.arrays
         number = a.guards[np.arange(self.count), phases]
         contact = np.repeat(np.arange(self.count), number)
         place = contact, phases[contact], np.arange(contact.size) - np.repeat(np.cumsum(number) - number, number)
-        table, first = tables.guard[place], np.full(contact.size, -1)
+        table, first = a.guard[place], np.full(contact.size, -1)
         for g in np.flatnonzero(a.resets[place]):
             j = contact[g]
             first[g] = contact.size
-            table = np.vstack([table, tables.reset[j, phases[j], place[2][g], : a.states[j]]])
-            contact = np.append(contact, np.full(a.states[j], j))
+            table = np.vstack([table, a.reset[j, phases[j], place[2][g], : self.states[j]]])
+            contact = np.append(contact, np.full(self.states[j], j))
         internal = self._of_all_states(table, contact)
-        return Watched(contact, table[:, :OWN], internal, table[:, -JOINT:], place[2].size, a.next[place], first)
+        return Watched(contact, table[:, :OWN], internal, table[:, OWN:INTERNAL], place[2].size, a.next[place], first)
 
     @cached_property
-    def tables(self) -> LawArrays:
+    def arrays(self) -> LawArrays:
         """The laws' arrays side by side, (m, ...), filled up with zeros."""
-        R = max((law.internal_states for law in self.laws), default=0)
-        laws = [law.arrays if law.internal_states == R else law.arrays_with(R) for law in self.laws]
-        P = max((a.touching.size for a in laws), default=1)
-        G = max((a.next.shape[1] for a in laws), default=1)
-        out = LawArrays.empty((self.count, P), G, R)
-        for j, law in enumerate(laws):
-            for padded, given in zip(out, law, strict=True):
-                room: tuple[int | slice, ...] = (j, *(slice(size) for size in given.shape))
-                padded[room] = given
-        return out
-
-    @cached_property
-    def arrays(self) -> PhaseArrays:
-        """The contacts and their laws for compiled code."""
-        laws, states = self.tables, np.array([law.internal_states for law in self.laws], dtype=np.int64)
-        own = OWN + laws.losses.shape[2]
-        of_own = {
-            name: np.ascontiguousarray(rows[..., :own])
-            for name, rows in (("force", laws.force), ("dynamics", laws.rates), ("guard", laws.guard),
-                               ("reset", laws.reset), ("jump", laws.jump))
-        }  # fmt: skip
-        return PhaseArrays(
-            shape=np.ascontiguousarray(self.shape),
-            sign=np.asarray(self.sign, dtype=float),
-            gap=np.asarray(self.gap, dtype=float),
-            felt=np.asarray(self.felt, dtype=float),
-            start=np.array([law.start for law in self.laws], dtype=np.int64),
-            first=np.cumsum(states) - states,
-            states=states,
-            touching=laws.touching,
-            guards=laws.guards,
-            next=laws.next,
-            resets=laws.resets,
-            jumps=of_own["jump"].any(axis=-1),
-            **of_own,
-        )
+        some = self.laws or (kelvin_voigt(1.0),)
+        return LawArrays._make(each[: self.count] for each in LawArrays.of(law.arrays for law in some))

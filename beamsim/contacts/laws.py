@@ -30,20 +30,19 @@ afterwards is lost at the event. A law of another kind is another list of phases
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-SMALLEST_JUMP = 1e-12  # of the terms it is made of: a smaller jump of force or energy at a guard is round-off
-OWN, JOINT = 3, 3  # columns of a row before the internal states, and after them
-PRESSING, PRESSING_RATE, REACTION = -3, -2, -1  # the columns after them
+SMALLEST_LOSS = 1e-12  # of the terms it is made of: a smaller loss of energy at a guard is round-off
+OWN, PRESSING, INTERNAL = 3, 3, 6  # columns of its own motion, the force that presses it, first internal state
 
 
 class LawRow(NamedTuple):
@@ -58,11 +57,10 @@ class LawRow(NamedTuple):
     reaction: float = 0.0  # of the contact's own force, in a phase that holds
 
     def array(self, internal_states: int) -> Floats:
-        """(3 + r + 3,) factors: penetration, rate, 1; internal states; pressing force, its rate, reaction."""
-        row = np.zeros(OWN + internal_states + JOINT)
-        row[:OWN] = self.penetration, self.rate, self.constant
-        row[OWN : OWN + len(self.internal)] = self.internal
-        row[-JOINT:] = self.pressing, self.pressing_rate, self.reaction
+        """(6 + r,) factors: penetration, rate, 1; pressing force, its rate, reaction; internal states."""
+        row = np.zeros(INTERNAL + internal_states)
+        row[:INTERNAL] = *self[:OWN], self.pressing, self.pressing_rate, self.reaction
+        row[INTERNAL : INTERNAL + len(self.internal)] = self.internal
         return row
 
     def of_scaled_forces(self, factor: float) -> LawRow:
@@ -119,12 +117,12 @@ class Phase:
         return float(sum(s.stiffness * s.stretch.penetration**2 for s in self.springs))
 
     def force(self, internal_states: int) -> Floats:
-        """(3 + r + 3,) factors of the force, as those of `LawRow.array`."""
+        """(6 + r,) factors of the force, as those of `LawRow.array`."""
         return np.asarray(self.energy(internal_states)[0] + self.lost.array(internal_states))
 
     def energy(self, internal_states: int) -> Floats:
-        """(3 + r + 3, 3 + r + 3) Q of the energy z^T Q z / 2, z as for `LawRow.array`."""
-        form = np.zeros((OWN + internal_states + JOINT,) * 2)
+        """(6 + r, 6 + r) Q of the energy z^T Q z / 2, z as for `LawRow.array`."""
+        form = np.zeros((INTERNAL + internal_states,) * 2)
         for spring in self.springs:
             stretch = spring.stretch.array(internal_states)
             form += spring.stiffness * np.outer(stretch, stretch)
@@ -149,37 +147,26 @@ class LawArrays(NamedTuple):
     next: Ints  # (P, G) phase that follows
     resets: Bools  # (P, G)
     reset: Floats  # (P, G, r, C) rows of the internal states after the event
-    jump: Floats  # (P, G, C) row of the force's jump, see `_jump`
     event_loss: Floats  # (P, G, 2) J, and m/N for the square of the pressing force; see `_event_loss`
 
     @property
     def coupled(self) -> Bools:
         """(..., P) whether internal states and structure move together in a phase: one drives the other."""
         driven = self.rates[..., :2].any(axis=(-2, -1))
-        return np.asarray(self.force[..., OWN:-JOINT].any(axis=-1) | driven)
+        return np.asarray(self.force[..., INTERNAL:].any(axis=-1) | driven)
 
     @classmethod
-    def empty(cls, leading: tuple[int, ...], guards: int, states: int) -> LawArrays:
-        """Arrays of zeros.
+    def of(cls, parts: Iterable[LawArrays]) -> LawArrays:
+        """Arrays of several phases or laws side by side, filled up with zeros to the size of the largest."""
+        return cls._make(_filled_up(arrays) for arrays in zip(*parts, strict=True))
 
-        Parameters
-        ----------
-        leading : sizes before those of a phase, the last of them P.
-        guards, states : G and r.
 
-        Returns
-        -------
-        LawArrays
-        """
-        columns = OWN + states + JOINT
-        sizes: dict[str, tuple[int, ...]] = {
-            "touching": (), "force": (columns,), "lost": (columns,), "energy": (columns, columns),
-            "rates": (states, columns), "losses": (states,), "holds": (), "guards": (), "guard": (guards, columns),
-            "next": (guards,), "resets": (guards,), "reset": (guards, states, columns), "jump": (guards, columns),
-            "event_loss": (guards, 2),
-        }  # fmt: skip
-        kinds = {"touching": bool, "holds": bool, "resets": bool, "guards": np.int64, "next": np.int64}
-        return cls(**{name: np.zeros((*leading, *size), kinds.get(name, float)) for name, size in sizes.items()})
+def _filled_up(arrays: Sequence[Any]) -> Any:
+    out = np.zeros((len(arrays), *np.max([array.shape for array in arrays], axis=0)), arrays[0].dtype)
+    for k, array in enumerate(arrays):
+        place: tuple[int | slice, ...] = (k, *(slice(size) for size in array.shape))
+        out[place] = array
+    return out
 
 
 @dataclass(frozen=True)
@@ -288,27 +275,32 @@ class ContactLaw:
     @cached_property
     def arrays(self) -> LawArrays:
         """The phases as arrays."""
-        return self.arrays_with(self.internal_states)
+        return LawArrays.of(self._arrays_of(phase) for phase in self.phases)
 
-    def arrays_with(self, internal_states: int) -> LawArrays:
-        """The same with room for more internal states than the law has."""
-        r = internal_states
-        most = max(len(phase.guards) for phase in self.phases)
-        out = LawArrays.empty((len(self.phases),), most, r)
-        for k, phase in enumerate(self.phases):
-            out.touching[k], out.holds[k], out.guards[k] = phase.touching, phase.holds, len(phase.guards)
-            out.force[k], out.lost[k], out.energy[k] = phase.force(r), phase.lost.array(r), phase.energy(r)
-            out.losses[k, : len(phase.losses)] = phase.losses
-            for i, row in enumerate(phase.rates):
-                out.rates[k, i] = row.array(r)
-            for g, guard in enumerate(phase.guards):
-                out.guard[k, g], out.next[k, g] = guard.row.array(r), guard.next
-                out.resets[k, g] = guard.reset is not None
-                for i, row in enumerate(guard.reset or ()):
-                    out.reset[k, g, i] = row.array(r)
-                out.jump[k, g] = _jump(phase, self.phases[guard.next], guard, r)
-                out.event_loss[k, g] = _event_loss(phase, self.phases[guard.next], guard, r)
-        return out
+    def _arrays_of(self, phase: Phase) -> LawArrays:
+        r, guards = self.internal_states, phase.guards
+
+        def rows(given: Sequence[LawRow], count: int) -> Floats:
+            out = np.zeros((count, INTERNAL + r))
+            for i, row in enumerate(given):
+                out[i] = row.array(r)
+            return out
+
+        return LawArrays(
+            touching=np.array(phase.touching),
+            force=phase.force(r),
+            lost=phase.lost.array(r),
+            energy=phase.energy(r),
+            rates=rows(phase.rates, r),
+            losses=np.array(phase.losses or (0.0,) * r),
+            holds=np.array(phase.holds),
+            guards=np.array(len(guards)),
+            guard=rows([guard.row for guard in guards], len(guards)),
+            next=np.array([guard.next for guard in guards], dtype=np.int64),
+            resets=np.array([guard.reset is not None for guard in guards], dtype=bool),
+            reset=np.array([rows(guard.reset or (), r) for guard in guards]).reshape(len(guards), r, INTERNAL + r),
+            event_loss=np.array([_event_loss(phase, self.phases[g.next], g, r) for g in guards]).reshape(-1, 2),
+        )
 
     def starting_at(self, rate: float) -> int:
         """The phase from which the one of a motion with a rate of the penetration, m/s, is looked for.
@@ -322,11 +314,11 @@ class ContactLaw:
 
     def resting_phase(self, penetration: float) -> int:
         """The phase after a long rest at a penetration, m: a guard that is negative hands over to the one it names."""
-        a, motion = self.arrays, np.array([penetration, 0.0, 1.0, *self.settled_states(penetration)])
+        a, motion = self.arrays, np.array([penetration, 0.0, 1.0, 0.0, 0.0, 0.0, *self.settled_states(penetration)])
         phase, visited = self.start, {self.start}
         while True:
             count = a.guards[phase]
-            signs = a.guard[phase, :count, : motion.size] @ motion
+            signs = a.guard[phase, :count] @ motion
             following = [k for k, sign in zip(a.next[phase].tolist(), signs, strict=False) if sign < 0.0]
             following = [k for k in following if k not in visited]
             if not following:
@@ -339,10 +331,10 @@ class ContactLaw:
         a, r, iw = self.arrays, self.internal_states, 1j * np.asarray(omega, dtype=float)
         force, rates = a.force[phase], a.rates[phase]
         stiffness = np.asarray(force[0] + iw * force[1], dtype=complex)
-        if force[OWN : OWN + r].any():  # of states p with i omega p = A p + b per penetration
-            moving = iw[:, None, None] * np.eye(r) - rates[:, OWN : OWN + r]
+        if force[INTERNAL:].any():  # of states p with i omega p = A p + b per penetration
+            moving = iw[:, None, None] * np.eye(r) - rates[:, INTERNAL:]
             moved = np.linalg.solve(moving, (rates[:, 0] + iw[:, None] * rates[:, 1])[..., None])[..., 0]
-            stiffness = stiffness + moved @ force[OWN : OWN + r]
+            stiffness = stiffness + moved @ force[INTERNAL:]
         return np.asarray(stiffness)
 
     def with_numbers(self, stiffness: float, dashpot: float) -> ContactLaw:
@@ -429,28 +421,6 @@ class ContactLaw:
         return replace(self, phases=phases, parts=parts, dashpot=0.0)
 
 
-def _jump(before: Phase, after: Phase, guard: Guard, internal_states: int) -> Floats:
-    """(3 + r + 3,) factors of the force's jump at a guard, before the event's quantities.
-
-    At the event the guard is zero, so that a multiple of it may be taken away: what is left vanishes exactly where
-    the force is continuous. Without what depends on other forces.
-    """
-    old, new = before.force(internal_states), after.force(internal_states)
-    function = guard.row.array(internal_states)
-    old[-JOINT:], new[-JOINT:], function[-JOINT:] = 0.0, 0.0, 0.0
-    row = new @ _reset_map(guard, internal_states) - old
-    size = np.abs(new) + np.abs(old)
-    if not function.any():  # it depends on other forces alone
-        return np.asarray(row)
-    pivot = int(np.flatnonzero(function)[0])
-    factor = row[pivot] / function[pivot]
-    row -= factor * function
-    size += abs(factor) * np.abs(function)
-    row[pivot] = 0.0
-    row[np.abs(row) <= SMALLEST_JUMP * size] = 0.0
-    return np.asarray(row)
-
-
 def _event_loss(before: Phase, after: Phase, guard: Guard, internal_states: int) -> Floats:
     """(2,) energy lost at a guard, J, and for the square of the pressing force, m/N.
 
@@ -459,20 +429,20 @@ def _event_loss(before: Phase, after: Phase, guard: Guard, internal_states: int)
     old, new = before.energy(internal_states), after.energy(internal_states)
     reset, function = _reset_map(guard, internal_states), guard.row.array(internal_states)
     at_guard = np.eye(function.size)
-    pivots = [column for column in (0, *range(OWN, OWN + internal_states)) if function[column] != 0.0]
+    pivots = [column for column in (0, *range(INTERNAL, INTERNAL + internal_states)) if function[column] != 0.0]
     if pivots:
         at_guard[pivots[0]] -= function / function[pivots[0]]
     lost = at_guard.T @ (old - reset.T @ new @ reset) @ at_guard
     size = np.abs(at_guard).T @ (np.abs(old) + np.abs(reset).T @ np.abs(new) @ np.abs(reset)) @ np.abs(at_guard)
-    lost[np.abs(lost) <= SMALLEST_JUMP * size] = 0.0
+    lost[np.abs(lost) <= SMALLEST_LOSS * size] = 0.0
     return np.array([0.5 * lost[2, 2], 0.5 * lost[PRESSING, PRESSING]])
 
 
 def _reset_map(guard: Guard, internal_states: int) -> Floats:
     """(C, C) the quantities after the event of a guard by those before."""
-    out = np.eye(OWN + internal_states + JOINT)
+    out = np.eye(INTERNAL + internal_states)
     for i, row in enumerate(guard.reset or ()):
-        out[OWN + i] = row.array(internal_states)
+        out[INTERNAL + i] = row.array(internal_states)
     return out
 
 

@@ -518,11 +518,11 @@ class ExactFlow:
         """(N,) state with the internal states that the event of a guard gives its contact."""
         if watched.reset[guard] < 0:
             return state
-        arrays, j, count = self.system.contacts.arrays, watched.contact[guard], self.sources.count
-        after = self.watched(watched, phases).some(watched.reset[guard] + np.arange(arrays.states[j]))
+        contacts, j, count = self.system.contacts, watched.contact[guard], self.sources.count
+        after = self.watched(watched, phases).some(watched.reset[guard] + np.arange(contacts.states[j]))
         values, slopes = np.split(self._inputs_at_start(given, 0).value, [count], axis=1)
-        state, first = state.copy(), 2 * self.system.size + arrays.first[j]
-        state[first : first + arrays.states[j]] = after.values(state[None, :], values, slopes)[0]
+        state, first = state.copy(), 2 * self.system.size + contacts.first[j]
+        state[first : first + contacts.states[j]] = after.values(state[None, :], values, slopes)[0]
         return state
 
     def _first_signs(self, index: int, phases: Ints, given: Complexes, state: Floats) -> tuple[Floats, Ints]:

@@ -301,16 +301,16 @@ class _RightHandSide:
 
     def _value(self, contact: int, row: Floats, t: float, y: Floats) -> float:
         """A linear function of a contact's penetration, its rate, 1 and its internal states."""
-        a = self.flow.system.contacts.arrays
+        c = self.flow.system.contacts
         delta, rate = self._contact(t, y)
-        first, r = 2 * self.n + a.first[contact], a.states[contact]
-        motion = np.concatenate([[delta[contact], rate[contact], 1.0], y[first : first + r]])
-        return float(row[: 3 + r] @ motion)
+        first, r = 2 * self.n + c.first[contact], c.states[contact]
+        motion = np.concatenate([[delta[contact], rate[contact], 1.0, 0.0, 0.0, 0.0], y[first : first + r]])
+        return float(row @ motion)
 
     def reset(self, contact: int, guard: Guard, t: float, y: Floats) -> None:
         """Start the contact's internal states anew, in y, where the guard says so."""
         if guard.reset is not None:
-            first = 2 * self.n + self.flow.system.contacts.arrays.first[contact]
+            first = 2 * self.n + self.flow.system.contacts.first[contact]
             new = [self._value(contact, row.array(len(guard.reset)), t, y) for row in guard.reset]
             y[first : first + len(new)] = new
 

@@ -95,9 +95,9 @@ class FlowOutputs:
         guard = int(np.flatnonzero(leads)[0])
         functions, state = flow.watched(watched, before), _state(flow)
         if watched.reset[guard] >= 0:
-            count = int(contacts.arrays.states[contact])
+            count = int(contacts.states[contact])
             fresh = functions.some(int(watched.reset[guard]) + np.arange(count))
-            _write(flow, state, int(contacts.arrays.first[contact]) + np.arange(count), fresh)
+            _write(flow, state, int(contacts.first[contact]) + np.arange(count), fresh)
         return Event(_factors(functions)[guard], _factors(state))
 
     def ends(self, phases: Ints) -> tuple[Floats, Floats]:
@@ -117,7 +117,7 @@ class FlowOutputs:
             n = flow.system.size
             begun.row[n : 2 * n, n : 2 * n] -= held.across @ held.across.T
         contact, _ = flow.system.contacts.kept(phases)
-        _write(flow, begun, flow.system.contacts.arrays.first[contact], flow.penetrations[0].some(contact))
+        _write(flow, begun, flow.system.contacts.first[contact], flow.penetrations[0].some(contact))
         return _factors(begun)
 
     def _kept(self, phases: Ints) -> Floats:
@@ -130,7 +130,7 @@ class FlowOutputs:
             if kept[:, 1].any():
                 share = kept[:, 1:] * (contact[:, None] == contacts.pressed)
                 written += flow.pressing_forces(phases).combined(-share)
-            _write(flow, end, contacts.arrays.first[contact], written)
+            _write(flow, end, contacts.first[contact], written)
         return _factors(end)
 
 

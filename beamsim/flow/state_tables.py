@@ -156,7 +156,7 @@ class StateTables:
         from beamsim.flow.kernels import Tables
 
         if self._tables is None:
-            self._tables = Tables(first=self.contacts.arrays.first, states=self.contacts.arrays.states, **self._arrays)
+            self._tables = Tables(first=self.contacts.first, states=self.contacts.states, **self._arrays)
         return self._tables
 
 

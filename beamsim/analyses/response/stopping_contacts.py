@@ -42,7 +42,7 @@ def _just_yields(problem: ForcedOrbits, point: BranchPoint) -> bool:
         if not law.yields or np.any(phases[:, j] >= LOADING):
             continue
         (guard,) = (guard for guard in law.phases[ELASTIC].guards if guard.next == LOADING)
-        slider = y[:, n + contacts.arrays.first[j]]
+        slider = y[:, n + contacts.first[j]]
         left = guard.row.constant + guard.row.penetration * penetration[:, j] + guard.row.internal[0] * slider
         if np.any(left[phases[:, j] == ELASTIC] < _REACHES * guard.row.constant):
             return True

@@ -221,7 +221,7 @@ def _closes_at_start(trajectory: Trajectory, contact: int) -> bool:
 def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
     """(S, 3) integrals over each segment: squared force, force, power lost in the snubber."""
     contacts = trajectory.flow.system.contacts
-    segments = np.arange(touching.size) if contacts.arrays.states[contact] else np.flatnonzero(touching)
+    segments = np.arange(touching.size) if contacts.states[contact] else np.flatnonzero(touching)
     out = np.zeros((touching.size, 3))
     if segments.size:
         out[segments] = trajectory.only(segments).segment_integrals(*_factors(trajectory.flow, contact))
@@ -231,8 +231,8 @@ def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
 def _factors(flow: ExactFlow, contact: int) -> tuple[OutputOf, OutputOf, Floats]:
     """Factors of squared force, force and power lost of one contact, and their weights; as `power_factors`."""
     contacts = flow.system.contacts
-    first = contacts.count + int(contacts.arrays.first[contact])
-    rows = np.append(contact, first + np.arange(contacts.arrays.states[contact]))
+    first = contacts.count + int(contacts.first[contact])
+    rows = np.append(contact, first + np.arange(contacts.states[contact]))
     one = flow.empty_output(1)
     one.direct[0, 0] = 1.0
 

@@ -210,7 +210,7 @@ def _crushed(system: StructuralSystem, motion: RunMotion) -> dict[int, float]:
     end = trajectory.final_y
     penetration, _ = trajectory.flow.penetrations
     delta = trajectory.sample(np.array([trajectory.end]), lambda _: penetration)[0]
-    phases, first = trajectory.phases_of(trajectory.state)[-1], 2 * system.dynamics.size + contacts.arrays.first
+    phases, first = trajectory.phases_of(trajectory.state)[-1], 2 * system.dynamics.size + contacts.first
     return {
         j: residual_crush(contacts.laws[j], int(phases[j]), float(delta[j]), float(end[first[j]])) for j in yielding
     }

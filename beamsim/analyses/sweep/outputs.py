@@ -304,7 +304,7 @@ class SweepOutputs:
 
 def loss_owner(contacts: Contacts) -> Ints:
     """(m + r,) contact of each output whose square is a power lost: the dashpots, then the internal states."""
-    return np.concatenate([np.arange(contacts.count), np.repeat(np.arange(contacts.count), contacts.arrays.states)])
+    return np.concatenate([np.arange(contacts.count), np.repeat(np.arange(contacts.count), contacts.states)])
 
 
 def _wear_rows(flow: ExactFlow, phases: Ints) -> LinearOutput:
