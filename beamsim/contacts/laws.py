@@ -65,6 +65,8 @@ class LawRow(NamedTuple):
 
     def of_scaled_forces(self, factor: float) -> LawRow:
         """The function that has the same value where all forces are multiplied by a factor."""
+        if not (self.pressing or self.pressing_rate or self.reaction):
+            return self
         return self._replace(
             pressing=self.pressing / factor,
             pressing_rate=self.pressing_rate / factor,
@@ -346,7 +348,7 @@ class ContactLaw:
     def scaled(self, factor: float) -> ContactLaw:
         """The law with all forces multiplied by a positive factor, that of a contact that presses it too.
 
-        Its internal states move as before.
+        Its internal states move as before. A law that depends on no other force may be multiplied by zero.
         """
         if self.family is not None:
             return self.family(factor * self.stiffness, factor * self.dashpot)
@@ -386,27 +388,11 @@ class ContactLaw:
         )
 
     def plus(self, other: ContactLaw, amount: float) -> ContactLaw:
-        """The force of this law and ``amount`` of another's, which has the same phases."""
-        if self.family is not None and other.family is not None:
-            return self.family(self.stiffness + amount * other.stiffness, self.dashpot + amount * other.dashpot)
-        if self.internal_states or self.parts is None or other.parts is None:
-            raise ValueError("only sums of one-sided springs can be added")
-        phases = tuple(
-            replace(
-                a,
-                springs=tuple(
-                    LawSpring(s.stiffness + amount * t.stiffness, s.stretch, s.force + amount * t.force,
-                           s.energy + amount * t.energy)
-                    for s, t in zip(a.springs, b.springs, strict=True)
-                ),
-            )
-            for a, b in zip(self.phases, other.phases, strict=True)
-        )  # fmt: skip
-        parts = tuple(
-            replace(a, stiffness=a.stiffness + amount * b.stiffness)
-            for a, b in zip(self.parts, other.parts, strict=True)
-        )
-        return replace(self, phases=phases, parts=parts)
+        """The force of this law, a multiple of another one's, and ``amount`` of the other's."""
+        if not other.static_springs:
+            return self
+        ours, theirs = (law.static_springs[0].stiffness for law in (self, other))
+        return other.scaled(ours / theirs + amount)
 
     def undamped(self) -> ContactLaw:
         """The law without its dashpots, which keeps no internal state then."""

@@ -25,7 +25,7 @@ from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
 from beamsim.scenario.base import Path, path_text, walk
-from beamsim.structures.assembly import load_site_in, snubber_site
+from beamsim.structures.assembly import load_site_in
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.damping import damping_ratios
 from beamsim.structures.modes import closed_frequencies
@@ -220,13 +220,12 @@ def _pushing(parts: Parts) -> _Pushing:
     curves = [None if table is None else table.curve for table in tables]
     stops = build_contacts(snubbers, curves, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
     stops = replace(stops, lever=_levers(parts, parts.snubber_sites))
-    spring_sites = [snubber_site(spring) for spring in nonlinear]
-    springs = describe_springs(nonlinear, parts.shapes(spring_sites), _levers(parts, spring_sites))
+    springs = describe_springs(nonlinear, parts.shapes(parts.spring_sites), _levers(parts, parts.spring_sites))
     cubic = cubic_springs(springs, basis.size)
     _check_rigid_friction(parts, springs, stops)
     pressing = pressed_by(nonlinear, [snubber.name for snubber in parts.scenario.all_snubbers])
     contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
-    with_laws = [site for site, spring in zip(spring_sites, springs, strict=True) if spring.law is not None]
+    with_laws = [site for site, spring in zip(parts.spring_sites, springs, strict=True) if spring.law is not None]
     sites: list[Site] = [*parts.snubber_sites, *with_laws]
     if cubic.count:  # what integrates these in time knows one-sided springs alone
         _refuse_memory(snubbers, stops, nonlinear)
@@ -242,7 +241,8 @@ def _checked_for_mechanisms(parts: Parts, pushing: _Pushing) -> list[str]:
         raise ScenarioError(problems)
     free = check_mechanisms(parts, np.vstack([pushing.stops.shape, *(spring.shape for spring in pushing.springs)]))
     if parts.moved:
-        check_places(parts.moved, _sensed_places(parts))
+        probes = [(("probes", k), site) for k, site in enumerate(parts.probe_sites)]
+        check_places(parts.moved, [*((located.path, site) for located, site in _located_sites(parts)), *probes])
     return free
 
 
@@ -272,23 +272,19 @@ def _doubts(modes: ModeTable) -> list[str]:
     ]
 
 
+def _located_sites(parts: Parts) -> list[tuple[Located, Site]]:
+    """Snubbers and nonlinear springs, and where they sit."""
+    located = (*parts.located_snubbers, *parts.nonlinear_springs)
+    return list(zip(located, (*parts.snubber_sites, *parts.spring_sites), strict=True))
+
+
 def _acting(parts: Parts) -> list[tuple[Path, LoadSite, str]]:
     """Snubbers, nonlinear springs and the exciting force: path, place and name of each."""
-    scenario = parts.scenario
-    acting: list[tuple[Path, LoadSite, str]] = [
-        (located.path, snubber_site(located), f"{located.item.name}")
-        for located in (*parts.located_snubbers, *parts.nonlinear_springs)
+    forces = exciting_forces(parts.scenario)
+    return [
+        *((located.path, site, f"{located.item.name}") for located, site in _located_sites(parts)),
+        *(((*path, "applied_to"), load_site_in(parts.scenario, force.applied_to), "a force") for path, force in forces),
     ]
-    return acting + [
-        ((*path, "applied_to"), load_site_in(scenario, force.applied_to), "a force")
-        for path, force in exciting_forces(scenario)
-    ]
-
-
-def _sensed_places(parts: Parts) -> list[tuple[Path, Site]]:
-    """Contacts, nonlinear springs and probes."""
-    felt = [(each.path, snubber_site(each)) for each in (*parts.located_snubbers, *parts.nonlinear_springs)]
-    return [*felt, *((("probes", k), site) for k, site in enumerate(parts.probe_sites))]
 
 
 def _levers(parts: Parts, sites: Sequence[Site]) -> Floats:
@@ -365,8 +361,7 @@ def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, dict[
 def _loads(parts: Parts) -> Floats:
     """(m, N) rows of contacts and forces, and inertia loads where the base moves or gravity acts."""
     scenario, structure = parts.scenario, parts.structure
-    springs = [snubber_site(spring) for spring in parts.nonlinear_springs]
-    rows = structure.rows([*parts.snubber_sites, *springs, *force_sites(scenario)])
+    rows = structure.rows([*parts.snubber_sites, *parts.spring_sites, *force_sites(scenario)])
     moving = base_direction(scenario)
     directions = dict.fromkeys(direction for direction, _ in gravity_loads(scenario))
     if moving is not None:

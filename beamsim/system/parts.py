@@ -94,6 +94,11 @@ class Parts:
         return [snubber_site(located) for located in self.located_snubbers]
 
     @cached_property
+    def spring_sites(self) -> list[Site]:
+        """Where nonlinear springs, joints and friction contacts sit."""
+        return [snubber_site(located) for located in self.nonlinear_springs]
+
+    @cached_property
     def probe_sites(self) -> list[Site]:
         """Where the probes sit."""
         return [site_in(self.scenario, probe) for probe in self.scenario.effective_probes]
@@ -124,7 +129,9 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
     moved = moved_supports(scenario, structure)
     _check_directions(scenario, structure)
-    sites, asked = _loaded_sites(scenario, also_at), _asked_reduction(scenario, structure)
+    # where forces act whose static deflections the reduced model needs
+    sites: list[LoadSite] = [*_contact_sites(scenario), *force_sites(scenario), *also_at]
+    asked = _asked_reduction(scenario, structure)
     gravity = tuple(direction for direction, _ in gravity_loads(scenario))
     # the coordinates are those of the undamped structure
     undamped = tuple((name, body.model_copy(update={"damping": None})) for name, body in bodies)
@@ -141,10 +148,14 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     return Parts(scenario, reduced, shared, tuple(moved))
 
 
+def _contact_sites(scenario: Scenario) -> list[Site]:
+    """Where snubbers and nonlinear springs sit."""
+    return [snubber_site(each) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
+
+
 def _sensed(scenario: Scenario) -> list[Place]:
     """Places whose motion is felt or recorded."""
-    felt = [snubber_site(each) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
-    sites = [*felt, *(site_in(scenario, probe) for probe in scenario.effective_probes)]
+    sites = [*_contact_sites(scenario), *(site_in(scenario, probe) for probe in scenario.effective_probes)]
     return list(dict.fromkeys(end for site in sites for end in ends_of(site)))
 
 
@@ -217,12 +228,6 @@ def force_sites(scenario: Scenario) -> list[LoadSite]:
     if isinstance(start, ReleasedForceStart):
         sites.append(load_site_in(scenario, start.released_force))
     return sites
-
-
-def _loaded_sites(scenario: Scenario, also_at: Sequence[Place]) -> list[LoadSite]:
-    """Where forces act whose static deflections the reduced model needs."""
-    felt = (*scenario.located_snubbers, *scenario.nonlinear_springs)
-    return [*(snubber_site(located) for located in felt), *force_sites(scenario), *also_at]
 
 
 def _patterns(

@@ -41,6 +41,10 @@ class SharedBuilds:
         sort : what is built; of each sort the `MOST_KEPT` used last are kept.
         key : all that it depends on; if it has no hash, nothing is kept.
         build : makes it.
+
+        Returns
+        -------
+        What was built, now or before.
         """
         try:
             hash(key)
