@@ -25,7 +25,7 @@ import beamsim
 from beamsim.analyses.run.result import RunResult
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
-from beamsim.contacts.laws import no_tension as relaxing
+from beamsim.contacts.pads import no_tension as relaxing
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 

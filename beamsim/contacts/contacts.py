@@ -205,8 +205,11 @@ class Contacts:
         return replace(self, laws=(*self.laws[:contact], law, *self.laws[contact + 1 :]))
 
     def undamped(self) -> Contacts:
-        """Without dashpots."""
-        return replace(self, laws=tuple(law.undamped() for law in self.laws))
+        """Without dashpots; ValueError where a law has no such form."""
+        laws = tuple(each for law in self.laws if (each := law.undamped()) is not None)
+        if len(laws) < self.count:
+            raise ValueError("a contact law has no undamped form")
+        return replace(self, laws=laws)
 
     def scaled(self, factor: float) -> Contacts:
         """All forces multiplied by a positive factor."""

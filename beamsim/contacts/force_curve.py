@@ -28,6 +28,11 @@ class ForceCurve:
     deflection: Floats  # (p,) m, increasing, the first zero
     force: Floats  # (p,) N, not falling, the first zero
 
+    @classmethod
+    def line(cls, stiffness: float) -> ForceCurve:
+        """That of a spring, N/m."""
+        return cls(np.array([0.0, 1.0]), np.array([0.0, stiffness]))
+
     @property
     def slopes(self) -> Floats:
         """(p - 1,) N/m."""

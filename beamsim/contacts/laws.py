@@ -254,12 +254,6 @@ class ContactLaw:
         return (0.0,) * self.internal_states if self.settled is None else self.settled(penetration)
 
     @property
-    def has_undamped_form(self) -> bool:
-        """Whether it keeps no internal state and loses nothing without its dashpots."""
-        memory = self.internal_states > 0 or self.rubs
-        return self.family is not None or self.undamped_law is not None or not memory
-
-    @property
     def yields(self) -> bool:
         """Whether it is a stop that loses work in phases in which its force still rises, and stays crushed."""
         return any(phase.lost.constant != 0.0 and phase.stiffness != 0.0 for phase in self.phases)
@@ -394,14 +388,14 @@ class ContactLaw:
         ours, theirs = (law.static_springs[0].stiffness for law in (self, other))
         return other.scaled(ours / theirs + amount)
 
-    def undamped(self) -> ContactLaw:
-        """The law without its dashpots, which keeps no internal state then."""
+    def undamped(self) -> ContactLaw | None:
+        """The law without its dashpots; None where it keeps internal states or loses work without them."""
         if self.family is not None:
             return self.family(self.stiffness, 0.0)
         if self.undamped_law is not None:
             return self.undamped_law
-        if not self.has_undamped_form:
-            raise ValueError("this contact law has no undamped form")
+        if self.internal_states or self.rubs:
+            return None
         parts = None if self.parts is None else tuple(replace(s, dashpot=0.0) for s in self.parts)
         phases = tuple(replace(p, lost=p.lost._replace(rate=0.0)) for p in self.phases)
         return replace(self, phases=phases, parts=parts, dashpot=0.0)
@@ -465,46 +459,6 @@ def kelvin_voigt(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
         stiffness=stiffness,
         dashpot=dashpot,
         family=kelvin_voigt,
-    )
-
-
-@lru_cache(maxsize=1024)
-def no_tension(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
-    """As :func:`kelvin_voigt`, but the snubber lets go where it would pull, and relaxes until it is met again.
-
-    The internal state p is the compression of the released snubber, ``p' = -(k/c) p``. It begins as the penetration at
-    release; contact is made where the penetration reaches it. While closed, the compression is the penetration and p
-    means nothing: it starts from zero and decays in the same way. Without a dashpot the law is that of Kelvin–Voigt.
-    """
-    if dashpot <= 0.0:
-        return replace(kelvin_voigt(stiffness, dashpot), family=no_tension)
-    compression = LawRow(internal=(1.0,))
-    relaxing = (LawRow(internal=(-stiffness / dashpot,)),)
-    meets = Guard(1, LawRow(penetration=-1.0, internal=(1.0,)), reset=(LawRow(),))
-    lets_go = Guard(0, LawRow(penetration=stiffness, rate=dashpot), reset=(DEPTH,))
-    return ContactLaw(
-        (
-            Phase(
-                "released",
-                (meets,),
-                touching=False,
-                springs=(LawSpring(stiffness, compression),),
-                rates=relaxing,
-                losses=(dashpot,),
-            ),
-            Phase(
-                "closed",
-                (lets_go,),
-                touching=True,
-                springs=(LawSpring(stiffness, DEPTH),),
-                lost=LawRow(rate=dashpot),
-                rates=relaxing,
-            ),
-        ),
-        internal_states=1,
-        stiffness=stiffness,
-        dashpot=dashpot,
-        family=no_tension,
     )
 
 

@@ -15,11 +15,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from beamsim.contacts.force_curve import ForceCurve
-from beamsim.contacts.laws import DEPTH, OWN, ContactLaw, Guard, LawRow, LawSpring, Phase, piecewise_linear
+from beamsim.contacts.laws import (
+    DEPTH,
+    OWN,
+    ContactLaw,
+    Guard,
+    LawRow,
+    LawSpring,
+    Phase,
+    kelvin_voigt,
+    piecewise_linear,
+)
 from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
@@ -83,6 +94,18 @@ def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[M
         settled=settled,
         undamped_law=None if branches else table_law(curve),
     )
+
+
+@lru_cache(maxsize=1024)
+def no_tension(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
+    """As :func:`kelvin_voigt`, but the snubber lets go where it would pull, and relaxes until it is met again.
+
+    It is the pad whose curve is a line. The compression p of the released snubber, ``p' = -(k/c) p``, begins as the
+    penetration at release; contact is made where the penetration reaches it. Without a dashpot the law is that of
+    Kelvin–Voigt.
+    """
+    law = recovering_law(ForceCurve.line(stiffness), dashpot) if dashpot > 0.0 else kelvin_voigt(stiffness, dashpot)
+    return replace(law, family=no_tension)
 
 
 def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> ContactLaw:

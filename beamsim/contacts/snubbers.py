@@ -12,8 +12,8 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import Equilibrium, Springs, find_equilibrium
 from beamsim.contacts.force_curve import ForceCurve
 from beamsim.contacts.hardening import hardening_law
-from beamsim.contacts.laws import ContactLaw, kelvin_voigt, no_tension
-from beamsim.contacts.pads import MaxwellBranch, recovering_law, table_law
+from beamsim.contacts.laws import ContactLaw, kelvin_voigt
+from beamsim.contacts.pads import MaxwellBranch, no_tension, recovering_law, table_law
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.structures.modes import closed_frequencies
@@ -119,7 +119,7 @@ def _law(snubber: Any, stiffness: float, curve: ForceCurve | None, dashpot: floa
     if not branches and (curve is None or curve.slopes.size == 1):
         return LAWS[snubber.law](stiffness, dashpot)
     if curve is None:
-        curve = ForceCurve(np.array([0.0, 1.0]), np.array([0.0, stiffness]))
+        curve = ForceCurve.line(stiffness)
     if snubber.law == "no_tension" and (dashpot > 0.0 or branches):
         return recovering_law(curve, dashpot, branches)
     return table_law(curve, dashpot)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from beamsim.contacts.laws import kelvin_voigt, no_tension
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.contacts.pads import no_tension
 from beamsim.contacts.snubbers import dashpot_from_ratio
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario

@@ -10,7 +10,8 @@ import beamsim
 from beamsim.analyses.run import exact_motion
 from beamsim.analyses.run.motion import memory_of
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.laws import kelvin_voigt, no_tension
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.contacts.pads import no_tension
 from beamsim.errors import ScenarioError
 from beamsim.flow import exact
 from beamsim.flow.contact_state import contact_modes

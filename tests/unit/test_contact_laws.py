@@ -18,9 +18,9 @@ from beamsim.contacts.laws import (
     LawSpring,
     Phase,
     kelvin_voigt,
-    no_tension,
     piecewise_linear,
 )
+from beamsim.contacts.pads import no_tension
 from beamsim.contacts.snubbers import LAWS
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.laws import kelvin_voigt, no_tension
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.contacts.pads import no_tension
 from beamsim.flow import contact_state, neighbouring_modes
 from beamsim.flow.contact_state import contact_modes, tabulated
 from beamsim.flow.exact import ExactFlow

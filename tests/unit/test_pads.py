@@ -8,8 +8,8 @@ import beamsim
 from beamsim.analyses.run.energy import energy_history
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.force_curve import ForceCurve
-from beamsim.contacts.laws import kelvin_voigt, no_tension
-from beamsim.contacts.pads import MaxwellBranch, recovering_law, table_law
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.contacts.pads import MaxwellBranch, no_tension, recovering_law, table_law
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import Frequency, PeriodicForcing

@@ -12,8 +12,8 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.force_curve import ForceCurve
 from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.hardening import hardening_law
-from beamsim.contacts.laws import kelvin_voigt, no_tension
-from beamsim.contacts.pads import MaxwellBranch, recovering_law, table_law
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.contacts.pads import MaxwellBranch, no_tension, recovering_law, table_law
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import Frequency, PeriodicForcing

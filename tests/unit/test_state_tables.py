@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.laws import kelvin_voigt, no_tension
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.contacts.pads import no_tension
 from beamsim.flow import contact_state
 from beamsim.flow.exact import ExactFlow
 from beamsim.system.equations import PiecewiseLinearSystem

@@ -70,7 +70,7 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
     system = build_system(scenario.model_copy(update={"run": None, "excitation": excitation}))
     dynamics = system.dynamics
     for name, law in zip(system.contact_names, dynamics.contacts.laws, strict=True):
-        if not law.has_undamped_form:
+        if law.undamped() is None:
             rubs, yields = law.rubs, law.yields
             what = (
                 f"hardening of {name}" if yields else f"the friction contact {name}" if rubs else f"maxwell of {name}"
