@@ -11,8 +11,7 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.beam_fields import PolynomialField, largest_deflection
-from beamsim.structures.beam_model import BeamModel, deflection_row, rigid_motions
-from beamsim.structures.damping import damping_matrix
+from beamsim.structures.beam_model import BeamModel
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.hermite import curvature_factor, mass_matrix
 from beamsim.structures.mesh import Mesh, build_mesh
@@ -62,12 +61,7 @@ class BeamStructure(BeamModel):
 
     def unit_stiffness(self, site: Site) -> float:
         """E I / L^3, N/m, with the largest E I."""
-        return self.beam.bending_stiffness / self.beam.length**3
-
-    @property
-    def section(self) -> BeamBody:
-        """That of the beam."""
-        return self.beam
+        return self.section.bending_stiffness / self.section.length**3
 
     def reassembled(self, section: BeamBody) -> BeamStructure:
         """The beam with other numbers on the same mesh."""
@@ -76,7 +70,7 @@ class BeamStructure(BeamModel):
     @property
     def total_mass(self) -> float:
         """Mass of the beam and of what is on it, kg."""
-        return self.beam.mass_per_length * self.beam.length + sum(m.mass for m in self.beam.point_masses)
+        return self.section.mass_per_length * self.section.length + sum(m.mass for m in self.section.point_masses)
 
     @property
     def named_dofs(self) -> NamedDofs:
@@ -84,17 +78,13 @@ class BeamStructure(BeamModel):
         nodes, slopes = self.free // 2, self.free % 2 == 1
         names = tuple((int(n) + 1, "ry" if slope else "z") for n, slope in zip(nodes, slopes, strict=True))
         places = np.zeros((self.free.size, 3))
-        places[:, 0] = self.mesh.nodes[nodes] * self.beam.length
-        scale = np.where(slopes, -1.0 / self.beam.length, 1.0)
+        places[:, 0] = self.mesh.nodes[nodes] * self.section.length
+        scale = np.where(slopes, -1.0 / self.section.length, 1.0)
         return NamedDofs(DofTable(names, places), scale, np.where(slopes, 0.0, 1.0))
 
     def point_of(self, place: Place) -> Floats:
         """(3,) position along the axis, m."""
         return np.array([place.coordinate, 0.0, 0.0])
-
-    def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
-        """(n, n) C of the reduced model, 1/s."""
-        return damping_matrix(self, basis, omega)
 
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
@@ -107,16 +97,15 @@ class BeamStructure(BeamModel):
         """Force and moment of each end that is held, or on springs."""
         mass, factor, damping = self.unsupported
         size, scales = mass.shape[0], (self.mass_scale, self.stiffness_scale)
-        motions = rigid_motions(self.mesh)
         matrices = HeldMatrices(
-            mass, factor, damping, scales, self.free, lambda base: motions @ self.base_coefficients(base),
+            mass, factor, damping, scales, self.free, self.rigid_motion,
             self.unsupported_row,
         )  # fmt: skip
-        springs = _EndSprings.of(self.beam, self.mesh.nodes.size)
+        springs = _EndSprings.of(self.section, self.mesh.nodes.size)
         number = {int(dof): i for i, dof in enumerate(self.free)}
         supports = []
         for name, first in (("left", 0), ("right", size - 2)):
-            for dof, direction, unit in ((first, DEFLECTION, 1.0), (first + 1, SLOPE, self.beam.length)):
+            for dof, direction, unit in ((first, DEFLECTION, 1.0), (first + 1, SLOPE, self.section.length)):
                 motion = np.zeros(size)
                 motion[dof] = unit
                 acting = springs.dofs == dof
@@ -130,7 +119,7 @@ class BeamStructure(BeamModel):
 
     def base_supports(self, motion: BaseDirection) -> tuple[Support, ...]:
         """Each end as far as it moves with the base."""
-        ends = {"left": 0.0, "right": self.beam.length}
+        ends = {"left": 0.0, "right": self.section.length}
         return tuple(
             replace(each, base_motion=self.base_motion_of(Place(self.name, ends[each.name], each.direction), motion))
             for each in self.supports
@@ -213,7 +202,7 @@ def assemble_beam(
         lumped = point_mass_rows(mesh, beam)
         mass = distributed + lumped.T @ lumped
 
-    motions = rigid_motions(mesh)
+    motions = mesh.rigid_motions
     held = supported_dofs(*beam.supports.kinds, mesh.nodes.size)
     free = np.setdiff1d(np.arange(size), held)
     springs = _EndSprings.of(beam, mesh.nodes.size)
@@ -236,13 +225,12 @@ def assemble_beam(
         factor=factor[:, free].tocsr(),
         damping=damping,
         inertia=(mass @ motions[:, 0])[free],
-        rigid_inertia=(mass @ motions)[free],
         ground=np.zeros(free.size),
         rigid=allowed_rigid_modes(motions, mass, np.concatenate([held, springs.dofs[springs.stiffness > 0]]))[free],
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         deflection_dofs=np.flatnonzero(free % 2 == 0),
-        beam=beam,
+        section=beam,
         mesh=mesh,
         free=free,
         stretch_of=stretch_of,
@@ -254,13 +242,10 @@ def assemble_beam(
 
 def point_mass_rows(mesh: Mesh, beam: BeamBody) -> Any:
     """(c, all dofs) sparse rows whose products are the scaled point masses and their rotary inertias."""
-    from scipy.sparse import csr_array
+    from scipy.sparse import vstack
 
     mass_scale = beam.mass_per_length * beam.length
-    rows = [np.sqrt(m.mass / mass_scale) * deflection_row(mesh, m.position / beam.length) for m in beam.point_masses]
-    rows += [
-        np.sqrt(m.rotary_inertia / mass_scale) / beam.length * deflection_row(mesh, m.position / beam.length, 1)
-        for m in beam.point_masses
-        if m.rotary_inertia > 0.0
-    ]
-    return csr_array(np.array(rows))
+    at = np.array([m.position for m in beam.point_masses]) / beam.length
+    mass, rotary = (np.array([getattr(m, of) for m in beam.point_masses]) for of in ("mass", "rotary_inertia"))
+    turning = mesh.rows(at, 1) * (np.sqrt(rotary / mass_scale) / beam.length)[:, None]
+    return vstack([mesh.rows(at) * np.sqrt(mass / mass_scale)[:, None], turning], format="csr")

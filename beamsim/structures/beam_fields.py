@@ -22,7 +22,7 @@ class PolynomialField:
 
     def __init__(self, structure: BeamModel, coefficients: Sequence[float]) -> None:
         """From coefficients of x^0, x^1, ..., in SI units."""
-        mesh, length, masses = structure.mesh, structure.beam.length, structure.beam.point_masses
+        mesh, length, masses = structure.mesh, structure.section.length, structure.section.point_masses
         self._structure = structure
         polynomial = np.polynomial.Polynomial(
             np.asarray(coefficients, dtype=float) * length ** np.arange(len(coefficients))
@@ -74,21 +74,9 @@ def _relative(error: float, whole: float) -> float:
 
 
 def largest_deflection(mesh: Mesh, field: Floats) -> float:
-    """Largest |deflection| of a (all dofs,) field of cubic elements, extremes between the nodes included."""
-    u = field[mesh.dofs]
-    h = mesh.lengths
-    # w'(xi) is a quadratic a xi^2 + b xi + c on each element.
-    c, end, middle = (np.sum(shape_functions(xi, h, 1) * u, axis=1) for xi in (0.0, 1.0, 0.5))
-    a = 2 * (c + end - 2 * middle)
-    b = end - c - a
-    largest = float(np.abs(field[0::2]).max())
-    with np.errstate(divide="ignore", invalid="ignore"):
-        root = np.sqrt(b * b - 4 * a * c)
-        half = -(b + np.copysign(root, b)) / 2
-        candidates = (half / a, c / half)
-    for xi in candidates:
-        inside = np.isfinite(xi) & (xi > 0) & (xi < 1)
-        if inside.any():
-            w = np.sum(shape_functions(xi[inside], h[inside]) * u[inside], axis=1)
-            largest = max(largest, float(np.abs(w).max()))
-    return largest
+    """Largest |deflection| of a (size,) field of a cubic spline, extremes between the nodes included."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    spline = CubicHermiteSpline(mesh.nodes, field[0::2], field[1::2])
+    level = spline.derivative().roots(extrapolate=False)
+    return float(np.abs(spline(np.append(mesh.nodes, level[np.isfinite(level)]))).max())

@@ -9,7 +9,6 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
-from beamsim.structures.damping import damping_matrix
 from beamsim.structures.places import DEFLECTION, Place, Site
 from beamsim.structures.stations import MASSES, Recovery
 from beamsim.structures.structure import BodyStructure, MemberBody
@@ -86,7 +85,7 @@ class MassField:
 class ChainStructure(BodyStructure):
     """Masses in a row; places are their numbers from 1."""
 
-    chain: Chain
+    section: Chain
 
     def frequency_count(self, omega: float) -> int:
         """All of them."""
@@ -100,20 +99,11 @@ class ChainStructure(BodyStructure):
 
     def unit_stiffness(self, site: Site) -> float:
         """The stiffest spring of the row, N/m."""
-        return max(self.chain.springs)
-
-    @property
-    def section(self) -> Chain:
-        """That of the chain."""
-        return self.chain
+        return max(self.section.springs)
 
     def reassembled(self, section: Chain) -> ChainStructure:
         """The chain with other numbers."""
         return assemble_chain(section, self.name)
-
-    def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
-        """(n, n) C of the reduced model, 1/s."""
-        return damping_matrix(self, basis, omega)
 
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
@@ -125,7 +115,7 @@ class ChainStructure(BodyStructure):
     @property
     def supports(self) -> tuple[Support, ...]:
         """The walls, and the ground at springs to it."""
-        chain, unit = self.chain, np.eye(self.size)
+        chain, unit = self.section, np.eye(self.size)
         walls = []
         for name, link, mass in (("left", 0, 0), ("right", self.size, -1)):
             spring, dashpot = (
@@ -202,5 +192,5 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         deflection_dofs=np.arange(count),
-        chain=chain,
+        section=chain,
     )

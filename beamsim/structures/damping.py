@@ -11,7 +11,7 @@ from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.structure import BodyStructure, Structure
+    from beamsim.structures.structure import MemberBody, Structure
 
 
 # Of an estimate that is to become a bound.
@@ -71,65 +71,70 @@ def stated_parts(model: Structure, basis: ReducedBasis) -> StatedParts:
     return StatedParts(known, lowest, highest, composite)
 
 
-def damping_matrix(body: BodyStructure, basis: ReducedBasis, omega: Floats) -> Floats:
-    """(n, n) symmetric C, 1/s, of one open body.
+def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:
+    r"""(n, n) symmetric C, 1/s, of the reduced model of an open structure.
 
     Parameters
     ----------
-    body, basis : the full model (stated damping, dashpots and viscous damping) and the reduced basis.
+    structure, basis : the full model (stated damping, dashpots and viscous damping) and the reduced basis.
     omega : (n,) physical angular frequencies of the coordinates, rad/s.
+
+    Returns
+    -------
+    (n, n) array
+        Block by block where nothing linear couples the parts.
 
     Notes
     -----
     Modal: C = diag(2 xi_i omega_i). Ratio i of a list belongs to mode i as numbered in every table, counting rigid-body
-    modes (which are not damped); higher modes and static vectors have the last ratio. Rayleigh:
-    alpha I + beta diag(omega^2). Viscous damping and dashpots: projection of the physical matrix.
-    """
-    damping = body.stated_damping
-    c = np.diag(2 * _modal_ratios(damping, omega.size, basis.modes) * omega)
-    if damping is not None and damping.kind == "rayleigh":
-        of_mass, of_stiffness = damping.factors
-        c += np.diag(of_mass + of_stiffness * omega**2)
-    return c + _of_dashpots(body, basis)
-
-
-def joined_damping(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:
-    r"""(n, n) symmetric C, 1/s, of bodies that are joined, each with damping of its own.
-
-    Notes
-    -----
-    Modal ratios are weighted by strain energy: with the strain energy matrix :math:`E_b` of body b in the coordinates
-    (their sum with that of the joints' springs is diag(omega^2)),
+    modes (which are not damped); higher modes and static vectors have the last ratio. Of bodies that are joined the
+    ratios are weighted by strain energy: with the strain energy matrix :math:`E_b` of body b in the coordinates (their
+    sum with that of the joints' springs is diag(omega^2)),
 
     .. math:: C_{ij} = \sum_b 2 \sqrt{\xi_{b,i} \xi_{b,j}}\, (E_b)_{ij} / \sqrt{\omega_i \omega_j},
 
     so that a mode has the mean of its bodies' ratios, weighted by the share of its strain energy in each (composite
     modal damping), and equal ratios give that ratio. The sum is positive semidefinite. Ratio i of a list belongs to
     mode i of the joined structure. Springs of joints are not damped but by their dashpots. Rayleigh damping is that of
-    the body's own matrices.
+    the body's own matrices, of one alone alpha I + beta diag(omega^2). Viscous damping and dashpots: projection of the
+    physical matrix.
     """
+    if structure.parts:
+        whole = np.zeros((omega.size, omega.size))
+        for part, (reduced, columns) in zip(structure.parts, basis.blocks, strict=True):
+            whole[np.ix_(columns, columns)] = reduced_damping(part.structure, reduced, omega[columns])
+        return whole
     root = np.sqrt(omega)
     inverse = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)
-    squared = structure.frequency_scale**2
     ratios = [_modal_ratios(m.body.stated_damping, omega.size, basis.modes) for m in structure.members]
     # The first body's ratio for everything, then the others' differences: equal ratios leave exact zeros.
     common = np.sqrt(ratios[0])
     c = np.diag(2 * ratios[0] * omega)
     in_springs = np.diag(omega**2)
     for member, ratio in zip(structure.members, ratios, strict=True):
-        fields = member.field(basis.vectors)
-        bent = np.asarray(member.body.factor @ fields)
-        energy = (bent.T @ bent) * member.stiffness_ratio * squared
+        moving, energy = _energies(member, basis, omega)
         in_springs -= energy
         weight = np.outer(np.sqrt(ratio), np.sqrt(ratio)) - np.outer(common, common)
         c += 2 * weight * energy * np.outer(inverse, inverse)
         stated = member.body.stated_damping
         if stated is not None and stated.kind == "rayleigh":
             of_mass, of_stiffness = stated.factors
-            c += of_mass * member.mass_ratio * (fields.T @ (member.body.mass @ fields)) + of_stiffness * energy
+            c += of_mass * moving + of_stiffness * energy
     if any(coupling.stiffness for coupling in structure.couplings):
         c -= 2 * np.outer(common, common) * in_springs * np.outer(inverse, inverse)
-    return np.asarray((c + c.T) / 2) + _of_dashpots(structure, basis)
+    if structure.damping is not None:
+        c += basis.vectors.T @ (structure.damping @ basis.vectors) / structure.mass_scale
+    return np.asarray((c + c.T) / 2)
+
+
+def _energies(member: MemberBody, basis: ReducedBasis, omega: Floats) -> tuple[Floats, Floats]:
+    """(n, n) mass and stiffness, 1/s^2, of one body in the coordinates, which are modes of the body alone."""
+    if member.expansion is None:
+        return np.eye(omega.size), np.diag(omega**2)
+    fields = member.field(basis.vectors)
+    bent = np.asarray(member.body.factor @ fields)
+    moving = member.mass_ratio * (fields.T @ (member.body.mass @ fields))
+    return moving, (bent.T @ bent) * (member.stiffness_ratio * member.whole.frequency_scale**2)
 
 
 def _modal_ratios(damping: Any, size: int, modes: int) -> Floats:
@@ -141,14 +146,6 @@ def _modal_ratios(damping: Any, size: int, modes: int) -> Floats:
     count = min(given.size, modes)
     ratio[:count] = given[:count]
     return ratio
-
-
-def _of_dashpots(structure: Structure, basis: ReducedBasis) -> Floats | float:
-    """(n, n) projection of the physical damping matrix, 1/s."""
-    if structure.damping is None:
-        return 0.0
-    projected = basis.vectors.T @ (structure.damping @ basis.vectors) / structure.mass_scale
-    return np.asarray((projected + projected.T) / 2)
 
 
 def damping_ratios(c: Floats, omega: Floats) -> Floats:

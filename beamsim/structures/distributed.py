@@ -34,7 +34,7 @@ class Distributed:
         """Number of the body's mode that gives the shape; None for other shapes."""
         return self.shape.mode if self.shape.kind == "mode" else None
 
-    def quadrature(self, sizes: Sequence[float], cuts: Sequence[Floats]) -> tuple[Floats, Floats]:
+    def quadrature(self, sizes: Sequence[float] | Floats, cuts: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Points (k, d) in m and weights (k,) in m or m^2 of an integral over the loaded part.
 
         Parameters
@@ -56,7 +56,9 @@ class Distributed:
         weights = lines[0][1] if len(lines) == 1 else np.outer(lines[0][1], lines[1][1]).ravel()
         return np.column_stack([grid.ravel() for grid in grids]), weights
 
-    def intensity(self, points: Floats, sizes: Sequence[float], mode_at: Callable[[int, Floats], Floats]) -> Floats:
+    def intensity(
+        self, points: Floats, sizes: Sequence[float] | Floats, mode_at: Callable[[int, Floats], Floats]
+    ) -> Floats:
         """(k,) factor of the level at points (k, d) of the loaded part, m; ``mode_at`` gives the body's mode there."""
         if self.mode is not None:
             return mode_at(self.mode, points)

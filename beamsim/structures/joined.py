@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.structures.basis import ReducedBasis
-from beamsim.structures.damping import joined_damping
 from beamsim.structures.rigid_motion import orthonormal_in_mass
 from beamsim.structures.several import SeveralBodies, assemble_side_by_side
 from beamsim.structures.structure import BodyStructure, Coupling
@@ -48,10 +46,6 @@ class JoinedBodies(SeveralBodies):
             return None
         counts = [min(body.frequency_count(highest / body.frequency_scale), body.size) for body in bodies]
         return max(sum(counts), 1)
-
-    def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
-        """(n, n) C of the reduced model, 1/s, by the strain energy in each body."""
-        return joined_damping(self, basis, omega)
 
 
 def _carried(body: BodyStructure) -> float:

@@ -13,7 +13,6 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.structures.base_motion import BaseDirection
-from beamsim.structures.damping import damping_matrix
 from beamsim.structures.dissection import dissection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
@@ -32,7 +31,7 @@ from beamsim.structures.places import Place, Site
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.rigid_motion import orthonormal_in_mass
 from beamsim.structures.stations import NODES, Recovery
-from beamsim.structures.structure import BodyStructure, GivenField, MemberBody
+from beamsim.structures.structure import BodyStructure, MemberBody
 from beamsim.structures.sturm import negative_eigenvalues
 from beamsim.structures.supports import Support
 from beamsim.structures.symmetric_lu import SymmetricLU, symmetric_lu
@@ -317,10 +316,6 @@ class MatricesStructure(BodyStructure):
         row = self.row(site)
         return self.stiffness_scale / float(row @ static_deflections(self, row[:, None])[:, 0])
 
-    @property
-    def section(self) -> None:
-        """None: the scenario has no number of these matrices."""
-
     def reassembled(self, section: Any) -> MatricesStructure:
         """Itself."""
         return self
@@ -329,10 +324,6 @@ class MatricesStructure(BodyStructure):
     def stated_damping(self) -> Any:
         """That of the body."""
         return self.whole_damping
-
-    def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
-        """(n, n) C of the reduced model, 1/s."""
-        return damping_matrix(self, basis, omega)
 
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
@@ -366,10 +357,6 @@ class MatricesStructure(BodyStructure):
         if number is None or self.table.coordinates is None or not np.all(np.isfinite(self.table.coordinates[number])):
             return None
         return np.asarray(self.table.coordinates[number])
-
-    def given_field(self, numbers: Sequence[float]) -> GivenField:
-        """None: the scenario refuses it."""
-        raise ValueError("imported matrices take no shape to start from")
 
 
 def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any] = ()) -> MatricesStructure:
@@ -462,6 +449,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         deflection_dofs=np.zeros(0, dtype=np.int64),
+        section=None,
         whole_damping=damping,
         given=given,
         table=given.table.part(free),

@@ -39,11 +39,47 @@ class Mesh:
         """(elements, 4) degrees of freedom of each element."""
         return 2 * np.arange(self.elements)[:, None] + np.arange(4)
 
+    @property
+    def size(self) -> int:
+        """Number of degrees of freedom without supports."""
+        return 2 * int(self.nodes.size)
+
+    @property
+    def lines(self) -> tuple[Floats]:
+        """(elements + 1,) nodes along the one direction."""
+        return (self.nodes,)
+
+    @property
+    def deflections(self) -> Ints:
+        """(elements + 1,) degrees of freedom that are deflections of the nodes."""
+        return 2 * np.arange(self.nodes.size)
+
+    @property
+    def rigid_motions(self) -> Floats:
+        """(size, 2) translation, and rotation about the left end, w = x / L."""
+        return np.column_stack(self.linear_functions)
+
+    @property
+    def linear_functions(self) -> tuple[Floats, Floats]:
+        """(size,) degrees of freedom of the functions 1 and x / L."""
+        ones = np.ones(self.nodes.size)
+        return np.column_stack([ones, 0 * ones]).ravel(), np.column_stack([self.nodes, ones]).ravel()
+
     def locate(self, x: ArrayLike) -> tuple[Ints, Floats]:
         """Element that contains x / L and the position within it, 0 to 1 (a node belongs to its right-hand element)."""
         x = np.asarray(x, dtype=float)
         element = np.clip(np.searchsorted(self.nodes, x, side="right") - 1, 0, self.elements - 1)
         return element.astype(np.int64), (x - self.nodes[element]) / self.lengths[element]
+
+    def rows(self, x: ArrayLike, derivative: int = 0) -> Any:
+        """(k, size) sparse rows that give a derivative by x / L of the deflection at k positions x / L."""
+        from scipy.sparse import csr_array
+
+        x = np.asarray(x, dtype=float).ravel()
+        element, xi = self.locate(x)
+        values = shape_functions(xi, self.lengths[element], derivative)
+        rows = np.repeat(np.arange(x.size), 4)
+        return csr_array((values.ravel(), (rows, self.dofs[element].ravel())), shape=(x.size, self.size))
 
 
 def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterable[float] = (0.0, 1.0)) -> Mesh:
@@ -69,13 +105,3 @@ def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterabl
         for a, b in pairwise(ends)
     ]
     return Mesh(np.concatenate([*pieces, [1.0]]))
-
-
-def line_rows(mesh: Mesh, x: Floats, derivative: int = 0) -> Any:
-    """(k, 2 nodes) sparse rows that give the derivative of a cubic spline at nondimensional x."""
-    from scipy.sparse import csr_array
-
-    element, xi = mesh.locate(x)
-    values = shape_functions(xi, mesh.lengths[element], derivative)
-    rows = np.repeat(np.arange(x.size), 4)
-    return csr_array((values.ravel(), (rows, mesh.dofs[element].ravel())), shape=(x.size, 2 * mesh.nodes.size))

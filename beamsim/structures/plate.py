@@ -18,13 +18,12 @@ import numpy as np
 
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.beam import supported_dofs
-from beamsim.structures.damping import damping_matrix
 from beamsim.structures.places import DEFLECTION, SLOPE, Place
 from beamsim.structures.plate_mesh import PlateMesh, graded_mesh, integration_rows
 from beamsim.structures.plate_model import PlateModel, energy_coefficients
 from beamsim.structures.plate_recovery import plate_recovery
 from beamsim.structures.rigid_motion import allowed_rigid_modes
-from beamsim.structures.structure import GivenField, MemberBody
+from beamsim.structures.structure import MemberBody
 from beamsim.structures.supports import HeldMatrices, Support
 from beamsim.typing import Bools, Floats
 
@@ -39,11 +38,6 @@ class PlateStructure(PlateModel):
 
     sides: ClassVar[tuple[str, ...]] = ("length", "width")
 
-    @property
-    def section(self) -> PlateBody:
-        """That of the plate."""
-        return self.plate
-
     def reassembled(self, section: PlateBody) -> PlateStructure:
         """The plate with other numbers on the same mesh."""
         return assemble_plate(section, self.name, mesh=self.mesh)
@@ -51,13 +45,9 @@ class PlateStructure(PlateModel):
     @property
     def total_mass(self) -> float:
         """Mass of the plate and of what is on it, kg."""
-        added = [m.mass for m in self.plate.point_masses]
-        added += [stiffener.mass_per_length * stiffener.length for stiffener in self.plate.stiffeners]
+        added = [m.mass for m in self.section.point_masses]
+        added += [stiffener.mass_per_length * stiffener.length for stiffener in self.section.stiffeners]
         return self.mass_scale + sum(added)
-
-    def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
-        """(n, n) C of the reduced model, 1/s."""
-        return damping_matrix(self, basis, omega)
 
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
@@ -71,7 +61,7 @@ class PlateStructure(PlateModel):
 
         A corner between two held edges belongs to the first of left, right, bottom and top.
         """
-        plate, motions, matrices = self.plate, _rigid_motions(self.mesh), self._held_matrices
+        plate, motions, matrices = self.section, self.mesh.rigid_motions, self._held_matrices
         translation = motions[:, 0]
         about = {
             "left": motions[:, 1] * plate.length,
@@ -91,11 +81,8 @@ class PlateStructure(PlateModel):
 
     @property
     def _held_matrices(self) -> HeldMatrices:
-        motions, scales = _rigid_motions(self.mesh), (self.mass_scale, self.stiffness_scale)
-        return HeldMatrices(
-            *self.unsupported, None, scales, self.free, lambda base: motions @ self.base_coefficients(base),
-            self.unsupported_row,
-        )  # fmt: skip
+        scales = (self.mass_scale, self.stiffness_scale)
+        return HeldMatrices(*self.unsupported, scales, self.free, self.rigid_motion, self.unsupported_row)
 
     def base_supports(self, motion: BaseDirection) -> tuple[Support, ...]:
         """All that is held, as one support that moves as the base: a rotation moves the points of an edge apart."""
@@ -103,10 +90,6 @@ class PlateStructure(PlateModel):
         moved = matrices.rigid(motion)
         moved[self.free] = 0.0
         return (matrices.support("base", DEFLECTION, moved, self.name),) if moved.any() else ()
-
-    def given_field(self, numbers: Sequence[float]) -> GivenField:
-        """None: the scenario refuses it."""
-        raise ValueError("a plate has no shape that a list of numbers gives")
 
 
 def assemble_plate(
@@ -149,23 +132,22 @@ def assemble_plate(
     all_factor = vstack(factor, format="csr")
     held = np.flatnonzero(np.any(list(_held_by(plate, mesh).values()), axis=0))
     free = np.setdiff1d(np.arange(mesh.size), held)
-    motions = _rigid_motions(mesh)
+    motions = mesh.rigid_motions
     return PlateStructure(
         name=name,
         mass=mass[free][:, free].tocsc(),
         factor=all_factor[:, free].tocsr(),
         damping=None,
         inertia=(mass @ motions[:, 0])[free],
-        rigid_inertia=(mass @ motions)[free],
         ground=np.zeros(free.size),
         rigid=allowed_rigid_modes(motions, mass, held)[free],
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         deflection_dofs=np.flatnonzero(np.isin(free, mesh.deflections)),
-        plate=plate,
+        section=plate,
         mesh=mesh,
         free=free,
-        unsupported=(mass, all_factor),
+        unsupported=(mass, all_factor, None),
     )
 
 
@@ -202,15 +184,6 @@ def _held_by(plate: PlateBody, mesh: PlateMesh) -> dict[str, Bools]:
         j = int(np.abs(mesh.y.nodes - y / plate.width).argmin())
         held[f"point {number}"] = dofs == 2 * i * along_y + 2 * j
     return held
-
-
-def _rigid_motions(mesh: PlateMesh) -> Floats:
-    """(size, 3) translation, and rotations about the left and the bottom edge."""
-    one, linear = [], []
-    for line in (mesh.x, mesh.y):
-        one.append(np.tile([1.0, 0.0], line.nodes.size))
-        linear.append(np.column_stack([line.nodes, np.ones(line.nodes.size)]).ravel())
-    return np.column_stack([np.kron(one[0], one[1]), np.kron(linear[0], one[1]), np.kron(one[0], linear[1])])
 
 
 def _stiffener_rows(beam: Stiffener, mesh: PlateMesh, size: Floats) -> tuple[list[Any], Any]:

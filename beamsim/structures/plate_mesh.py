@@ -14,7 +14,7 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.structures.hermite import shape_functions
-from beamsim.structures.mesh import Mesh, build_mesh, line_rows
+from beamsim.structures.mesh import Mesh, build_mesh
 from beamsim.typing import Floats, Ints
 
 
@@ -41,7 +41,7 @@ def integration_rows(mesh: Mesh, derivative: int, points: int) -> Any:
     x = mesh.nodes[:-1, None] + mesh.lengths[:, None] * (place + 1) / 2
     root = np.sqrt(mesh.lengths[:, None] * weight / 2)
     # Positions of Gauss points lie inside their elements, so that `locate` finds these.
-    return (diags_array(root.ravel()) @ line_rows(mesh, x.ravel(), derivative)).tocsr()
+    return (diags_array(root.ravel()) @ mesh.rows(x, derivative)).tocsr()
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,18 @@ class PlateMesh:
     @property
     def size(self) -> int:
         """Number of degrees of freedom without supports."""
-        return 4 * self.x.nodes.size * self.y.nodes.size
+        return self.x.size * self.y.size
+
+    @property
+    def lines(self) -> tuple[Floats, Floats]:
+        """Nodes along x and along y."""
+        return self.x.nodes, self.y.nodes
+
+    @property
+    def rigid_motions(self) -> Floats:
+        """(size, 3) translation, and rotations about the left and the bottom edge, w = x / L and w = y / W."""
+        (one_x, x), (one_y, y) = self.x.linear_functions, self.y.linear_functions
+        return np.column_stack([np.kron(one_x, one_y), np.kron(x, one_y), np.kron(one_x, y)])
 
     @property
     def node_points(self) -> Floats:
@@ -65,9 +76,7 @@ class PlateMesh:
     @property
     def deflections(self) -> Ints:
         """(nodes,) degrees of freedom that are deflections of the nodes."""
-        along_y = 2 * self.y.nodes.size
-        dofs = 2 * np.arange(self.x.nodes.size)[:, None] * along_y + 2 * np.arange(self.y.nodes.size)
-        return np.asarray(dofs.ravel(), dtype=np.int64)
+        return (self.x.deflections[:, None] * self.y.size + self.y.deflections).ravel()
 
     def rows(self, points: Floats, derivative: tuple[int, int] = (0, 0)) -> Any:
         """(k, size) sparse rows that give a derivative (by x / L, by y / W) at nondimensional points (k, 2)."""
@@ -79,7 +88,7 @@ class PlateMesh:
             elements.append(mesh.dofs[element])
             values.append(shape_functions(xi, mesh.lengths[element], order))
         products = values[0][:, :, None] * values[1][:, None, :]
-        columns = elements[0][:, :, None] * (2 * self.y.nodes.size) + elements[1][:, None, :]
+        columns = elements[0][:, :, None] * self.y.size + elements[1][:, None, :]
         rows = np.repeat(np.arange(points.shape[0]), 16)
         return csr_array((products.ravel(), (rows, columns.ravel())), shape=(points.shape[0], self.size))
 

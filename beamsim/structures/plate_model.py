@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,13 +11,11 @@ from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import MODAL
 from beamsim.structures.base_motion import BaseDirection
-from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs
-from beamsim.structures.modes import mode_of_unit_deflection
-from beamsim.structures.places import DEFLECTION, LoadSite, Place, Site, separated
+from beamsim.structures.meshed import MeshedBody
+from beamsim.structures.places import DEFLECTION, Place, Site
 from beamsim.structures.plate_mesh import PlateMesh
-from beamsim.structures.structure import BodyStructure
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario.plate import PlateBody
@@ -27,14 +24,11 @@ _FREE_BEAM = np.array([0.0, 0.0, 4.730040744862704, 7.853204624095838])  # beta 
 
 
 @dataclass(frozen=True)
-class PlateModel(BodyStructure, ABC):
+class PlateModel(MeshedBody, ABC):
     """A plate in bicubic Hermite elements; places are metres from its left and bottom edges."""
 
-    plate: PlateBody
+    section: PlateBody
     mesh: PlateMesh
-    free: Ints  # (N,) which of the unsupported plate's dofs are left
-    unsupported: tuple[Any, Any]  # scaled mass and factor of all of them
-    rigid_inertia: Floats  # (N, 3) `inertia` of a translation, and of w = x / length and w = y / width
 
     @property
     def most_modes(self) -> int:
@@ -48,7 +42,7 @@ class PlateModel(BodyStructure, ABC):
         modes that are products of those of free beams, all of them lower. What is joined to it is a beam or a mass
         more, and constraints, which raise frequencies.
         """
-        cx, cy, c1, _ = energy_coefficients(self.plate, self.stiffness_scale)
+        cx, cy, c1, _ = energy_coefficients(self.section, self.stiffness_scale)
         share = 1 - abs(c1) / np.sqrt(cx * cy)
         squared = omega**2 / share
 
@@ -59,15 +53,15 @@ class PlateModel(BodyStructure, ABC):
         along_x, along_y = cx * count(cx), cy * count(cy)
         modes = int(np.searchsorted(along_y, squared - along_x[along_x <= squared], side="right").sum())
         physical = omega * self.frequency_scale
-        for beam in self.plate.stiffeners:
+        for beam in self.section.stiffeners:
             beta = (beam.mass_per_length * physical**2 / beam.bending_stiffness) ** 0.25 * beam.length
             modes += int(np.ceil(beta / np.pi)) + 2
-        return modes + len(self.plate.point_masses)
+        return modes + len(self.section.point_masses)
 
     @property
     def named_dofs(self) -> NamedDofs:
         """Nodes along y first, from the left and bottom edges, each with z, ry = -dw/dx, rx = dw/dy and the twist."""
-        along_y, length, width = 2 * self.mesh.y.nodes.size, self.plate.length, self.plate.width
+        along_y, length, width = 2 * self.mesh.y.nodes.size, self.section.length, self.section.width
         i, j = self.free // along_y, self.free % along_y
         nodes = (i // 2) * self.mesh.y.nodes.size + j // 2
         kinds = 2 * (i % 2) + j % 2  # w, W w_y, L w_x, L W w_xy
@@ -80,75 +74,30 @@ class PlateModel(BodyStructure, ABC):
         """(3,) x and y from the left and bottom edges, m."""
         return None if place.across is None else np.array([place.coordinate, place.across, 0.0])
 
-    def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
-        """Single places."""
-        return separated(sites)
-
-    def place_row(self, place: Place) -> Floats:
-        """(N,) deflection at a place for a unit of each degree of freedom."""
-        return self.unsupported_row(place)[self.free]
-
-    def unsupported_row(self, place: Place | Distributed) -> Floats:
-        """(all dofs,) row of a place or load vector, those that the supports hold included."""
-        if isinstance(place, Distributed):
-            return self._distributed_on_all(place)
+    def point_row(self, place: Place) -> Floats:
+        """(all dofs,) deflection at a place."""
         if place.direction != DEFLECTION or place.across is None:
             raise ValueError(f"the points [x, y] of a plate have no motion {place.direction}; it has {DEFLECTION}")
-        point = self.nondimensional(np.array([[place.coordinate, place.across]]))
+        point = np.array([[place.coordinate, place.across]]) / self.extent
         return np.asarray(self.mesh.rows(point).toarray()[0])
-
-    def distributed_row(self, load: Distributed) -> Floats:
-        """(N,) consistent load vector of a pressure of unit level."""
-        return self.unsupported_row(load)[self.free]
-
-    def _distributed_on_all(self, load: Distributed) -> Floats:
-        size = (self.plate.length, self.plate.width)
-        lines = (self.mesh.x.nodes * size[0], self.mesh.y.nodes * size[1])
-        points, weights = load.quadrature(size, lines)
-        force = weights * load.intensity(points, size, self._mode_at)
-        return np.asarray(self.mesh.rows(self.nondimensional(points)).T @ force)
-
-    def _mode_at(self, mode: int, points: Floats) -> Floats:
-        return np.asarray(
-            self.mesh.rows(self.nondimensional(points)) @ self.whole_field(mode_of_unit_deflection(self, mode))
-        )
-
-    def nondimensional(self, points: Floats) -> Floats:
-        """(k, 2) points in m over length and width."""
-        return points / (self.plate.length, self.plate.width)
 
     def base_coefficients(self, motion: BaseDirection) -> Floats:
         """(3,) the translation and the rotations w = x / length, w = y / width of a unit motion of the base."""
         x, y, _ = motion.about
         if motion.direction == "rx":
-            return np.array([-y, 0.0, self.plate.width])
+            return np.array([-y, 0.0, self.section.width])
         if motion.direction == "ry":  # z goes down with x
-            return np.array([x, -self.plate.length, 0.0])
+            return np.array([x, -self.section.length, 0.0])
         if motion.direction in ("", "z"):
             return np.array([1.0, 0.0, 0.0])
         raise MethodError(
             "direction", f"= {motion.direction} does not deflect a plate", "use z, or a rotation, rx or ry"
         )
 
-    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
-        return self.rigid_inertia @ self.base_coefficients(motion), self.ground
-
-    def base_motion_of(self, place: Place, motion: BaseDirection) -> float:
-        """Deflection of a place when the base moves by one unit and nothing deforms."""
-        up, along_x, along_y = self.base_coefficients(motion) / (1.0, self.plate.length, self.plate.width)
-        return float(up + along_x * place.coordinate + along_y * (place.across or 0.0))
-
-    def whole_field(self, vectors: Floats) -> Floats:
-        """Fields (N,) or (N, k) on all dofs, those that the supports hold included."""
-        field = np.zeros((self.mesh.size, *vectors.shape[1:]))
-        field[self.free] = vectors
-        return field
-
     def unit_stiffness(self, site: Site) -> float:
         """sqrt(Dx Dy) / (L W), N/m."""
-        rigidity = self.plate.rigidity
-        return float(np.sqrt(rigidity.dx * rigidity.dy) / (self.plate.length * self.plate.width))
+        rigidity = self.section.rigidity
+        return float(np.sqrt(rigidity.dx * rigidity.dy) / (self.section.length * self.section.width))
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute deflection of a field (N,), at four points a side of every element."""

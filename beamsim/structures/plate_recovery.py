@@ -13,7 +13,6 @@ import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.structures.base_motion import BaseDirection
-from beamsim.structures.mesh import line_rows
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import IN_PLANE, Recovery
 from beamsim.structures.supports import Support
@@ -38,7 +37,7 @@ def plate_recovery(
     basis : reduced coordinates of the whole structure.
     base : how the base moves: then the static share of the modes left out is needed.
     """
-    plate, whole = structure.plate, member.whole
+    plate, whole = structure.section, member.whole
     scale = 1 / np.sqrt(whole.mass_scale)
     operator = moment_operator(structure)
 
@@ -101,11 +100,11 @@ def moment_operator(structure: PlateModel) -> Any:
     """(3 nodes, size) rows of Mx, then My, then Mxy per width at the nodes, N for a metre of each dof."""
     from scipy.sparse import kron, vstack
 
-    plate, (x, y) = structure.plate, (structure.mesh.x, structure.mesh.y)
+    plate, (x, y) = structure.section, (structure.mesh.x, structure.mesh.y)
     d, length, width = plate.rigidity, plate.length, plate.width
-    xx = kron(curvature_rows(x), line_rows(y, y.nodes), format="csr") / length**2
-    yy = kron(line_rows(x, x.nodes), curvature_rows(y), format="csr") / width**2
-    xy = kron(line_rows(x, x.nodes, 1), line_rows(y, y.nodes, 1), format="csr") / (length * width)
+    xx = kron(curvature_rows(x), y.rows(y.nodes), format="csr") / length**2
+    yy = kron(x.rows(x.nodes), curvature_rows(y), format="csr") / width**2
+    xy = kron(x.rows(x.nodes, 1), y.rows(y.nodes, 1), format="csr") / (length * width)
     return vstack([d.dx * xx + d.d1 * yy, d.d1 * xx + d.dy * yy, 2 * d.twisting * xy], format="csr")
 
 
@@ -124,4 +123,4 @@ def curvature_rows(mesh: Mesh) -> Any:
                 weights[:, j] *= (mesh.nodes - gauss[near[:, k]]) / (gauss[near[:, j]] - gauss[near[:, k]])
     rows = np.repeat(np.arange(mesh.nodes.size), count)
     interpolation = csr_array((weights.ravel(), (rows, near.ravel())), shape=(mesh.nodes.size, gauss.size))
-    return interpolation @ line_rows(mesh, gauss, 2)
+    return interpolation @ mesh.rows(gauss, 2)

@@ -16,7 +16,6 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.basis import LoadPattern
-from beamsim.structures.beam_model import rigid_motions
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.hermite import curvature_factor, double_integral, mass_matrix, shape_functions
 from beamsim.structures.places import Place
@@ -39,13 +38,6 @@ def stations(mesh: Mesh, extra: list[float]) -> Floats:
     return np.unique(np.concatenate([x, distinct]))
 
 
-def deflection_rows(mesh: Mesh, x: Floats, vectors: Floats) -> Floats:
-    """(nx, n) deflections at x of (all dofs, n) displacement fields."""
-    element, xi = mesh.locate(x)
-    shape = shape_functions(xi, mesh.lengths[element])
-    return np.asarray(np.einsum("xd,xdn->xn", shape, vectors[mesh.dofs[element]]))
-
-
 def beam_recovery(
     model: BeamModel, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
 ) -> Recovery:
@@ -58,7 +50,7 @@ def beam_recovery(
     sites : where forces act on the beam.
     base : how the base moves: then the static share of the modes left out is needed.
     """
-    beam, scale = model.beam, 1 / np.sqrt(member.whole.mass_scale)
+    beam, scale = model.section, 1 / np.sqrt(member.whole.mass_scale)
     length = beam.length
     x = stations(model.mesh, [place.coordinate / length for place in sites])
     moment = moment_rows(model, member, basis, x)
@@ -67,7 +59,7 @@ def beam_recovery(
         body=model.name,
         axis=ALONG,
         position=x * length,
-        deflection=deflection_rows(model.mesh, x, model.whole_field(member.field(basis.vectors))) * scale,
+        deflection=model.mesh.rows(x) @ model.whole_field(member.field(basis.vectors)) * scale,
         bending_moment=moment * (scale * beam.bending_stiffness / length**2),
         stress_per_moment=_per_moment(model, x, lambda bending: bending.stress_per_moment),
         strain_per_moment=_per_moment(model, x, _strain_per_moment),
@@ -82,7 +74,7 @@ def _strain_per_moment(bending: Any) -> float | None:
 
 def _per_moment(model: BeamModel, x: Floats, of: Callable[[Any], float | None]) -> Floats | None:
     """(nx,) stress or strain per moment at stations, where segments meet the larger one; None where unknown."""
-    by_stretch = [of(stretch.bending) for stretch in model.beam.stretches]
+    by_stretch = [of(stretch.bending) for stretch in model.section.stretches]
     known = [value for value in by_stretch if value is not None]
     if len(known) < len(by_stretch):
         return None
@@ -165,8 +157,8 @@ def _fields(
     for pattern, row in zip(patterns, p, strict=True):
         site = pattern.site
         if isinstance(site, BaseDirection):
-            coefficients = model.base_coefficients(member.whole.seen_from(model.name, site))
-            acceleration += np.multiply.outer(rigid_motions(model.mesh) @ coefficients, row * inertia)
+            moving = model.rigid_motion(member.whole.seen_from(model.name, site))
+            acceleration += np.multiply.outer(moving, row * inertia)
         elif isinstance(site, Support):
             moved = site.motions.get(model.name)
             if moved is not None:
@@ -174,9 +166,10 @@ def _fields(
                 displacement = displacement + np.multiply.outer(whole, row)
         elif isinstance(site, Place | Distributed) and member.whole.member(site.body).body is model and row.any():
             if isinstance(site, Place):
-                places, sizes = np.array([site.coordinate / model.beam.length]), np.ones(1)
+                places, sizes = np.array([site.coordinate / model.section.length]), np.ones(1)
             else:
-                places, sizes = model.point_forces(site, x * model.beam.length)
+                points, sizes = model.point_forces(site, x * model.section.length)
+                places = points[:, 0]
             forces.append((places, sizes, row / member.stiffness_ratio))
     return _Fields(displacement, acceleration, forces)
 

@@ -103,13 +103,6 @@ class Assembly(SeveralBodies):
         """Those within the parts."""
         return tuple(coupling for part in self.blocks for coupling in part.structure.couplings)
 
-    def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
-        """(n, n) C of the reduced model, 1/s, part by part."""
-        damping = np.zeros((omega.size, omega.size))
-        for part, (reduced, columns) in zip(self.blocks, basis.blocks, strict=True):
-            damping[np.ix_(columns, columns)] = part.structure.reduced_damping(reduced, omega[columns])
-        return damping
-
     def recoveries(
         self, basis: ReducedBasis, sites: Sequence[LoadSite], base: BaseDirection | None
     ) -> tuple[Recovery, ...]:

@@ -239,10 +239,6 @@ class Structure(ABC):
         """Stiffness, N/m, that those of snubbers at a site are compared with."""
 
     @abstractmethod
-    def reduced_damping(self, basis: ReducedBasis, omega: Floats) -> Floats:
-        """(n, n) symmetric C of the reduced model, 1/s; ``omega`` (n,) rad/s are the coordinates' frequencies."""
-
-    @abstractmethod
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(N,) scaled inertia and (N,) physical force of springs to the ground under a unit motion of the base.
 
@@ -283,8 +279,11 @@ class Structure(ABC):
         """Largest absolute deflection of a field (N,)."""
 
 
+@dataclass(frozen=True)
 class BodyStructure(Structure, ABC):
     """One body; a kind of body is a subclass."""
+
+    section: Any  # what describes the body in the scenario; None where that has no number of its matrices
 
     @property
     def file_summary(self) -> FileSummary | None:
@@ -298,11 +297,6 @@ class BodyStructure(Structure, ABC):
 
     sides: ClassVar[tuple[str, ...]] = ()
     """Keys of the section that are the extent of the body along each axis."""
-
-    @property
-    @abstractmethod
-    def section(self) -> Any:
-        """What describes the body in the scenario; None where that has no number of its matrices."""
 
     @abstractmethod
     def reassembled(self, section: Any) -> BodyStructure:
@@ -387,6 +381,6 @@ class BodyStructure(Structure, ABC):
     ) -> Recovery:
         """What can be recovered along the body, with stations at the sites on it; ``member`` is the body itself."""
 
-    @abstractmethod
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """A field that a scenario gives by numbers, as the kind of body reads them."""
+        raise ValueError(f"{self.name} takes no field to start from")  # which the scenario refuses

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from beamsim.dataclass import dataclass
+from beamsim.structures.damping import reduced_damping
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ class ReducedStructure:
     @cached_property
     def damping(self) -> Floats:
         """(n, n) C, 1/s."""
-        return self.structure.reduced_damping(self.basis, self.omega)
+        return reduced_damping(self.structure, self.basis, self.omega)
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(n,) modal inertia, sqrt(kg), and force of springs to the ground, N/(m sqrt(kg)), of a unit base motion."""

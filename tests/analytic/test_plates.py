@@ -203,14 +203,14 @@ def test_point_supports_take_rigid_body_modes() -> None:
 def _uniform_pressure(structure: PlateStructure, pressure: float) -> np.ndarray:
     """(N,) deflection, m: the inertia load of a unit acceleration is that of a pressure m a."""
     unit = static_deflections(structure, structure.inertia[:, None])[:, 0] / structure.frequency_scale**2
-    return np.asarray(unit * pressure / structure.plate.surface_mass)
+    return np.asarray(unit * pressure / structure.section.surface_mass)
 
 
 @pytest.mark.parametrize("width", [1.0, 1.5])
 def test_pinned_plate_under_pressure_against_navier(width: float) -> None:
     """Deflection and moments at the centre (Timoshenko and Woinowsky-Krieger, articles 29 and 30)."""
     structure = assemble_plate(plate("SSSS", (12, 12), width=width))
-    d, nu, m = structure.plate.rigidity.dx, 0.3, np.arange(1, 400, 2)
+    d, nu, m = structure.section.rigidity.dx, 0.3, np.arange(1, 400, 2)
     x, y = (m * np.pi)[:, None], (m * np.pi / width)[None, :]
     sign = np.outer((-1.0) ** ((m - 1) // 2), (-1.0) ** ((m - 1) // 2))
     w = 16 * sign / (np.pi**2 * np.outer(m, m) * (x**2 + y**2) ** 2)
@@ -230,7 +230,7 @@ def test_moments_of_a_strip_under_pressure_are_exact() -> None:
     moments = (moment_operator(structure) @ field).reshape(3, -1)
     np.testing.assert_allclose(moments[0], exact, atol=1e-9)
     np.testing.assert_allclose(moments[1:], 0.0, atol=1e-9)
-    plain = structure.mesh.rows(structure.mesh.node_points, (2, 0)) @ field * structure.plate.rigidity.dx
+    plain = structure.mesh.rows(structure.mesh.node_points, (2, 0)) @ field * structure.section.rigidity.dx
     assert np.abs(plain - exact).max() > 1e-3
 
 
