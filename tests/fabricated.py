@@ -21,7 +21,7 @@ from beamsim.analyses.run.spectrum import spectrum
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.body import Located
 from beamsim.scenario.excitation import NoExcitation
-from beamsim.structures.stations import ALONG, MASSES, Stations
+from beamsim.structures.stations import ALONG, MASSES, Recovery, Stations
 
 YAML = """\
 title: Fabricated, 65 Hz
@@ -97,7 +97,8 @@ def fabricate(
     beam = BodyResult(
         x, 2e7 * (1 - x / 0.27), np.array([-1e-4 * curve, 4e-4 * curve]), np.array([0.3, 0.2]), -2e-5 * curve
     )
-    stations = Stations.of([("chain", MASSES, x) if chain else ("beam", ALONG, x)])
+    body = ("chain", MASSES) if chain else ("beam", ALONG)
+    stations = Stations.of_recoveries([Recovery(*body, x, np.zeros((x.size, 0)))])
     modes = ModeTable(
         stations, np.array([52.7, 328.5]), np.array([196.0, 447.1]), np.vstack([curve, curve**2]),
         np.array([0.01, np.nan]), 2, len(snubbers), 1000.0, 1e-5,

@@ -2,50 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text, walk
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.joint import body_origins
+from beamsim.structures.chain import linear_stiffness
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.joined import join
-from beamsim.structures.joints import couplings_of
-from beamsim.structures.places import LoadSite, Place, Site, ends_of, load_site_of, site_of
+from beamsim.structures.places import SLOPE, Link, LoadSite, Place, Site, ends_of, load_site_of, site_of
 from beamsim.structures.several import assemble_side_by_side
+from beamsim.structures.supports import Coupling
 
 if TYPE_CHECKING:
     from beamsim.scenario import Located, Scenario
     from beamsim.structures.file_summary import FileSummary
-    from beamsim.structures.structure import BodyStructure, Coupling, Structure
+    from beamsim.structures.structure import BodyStructure, Structure
 
 
-def _assembler(kind: str) -> Callable[[Any, str, Sequence[Any]], BodyStructure]:
-    """What makes a structure of a body of this kind; its third argument is where something joins the body.
-
-    A scenario imports those of its own bodies: a plate has twenty modules that a beam does not need.
-    """
-    match kind:
-        case "beam":
-            from beamsim.structures.beam import assemble_beam
-
-            return assemble_beam
-        case "chain":
-            from beamsim.structures.chain import assemble_chain
-
-            return assemble_chain
-        case "plate":
-            from beamsim.structures.plate import assemble_plate
-
-            return assemble_plate
-        case "matrices":
-            from beamsim.structures.matrices import assemble_matrices
-
-            return assemble_matrices
-        case _:
-            raise AssertionError(f"no structure is made of a body of kind {kind}")
+# Modules whose function ``assemble_<kind>`` makes a structure of a body of this kind; only those needed are imported.
+_ASSEMBLERS = {kind: f"beamsim.structures.{kind}" for kind in ("beam", "chain", "plate", "matrices")}
 
 
 def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequence[Place] = ()) -> Structure:
@@ -66,6 +47,34 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
     return parts[0] if len(parts) == 1 else assemble_side_by_side(parts)
 
 
+def couplings_of(scenario: Scenario) -> list[Coupling]:
+    """Joints, direction by direction, and the linear part of springs that are not listed in a body."""
+    body = scenario.default_body
+    couplings = [coupling for joint in scenario.joints for coupling in _of_joint(scenario, joint, site_of(joint, body))]
+    for spring in (*scenario.springs_to_ground, *scenario.springs_between):
+        site = site_of(spring, body)
+        if stiffness := linear_stiffness(spring):
+            couplings.append(Coupling(spring.name, site, stiffness, to_ground=isinstance(site, Place)))
+    return couplings
+
+
+def _of_joint(scenario: Scenario, joint: Any, site: Site) -> list[Coupling]:
+    held = joint.kind in ("rigid", "hinge")
+    couplings = [Coupling(joint.name, site, None if held else joint.stiffness, 0.0 if held else joint.dashpot)]
+    if all(scenario.all_bodies[end.body].has_slope for end in ends_of(site)):
+        rigid = joint.kind == "rigid"
+        rotation = (None, 0.0) if rigid else (joint.rotational_stiffness, joint.rotational_dashpot)
+        couplings.append(Coupling(joint.name, _slope_of(site), *rotation))
+    return couplings
+
+
+def _slope_of(site: Site) -> Site:
+    """The same places, in the direction of the slope."""
+    if isinstance(site, Link):
+        return Link(replace(site.first, direction=SLOPE), replace(site.second, direction=SLOPE))
+    return replace(site, direction=SLOPE)
+
+
 def joined_to(scenario: Scenario, names: Sequence[str]) -> list[str]:
     """These bodies and those that they are joined to, in the order of the scenario."""
     groups = _groups(list(scenario.all_bodies), couplings_of(scenario))
@@ -73,12 +82,12 @@ def joined_to(scenario: Scenario, names: Sequence[str]) -> list[str]:
 
 
 def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: Sequence[Place] = ()) -> BodyStructure:
-    section = scenario.all_bodies[name]
-    return _assembler(section.body_kind)(
-        _with_places_of_files(scenario, name),
-        name,
-        [end.point for end in [*(end for coupling in couplings for end in coupling.ends), *nodes] if end.body == name],
-    )
+    kind = scenario.all_bodies[name].body_kind
+    assemble_body = getattr(import_module(_ASSEMBLERS[kind]), f"assemble_{kind}")
+    ends = [*(end for coupling in couplings for end in coupling.ends), *nodes]
+    points = [end.point for end in ends if end.body == name]  # where something joins the body
+    body: BodyStructure = assemble_body(_with_places_of_files(scenario, name), name, points)
+    return body
 
 
 def summaries_of_files(scenario: Scenario) -> tuple[FileSummary, ...]:

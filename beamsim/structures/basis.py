@@ -5,7 +5,7 @@ from __future__ import annotations
 from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.places import LoadSite
-from beamsim.structures.supports import Support
+from beamsim.structures.supports import UnitMotion
 from beamsim.typing import Floats, Ints
 
 
@@ -15,7 +15,7 @@ class LoadPattern:
 
     vector: Floats  # (N,) scaled load on the free dofs
     # of the unit force; the direction of an inertia load (gravity); the support that moves by one unit
-    site: LoadSite | BaseDirection | Support
+    site: LoadSite | BaseDirection | UnitMotion
 
 
 @dataclass(frozen=True)

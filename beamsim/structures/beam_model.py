@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,28 @@ if TYPE_CHECKING:
 
 
 _DERIVATIVE = {DEFLECTION: 0, SLOPE: 1}
+
+
+def place_rows(mesh: Mesh, length: float, places: Sequence[Place]) -> Floats:
+    """(k, all dofs) deflections or slopes at places of a beam.
+
+    Parameters
+    ----------
+    mesh, length : of the beam, m.
+    places : k of its places.
+
+    Raises
+    ------
+    ValueError
+        If a place moves in another direction.
+    """
+    rows = np.zeros((len(places), mesh.size))
+    for row, place in zip(rows, places, strict=True):
+        if place.direction not in _DERIVATIVE:
+            raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
+        derivative = _DERIVATIVE[place.direction]
+        row[:] = mesh.rows(place.coordinate / length, derivative).toarray()[0] / length**derivative
+    return rows
 
 
 @dataclass(frozen=True)
@@ -56,11 +79,7 @@ class BeamModel(MeshedBody, ABC):
 
     def point_row(self, place: Place) -> Floats:
         """(all dofs,) deflection or slope at a place."""
-        if place.direction not in _DERIVATIVE:
-            raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
-        derivative = _DERIVATIVE[place.direction]
-        row = self.mesh.rows(place.coordinate / self.section.length, derivative).toarray()[0]
-        return np.asarray(row / self.section.length**derivative)
+        return np.asarray(place_rows(self.mesh, self.section.length, [place])[0])
 
     def base_coefficients(self, motion: BaseDirection) -> Floats:
         """(2,) the translation and the rotation of the mesh that make up a unit motion of the base."""

@@ -9,51 +9,36 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
+from beamsim.structures.distributed import Distributed
+from beamsim.structures.given_field import GivenField, WeightedValues
 from beamsim.structures.places import DEFLECTION, Place, Site
 from beamsim.structures.stations import MASSES, Recovery
 from beamsim.structures.structure import BodyStructure, MemberBody
-from beamsim.structures.supports import Support, spring_support
-from beamsim.typing import Floats
+from beamsim.structures.supports import Coupling, Hold
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario import Chain
     from beamsim.structures.basis import ReducedBasis
 
 
-def _stretch(count: int, links: int) -> Floats:
-    """(links, count) elongation of each link: wall to 1, 1 to 2, ..., count to wall when links = count + 1."""
-    matrix = np.zeros((links, count))
-    for i in range(links):
-        if i < count:
-            matrix[i, i] = 1.0
-        if i > 0:
-            matrix[i, i - 1] = -1.0
-    return matrix
+def _stretches(count: int, ends: Sequence[tuple[int, int]]) -> Floats:
+    """(links, count) how far links draw the masses at their ends (from 0) apart; a number beyond them is a wall."""
+    masses = np.arange(count)
+    return np.array([1.0 * (masses == b) - (masses == a) for a, b in ends]).reshape(-1, count)
 
 
-def floating_groups(
-    count: int, springs: Sequence[float], grounded: Sequence[int], links: Sequence[tuple[int, int]] = ()
-) -> list[list[int]]:
-    """Groups of masses (0-based) joined by springs that neither a wall nor the ground holds.
+def floating_groups(rows: Floats) -> list[Ints]:
+    """Masses, from 0, that springs join and that neither a wall nor the ground holds, group by group.
 
-    ``springs`` are those of the row; ``links`` are pairs of masses that further springs join.
+    ``rows`` (springs, masses) are how far a unit displacement of each mass stretches each spring.
     """
-    label = list(range(count))
+    from scipy.sparse.csgraph import connected_components
 
-    def join(a: int, b: int) -> None:
-        old, new = label[b], label[a]
-        label[:] = [new if x == old else x for x in label]
-
-    for a, b in [(i - 1, i) for i in range(1, count) if springs[i] > 0] + list(links):
-        join(a, b)
-    held = {label[i] for i in grounded}
-    held |= {label[0]} if springs[0] > 0 else set()
-    held |= {label[-1]} if len(springs) > count and springs[count] > 0 else set()
-    groups: dict[int, list[int]] = {}
-    for i, x in enumerate(label):
-        if x not in held:
-            groups.setdefault(x, []).append(i)
-    return list(groups.values())
+    joined = (rows != 0).astype(float)
+    _, label = connected_components(joined.T @ joined, directed=False)
+    held = label[joined[joined.sum(axis=1) == 1].any(axis=0)]
+    return [np.flatnonzero(label == group) for group in np.setdiff1d(label, held)]
 
 
 def linear_stiffness(spring: Any) -> float:
@@ -61,24 +46,6 @@ def linear_stiffness(spring: Any) -> float:
     if spring.kind == "linear":
         return float(spring.stiffness)
     return float(spring.slope_at_rest) if spring.kind == "piecewise_linear" else 0.0
-
-
-@dataclass(frozen=True)
-class MassField:
-    """Displacements or velocities of the masses."""
-
-    structure: ChainStructure
-    numbers: Floats  # (N,)
-
-    def products(self, vectors: Floats) -> Floats:
-        """(n,) products with fields (N, n) in the scaled mass matrix."""
-        return np.asarray(vectors.T @ (self.structure.mass @ self.numbers))
-
-    def error(self, vectors: Floats, q: Floats, quantity: str) -> float:
-        """Relative error of ``vectors @ q`` in the kinetic norm."""
-        mass, missed = self.structure.mass, self.numbers - vectors @ q
-        norm = float(self.numbers @ (mass @ self.numbers))
-        return float(np.sqrt(float(missed @ (mass @ missed)) / norm)) if norm > 0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -91,8 +58,9 @@ class ChainStructure(BodyStructure):
         """All of them."""
         return self.size
 
-    def place_row(self, place: Place) -> Floats:
+    def unsupported_row(self, place: Place | Distributed) -> Floats:
         """(N,) displacement of a mass for a unit of each degree of freedom."""
+        assert isinstance(place, Place)  # the scenario refuses the others
         if place.direction != DEFLECTION:
             raise ValueError(f"the masses of a chain have no motion {place.direction}")
         return np.asarray(np.eye(self.size)[round(place.coordinate) - 1])
@@ -112,31 +80,30 @@ class ChainStructure(BodyStructure):
         shapes = member.field(basis.vectors) * (1 / np.sqrt(member.whole.mass_scale))
         return Recovery(self.name, MASSES, np.arange(1.0, self.size + 1), shapes)
 
-    @property
-    def supports(self) -> tuple[Support, ...]:
+    def holds(self, base: BaseDirection) -> Sequence[Hold]:
         """The walls, and the ground at springs to it."""
-        chain, unit = self.section, np.eye(self.size)
-        walls = []
-        for name, link, mass in (("left", 0, 0), ("right", self.size, -1)):
-            spring, dashpot = (
-                numbers[link] if link < len(numbers) else 0.0 for numbers in (chain.springs, chain.dashpots)
-            )
-            if spring or dashpot:
-                walls.append(spring_support(name, DEFLECTION, unit[mass], spring, dashpot, self.name))
-        springs = [
-            spring_support(s.name, DEFLECTION, unit[s.mass - 1], linear_stiffness(s), 0.0, self.name, to_ground=True)
+        chain, size = self.section, self.size
+        springs = []
+        for name, link, mass in (("left", 0, 1), ("right", size, size)):
+            spring, dashpot = (of[link] if link < len(of) else 0.0 for of in (chain.springs, chain.dashpots))
+            springs.append(Coupling(name, Place(self.name, mass), spring, dashpot))
+        springs += [
+            Coupling(s.name, Place(self.name, s.mass), linear_stiffness(s), to_ground=True)
             for s in chain.springs_to_ground
-            if linear_stiffness(s)
         ]
-        return (*walls, *springs)
+        return [
+            Hold(each.name, DEFLECTION, 0.0 if each.to_ground else 1.0, spring=each)
+            for each in springs
+            if each.stiffness or each.dashpot
+        ]
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute displacement of a mass."""
         return float(np.abs(field).max())
 
-    def given_field(self, numbers: Sequence[float]) -> MassField:
+    def given_field(self, numbers: Sequence[float]) -> GivenField:
         """One number a mass."""
-        return MassField(self, np.asarray(numbers, dtype=float))
+        return GivenField(WeightedValues(np.eye(self.size), self.inertia, np.asarray(numbers, dtype=float)))
 
 
 def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = ()) -> ChainStructure:
@@ -149,34 +116,28 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
     from scipy.sparse import csc_array, csr_array
 
     masses = np.array(chain.masses, dtype=float)
-    springs = np.array(chain.springs, dtype=float)
     count = masses.size
+    row = [(i - 1, i) for i in range(count + 1)]
+    grounded = [(spring.mass - 1, linear_stiffness(spring)) for spring in chain.springs_to_ground]
+    springs = [(*ends, k) for ends, k in zip(row, chain.springs, strict=False)]
+    springs += [(count, mass, k) for mass, k in grounded]
+    springs += [
+        (spring.masses[0] - 1, spring.masses[1] - 1, linear_stiffness(spring)) for spring in chain.springs_between
+    ]
+    springs = [spring for spring in springs if spring[2] > 0]
+    stiffness = np.array([k for _, _, k in springs], dtype=float)
     ground = np.zeros(count)
-    for spring in chain.springs_to_ground:
-        ground[spring.mass - 1] += linear_stiffness(spring)
-    between = [(sorted(s.masses), linear_stiffness(s)) for s in chain.springs_between]
-    links = [(pair[0] - 1, pair[1] - 1, k) for pair, k in between if k > 0]
+    for mass, k in grounded:
+        ground[mass] -= k
 
     mass_scale = float(np.mean(masses))
-    stiffness_scale = float(max(springs.max(initial=0.0), ground.max(), *(k for _, _, k in links), 0.0))
-    if stiffness_scale == 0.0:
-        stiffness_scale = 1.0
-    stretch = _stretch(count, springs.size)
-    linked = np.zeros((len(links), count))
-    for row, (a, b, k) in zip(linked, links, strict=True):
-        row[[a, b]] = -np.sqrt(k), np.sqrt(k)
-    rows = np.vstack([stretch * np.sqrt(springs)[:, None], np.diag(np.sqrt(ground)), linked])
-    rows = rows[np.any(rows != 0, axis=1)] / np.sqrt(stiffness_scale)
-
-    dashpots = np.array(chain.dashpots, dtype=float)
+    stiffness_scale = float(max(stiffness.max(initial=0.0), -ground.min())) or 1.0
+    rows = _stretches(count, [(a, b) for a, b, _ in springs])
     damping: Any = None
-    if dashpots.any():
-        beside = _stretch(count, dashpots.size)
-        damping = csc_array(beside.T @ (dashpots[:, None] * beside))
-
-    groups = floating_groups(
-        count, [float(k) for k in springs], [int(i) for i in np.flatnonzero(ground)], [(a, b) for a, b, _ in links]
-    )
+    if any(chain.dashpots):
+        beside = _stretches(count, row[: len(chain.dashpots)])
+        damping = csc_array(beside.T @ (np.array(chain.dashpots, dtype=float)[:, None] * beside))
+    groups = floating_groups(rows)
     rigid = np.zeros((count, len(groups)))
     for j, group in enumerate(groups):
         rigid[group, j] = 1.0 / np.sqrt(masses[group].sum() / mass_scale)
@@ -184,10 +145,10 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
     return ChainStructure(
         name=name,
         mass=csc_array(np.diag(masses / mass_scale)),
-        factor=csr_array(rows.reshape(-1, count)),
+        factor=csr_array(rows * np.sqrt(stiffness / stiffness_scale)[:, None]),
         damping=damping,
         inertia=masses / mass_scale,
-        ground=-ground,
+        ground=ground,
         rigid=rigid,
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,

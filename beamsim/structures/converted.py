@@ -20,7 +20,6 @@ import numpy as np
 from beamsim.matrix_files.matrix import MODAL
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable
 from beamsim.structures.named_matrices import NamedMatrices
-from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario.file_units import UnitSizes
@@ -31,45 +30,30 @@ def in_si_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
 
     The rows of a recovery matrix give what they gave, in the units of the file, now for motions in SI units.
     """
-    length, mass, force, time = sizes
-    if all(size == 1.0 for size in sizes):
-        return given
-    converted = _scaled(given, 1.0 / _sizes_of_dofs(given.table, sizes), mass * length**2, force * length, time, length)
-    return replace(converted, time_unit=given.time_unit * time)
-
-
-def in_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
-    """The reverse: matrices and coordinates in SI units as a file in other units has them."""
-    length, mass, force, time = sizes
-    if all(size == 1.0 for size in sizes):
-        return given
-    scale = _sizes_of_dofs(given.table, sizes)
-    return _scaled(given, scale, 1.0 / (mass * length**2), 1.0 / (force * length), 1.0 / time, 1.0 / length)
-
-
-def _sizes_of_dofs(table: DofTable, sizes: UnitSizes) -> Floats:
-    """(N,) of a unit of each degree of freedom, in m, rad, or m sqrt(kg)."""
-    by_direction = {MODAL: sizes.length * np.sqrt(sizes.mass), **dict.fromkeys(TRANSLATIONS, sizes.length)}
-    return np.array([by_direction.get(direction, 1.0) for _, direction in table.dofs])
-
-
-def _scaled(
-    given: NamedMatrices, dof: Floats, mass: float, stiffness: float, time: float, length: float
-) -> NamedMatrices:
-    """The matrices times numbers, their rows and columns times ``dof``; coordinates times ``length``."""
     from scipy.sparse import diags_array
 
-    diagonal: Any = diags_array(dof)
+    length, mass, force, time = sizes
+    if all(size == 1.0 for size in sizes):
+        return given
+    by_direction = {MODAL: length * np.sqrt(mass), **dict.fromkeys(TRANSLATIONS, length)}
+    units = np.array([by_direction.get(direction, 1.0) for _, direction in given.table.dofs])
+    diagonal: Any = diags_array(1.0 / units)
 
-    def of(matrix: Any, factor: float) -> Any:
+    def scaled(matrix: Any, factor: float) -> Any:
         return None if matrix is None else (factor * (diagonal @ matrix @ diagonal)).tocsc()
 
     places = given.table.coordinates
     return replace(
         given,
         table=DofTable(given.table.dofs, None if places is None else places * length),
-        mass=of(given.mass, mass),
-        stiffness=of(given.stiffness, stiffness),
-        damping=of(given.damping, stiffness * time),
+        mass=scaled(given.mass, mass * length**2),
+        stiffness=scaled(given.stiffness, force * length),
+        damping=scaled(given.damping, force * length * time),
         recovery=None if given.recovery is None else (given.recovery @ diagonal).tocsr(),
+        time_unit=given.time_unit * time,
     )
+
+
+def in_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
+    """The reverse: matrices and coordinates in SI units as a file in other units has them."""
+    return in_si_units(given, type(sizes)(*(1.0 / size for size in sizes)))

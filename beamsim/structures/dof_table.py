@@ -126,9 +126,5 @@ def write_dof_table(path: Path, table: DofTable) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["node", "direction"] if table.coordinates is None else ["node", "direction", "x", "y", "z"])
         for i, dof in enumerate(table.dofs):
-            places = (
-                []
-                if table.coordinates is None
-                else ["" if np.isnan(x) else repr(float(x)) for x in table.coordinates[i]]
-            )
-            writer.writerow([*dof, *places])
+            place = [] if table.coordinates is None else table.coordinates[i].tolist()
+            writer.writerow([*dof, *("" if np.isnan(x) else repr(x) for x in place)])

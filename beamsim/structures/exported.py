@@ -22,7 +22,7 @@ import numpy as np
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import MODAL
 from beamsim.structures.dof_table import DofTable, NamedDofs
-from beamsim.structures.modes import DENSE_LIMIT
+from beamsim.structures.modes import lowest_eigenpairs
 from beamsim.structures.named_matrices import NamedMatrices, with_base_node
 from beamsim.structures.places import Place
 from beamsim.structures.structure import BodyStructure, Structure
@@ -47,7 +47,7 @@ def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
     MethodError
         If springs hold the structure to the ground, which does not move with the base.
     """
-    from scipy.sparse import csr_array, diags_array
+    from scipy.sparse import csr_array, diags_array, vstack
     from scipy.sparse.linalg import splu
 
     if isinstance(structure, BodyStructure):
@@ -58,7 +58,7 @@ def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
                 "springs", "to the ground hold the structure, which a node that moves with the base cannot stand for",
                 "leave them out, or make them joints to the base",
             )  # fmt: skip
-        everything: Any = _stacked([member.expansion for member in structure.members])
+        everything: Any = vstack([member.expansion for member in structure.members], format="csr")
         kept = _independent_rows(everything)
         named = _part(_names([member.body for member in structure.members]), kept)
         chosen = everything[kept].tocsc()
@@ -74,12 +74,6 @@ def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
     inertia = np.asarray(back.T @ (structure.mass_scale * structure.inertia))
     given = with_base_node(named, mass, stiffness, damping, inertia, total)
     return given, diags_array(1 / named.scale) @ back.T
-
-
-def _stacked(expansions: Sequence[Any]) -> Any:
-    from scipy.sparse import vstack
-
-    return vstack(expansions, format="csr")
 
 
 def _names(bodies: Sequence[BodyStructure]) -> NamedDofs:
@@ -165,7 +159,7 @@ def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatr
         raise MethodError("boundary", "is empty" if inner.size else "holds every degree of freedom", "name places")
     stiffness, mass = (matrix.tocsr()[inner][:, inner].tocsc() for matrix in (given.stiffness, given.mass))
     try:
-        factors = symmetric_lu(stiffness, definite=True)
+        factors = symmetric_lu(stiffness)
         held = bool(np.all(factors.pivots > 1e-12))
     except RuntimeError:
         held = False
@@ -174,7 +168,7 @@ def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatr
             "boundary", "does not hold the structure: it moves without force",
             "let more places act on it: snubbers, springs, joints, probes",
         )  # fmt: skip
-    modes = _modes(stiffness, mass, factors, min(count, inner.size))
+    modes = lowest_eigenpairs(stiffness, mass, min(count, inner.size), 0.0, factors)[1]
     basis = np.zeros((size, modes.shape[1] + boundary.size))
     basis[inner, : modes.shape[1]] = modes
     basis[boundary, modes.shape[1] + np.arange(boundary.size)] = 1.0
@@ -194,18 +188,6 @@ def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatr
         given.base,
         given.direction,
     )
-
-
-def _modes(stiffness: Any, mass: Any, factors: Any, count: int) -> Floats:
-    from scipy.linalg import eigh
-    from scipy.sparse.linalg import LinearOperator, eigsh
-
-    size = mass.shape[0]
-    if size <= DENSE_LIMIT or count > size // 4:
-        return np.asarray(eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1])[1])
-    inverse = LinearOperator(mass.shape, matvec=factors.solve)
-    squared, vectors = eigsh(stiffness, k=count, M=mass, sigma=0.0, OPinv=inverse, v0=np.linspace(1.0, 2.0, size))
-    return np.asarray(vectors[:, np.argsort(squared)])
 
 
 def _projected(matrix: Any, basis: Floats, modes: int = 0, *, coupled: bool = True) -> Any:

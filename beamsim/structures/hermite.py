@@ -65,16 +65,26 @@ def double_integral(xi: ArrayLike, h: ArrayLike) -> Floats:
     return np.asarray(powers @ _CUBIC * _per_dof(h) * h[..., None] ** 2)
 
 
-def mass_matrix(h: ArrayLike) -> Floats:
-    """(..., 4, 4) consistent mass matrices, in rho S L."""
-    h = np.asarray(h, dtype=float)
-    unit = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) / 420
-    d = _per_dof(h)
-    return np.asarray(unit * d[..., :, None] * d[..., None, :] * h[..., None, None])
+def element_rows(h: ArrayLike, derivative: int, points: int) -> Floats:
+    """Rows B of an element with B^T B the integral of the square of a derivative, by Gauss quadrature.
+
+    Parameters
+    ----------
+    h : (...,) nondimensional element lengths.
+    derivative : order of the derivative with respect to x / L: 0 for the mass, in rho S L.
+    points : of the quadrature; 4 are exact for deflections.
+
+    Returns
+    -------
+    (..., points, 4) array.
+    """
+    place, weight = np.polynomial.legendre.leggauss(points)
+    h = np.asarray(h, dtype=float)[..., None]
+    return np.asarray(shape_functions((place + 1) / 2, h, derivative) * np.sqrt(h * weight / 2)[..., None])
 
 
-def curvature_factor(h: ArrayLike) -> Floats:
-    """(..., 2, 4) factors B with element stiffness B^T B, in E I / L^3."""
+def curvature_rows(h: ArrayLike) -> Floats:
+    """(..., 2, 4) rows B with element stiffness B^T B, in E I / L^3, whose sums over rigid motions are exact zeros."""
     h = np.asarray(h, dtype=float)
     mean = np.array([0.0, -1.0, 0.0, 1.0])
     slope = np.array([6.0, 3.0, -6.0, 3.0]) / np.sqrt(3.0)

@@ -7,6 +7,7 @@ With b the degrees of freedom that move with the base and q the others, the base
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,8 +21,9 @@ from beamsim.scenario.file_units import name_of, sizes_of
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.converted import in_si_units
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, read_dof_table
+from beamsim.structures.file_summary import doubtful_units
 from beamsim.structures.named_matrices import NamedMatrices
-from beamsim.structures.plausible_units import doubtful_units
+from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -67,36 +69,30 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
         raise MethodError(
             "structural_damping", "names no file, and the stiffness matrix is real", "give file: and name:"
         )
-    symmetric: dict[str, Any] = {}
-    for key, matrix in (
-        ("mass", mass),
-        ("stiffness", stiffness),
-        ("viscous", damping),
-        ("structural_damping", structural),
-    ):
-        symmetric[key] = None if matrix is None else _symmetric(key, matrix, table, remarks)
-    damping = symmetric["viscous"]
+    given = {"mass": mass, "stiffness": stiffness, "viscous": damping, "structural_damping": structural}
+    mass, stiffness, damping, structural = (
+        None if matrix is None else _symmetric(key, matrix, table, remarks) for key, matrix in given.items()
+    )
     if section.structural_damping is not None and structural is not None:
         frequency = section.structural_damping.frequency
-        equivalent = symmetric["structural_damping"] / (2 * np.pi * frequency * sizes.time)
+        equivalent = structural / (2 * np.pi * frequency * sizes.time)
         damping = equivalent if damping is None else damping + equivalent
         remarks.append(f"structural damping acts as viscous damping that has the same effect at {frequency:g} Hz alone")
-    _check_diagonals(symmetric["mass"], symmetric["stiffness"], table)
+    _check_diagonals(mass, stiffness, table)
     recovery = None if section.recovery is None else _recovery(section.recovery, table)
-    used = _used_rows(symmetric["mass"], symmetric["stiffness"], damping, recovery, table)
+    used = _used_rows(mass, stiffness, damping, recovery, table)
     if used.size < len(table.dofs):
         remarks.append(f"rows without mass and stiffness were left out: {len(table.dofs) - used.size}")
     mass, stiffness, damping = (
-        None if matrix is None else matrix[used][:, used].tocsc()
-        for matrix in (symmetric["mass"], symmetric["stiffness"], damping)
+        None if matrix is None else matrix[used][:, used].tocsc() for matrix in (mass, stiffness, damping)
     )
     as_written = NamedMatrices(
         table.part(used), mass, stiffness, damping, (), units=name_of(section.units),
         recovery=None if recovery is None else recovery[:, used],
     )  # fmt: skip
-    given = in_si_units(as_written, sizes)
-    remarks += doubtful_units(given, section.units)
-    return replace(given, remarks=tuple(remarks))
+    converted = in_si_units(as_written, sizes)
+    remarks += doubtful_units(converted, section.units)
+    return replace(converted, remarks=tuple(remarks))
 
 
 def _used_rows(mass: Any, stiffness: Any, damping: Any, recovery: Any, table: DofTable) -> Ints:
@@ -107,9 +103,7 @@ def _used_rows(mass: Any, stiffness: Any, damping: Any, recovery: Any, table: Do
     MethodError
         Where nothing holds a row that has mass, or a row that is left out is recovered from.
     """
-    entries = [np.asarray(abs(m).sum(axis=1)).ravel() for m in (mass, stiffness) if m is not None]
-    if damping is not None:
-        entries.append(np.asarray(abs(damping).sum(axis=1)).ravel())
+    entries = [np.asarray(abs(m).sum(axis=1)).ravel() for m in (mass, stiffness, damping) if m is not None]
     loose = np.flatnonzero((entries[1] == 0.0) & (entries[0] > 0.0))
     if loose.size:
         node, direction = table.dofs[int(loose[0])]
@@ -140,15 +134,8 @@ def _recovery(source: RecoverySource, table: DofTable) -> Any:
         raise MethodError("recovery", "is complex", "give a real matrix")
     size = len(table.dofs)
     if matrix.columns is not None:
-        place = {dof: i for i, dof in enumerate(table.dofs)}
-        unknown = next((dof for dof in matrix.columns if dof not in place), None)
-        if unknown is not None:
-            raise MethodError(
-                "recovery", f"has a column of node {unknown[0]} {unknown[1]}, which the mass and stiffness lack",
-                table.remedy(unknown[0]),
-            )  # fmt: skip
+        at = _placed("recovery", matrix.columns, table)
         entries = values.tocoo()
-        at = np.array([place[dof] for dof in matrix.columns], dtype=np.int64)
         values = csr_array((entries.data, (entries.row, at[entries.col])), shape=(values.shape[0], size))
     if values.shape != (len(source.rows), size):
         rows, columns = values.shape
@@ -209,16 +196,21 @@ def _in_order(key: str, matrix: FileMatrix, table: DofTable) -> Any:
 
     if matrix.rows is None:
         return csc_array(matrix.values)
+    at = _placed(key, matrix.rows, table)
+    entries = matrix.values.tocoo()
+    size = len(table.dofs)
+    return csc_array((entries.data, (at[entries.row], at[entries.col])), shape=(size, size))
+
+
+def _placed(key: str, names: Sequence[Dof], table: DofTable) -> Ints:
+    """Row of the table of each name that a file gives."""
     place = {dof: i for i, dof in enumerate(table.dofs)}
-    unknown = next((dof for dof in matrix.rows if dof not in place), None)
+    unknown = next((dof for dof in names if dof not in place), None)
     if unknown is not None:
         raise MethodError(
             "dofs", f"does not name node {unknown[0]} {unknown[1]}, which {key} has", table.remedy(unknown[0])
         )
-    at = np.array([place[dof] for dof in matrix.rows], dtype=np.int64)
-    entries = matrix.values.tocoo()
-    size = len(table.dofs)
-    return csc_array((entries.data, (at[entries.row], at[entries.col])), shape=(size, size))
+    return np.array([place[dof] for dof in names], dtype=np.int64)
 
 
 def _symmetric(key: str, matrix: Any, table: DofTable, remarks: list[str]) -> Any:
@@ -266,58 +258,49 @@ def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
     MethodError
         If a motion has a negative mass beyond round-off.
     """
-    from scipy.sparse import coo_array
+    from scipy.sparse import block_diag, csc_array, hstack, identity
     from scipy.sparse.csgraph import connected_components
 
-    size = mass.shape[0]
-    diagonal = mass.diagonal()
+    size, diagonal = mass.shape[0], mass.diagonal()
     _, label = connected_components(mass, directed=False)
     order = np.argsort(label, kind="stable")
-    blocks = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
-    entries: tuple[list[Any], list[Any]] = ([], [])
-    counts = [0, 0]
-    for block in blocks:
-        if block.size == 1 or block.size > _LARGEST_BLOCK:
-            empty = block.size == 1 and diagonal[block[0]] <= MASSLESS * diagonal.max()
-            pieces: list[tuple[Floats | None, int]] = [(None, 1 if empty else 0)]
-        else:
-            root = np.sqrt(np.maximum(diagonal[block], 0.0))
-            inverse = np.divide(1.0, root, out=np.ones_like(root), where=root > 0)
-            values, vectors = np.linalg.eigh(mass[block][:, block].toarray() * np.outer(inverse, inverse))
-            if values[0] < -ROUND_OFF * values[-1]:
-                node, direction = table.dofs[block[int(np.argmax(np.abs(vectors[:, 0])))]]
-                raise MethodError(
-                    "mass", f"has a motion with negative mass, largest at node {node} {direction}",
-                    "check the offsets and units of concentrated masses in the model that wrote it",
-                )  # fmt: skip
-            none = values <= max(MASSLESS, 4 * block.size * np.finfo(float).eps) * values[-1]
-            if not none.any():
-                pieces = [(None, 0)]
-            else:
-                null = np.linalg.qr(vectors[:, none] * inverse[:, None])[0]
-                pieces = [(_complement(null), 0), (null, 1)]
-        for columns, kind in pieces:
-            if columns is None:  # the block as it is
-                entries[kind].append((np.ones(block.size), block, counts[kind] + np.arange(block.size)))
-                counts[kind] += block.size
-                continue
-            i = np.repeat(block, columns.shape[1])
-            j = np.tile(counts[kind] + np.arange(columns.shape[1]), block.size)
-            entries[kind].append((columns.ravel(), i, j))
-            counts[kind] += columns.shape[1]
-
-    def gathered(kind: int) -> Any:
-        values, i, j = (np.concatenate([each[k] for each in entries[kind]] or [np.zeros(0)]) for k in range(3))
-        basis = coo_array((values, (i.astype(np.int64), j.astype(np.int64))), shape=(size, counts[kind])).tocsc()
-        basis.eliminate_zeros()
-        return basis
-
-    return gathered(0), gathered(1)
+    massive = np.ones(size, dtype=bool)  # rows that are kept as they are
+    bases: tuple[list[Floats], list[Floats]] = ([], [])
+    mixed = []
+    for block in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
+        if block.size == 1:
+            massive[block] = diagonal[block[0]] > MASSLESS * diagonal.max()
+        elif block.size <= _LARGEST_BLOCK:
+            null = _null_motions(mass[block][:, block].toarray(), table.part(block))
+            if null.shape[1]:
+                massive[block] = False
+                mixed.append(block)
+                bases[0].append(np.linalg.svd(null)[0][:, null.shape[1] :])
+                bases[1].append(null)
+    rows = np.concatenate([*mixed, np.zeros(0, dtype=np.int64)])
+    units: Any = csc_array(identity(size))
+    empty = np.setdiff1d(np.flatnonzero(~massive), rows)
+    spread = units[:, rows]
+    found = []
+    for own, blocks in ((np.flatnonzero(massive), bases[0]), (empty, bases[1])):
+        columns = [units[:, own], spread @ block_diag(blocks, format="csc")] if blocks else [units[:, own]]
+        found.append(hstack(columns, format="csc"))
+    return found[0], found[1]
 
 
-def _complement(null: Floats) -> Floats:
-    """Orthonormal basis of what is orthogonal to the columns."""
-    return np.linalg.svd(null)[0][:, null.shape[1] :]
+def _null_motions(mass: Floats, table: DofTable) -> Floats:
+    """(n, p) orthonormal motions of a block (n, n) of the mass matrix, scaled to a unit diagonal, that have no mass."""
+    root = np.sqrt(np.maximum(np.diag(mass), 0.0))
+    inverse = np.divide(1.0, root, out=np.ones_like(root), where=root > 0)
+    values, vectors = np.linalg.eigh(mass * np.outer(inverse, inverse))
+    if values[0] < -ROUND_OFF * values[-1]:
+        node, direction = table.dofs[int(np.argmax(np.abs(vectors[:, 0])))]
+        raise MethodError(
+            "mass", f"has a motion with negative mass, largest at node {node} {direction}",
+            "check the offsets and units of concentrated masses in the model that wrote it",
+        )  # fmt: skip
+    none = values <= max(MASSLESS, 4 * root.size * np.finfo(float).eps) * values[-1]
+    return np.linalg.qr(vectors[:, none] * inverse[:, None])[0]
 
 
 def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
@@ -346,6 +329,15 @@ def _force_size(matrices: NamedMatrices, motion: Floats) -> float:
     return float((abs(matrices.stiffness) @ np.abs(motion)).max())
 
 
+def _default_motion(given: NamedMatrices, held: Ints) -> BaseDirection:
+    """The direction that the section names; a rotation is one about the first node that is held."""
+    points = given.table.coordinates
+    if points is None or not held.size or not np.all(np.isfinite(points[held[0]])):
+        return BaseDirection(given.direction)
+    x, y, z = points[held[0]].tolist()
+    return BaseDirection(given.direction, (x, y, z))
+
+
 def rigid_rows(table: DofTable, motion: BaseDirection, held: Ints) -> Floats:
     """(N,) motion of every row, m or rad, when the base moves by one unit and all nodes with it.
 
@@ -365,14 +357,22 @@ def rigid_rows(table: DofTable, motion: BaseDirection, held: Ints) -> Floats:
     return np.asarray(np.einsum("ni,in->n", moved, along) + table.of_direction(motion.direction))
 
 
-def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: BaseDirection, lu: Any) -> Floats:
+def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: BaseDirection, *, firm: bool) -> Floats:
     """(N,) displacement of every row for a unit displacement of the base.
+
+    Parameters
+    ----------
+    matrices : of all rows.
+    held, free : rows that move with the base, and the others.
+    motion : of the base; without a direction the one that the section names.
+    firm : whether the held rows leave no rigid-body motion.
 
     Raises
     ------
     MethodError
         If the base cannot move without force: the stiffness goes to something else than the base.
     """
+    motion = motion if motion.direction else _default_motion(matrices, held)
     influence = rigid_rows(matrices.table, motion, held)
     if not held.size:
         return influence
@@ -383,7 +383,8 @@ def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: Base
             f"they have {', '.join(there)}: choose one of these, or name other nodes",
         )  # fmt: skip
     # Where the named directions already move without force, solving would only add round-off.
-    if lu is not None and np.abs(matrices.stiffness @ influence).max() > GROUNDED * _force_size(matrices, influence):
+    if firm and np.abs(matrices.stiffness @ influence).max() > GROUNDED * _force_size(matrices, influence):
+        lu = symmetric_lu(matrices.stiffness[free][:, free])
         influence[free] = lu.solve(-(matrices.stiffness[free][:, held] @ influence[held]))
     force = matrices.stiffness @ influence
     if np.abs(force).max() > GROUNDED * _force_size(matrices, influence):

@@ -9,62 +9,23 @@ rows to K and C. All coordinates are relative to the base, so a place that is jo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
-from beamsim.structures.rigid_motion import orthonormal_in_mass
+from beamsim.structures.rigid_motion import orthonormal_in_mass, unstretched
 from beamsim.structures.several import SeveralBodies, assemble_side_by_side
-from beamsim.structures.structure import BodyStructure, Coupling
+from beamsim.structures.structure import BodyStructure
+from beamsim.structures.supports import Coupling
 from beamsim.typing import Floats
 
 # Singular values of constraints below this, beside the largest, come from constraints that say the same twice.
 _DEPENDENT = 1e-10
 
 
-@dataclass(frozen=True)
-class JoinedBodies(SeveralBodies):
-    """Bodies and what couples them; its modes are those of the whole."""
-
-    coupled_by: tuple[Coupling, ...]
-
-    @property
-    def couplings(self) -> tuple[Coupling, ...]:
-        """Joints and springs, direction by direction."""
-        return self.coupled_by
-
-    @cached_property
-    def most_modes(self) -> int | None:
-        """Modes up to the frequency that every body's discretisation carries; None where all of them are."""
-        bodies = [member.body for member in self.members]
-        if all(body.most_modes is None for body in bodies):
-            return None
-        highest = min(_carried(body) for body in bodies if body.most_modes is not None)
-        if np.isinf(highest):
-            return None
-        counts = [min(body.frequency_count(highest / body.frequency_scale), body.size) for body in bodies]
-        return max(sum(counts), 1)
-
-
-def _carried(body: BodyStructure) -> float:
-    """Angular frequency, rad/s, below which a body has as many modes as its discretisation carries; inf for all."""
-    assert body.most_modes is not None
-    low, high = 0.0, 1.0
-    while (count := body.frequency_count(high)) <= body.most_modes:
-        if count >= body.size:
-            return np.inf
-        low, high = high, 2 * high
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (middle, high) if body.frequency_count(middle) <= body.most_modes else (low, middle)
-    return low * body.frequency_scale
-
-
 def join(
     bodies: Sequence[BodyStructure], couplings: Sequence[Coupling], origins: Mapping[str, float] | None = None
-) -> JoinedBodies:
+) -> SeveralBodies:
     """One structure of bodies that are coupled; ``origins`` are where they begin on their common axis, m."""
     from scipy.sparse import csr_array, vstack
 
@@ -81,19 +42,22 @@ def join(
     pulls = np.where([c.to_ground for c in springs], stiffness, 0.0) @ rows if springs else np.zeros(apart.size)
     scaled = csr_array(rows * np.sqrt(stiffness / apart.stiffness_scale)[:, None])
     mass = (basis.T @ (apart.mass @ basis)).tocsc()
-    return JoinedBodies(
+    holding = np.vstack([held, rows])
+    holding = holding[np.any(holding != 0, axis=1)]
+    kept = unstretched(apart.rigid, holding @ apart.rigid, np.linalg.norm(holding, axis=1))
+    return SeveralBodies(
         name="",
         mass=mass,
         factor=vstack([apart.factor, scaled], format="csr") @ basis,
         damping=(basis.T @ damping @ basis).tocsc() if apart.damping is not None or dashpots else None,
         inertia=basis.T @ apart.inertia,
         ground=basis.T @ (apart.ground - pulls),
-        rigid=_rigid_modes(mass, basis.T @ apart.rigid, apart.rigid, np.vstack([held, rows])),
+        rigid=orthonormal_in_mass(basis.T @ (apart.rigid @ kept), mass),
         mass_scale=apart.mass_scale,
         stiffness_scale=apart.stiffness_scale,
         deflection_dofs=np.zeros(0, dtype=np.int64),
         expansions=tuple((member.body, member.expansion @ basis) for member in apart.members),
-        coupled_by=tuple(couplings),
+        couplings=tuple(couplings),
         origins=tuple((origins or {}).items()),
     )
 
@@ -125,26 +89,3 @@ def null_space_basis(rows: Floats) -> Any:
         count += null.shape[1]
     entries = (np.concatenate(values), (np.concatenate(i), np.concatenate(j)))
     return coo_array(entries, shape=(size, count)).tocsr()
-
-
-def _rigid_modes(mass: Any, rigid: Floats, apart: Floats, rows: Floats) -> Floats:
-    """(N, r) rigid-body modes of the joined structure, orthonormal in its mass matrix.
-
-    Those motions of the bodies as rigid ones that stretch nothing; known by construction, so that their frequencies
-    are zero and not round-off.
-
-    Parameters
-    ----------
-    rigid, apart : (N, q) and (N of the bodies apart, q) rigid-body modes of the bodies.
-    rows : (c, N of the bodies apart) what constraints and springs hold.
-    """
-    if not apart.shape[1]:
-        return rigid
-    if rows.shape[0]:
-        unit = np.linalg.norm(apart, axis=0)
-        length = np.linalg.norm(rows, axis=1, keepdims=True)
-        stretch = rows / np.where(length > 0, length, 1.0) @ (apart / unit)
-        _, s, vt = np.linalg.svd(stretch)
-        free = vt[int(np.sum(s > _DEPENDENT)) :].T / unit[:, None]
-        rigid = rigid @ free
-    return orthonormal_in_mass(rigid, mass) if rigid.shape[1] else rigid

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError, Problem, ScenarioError
-from beamsim.structures.base_motion import BaseDirection
+from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.dissection import dissection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
@@ -24,8 +24,8 @@ from beamsim.structures.imported import (
     condensation,
     massless_basis,
     read_matrices_of,
-    rigid_rows,
 )
+from beamsim.structures.modes import lowest_eigenpairs
 from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.structures.places import Place, Site
 from beamsim.structures.reduction import static_deflections
@@ -33,26 +33,21 @@ from beamsim.structures.rigid_motion import orthonormal_in_mass
 from beamsim.structures.stations import NODES, Recovery
 from beamsim.structures.structure import BodyStructure, MemberBody
 from beamsim.structures.sturm import negative_eigenvalues
-from beamsim.structures.supports import Support
-from beamsim.structures.symmetric_lu import SymmetricLU, symmetric_lu
+from beamsim.structures.supports import Hold
+from beamsim.structures.symmetric_lu import SymmetricLU, held_factors, pinned_rows
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario.matrices import MatricesBody
     from beamsim.structures.basis import ReducedBasis
 
-_DENSE = 600  # size up to which all eigenvalues are computed at once
 _MOST_MODES = 100  # flexible modes that a default reduction keeps
 _MOST_STATIONS = 200
 # A motion is rigid where its forces are below this fraction of those of its entries one by one, and its frequency
 # is far below the next.
 _RIGID, _GAP = 1e-9, 1e-5
-# Smallest pivot of a stiffness with a unit diagonal above which no motion is rigid; round-off leaves some 1e-13.
-_FIRM = 1e-9
 NOT_HELD = "the base does not hold it"
 """How the remark about motions that have no stiffness although the base is held begins."""
-_SCALE_ONLY = 1e-6  # relative error of a first frequency that scales the matrices and does nothing else
-_INACCURATE = 1e-11  # backward error of factors
 _ASIDE = (1e-7, 1e-5, 1e-3)  # of a frequency below which modes are counted, where the count is hidden at it
 _SOFT = "check the model that wrote it: loads that soften it, negative springs, constraints by multipliers"
 
@@ -66,14 +61,9 @@ class MatricesStructure(BodyStructure):
     table: DofTable  # of the rows of `expansion`
     expansion: Any  # (rows, N) sparse: rows of the files that do not move with the base, from the degrees of freedom
     massless: Floats  # (rows,) share of a row that has no mass
-    influence: Floats  # (rows,) displacement for a unit displacement of the base
     given_stiffness: Any  # (N, N) scaled K
-    factors: SymmetricLU | None = None  # of K, where they are known
-    order: Ints | None = None  # (N,) of elimination, of a large model whose nodes have coordinates
-    notes: tuple[str, ...] = field(default=())
-    read: FileSummary | None = None  # None of matrices that no body of a scenario names
-    _influences: dict[BaseDirection, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
-    _counted: dict[float, int] = field(default_factory=dict, init=False, repr=False, compare=False)
+    factors: SymmetricLU  # of K, with rigid-body modes as `held_factors` gives them
+    _motions: dict[BaseDirection, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def stiffness(self) -> Any:
@@ -81,37 +71,9 @@ class MatricesStructure(BodyStructure):
         return self.given_stiffness
 
     @cached_property
-    def factorised_stiffness(self) -> Any:
-        """Factors of K; with rigid-body modes bordered by them."""
-        if self.rigid.shape[1]:
-            return super().factorised_stiffness
-        return self.factors or symmetric_lu(self.stiffness, definite=True, order=self.order)
-
-    @property
-    def elimination_order(self) -> Ints | None:
-        """(N,) rows by nested dissection of a large model whose nodes have coordinates."""
-        return self.order
-
-    def factorise(self, matrix: Any) -> Any:
-        """Factors with an ordering for symmetric matrices, which have far less fill.
-
-        Exchanged pivots would undo that: they are exchanged only where the factors are not accurate without.
-        """
-        factors = symmetric_lu(matrix, definite=True, order=self.order)
-        load = np.linspace(1.0, 2.0, self.size)
-        solution = factors.solve(load)
-        error = np.abs(matrix @ solution - load).max() / (abs(matrix) @ np.abs(solution) + load).max()
-        return factors if error <= _INACCURATE else symmetric_lu(matrix, definite=False, order=self.order)
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What was done to the matrices of the files."""
-        return tuple(f"{self.name}: {note}" for note in self.notes)
-
-    @property
-    def file_summary(self) -> FileSummary | None:
-        """What its files hold."""
-        return self.read
+    def factorised_stiffness(self) -> SymmetricLU:
+        """Factors of K, as they are known."""
+        return self.factors
 
     @property
     def most_modes(self) -> int:
@@ -132,7 +94,6 @@ class MatricesStructure(BodyStructure):
             limit = omega * (1 + aside)
             count = negative_eigenvalues(self.stiffness - limit**2 * self.mass, self.order)
             if count is not None:
-                self._counted[limit] = count
                 return count + int(self.rigid.shape[1])
         limit = omega * self.frequency_scale / (2 * np.pi)
         raise MethodError(
@@ -141,21 +102,9 @@ class MatricesStructure(BodyStructure):
             "give reduction.modes, and look at the matrices with `beamsim check`",
         )  # fmt: skip
 
-    @property
-    def counted(self) -> Mapping[float, int]:
-        """What `frequency_count` has found."""
-        return self._counted
-
     def row_number(self, place: Place) -> int | None:
         """Row of the files of a place; None where there is none."""
         return self.table.number.get((round(place.coordinate), place.direction))
-
-    def place_row(self, place: Place) -> Floats:
-        """(N,) motion of a node in a direction for a unit of each degree of freedom."""
-        number = self.row_number(place)
-        if number is None:
-            raise ValueError(f"{place.label} does not exist; {self.table.remedy(round(place.coordinate))}")
-        return np.asarray(self.expansion[[number]].toarray()[0])
 
     def place_problem(self, place: Place | Distributed, acts: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place, or nothing can act there."""
@@ -180,73 +129,65 @@ class MatricesStructure(BodyStructure):
             )  # fmt: skip
         return None
 
-    @property
-    def supports(self) -> tuple[Support, ...]:
+    def holds(self, base: BaseDirection) -> Sequence[Hold]:
         """Every direction of every node that the base holds."""
-        given = self.given
-        held = _held_rows(given)
-        free = np.setdiff1d(np.arange(len(given.table.dofs)), held)
-        motion = given.table.of_direction(given.direction)
-        motion[free] = self.influence
-        inertia = given.mass[held] @ motion
+        held, _ = self._rows
+        dofs, moved = self.given.table.dofs, self.rigid_motion(base)
+        unit = np.zeros((held.size, len(dofs)))
+        unit[np.arange(held.size), held] = 1.0
+        return [
+            Hold(f"node {dofs[row][0]}", dofs[row][1], float(moved[row]), motion)
+            for row, motion in zip(held, unit, strict=True)
+        ]
 
-        def on_dofs(matrix: Any) -> Floats:
-            return (
-                np.zeros((held.size, self.size))
-                if matrix is None
-                else (self.expansion.T @ matrix[free][:, held]).toarray().T
-            )
+    def whole_field(self, vectors: Floats) -> Floats:
+        """Fields (N,) or (N, k) on all rows of the files."""
+        field = np.zeros((len(self.given.table.dofs), *vectors.shape[1:]))
+        field[self._rows[1]] = self.expansion @ vectors
+        return field
 
-        rows = (on_dofs(given.stiffness), on_dofs(given.mass), on_dofs(given.damping))
-        return tuple(
-            Support(
-                f"node {given.table.dofs[row][0]}", given.table.dofs[row][1], stiffness, mass, damping,
-                inertia=float(inertia[k]), base_motion=float(motion[row]), body=self.name,
-                under=partial(self._force_on_row, row), forces={self.name: np.array([stiffness, mass, damping])},
-                beside=partial(self._between_rows, row),
-            )
-            for k, (row, stiffness, mass, damping) in enumerate(zip(held, *rows, strict=True))
-        )  # fmt: skip
+    def on_free(self, rows: Floats) -> Floats:
+        """(k, N) of rows (k, rows of the files)."""
+        return np.asarray(rows[:, self._rows[1]] @ self.expansion)
 
-    def _force_on_row(self, row: int, base: BaseDirection) -> tuple[float, float]:
-        """Force on a row of the files for a unit acceleration of the base, kg, and none for its displacement."""
-        return float((self.given.mass[[row]] @ self._whole_influence(base))[0]), 0.0
+    def unsupported_row(self, place: Place | Distributed) -> Floats:
+        """(rows of the files,) row of a place."""
+        assert isinstance(place, Place)  # the scenario refuses the others
+        table, node = self.given.table, round(place.coordinate)
+        number = table.number.get((node, place.direction))
+        if number is None:
+            raise ValueError(f"{place.label} does not exist; {table.remedy(node)}")
+        row = np.zeros(len(table.dofs))
+        row[number] = 1.0
+        return row
 
-    def _between_rows(self, row: int, other: Support) -> Floats:
-        """(3,) force on a row of the files for a unit motion of another row that the base holds, or of itself."""
-        if self.expansion.shape[0] != self.size:
+    def forces_of(self, motion: Floats) -> Floats:
+        """(3, rows of the files) forces of a displacement, N, acceleration and velocity of all rows."""
+        given = (self.given.stiffness, self.given.mass, self.given.damping)
+        return np.array([np.zeros(motion.size) if matrix is None else matrix @ motion for matrix in given])
+
+    def work(self, motion: Floats, forces: Floats) -> Floats:
+        """(3,) work of forces (3, rows of the files) along a motion of all rows."""
+        if self.expansion.shape[0] != self.size and motion[self._rows[0]].any():
             raise MethodError(
                 "outputs", f"ask for forces of supports that move, but degrees of freedom of {self.name} without mass "
                 "were condensed", "leave out the reactions and energies, or give these degrees of freedom a mass",
             )  # fmt: skip
-        given = (self.given.stiffness, self.given.mass, self.given.damping)
-        return np.array([0.0 if matrix is None else matrix[row, self._row_of(other)] for matrix in given])
+        return forces @ motion
 
-    def _row_of(self, support: Support) -> int:
-        """Which row of the files a support holds."""
-        return self.given.table.dofs.index((int(support.name.removeprefix("node ")), support.direction))
-
-    def recovered_by(self, number: int, support: Support, order: int = 0) -> float:
-        """A row of the recovery matrix for a unit motion of what the base holds."""
-        return float(self.given.recovery[number, self._row_of(support)]) * self.given.time_unit**order
+    def recovered_by(self, number: int, field: Floats, order: int = 0) -> float:
+        """A row of the recovery matrix for a field of all rows of the files."""
+        return float((self.given.recovery[[number]] @ field)[0]) * self.given.time_unit**order
 
     def recovered(self, number: int, motion: BaseDirection, order: int = 0) -> tuple[Floats, float]:
         """A row of the recovery matrix: (N,) for a unit of each degree of freedom, and of the base's motion."""
-        held, free = self._rows
-        row = self.given.recovery[[number]] * self.given.time_unit**order
-        if self._is_default(motion):
-            moving = self.given.table.of_direction(self.given.direction)
-        else:
-            moving = rigid_rows(self.given.table, motion, held)
-        moving[free] = self._influence(motion)
-        return np.asarray((row[:, free] @ self.expansion).toarray()[0]), float((row @ moving)[0])
+        row = self.given.recovery[[number]].toarray() * self.given.time_unit**order
+        return self.on_free(row)[0], float((row @ self.rigid_motion(motion))[0])
 
     @property
     def total_mass(self) -> float:
         """Mass that a motion of the base moves, kg."""
-        motion = self.given.table.of_direction(self.given.direction)
-        held = self.given.table.rows_of(self.given.base)
-        motion[np.setdiff1d(np.arange(motion.size), held)] = self.influence
+        motion = self.rigid_motion(UPWARDS)
         return float(motion @ (self.given.mass @ motion))
 
     @property
@@ -254,44 +195,17 @@ class MatricesStructure(BodyStructure):
         """Those of the files; coordinates of their own where motions without mass were condensed."""
         if self.expansion.shape[0] != self.size:
             return super().named_dofs
-        return NamedDofs(self.table, np.ones(self.size), self.influence)
+        return NamedDofs(self.table, np.ones(self.size), self.rigid_motion(UPWARDS)[self._rows[1]])
 
     @property
     def named_matrices(self) -> NamedMatrices:
         """Those of the files, made symmetric."""
         return self.given
 
-    def base_motion_of(self, place: Place, motion: BaseDirection) -> float:
-        """How far the place moves with the base, as a rigid body, in its direction."""
-        number = self.row_number(place)
-        return 0.0 if number is None else float(self._influence(motion)[number])
-
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
-        if self._is_default(motion):
-            return self.inertia, self.ground
-        held, free = self._rows
-        inertia, ground = _base_forces(self.given, held, free, self._whole_influence(motion))
+        inertia, ground = _base_forces(self.given, *self._rows, self.rigid_motion(motion))
         return np.asarray(self.expansion.T @ inertia) / self.mass_scale, np.asarray(self.expansion.T @ ground)
-
-    def _whole_influence(self, motion: BaseDirection) -> Floats:
-        """(rows of the files,) displacement for a unit motion of the base that is not the default."""
-        held, free = self._rows
-        influence = np.zeros(len(self.given.table.dofs))
-        influence[free] = self._influence(motion)
-        influence[held] = rigid_rows(self.given.table, motion, held)[held]
-        return influence
-
-    def base_supports(self, motion: BaseDirection) -> tuple[Support, ...]:
-        """Every direction of every node that the base holds, as far as it moves with it."""
-        if self._is_default(motion):
-            return self.supports
-        held, _ = self._rows
-        moved = rigid_rows(self.given.table, motion, held)[held]
-        return tuple(replace(each, base_motion=float(w)) for each, w in zip(self.supports, moved, strict=True))
-
-    def _is_default(self, motion: BaseDirection) -> bool:
-        return not motion.direction or (not motion.rotates and motion.direction == self.given.direction)
 
     @cached_property
     def _rows(self) -> tuple[Ints, Ints]:
@@ -299,17 +213,11 @@ class MatricesStructure(BodyStructure):
         held = _held_rows(self.given)
         return held, np.setdiff1d(np.arange(len(self.given.table.dofs)), held)
 
-    def _influence(self, motion: BaseDirection) -> Floats:
-        """(rows,) displacement for a unit motion of the base."""
-        if self._is_default(motion):
-            return self.influence
-        if motion not in self._influences:
-            held, free = self._rows
-            lu = None
-            if held.size and not self.rigid.shape[1]:
-                lu = symmetric_lu(self.given.stiffness[free][:, free].tocsc(), definite=True)
-            self._influences[motion] = base_influence(self.given, held, free, motion, lu)[free]
-        return self._influences[motion]
+    def rigid_motion(self, motion: BaseDirection) -> Floats:
+        """(rows of the files,) displacement for a unit motion of the base."""
+        if motion not in self._motions:
+            self._motions[motion] = base_influence(self.given, *self._rows, motion, firm=not self.rigid.shape[1])
+        return self._motions[motion]
 
     def unit_stiffness(self, site: Site) -> float:
         """Static stiffness of the structure there, N/m; with inertia relief where it is free."""
@@ -372,7 +280,7 @@ def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any
         found = summary_of(given, section, name)
         if section.base != "free":
             given = replace(given, base=section.base.nodes, direction=section.base.direction)
-        return replace(structure_of(given, section.damping, name), read=found)
+        return replace(structure_of(given, section.damping, name), file_summary=found)
 
 
 def summarise_files(section: MatricesBody, name: str) -> FileSummary:
@@ -425,10 +333,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         places = dict.fromkeys(_largest_at(given.table.part(free), motion) for motion in (expansion @ rigid).T)
         motions = "a motion" if rigid.shape[1] == 1 else f"{rigid.shape[1]} motions"
         remarks.append(f"{NOT_HELD}: {motions} without stiffness, largest at {', '.join(places)}")
-    lu = None
-    if held.size and not rigid.shape[1]:
-        lu = _held_factors(stiffness, order) if factors is None or massless.shape[1] else factors
-    influence = base_influence(given, held, free, _default_motion(given, held), lu)
+    influence = base_influence(given, held, free, UPWARDS, firm=not rigid.shape[1])
     inertia, ground = _base_forces(given, held, free, influence)
     viscous = None if given.damping is None else given.damping[free][:, free].tocsc()
     if viscous is not None:
@@ -436,12 +341,11 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     mass_scale = float(np.mean(reduced_mass.diagonal()))
     stiffness_scale = mass_scale * flexible**2 if flexible else 1.0
     rigid = rigid * np.sqrt(mass_scale)
-    scaled = reduced_stiffness / stiffness_scale
-    factors = None if factors is None else factors.of_multiple(1 / stiffness_scale)
+    factors = factors.of_multiple(1 / stiffness_scale)
     return MatricesStructure(
         name=name,
         mass=reduced_mass / mass_scale,
-        factor=stiffness_factor(scaled, rigid, factors, order),
+        factor=stiffness_factor(factors, rigid),
         damping=viscous,
         inertia=np.asarray(expansion.T @ inertia) / mass_scale,
         ground=np.asarray(expansion.T @ ground),
@@ -455,8 +359,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         table=given.table.part(free),
         expansion=expansion.tocsr(),
         massless=share,
-        influence=influence[free],
-        given_stiffness=scaled.tocsc(),
+        given_stiffness=(reduced_stiffness / stiffness_scale).tocsc(),
         factors=factors,
         order=order,
         notes=tuple(remarks),
@@ -469,23 +372,6 @@ def _largest_at(table: DofTable, motion: Floats) -> str:
     shifts = np.where([direction in TRANSLATIONS for _, direction in table.dofs], motion, 0.0)
     row = int(np.argmax(shifts if shifts.max() > _RIGID * motion.max() else motion))
     return f"node {table.dofs[row][0]} {table.dofs[row][1]}"
-
-
-def _held_factors(stiffness: Any, order: Ints | None) -> SymmetricLU:
-    """Factors of the stiffness of a structure that the base holds."""
-    try:
-        return symmetric_lu(stiffness, definite=True, order=order)
-    except RuntimeError:  # exactly singular, yet no motion was found to be rigid
-        raise MethodError("stiffness", "is singular although the base holds the structure", _SOFT) from None
-
-
-def _default_motion(given: NamedMatrices, held: Ints) -> BaseDirection:
-    """The direction that the section names; a rotation is one about the first node that is held."""
-    points = given.table.coordinates
-    if points is None or not held.size or not np.all(np.isfinite(points[held[0]])):
-        return BaseDirection(given.direction)
-    x, y, z = points[held[0]].tolist()
-    return BaseDirection(given.direction, (x, y, z))
 
 
 def _base_forces(given: NamedMatrices, held: Ints, free: Ints, influence: Floats) -> tuple[Floats, Floats]:
@@ -519,41 +405,34 @@ def _held_rows(given: NamedMatrices) -> Ints:
 
 def rigid_modes(
     stiffness: Any, mass: Any, table: DofTable, expansion: Any, order: Ints | None = None
-) -> tuple[Floats, float, SymmetricLU | None]:
-    """(N, r) motions without strain energy, orthonormal in the mass matrix, and the first flexible frequency, rad/s.
+) -> tuple[Floats, float, SymmetricLU]:
+    """Motions without strain energy, the first flexible frequency, and factors of the stiffness.
 
-    Of a large structure that is held firmly, by its pivots, also the factors of its stiffness; else None.
+    Parameters
+    ----------
+    stiffness, mass : (N, N) sparse, N/m and kg.
+    table, expansion : names of the rows, and these (rows, N) from the N degrees of freedom, for messages.
+    order : (N,) of elimination.
+
+    Returns
+    -------
+    (N, r), rad/s, SymmetricLU
+        The motions are orthonormal in the mass matrix.
 
     Raises
     ------
     MethodError
         If the stiffness or the mass matrix is not positive semidefinite.
     """
-    from scipy.linalg import LinAlgError, eigh
-    from scipy.sparse.linalg import LinearOperator, eigsh
+    from scipy.linalg import LinAlgError
 
     size = mass.shape[0]
     count = min(size, 8)
-    if size <= _DENSE:
-        try:
-            squared, vectors = eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1])
-        except LinAlgError:
-            raise MethodError("mass", "is not positive definite", "check the model that wrote it") from None
-    elif (held := _held_firmly(stiffness, order)) is not None:
-        inverse = LinearOperator(mass.shape, matvec=held.solve)
-        squared = eigsh(
-            stiffness, k=1, M=mass, sigma=0.0, OPinv=inverse, v0=np.linspace(1.0, 2.0, size), tol=_SCALE_ONLY,
-            return_eigenvectors=False,
-        )  # fmt: skip
-        return np.zeros((size, 0)), float(np.sqrt(squared[0])), held
-    else:
-        shift = -1e-9 * float(np.median(stiffness.diagonal()) / np.mean(mass.diagonal()))
-        inverse = LinearOperator(
-            mass.shape, matvec=symmetric_lu(stiffness - shift * mass, definite=True, order=order).solve
-        )
-        squared, vectors = eigsh(stiffness, k=count, M=mass, sigma=shift, OPinv=inverse, v0=np.linspace(1.0, 2.0, size))
-        order = np.argsort(squared)
-        squared, vectors = squared[order], vectors[:, order]
+    shift = -1e-9 * float(np.median(stiffness.diagonal()) / np.mean(mass.diagonal()))
+    try:
+        squared, vectors = lowest_eigenpairs(stiffness, mass, count, shift, order)
+    except LinAlgError:
+        raise MethodError("mass", "is not positive definite", "check the model that wrote it") from None
     one_by_one = (abs(stiffness) @ np.abs(vectors)).max(axis=0)
     force = np.abs(stiffness @ vectors).max(axis=0) / np.where(one_by_one > 0, one_by_one, 1.0)
     rigid = 0
@@ -567,54 +446,29 @@ def rigid_modes(
             "stiffness", f"is not positive semidefinite: a motion largest at node {node} {direction} releases energy",
             _SOFT,
         )  # fmt: skip
-    null = vectors[:, :rigid]
-    if rigid:
-        null = orthonormal_in_mass(null, mass)
-    return np.asarray(null), float(np.sqrt(lowest[0])) if lowest.size else 0.0, None
+    null = orthonormal_in_mass(vectors[:, :rigid], mass)
+    held = held_factors(stiffness, null, order)
+    if np.any(held.pivots <= 0):
+        negative = int(np.sum(held.pivots <= 0))
+        raise MethodError(
+            "stiffness", f"is not positive semidefinite: {negative} of its pivots are negative", _SOFT
+        )  # fmt: skip
+    return np.asarray(null), float(np.sqrt(lowest[0])) if lowest.size else 0.0, held
 
 
-def _held_firmly(stiffness: Any, order: Ints | None) -> SymmetricLU | None:
-    """Factors of a stiffness whose pivots are all far above those that a motion without strain energy leaves."""
-    try:
-        factors = symmetric_lu(stiffness, definite=True, order=order)
-    except RuntimeError:  # exactly singular
-        return None
-    return factors if factors.pivots.min() > _FIRM else None
+def stiffness_factor(factors: SymmetricLU, rigid: Floats) -> Any:
+    """(p, N) sparse B with K = B^T B and B R = 0: the Cholesky factor of what is left when rigid motions R are held.
 
-
-def stiffness_factor(
-    stiffness: Any, rigid: Floats, factors: SymmetricLU | None = None, order: Ints | None = None
-) -> Any:
-    """(p, N) sparse B with K = B^T B and B R = 0: the Cholesky factor of what is left when rigid motions are held.
-
-    Held at as many degrees of freedom as there are rigid motions, where these differ most, the structure has a positive
-    definite stiffness; B of the others is applied to the motion less the rigid one that those have. ``factors`` of K
-    may be known.
+    It is applied to a motion less the rigid one that the held degrees of freedom have.
     """
-    from scipy.linalg import qr
     from scipy.sparse import csr_array
 
-    size, count = rigid.shape
-    pinned = np.sort(qr(rigid.T, pivoting=True)[2][:count]) if count else np.zeros(0, dtype=np.int64)
-    others = np.setdiff1d(np.arange(size), pinned)
-    if not others.size:
-        return csr_array((0, size))
-    if factors is None:
-        within = None if order is None else np.argsort(np.argsort(order)[others])
-        lu = symmetric_lu(stiffness[others][:, others], definite=True, order=within)
-    else:
-        lu = factors
-    if np.any(lu.pivots <= 0):
-        raise MethodError(
-            "stiffness",
-            f"is not positive semidefinite: {int(np.sum(lu.pivots <= 0))} of its pivots are negative",
-            _SOFT,
-        )
-    factor = lu.root
-    if not count:
-        return factor
-    # B acts on u_o - R_o R_p^-1 u_p.
-    selection = csr_array((np.ones(others.size), (np.arange(others.size), others)), shape=(others.size, size))
-    followed = csr_array(rigid[others] @ np.linalg.inv(rigid[pinned]))
-    pins = csr_array((np.ones(count), (np.arange(count), pinned)), shape=(count, size))
-    return csr_array(factor @ (selection - followed @ pins))
+    root = csr_array(factors.root)
+    pinned = pinned_rows(rigid)
+    if not pinned.size:
+        return root
+    bent = np.setdiff1d(np.arange(rigid.shape[0]), root[:, pinned].tocoo().row)
+    root = root[bent]
+    followed = csr_array(root @ (rigid @ np.linalg.inv(rigid[pinned])))
+    pins = csr_array((np.ones(pinned.size), (np.arange(pinned.size), pinned)), shape=(pinned.size, rigid.shape[0]))
+    return csr_array(root - followed @ pins)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamsim.dataclass import dataclass
-from beamsim.structures.hermite import shape_functions
+from beamsim.structures.hermite import element_rows, shape_functions
 from beamsim.typing import Floats, Ints
 
 # Hard points closer together than this fraction of an element share a node.
@@ -80,6 +80,18 @@ class Mesh:
         values = shape_functions(xi, self.lengths[element], derivative)
         rows = np.repeat(np.arange(x.size), 4)
         return csr_array((values.ravel(), (rows, self.dofs[element].ravel())), shape=(x.size, self.size))
+
+    def assembled(self, rows: Floats) -> Any:
+        """(elements k, size) sparse of rows (elements, k, 4) of the elements."""
+        from scipy.sparse import csr_array
+
+        count = rows.shape[1]
+        i, j = np.repeat(np.arange(count * self.elements), 4), np.repeat(self.dofs, count, axis=0).ravel()
+        return csr_array((rows.ravel(), (i, j)), shape=(count * self.elements, self.size))
+
+    def square_rows(self, derivative: int, points: int) -> Any:
+        """(points elements, size) sparse rows B with B^T B the integral of the square of a derivative by x / L."""
+        return self.assembled(element_rows(self.lengths, derivative, points))
 
 
 def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterable[float] = (0.0, 1.0)) -> Mesh:

@@ -28,6 +28,15 @@ class MeshedBody(BodyStructure, ABC):
     unsupported: tuple[Any, Any, Any]  # mass and factor of all dofs, scaled, and their damping, N s/m, or None
 
     @property
+    def whole_matrices(self) -> tuple[Any, Any, Any]:
+        """Scaled mass and factor of all dofs, and their damping, N s/m, or None."""
+        return self.unsupported
+
+    def on_free(self, rows: Floats) -> Floats:
+        """(k, N) of rows (k, all dofs)."""
+        return rows[:, self.free]
+
+    @property
     def extent(self) -> Floats:
         """(d,) sides of the body, m."""
         return np.array([getattr(self.section, side) for side in self.sides], dtype=float)
@@ -43,14 +52,6 @@ class MeshedBody(BodyStructure, ABC):
     def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
         """Single places: moments are recovered from one point force at a time."""
         return separated(sites)
-
-    def place_row(self, place: Place) -> Floats:
-        """(N,) motion at a place in its direction for a unit of each degree of freedom."""
-        return self.point_row(place)[self.free]
-
-    def distributed_row(self, load: Distributed) -> Floats:
-        """(N,) consistent load vector of a distributed load of unit level."""
-        return self.unsupported_row(load)[self.free]
 
     def unsupported_row(self, place: Place | Distributed) -> Floats:
         """(all dofs,) row of a place or load vector, those that the supports hold included."""
@@ -82,11 +83,3 @@ class MeshedBody(BodyStructure, ABC):
     def rigid_motion(self, motion: BaseDirection) -> Floats:
         """(all dofs,) displacement when the base moves by one unit and nothing deforms."""
         return self.mesh.rigid_motions @ self.base_coefficients(motion)
-
-    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
-        return (self.unsupported[0] @ self.rigid_motion(motion))[self.free], self.ground
-
-    def base_motion_of(self, place: Place, motion: BaseDirection) -> float:
-        """Motion of a place in its direction when the base moves by one unit and nothing deforms."""
-        return float(self.point_row(place) @ self.rigid_motion(motion))

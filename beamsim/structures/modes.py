@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.typing import Floats
+from beamsim.structures.symmetric_lu import SymmetricLU, symmetric_lu
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.structures.structure import Structure
 
 # Above this size the lowest modes come from shift-invert Lanczos instead of a dense decomposition.
 DENSE_LIMIT = 400
-LARGE = 5000
-"""Size above which a sparse factorisation takes longer than a few dozen solves."""
 
 
 @dataclass(frozen=True)
@@ -55,18 +54,43 @@ def _dense(model: Structure) -> tuple[Floats, Floats]:
     return omega[order], vectors
 
 
-def _sparse(model: Structure, count: int) -> tuple[Floats, Floats]:
-    """The lowest `count` flexible modes by shift-invert Lanczos, then one Rayleigh-Ritz step through B."""
+def lowest_eigenpairs(
+    stiffness: Any, mass: Any, count: int, shift: float, factors: SymmetricLU | Ints | None = None
+) -> tuple[Floats, Floats]:
+    """The lowest eigenvalues of K x = lambda M x: all of them at once, or by shift-invert Lanczos of large matrices.
+
+    Parameters
+    ----------
+    stiffness, mass : (N, N) sparse.
+    count : number of eigenvalues.
+    shift : below the lowest one.
+    factors : of K - shift M, or (N,) the order of their elimination.
+
+    Returns
+    -------
+    (count,), (N, count)
+        Ascending; the vectors are orthonormal in M.
+    """
+    from scipy.linalg import eigh
     from scipy.sparse.linalg import LinearOperator, eigsh
 
+    size = mass.shape[0]
+    if size <= DENSE_LIMIT or count > size // 4:
+        return eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1])
+    lu = factors if isinstance(factors, SymmetricLU) else symmetric_lu(stiffness - shift * mass, factors)
+    inverse = LinearOperator(mass.shape, matvec=lu.solve)
+    squared, vectors = eigsh(stiffness, k=count, M=mass, sigma=shift, OPinv=inverse, v0=np.linspace(1.0, 2.0, size))
+    order = np.argsort(squared)
+    return squared[order], vectors[:, order]
+
+
+def _sparse(model: Structure, count: int) -> tuple[Floats, Floats]:
+    """The lowest `count` flexible modes by shift-invert Lanczos, then one Rayleigh-Ritz step through B."""
     rigid = model.rigid.shape[1]
     # K alone is singular where rigid-body modes exist; the shift is far below the flexible eigenvalues.
     sigma = -1e-3 if rigid else 0.0
-    factors = model.factorise(model.stiffness - sigma * model.mass) if rigid else model.factorised_stiffness
-    inverse = LinearOperator(model.mass.shape, matvec=factors.solve)
-    _, vectors = eigsh(
-        model.stiffness, k=count + rigid, M=model.mass, sigma=sigma, OPinv=inverse, v0=np.linspace(1.0, 2.0, model.size)
-    )
+    factors = model.order if rigid else model.factorised_stiffness
+    _, vectors = lowest_eigenpairs(model.stiffness, model.mass, count + rigid, sigma, factors)
     return _rayleigh_ritz(model, vectors, count)
 
 
@@ -74,15 +98,11 @@ def _rayleigh_ritz(model: Structure, vectors: Floats, count: int) -> tuple[Float
     """The lowest `count` flexible modes within span(vectors)."""
     v = vectors - model.rigid @ (model.rigid.T @ (model.mass @ vectors))
     # Orthonormal basis in M, without the rigid-body directions.
-    mu, y = np.linalg.eigh(_gram(model, v))
+    mu, y = np.linalg.eigh(v.T @ (model.mass @ v))
     keep = np.argsort(mu)[-count:]
     q = v @ (y[:, keep] / np.sqrt(mu[keep]))
     _, omega, vt = np.linalg.svd(model.factor @ q, full_matrices=False)
     return omega[::-1], q @ vt[::-1].T
-
-
-def _gram(model: Structure, v: Any) -> Floats:
-    return np.asarray(v.T @ (model.mass @ v))
 
 
 def natural_modes(
@@ -106,11 +126,6 @@ def natural_modes(
         return _of_parts(model, count, below)
     rigid = model.rigid.shape[1]
     needed = model.size
-    if count is not None and below is not None and model.size > LARGE:
-        # Counting those below takes a factorisation; that none is missed is certified later, by `frequency_beyond`.
-        modes = _lowest(model, max(count, rigid))
-        if modes.omega.size and modes.omega[-1] > below:
-            return modes
     if count is not None or below is not None:
         up_to = 0 if below is None else model.frequency_count(below) + 1
         needed = max(count or 0, up_to if most is None else min(up_to, most), rigid)

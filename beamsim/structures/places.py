@@ -87,26 +87,9 @@ def separated(sites: Sequence[LoadSite]) -> list[LoadSite]:
     return list(apart)
 
 
-@dataclass(frozen=True)
-class SpringEnd:
-    """One of the places that a spring acts on."""
-
-    place: Place
-    path: tuple[str | int, ...]  # where the place is written in the scenario
-    sign: float  # of the spring's stretch for a deflection there
-
-    @property
-    def coordinates(self) -> tuple[float, ...]:
-        """Those of the place, m."""
-        point = self.place.point
-        return point if isinstance(point, tuple) else (point,)
-
-
-def spring_ends(site: Site, paths: Sequence[tuple[str | int, ...]]) -> list[SpringEnd]:
-    """The places that a spring at a site acts on; ``paths`` say where they are written, in the order of the site."""
-    if isinstance(site, Link):
-        return [SpringEnd(site.first, paths[0], -1.0), SpringEnd(site.second, paths[1], 1.0)]
-    return [SpringEnd(site, paths[0], 1.0)]
+def signed_ends(site: Site) -> list[tuple[float, Place]]:
+    """The places of a site, each with the sign of the stretch there for a unit motion of it."""
+    return [(-1.0, site.first), (1.0, site.second)] if isinstance(site, Link) else [(1.0, site)]
 
 
 def site_of(item: Any, body: str) -> Site:

@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from beamsim.structures.base_motion import BaseDirection
+from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.beam import supported_dofs
 from beamsim.structures.places import DEFLECTION, SLOPE, Place
-from beamsim.structures.plate_mesh import PlateMesh, graded_mesh, integration_rows
+from beamsim.structures.plate_mesh import PlateMesh, graded_mesh
 from beamsim.structures.plate_model import PlateModel, energy_coefficients
 from beamsim.structures.plate_recovery import plate_recovery
-from beamsim.structures.rigid_motion import allowed_rigid_modes
+from beamsim.structures.rigid_motion import orthonormal_in_mass, unstretched
 from beamsim.structures.structure import MemberBody
-from beamsim.structures.supports import HeldMatrices, Support
+from beamsim.structures.supports import Hold
 from beamsim.typing import Bools, Floats
 
 if TYPE_CHECKING:
@@ -55,41 +55,33 @@ class PlateStructure(PlateModel):
         """Deflection, moments and stresses at the nodes."""
         return plate_recovery(self, member, basis, base)
 
-    @property
-    def supports(self) -> tuple[Support, ...]:
-        """The force of every edge and point that is held, and the moment of edges about themselves.
+    def holds(self, base: BaseDirection) -> Sequence[Hold]:
+        """Every edge and point that is held, and the rotation of edges about themselves.
 
-        A corner between two held edges belongs to the first of left, right, bottom and top.
+        A corner between two held edges belongs to the first of left, right, bottom and top. Where the base does not
+        move upwards all that is held is one: a rotation moves the points of an edge apart.
         """
-        plate, motions, matrices = self.section, self.mesh.rigid_motions, self._held_matrices
-        translation = motions[:, 0]
+        if base != UPWARDS:
+            moved = self.rigid_motion(base)
+            moved[self.free] = 0.0
+            return [Hold("base", DEFLECTION, 1.0, moved)] if moved.any() else []
+        plate = self.section
+        translation, along_x, along_y = self.mesh.rigid_motions.T
         about = {
-            "left": motions[:, 1] * plate.length,
-            "right": (motions[:, 1] - translation) * plate.length,
-            "bottom": motions[:, 2] * plate.width,
-            "top": (motions[:, 2] - translation) * plate.width,
+            "left": along_x * plate.length,
+            "right": (along_x - translation) * plate.length,
+            "bottom": along_y * plate.width,
+            "top": (along_y - translation) * plate.width,
         }
         taken = np.zeros(self.mesh.size, dtype=bool)
-        supports = []
+        holds = []
         for name, held in _held_by(plate, self.mesh).items():
-            for direction, motion in ((DEFLECTION, translation), (SLOPE, about.get(name))):
-                moved = None if motion is None else np.where(held & ~taken, motion, 0.0)
-                if moved is not None and np.any(np.abs(moved) > 1e-12):
-                    supports.append(matrices.support(name, direction, moved, self.name))
+            for direction, motion, with_base in ((DEFLECTION, translation, 1.0), (SLOPE, about.get(name), 0.0)):
+                moved = np.zeros(0) if motion is None else np.where(held & ~taken, motion, 0.0)
+                if np.any(np.abs(moved) > 1e-12):
+                    holds.append(Hold(name, direction, with_base, moved))
             taken |= held
-        return tuple(supports)
-
-    @property
-    def _held_matrices(self) -> HeldMatrices:
-        scales = (self.mass_scale, self.stiffness_scale)
-        return HeldMatrices(*self.unsupported, scales, self.free, self.rigid_motion, self.unsupported_row)
-
-    def base_supports(self, motion: BaseDirection) -> tuple[Support, ...]:
-        """All that is held, as one support that moves as the base: a rotation moves the points of an edge apart."""
-        matrices = self._held_matrices
-        moved = matrices.rigid(motion)
-        moved[self.free] = 0.0
-        return (matrices.support("base", DEFLECTION, moved, self.name),) if moved.any() else ()
+        return holds
 
 
 def assemble_plate(
@@ -109,7 +101,7 @@ def assemble_plate(
     mass_scale = plate.surface_mass * plate.length * plate.width
 
     def rows(x: tuple[int, int], y: tuple[int, int]) -> Any:
-        return kron(integration_rows(mesh.x, *x), integration_rows(mesh.y, *y), format="csr")
+        return kron(mesh.x.square_rows(*x), mesh.y.square_rows(*y), format="csr")
 
     cx, cy, c1, cxy = energy_coefficients(plate, stiffness_scale)
     factor = [
@@ -140,7 +132,7 @@ def assemble_plate(
         damping=None,
         inertia=(mass @ motions[:, 0])[free],
         ground=np.zeros(free.size),
-        rigid=allowed_rigid_modes(motions, mass, held)[free],
+        rigid=orthonormal_in_mass(motions @ unstretched(motions, motions[held]), mass)[free],
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         deflection_dofs=np.flatnonzero(np.isin(free, mesh.deflections)),

@@ -33,17 +33,6 @@ def graded_mesh(elements: int, grading: float, hard_points: Sequence[float]) -> 
     return Mesh(mapped(uniform.nodes, grading))
 
 
-def integration_rows(mesh: Mesh, derivative: int, points: int) -> Any:
-    """(points elements, 2 nodes) rows B of a derivative at Gauss points with B^T B its integrated square."""
-    from scipy.sparse import diags_array
-
-    place, weight = np.polynomial.legendre.leggauss(points)
-    x = mesh.nodes[:-1, None] + mesh.lengths[:, None] * (place + 1) / 2
-    root = np.sqrt(mesh.lengths[:, None] * weight / 2)
-    # Positions of Gauss points lie inside their elements, so that `locate` finds these.
-    return (diags_array(root.ravel()) @ mesh.rows(x, derivative)).tocsr()
-
-
 @dataclass(frozen=True)
 class PlateMesh:
     """Lines of a mesh along both directions, on x / L and y / W; dofs of a product are numbered along y first."""

@@ -15,7 +15,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import IN_PLANE, Recovery
-from beamsim.structures.supports import Support
+from beamsim.structures.supports import UnitMotion
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def _strains_per_moments(plate: PlateBody) -> Floats | None:
 def _moved(structure: PlateModel, basis: ReducedBasis) -> Floats:
     """(size, n) what supports that move displace themselves, for a unit of each coordinate."""
     field = np.zeros((structure.mesh.size, basis.size))
-    if not basis.static_vectors and any(isinstance(pattern.site, Support) for pattern in basis.patterns):
+    if not basis.static_vectors and any(isinstance(pattern.site, UnitMotion) for pattern in basis.patterns):
         raise ScenarioError(
             Problem(
                 "reduction", "keeps all modes, and with them no static vector that the moments of a plate need where a "
@@ -88,11 +88,8 @@ def _moved(structure: PlateModel, basis: ReducedBasis) -> Floats:
             )
         )  # fmt: skip
     for pattern, row in zip(basis.patterns, basis.pattern, strict=True):
-        if isinstance(pattern.site, Support) and structure.name in pattern.site.motions:
-            moved = pattern.site.motions[structure.name]
-            field += np.multiply.outer(
-                moved if moved.size == structure.mesh.size else structure.whole_field(moved), row
-            )
+        if isinstance(pattern.site, UnitMotion) and structure.name in pattern.site.fields:
+            field += np.multiply.outer(pattern.site.fields[structure.name], row)
     return field
 
 
@@ -102,13 +99,13 @@ def moment_operator(structure: PlateModel) -> Any:
 
     plate, (x, y) = structure.section, (structure.mesh.x, structure.mesh.y)
     d, length, width = plate.rigidity, plate.length, plate.width
-    xx = kron(curvature_rows(x), y.rows(y.nodes), format="csr") / length**2
-    yy = kron(x.rows(x.nodes), curvature_rows(y), format="csr") / width**2
+    xx = kron(_second_derivatives(x), y.rows(y.nodes), format="csr") / length**2
+    yy = kron(x.rows(x.nodes), _second_derivatives(y), format="csr") / width**2
     xy = kron(x.rows(x.nodes, 1), y.rows(y.nodes, 1), format="csr") / (length * width)
     return vstack([d.dx * xx + d.d1 * yy, d.d1 * xx + d.dy * yy, 2 * d.twisting * xy], format="csr")
 
 
-def curvature_rows(mesh: Mesh) -> Any:
+def _second_derivatives(mesh: Mesh) -> Any:
     """(nodes, 2 nodes) rows of the second derivative at the nodes, interpolated from the Gauss points."""
     from scipy.sparse import csr_array
 

@@ -1,12 +1,15 @@
 r"""How the stiffness behind a frequency depends on every number of the structure.
 
 At a fixed frequency :math:`k = -1 / (s^T D^{-1} s)` with the dynamic stiffness :math:`D = K - \omega^2 M` and the
-deflection row s of the spring's point. With the closed structure's mode scaled as :math:`v = k D^{-1} s`,
+deflection row s of the spring's point. With the closed structure's mode scaled as :math:`v = k D^{-1} s`, fields of the
+bodies apart, springs between them in D, and what joints hold as constraints :math:`G v = 0` with the forces
+:math:`\mu`,
 
-.. math:: \frac{\partial k}{\partial p} = -v^T \frac{\partial D}{\partial p} v + 2 k\, \frac{\partial s}{\partial p} v,
+.. math:: F = 2 k\, s^T v - v^T D v - 2 \mu^T G v
 
-one linear solve for all parameters. The derivatives are central differences on an unchanged mesh: the form is that of a
-fixed field, so that they are accurate to nine digits or so.
+is stationary in v and :math:`\mu`, so that :math:`\partial k / \partial p = \partial F / \partial p` with both as they
+are: one linear solve for all parameters. The derivatives are central differences on an unchanged mesh: the form is that
+of fixed fields, so that they are accurate to nine digits or so.
 
 A spring between two parts that nothing else joins has :math:`1/k = 1/k_1 + 1/k_2`, with the stiffness
 :math:`k_i` that would give part i alone the frequency.
@@ -14,16 +17,17 @@ A spring between two parts that nothing else joins has :math:`1/k = 1/k_1 + 1/k_
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.scenario.base import walk
 from beamsim.scenario.parameters import value_at, with_values
-from beamsim.structures.assembly import assemble, snubber_site
-from beamsim.structures.places import SpringEnd, spring_ends
+from beamsim.structures.assembly import assemble, couplings_of, snubber_site
+from beamsim.structures.places import Site, signed_ends
+from beamsim.structures.several import SeveralBodies, assemble_side_by_side
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -32,13 +36,14 @@ if TYPE_CHECKING:
 
 
 _STEP = 1e-5  # relative, of central differences
+_JOINING = ("joints", "springs_to_ground", "springs_between")
 
 
 def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> dict[Path, float]:
     """d ln k / d ln p by place, k being the stiffness at the snubber that makes omega a natural frequency.
 
-    The numbers are those of the bodies that the snubber acts on. What sits on the end or edge of a body moves with it
-    when a side changes; the segments of a beam grow with its length.
+    The numbers are those of the bodies that the snubber acts on, and of what joins them. What sits on the end or edge
+    of a body moves with it when a side changes; the segments of a beam grow with its length.
 
     Parameters
     ----------
@@ -52,81 +57,130 @@ def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> d
         By path; numbers on which k does not depend are left out.
     """
     contact = scenario.located_snubber(snubber)
-    ends = spring_ends(snubber_site(contact), [(*contact.path, *path) for path in contact.item.place_paths])
     structure = assemble(scenario, contact.bodies)
+    site = snubber_site(contact)
+    parts = [each.structure for each in structure.parts] or [structure]
+    loaded = [_LoadedPart.of(part, site, omega) for part in parts if _row(part, site).any()]
+    total = sum(1 / part.stiffness for part in loaded)
     rates: dict[Path, float] = {}
-    total = 0.0
-    for part in [each.structure for each in structure.parts] or [structure]:
-        row = _row(part, ends)
-        if not row.any():  # a support: the part adds no compliance
-            continue
-        v, k = _mode(part, row, (omega / part.frequency_scale) ** 2)
-        physical = k * part.stiffness_scale
-        total += 1.0 / physical
-        for member in part.members:
-            body, field = member.body, member.field(v)
-            for path, changed in _changes(body, scenario.body_path(body.name), _on(ends, [body.name])):
-                up, down = (_form(body, *changed(1 + sign * _STEP), field, physical, omega) for sign in (1, -1))
-                if up != down:
-                    rates[path] = (up - down) / (2 * _STEP * physical**2)
-    rates = {path: rate / total for path, rate in rates.items()}
-    if structure.couplings:
-        # Lengths and positions move joints and their slopes: their rates are differences, as are those of joints.
-        geometric = [path for path in rates if path[-1] in ("length", "position")]
-        rates |= {path: _difference(scenario, snubber, omega, path) for path in (*geometric, *_joint_numbers(scenario))}
+    for path, along in _parameters(scenario, snubber, [member.body for member in structure.members]):
+        up, down = (
+            sum(part.form(_scaled(scenario, along, 1 + step), snubber, omega) / part.stiffness**2 for part in loaded)
+            for step in (_STEP, -_STEP)
+        )
+        if up != down:
+            rates[path] = (up - down) / (2 * _STEP * total)
     return rates
 
 
-def _form(body: BodyStructure, section: Any, ends: Sequence[SpringEnd], v: Floats, k: float, omega: float) -> float:
-    """2 k s^T v - v^T D v, N/m, of a field v (N,) of a body with other numbers and other ends of the spring on it."""
-    model = body.reassembled(section)
-    bent = model.factor @ v
-    strain = model.stiffness_scale * float(bent @ bent)
-    kinetic = omega**2 * model.mass_scale * float(v @ (model.mass @ v))
-    return 2 * k * sum(end.sign * float(model.row(end.place) @ v) for end in ends) - strain + kinetic
+def _scaled(scenario: Scenario, places: set[Path], factor: float) -> Scenario:
+    return with_values(scenario, {at: value_at(scenario, at) * factor for at in places})
 
 
-Change = Callable[[float], tuple[Any, Sequence[SpringEnd]]]  # of a factor: the section of the body and the ends
+def _row(structure: Structure, site: Site) -> Floats:
+    """(N,) how far those ends of a site that are on a structure draw apart for a unit of each degree of freedom."""
+    names = {member.body.name for member in structure.members}
+    ends = [sign * structure.place_row(end) for sign, end in signed_ends(site) if end.body in names]
+    return np.asarray(sum(ends, np.zeros(structure.size)))
 
 
-def _changes(body: BodyStructure, path: Path, ends: Sequence[SpringEnd]) -> Iterator[tuple[Path, Change]]:
-    """Every number of a body, which is at a path of the scenario, and of the places of the spring on it."""
-    section = body.section
-    for place in _numbers(section):
+@dataclass(frozen=True)
+class _LoadedPart:
+    """A part of a structure on which the spring acts, and its motion at the frequency."""
 
-        def changed(factor: float, place: Path = place) -> tuple[Any, Sequence[SpringEnd]]:
-            value = value_at(section, place)
-            along, moved = {place}, ends
-            if len(place) == 1 and place[0] in body.sides:
-                axis = body.sides.index(str(place[0]))
-                on_edge = [at for at in _numbers(section) if _axis(at) == axis and value_at(section, at) == value]
-                along |= {*on_edge, *_bounds(section)}
-                moved = [_moved(end, axis, factor) if end.coordinates[axis] == value else end for end in ends]
-            return with_values(section, {at: value_at(section, at) * factor for at in along}), moved
+    bodies: SeveralBodies  # apart
+    stiffness: float  # N/m, of the spring, that gives the part alone the frequency
+    field: Floats  # (dofs of the bodies,) v
+    forces: Floats  # of the constraints among the couplings, in their order
 
-        yield (*path, *place), changed
-    for number, end in enumerate(ends):
-        for axis in range(len(body.sides)):
+    @classmethod
+    def of(cls, part: Structure, site: Site, omega: float) -> _LoadedPart:
+        """Solve for the motion."""
+        mode, scaled = _mode(part, _row(part, site), (omega / part.frequency_scale) ** 2)
+        stiffness, bodies = scaled * part.stiffness_scale, assemble_side_by_side([m.body for m in part.members])
+        field = np.concatenate([member.field(mode) for member in part.members])
+        left = stiffness * _row(bodies, site) + omega**2 * bodies.mass_scale * (bodies.mass @ field)
+        left -= bodies.stiffness_scale * (bodies.factor.T @ (bodies.factor @ field))
+        for spring in part.couplings:
+            if spring.stiffness:
+                pull = _row(bodies, spring.site)
+                left -= spring.stiffness * (pull @ field) * pull
+        held = [_row(bodies, each.site) for each in part.couplings if each.stiffness is None]
+        forces = np.linalg.lstsq(np.array(held).reshape(-1, field.size).T, left, rcond=None)[0]
+        return cls(bodies, stiffness, field, np.asarray(forces, dtype=float))
 
-            def moved(factor: float, number: int = number, axis: int = axis) -> tuple[Any, Sequence[SpringEnd]]:
-                return section, [_moved(e, axis, factor) if i == number else e for i, e in enumerate(ends)]
+    def form(self, scenario: Scenario, snubber: str, omega: float) -> float:
+        """F, N/m, of the motion with other numbers in the scenario."""
+        sections, v = scenario.all_bodies, self.field
+        before = [member.body for member in self.bodies.members]
+        bodies = assemble_side_by_side(
+            [each if each.section is None else each.reassembled(sections[each.name]) for each in before]
+        )
+        bent = bodies.factor @ v
+        total = 2 * self.stiffness * float(_row(bodies, snubber_site(scenario.located_snubber(snubber))) @ v)
+        total += omega**2 * bodies.mass_scale * float(v @ (bodies.mass @ v))
+        total -= bodies.stiffness_scale * float(bent @ bent)
+        forces, names = iter(self.forces), {each.name for each in before}
+        for coupling in couplings_of(scenario):
+            if coupling.ends[0].body in names:
+                stretch = float(_row(bodies, coupling.site) @ v)
+                held = coupling.stiffness is None
+                total -= 2 * next(forces) * stretch if held else (coupling.stiffness or 0.0) * stretch**2
+        return total
 
-            yield (*end.path, "position", *((axis,) if isinstance(end.place.point, tuple) else ())), moved
+
+def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -> Iterator[tuple[Path, set[Path]]]:
+    """Every number that k may depend on, and those that change with it."""
+    contact = scenario.located_snubber(snubber)
+    sides = {body.name: body.sides for body in bodies}
+    for body in bodies:
+        if body.section is None:
+            continue
+        base = scenario.body_path(body.name)
+        for path, _ in _numbers(scenario.all_bodies[body.name]):
+            along = {(*base, *path)}
+            if len(path) == 1 and path[0] in body.sides:
+                along |= _at_edge(scenario, body.name, body.sides.index(str(path[0])))
+                along |= {(*base, *bound) for bound in _bounds(scenario.all_bodies[body.name])}
+            yield (*base, *path), along
+    for place, path in zip(contact.item.places, contact.item.place_paths, strict=True):
+        for axis in range(len(sides[place.body or contact.body])):
+            number = (*contact.path, *path, "position", *((axis,) if isinstance(place.point, tuple) else ()))
+            yield number, {number}
+    for section in _JOINING:
+        for index, item in enumerate(getattr(scenario, section)):
+            for key in ("stiffness", "rotational_stiffness"):
+                if getattr(item, "kind", "") not in ("cubic", "piecewise_linear") and getattr(item, key, 0.0) > 0.0:
+                    yield (section, index, key), {(section, index, key)}
 
 
-def _numbers(section: Any) -> Iterator[Path]:
-    """Paths of the numbers, not zero, of a body; but for the bounds of its segments."""
+def _at_edge(scenario: Scenario, name: str, axis: int) -> set[Path]:
+    """Coordinates of what sits on the end or edge of a body."""
+    base = scenario.body_path(name)
+    edge = getattr(scenario.all_bodies[name], ("length", "width")[axis])
+    found = set()
+    for path, part in _numbers(scenario):
+        if path[: len(base)] == base:
+            body = name
+        elif path[0] in ("snubbers", *_JOINING):
+            body = getattr(part, "body", None) or scenario.default_body
+        else:
+            continue
+        if body == name and _axis(path) == axis and value_at(scenario, path) == edge:
+            found.add(path)
+    return found
+
+
+def _numbers(section: Any) -> Iterator[tuple[Path, Any]]:
+    """Paths of the numbers, not zero, of a section, and what holds them; but for the bounds of segments."""
     for path, part in walk(section):
         for key, name in type(part).keys().items():
             value: Any = getattr(part, name)
             items = {(*path, key, i): item for i, item in enumerate(value)} if isinstance(value, tuple) else {}
             for place, number in (items or {(*path, key): value}).items():
-                if isinstance(number, float) and number != 0.0 and not _is_bound(place):
-                    yield place
-
-
-def _is_bound(place: Path) -> bool:
-    return place[0] == "segments" and place[-1] in ("from", "to")
+                bound = "segments" in place and place[-1] in ("from", "to")
+                if isinstance(number, float) and number != 0.0 and not bound:
+                    yield place, part
 
 
 def _bounds(section: Any) -> list[Path]:
@@ -140,79 +194,11 @@ def _axis(place: Path) -> int | None:
     return place[-1] if isinstance(place[-1], int) and place[-2] in ("position", "from", "to") else None
 
 
-def _moved(end: SpringEnd, axis: int, factor: float) -> SpringEnd:
-    """The end of a spring with a coordinate times a factor."""
-    point = [x * factor if i == axis else x for i, x in enumerate(end.coordinates)]
-    return replace(end, place=replace(end.place, point=point[0] if len(point) == 1 else (point[0], point[1])))
-
-
-def _on(ends: Sequence[SpringEnd], names: Sequence[str]) -> list[SpringEnd]:
-    return [end for end in ends if end.place.body in names]
-
-
-def _row(part: Structure, ends: Sequence[SpringEnd]) -> Floats:
-    """(N,) stretch of the spring for a unit of each degree of freedom of a part."""
-    on_part = _on(ends, [member.body.name for member in part.members])
-    return np.asarray(sum((end.sign * part.row(end.place) for end in on_part), np.zeros(part.size)))
-
-
-def _joint_numbers(scenario: Scenario) -> list[Path]:
-    """Stiffnesses of joints and of linear springs between points."""
-    return [
-        (section, index, key)
-        for section in ("joints", "springs_to_ground", "springs_between")
-        for index, item in enumerate(getattr(scenario, section))
-        for key in ("stiffness", "rotational_stiffness")
-        if getattr(item, "kind", "") not in ("cubic", "piecewise_linear") and getattr(item, key, 0.0) > 0.0
-    ]
-
-
-def _difference(scenario: Scenario, snubber: str, omega: float, path: Path) -> float:
-    """d ln k / d ln p by a central difference; what sits on a beam's end moves with it."""
-    value = float(value_at(scenario, path))
-    moved = {path: value}
-    if path[-1] == "length":
-        name = next(name for name in scenario.all_bodies if scenario.body_path(name) == path[:-1])
-        moved |= dict.fromkeys(_on_end(scenario, name, value), value)
-    stiffness = [
-        _stiffness(with_values(scenario, {at: x * (1.0 + step) for at, x in moved.items()}), snubber, omega)
-        for step in (_STEP, -_STEP)
-    ]
-    return float(np.log(stiffness[0] / stiffness[1]) / (2 * _STEP))
-
-
-def _on_end(scenario: Scenario, name: str, length: float) -> Iterator[Path]:
-    """Positions on the right end of a beam that belong to the structure or the snubbers."""
-    for path, part in walk(scenario):
-        if path[:1] not in (("joints",), ("springs_to_ground",), ("springs_between",), ("snubbers",), ("bodies",)):
-            continue
-        body = path[1] if path[0] == "bodies" else getattr(part, "body", None) or scenario.default_body
-        if body == name and getattr(part, "position", None) == length:
-            yield (*path, "position")
-
-
-def _stiffness(scenario: Scenario, snubber: str, omega: float) -> float:
-    """The stiffness, N/m, at the snubber that makes omega a natural frequency."""
-    contact = scenario.located_snubber(snubber)
-    ends = spring_ends(snubber_site(contact), [(*contact.path, *path) for path in contact.item.place_paths])
-    structure = assemble(scenario, contact.bodies)
-    compliance = 0.0
-    for part in [each.structure for each in structure.parts] or [structure]:
-        row = _row(part, ends)
-        if row.any():
-            compliance += 1.0 / (_mode(part, row, (omega / part.frequency_scale) ** 2)[1] * part.stiffness_scale)
-    return 1.0 / compliance
-
-
 def _mode(model: Structure, row: Floats, squared: float) -> tuple[Floats, float]:
     """Scaled mode v and scaled stiffness k at a scaled omega^2."""
-    stiffness: Any = model.factor.T @ model.factor
-    dynamic = stiffness - squared * model.mass
-    if model.size <= 400:
-        x = np.linalg.solve(dynamic.toarray(), row)
-    else:
-        from scipy.sparse.linalg import spsolve
+    from scipy.sparse.linalg import spsolve
 
-        x = np.asarray(spsolve(dynamic.tocsc(), row))
+    dynamic = (model.factor.T @ model.factor - squared * model.mass).tocsc()
+    x = np.asarray(spsolve(dynamic, row))
     k = -1.0 / float(row @ x)
     return k * x, k

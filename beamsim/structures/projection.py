@@ -36,6 +36,6 @@ def project(
     ]
     q = np.zeros(basis.size)
     for member, vectors, field in named:
-        q += member.mass_ratio * field.products(vectors)
-    errors = {member.body.name: field.error(vectors, q, quantity) for member, vectors, field in named}
+        q += member.mass_ratio * field.kinetic.products(vectors)
+    errors = {member.body.name: field.error(vectors @ q, quantity) for member, vectors, field in named}
     return q * np.sqrt(structure.mass_scale), errors

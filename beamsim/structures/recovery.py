@@ -17,11 +17,11 @@ from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.basis import LoadPattern
 from beamsim.structures.distributed import Distributed
-from beamsim.structures.hermite import curvature_factor, double_integral, mass_matrix, shape_functions
+from beamsim.structures.hermite import curvature_rows, double_integral, element_rows, shape_functions
 from beamsim.structures.places import Place
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import ALONG, Recovery
-from beamsim.structures.supports import Support
+from beamsim.structures.supports import UnitMotion
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -159,11 +159,9 @@ def _fields(
         if isinstance(site, BaseDirection):
             moving = model.rigid_motion(member.whole.seen_from(model.name, site))
             acceleration += np.multiply.outer(moving, row * inertia)
-        elif isinstance(site, Support):
-            moved = site.motions.get(model.name)
-            if moved is not None:
-                whole = moved if moved.size == displacement.shape[0] else model.whole_field(moved)
-                displacement = displacement + np.multiply.outer(whole, row)
+        elif isinstance(site, UnitMotion):
+            if model.name in site.fields:
+                displacement = displacement + np.multiply.outer(site.fields[model.name], row)
         elif isinstance(site, Place | Distributed) and member.whole.member(site.body).body is model and row.any():
             if isinstance(site, Place):
                 places, sizes = np.array([site.coordinate / model.section.length]), np.ones(1)
@@ -180,9 +178,10 @@ def _moments(model: BeamModel, x: Floats, fields: _Fields) -> Floats:
     h, dofs = mesh.lengths, mesh.dofs
     u, a = fields.displacement[dofs], fields.acceleration[dofs]
     a = a * model.line_mass[:, None, None]
-    curvature = np.einsum("esd,edn->esn", curvature_factor(h), u) * model.bending[:, None, None]
-    force = np.einsum("esd,esn->edn", curvature_factor(h), curvature)
-    force -= np.einsum("edc,ecn->edn", mass_matrix(h), a)
+    bent, moved = curvature_rows(h), element_rows(h, 0, 4)
+    curvature = np.einsum("esd,edn->esn", bent, u) * model.bending[:, None, None]
+    force = np.einsum("esd,esn->edn", bent, curvature)
+    force -= np.einsum("esd,esn->edn", moved, np.einsum("esd,edn->esn", moved, a))
     element, xi = mesh.locate(x)
     levers: list[tuple[Floats, Floats]] = []
     for places, sizes, p in fields.forces:

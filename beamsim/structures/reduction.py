@@ -18,7 +18,8 @@ import numpy as np
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.basis import LoadPattern, ReducedBasis
 from beamsim.structures.modes import Modes, natural_modes, orient
-from beamsim.structures.supports import Support
+from beamsim.structures.supports import UnitMotion
+from beamsim.structures.symmetric_lu import pinned_rows
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -36,46 +37,29 @@ def static_deflections(model: Structure, loads: Floats, refinements: int = 2) ->
     The deflection is M-orthogonal to the rigid-body modes. Iterative refinement, with the residual computed as
     B^T (B u), restores the digits lost to the conditioning of K.
     """
-    rigid = model.rigid.shape[1]
     loads = loads - model.mass @ (model.rigid @ (model.rigid.T @ loads))
-    lu = model.factorised_stiffness
-
-    def solve(f: Floats) -> Floats:
-        padded = np.vstack([f, np.zeros((rigid, f.shape[1]))])
-        return np.asarray(lu.solve(padded)[: model.size])
-
-    u = solve(loads)
-    for _ in range(refinements):
-        u = u + solve(loads - model.factor.T @ (model.factor @ u))
+    pinned = pinned_rows(model.rigid)
+    u = np.zeros(loads.shape)
+    for _ in range(1 + refinements):
+        left = loads - model.factor.T @ (model.factor @ u)
+        left[pinned] = 0.0
+        u = u + model.factorised_stiffness.solve(left)
     return np.asarray(u - model.rigid @ (model.rigid.T @ (model.mass @ u)))
 
 
-def _independent(energy_vectors: Floats, reference: Floats) -> tuple[Floats, list[int]]:
-    """Pivoted Gram-Schmidt: coefficients T with energy_vectors @ T orthonormal, and the columns kept.
+def _independent(energy_vectors: Floats, reference: Floats) -> Floats:
+    """(c, k) coefficients T with orthonormal energy_vectors (p, c) @ T, by a decomposition with pivoting.
 
-    A column is dropped if its remaining squared norm is below `_SPANNED` times its reference.
+    A column is left out if its remaining squared norm is below `_SPANNED` times its reference (c,).
     """
-    work = energy_vectors.copy()
-    count = work.shape[1]
-    transform = np.eye(count)
-    columns: list[Floats] = []
-    remaining = list(range(count))
-    kept: list[int] = []
-    while remaining:
-        share = [float(work[:, j] @ work[:, j]) / reference[j] if reference[j] > 0 else 0.0 for j in remaining]
-        best = int(np.argmax(share))
-        if share[best] <= _SPANNED:
-            break
-        j = remaining.pop(best)
-        norm = float(np.linalg.norm(work[:, j]))
-        q, t = work[:, j] / norm, transform[:, j] / norm
-        columns.append(t)
-        kept.append(j)
-        for _ in range(2):
-            along = q @ work[:, remaining]
-            work[:, remaining] -= np.outer(q, along)
-            transform[:, remaining] -= np.outer(t, along)
-    return np.array(columns).reshape(len(columns), count).T, kept
+    from scipy.linalg import qr, solve_triangular
+
+    scale = np.divide(1.0, np.sqrt(reference), out=np.zeros_like(reference), where=reference > 0)
+    r, order = qr(energy_vectors * scale, mode="r", pivoting=True)
+    kept = int(np.sum(np.diag(r) ** 2 > _SPANNED))
+    transform = np.zeros((scale.size, kept))
+    transform[order[:kept]] = solve_triangular(r[:kept, :kept], np.diag(np.sign(np.diag(r)[:kept])))
+    return scale[:, None] * transform
 
 
 def reduce_model(
@@ -148,8 +132,9 @@ def _own_patterns(model: Structure, part: Part, patterns: Sequence[LoadPattern])
         if isinstance(pattern.site, BaseDirection):
             acting.append(LoadPattern(part.structure.base_load(pattern.site)[0], pattern.site))
         elif np.any(vector):
-            # that of a support is a stiffness, in the unit of the structure
-            unit = model.stiffness_scale / part.structure.stiffness_scale if isinstance(pattern.site, Support) else 1.0
+            # that of a unit motion is a stiffness, in the unit of the structure
+            of_motion = isinstance(pattern.site, UnitMotion)
+            unit = model.stiffness_scale / part.structure.stiffness_scale if of_motion else 1.0
             acting.append(LoadPattern(vector * unit, pattern.site))
     return acting
 
@@ -194,53 +179,38 @@ def _with_static_vectors(
 ) -> ReducedBasis:
     phi, omega = modes.vectors, modes.omega
     kept = omega.size
-    rigid = model.rigid.shape[1]
     if highest_frequency is None:
         highest_frequency = float(omega[-1]) if kept == model.size else float(omega[-1]) / FREQUENCY_MARGIN
-    modal_acceleration = np.diag(omega**2)
-    if kept == model.size or not patterns:
-        return ReducedBasis(
-            omega, phi, rigid, kept, patterns, np.zeros((len(patterns), kept)), modal_acceleration, highest_frequency
-        )
+    transform, static = np.zeros((len(patterns), 0)), np.zeros((model.size, 0))
+    loads = np.array([pattern.vector for pattern in patterns]).reshape(-1, model.size).T
+    if kept < model.size and patterns:
+        transform, static = _static_vectors(model, phi, loads)
+    strain = np.asarray(model.factor @ static)
+    static_omega = np.sqrt(np.sum(strain**2, axis=0) / np.sum(static * (model.mass @ static), axis=0))
+    return ReducedBasis(
+        np.concatenate([omega, static_omega]),
+        np.hstack([phi, static]),
+        model.rigid.shape[1],
+        kept,
+        patterns,
+        np.hstack([np.zeros((len(patterns), kept)), transform]),
+        np.hstack([np.diag(omega**2), -(phi.T @ loads) @ transform]),
+        highest_frequency,
+    )
 
-    loads = np.array([pattern.vector for pattern in patterns]).T
-    modal_loads = phi.T @ loads
+
+def _static_vectors(model: Structure, phi: Floats, loads: Floats) -> tuple[Floats, Floats]:
+    """What kept modes leave of the deflections under loads (N, m): coefficients (m, k) and vectors (N, k)."""
     whole = static_deflections(model, loads)
     # Solve for the load that the kept modes do not take, so that small residuals stay accurate.
-    residual = static_deflections(model, loads - model.mass @ (phi @ modal_loads))
+    residual = static_deflections(model, loads - model.mass @ (phi @ (phi.T @ loads)))
     for _ in range(2):
         residual = residual - phi @ (phi.T @ (model.mass @ residual))
-    transform, _ = _independent(
-        np.asarray(model.factor @ residual), np.sum(np.asarray(model.factor @ whole) ** 2, axis=0)
-    )
-    if transform.shape[1] == 0:
-        return ReducedBasis(
-            omega, phi, rigid, kept, patterns, np.zeros((len(patterns), kept)), modal_acceleration, highest_frequency
-        )
+    transform = _independent(np.asarray(model.factor @ residual), np.sum(np.asarray(model.factor @ whole) ** 2, axis=0))
     # Orthonormal in K; the eigenvalues of M in this basis are 1 / omega^2.
     basis = residual @ transform
     mu, y = np.linalg.eigh(basis.T @ (model.mass @ basis))
     transform = transform @ (y[:, ::-1] / np.sqrt(mu[::-1]))
     static = residual @ transform
-    static_omega = np.sqrt(
-        np.sum(np.asarray(model.factor @ static) ** 2, axis=0) / np.sum(static * (model.mass @ static), axis=0)
-    )
     sign = np.sum(orient(static, model.deflections(static)) * static, axis=0) / np.sum(static * static, axis=0)
-    static, transform = static * sign, transform * sign
-
-    size = kept + static.shape[1]
-    pattern = np.zeros((len(patterns), size))
-    pattern[:, kept:] = transform
-    acceleration = np.zeros((kept, size))
-    acceleration[:, :kept] = modal_acceleration
-    acceleration[:, kept:] = -modal_loads @ transform
-    return ReducedBasis(
-        np.concatenate([omega, static_omega]),
-        np.hstack([phi, static]),
-        rigid,
-        kept,
-        patterns,
-        pattern,
-        acceleration,
-        highest_frequency,
-    )
+    return transform * sign, static * sign

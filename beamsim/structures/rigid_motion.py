@@ -6,28 +6,38 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats
+
+# Stretches below this, with motions and rows of unit length, are none.
+_NONE = 1e-10
 
 
-def allowed_rigid_modes(motions: Floats, mass: Any, held: Ints) -> Floats:
-    """(N, r) rigid-body modes that the supports allow, orthonormal in the mass matrix.
+def unstretched(motions: Floats, stretch: Floats, length: Floats | float = 1.0) -> Floats:
+    """(k, r) combinations of rigid-body motions that what holds the structure allows.
 
-    Known by construction, so that their frequencies are zero and not round-off.
+    Known by construction, so that the frequencies of these motions are zero and not round-off.
 
     Parameters
     ----------
     motions : (N, k) all rigid-body motions, on all degrees of freedom.
-    mass : (N, N) mass matrix.
-    held : degrees of freedom that supports hold or springs pull back.
+    stretch : (c, k) how far each of them stretches what holds.
+    length : (c,) of the rows that give the stretch.
+
+    Returns
+    -------
+    (k, r) array
+        Each motion that is left, by its shares of the k.
     """
-    allowed = motions
-    if held.size:
-        _, s, vt = np.linalg.svd(motions[held])
-        allowed = motions @ vt[int(np.sum(s > 1e-9)) :].T
-    return orthonormal_in_mass(allowed, mass) if allowed.shape[1] else allowed
+    unit = np.linalg.norm(motions, axis=0)
+    if not stretch.size:
+        return np.diag(1 / unit)
+    _, s, vt = np.linalg.svd(stretch / np.reshape(length, (-1, 1)) / unit)
+    return np.asarray(vt[int(np.sum(s > _NONE)) :].T / unit[:, None])
 
 
 def orthonormal_in_mass(vectors: Floats, mass: Any) -> Floats:
     """(N, r) the same space, orthonormal in the mass matrix, each vector less what those before it hold of it."""
+    if not vectors.shape[1]:
+        return vectors
     lower = np.linalg.cholesky(vectors.T @ (mass @ vectors))
     return np.asarray(np.linalg.solve(lower, vectors.T).T)

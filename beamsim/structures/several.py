@@ -7,7 +7,6 @@ are joined (`beamsim.structures.joined`).
 
 from __future__ import annotations
 
-from abc import ABC
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -22,13 +21,13 @@ from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.places import LoadSite, Place, Site, bodies_at, ends_of, separated
 from beamsim.structures.stations import Recovery
-from beamsim.structures.structure import BodyStructure, Coupling, MemberBody, Part, Structure
+from beamsim.structures.structure import BodyStructure, MemberBody, Part, Structure
 from beamsim.typing import Floats, Ints
 
 
 @dataclass(frozen=True)
-class SeveralBodies(Structure, ABC):
-    """What follows from the bodies alone, whatever joins them."""
+class SeveralBodies(Structure):
+    """Bodies, joined or side by side."""
 
     expansions: tuple[tuple[BodyStructure, Any], ...]  # every body, and (N of the body, N) its dofs from those here
 
@@ -36,6 +35,18 @@ class SeveralBodies(Structure, ABC):
     def members(self) -> tuple[MemberBody, ...]:
         """The bodies."""
         return tuple(MemberBody(body, self, expansion) for body, expansion in self.expansions)
+
+    @cached_property
+    def most_modes(self) -> int | None:
+        """Modes up to the frequency that every body's discretisation carries; None where all of them are."""
+        bodies = [member.body for member in self.members]
+        if all(body.most_modes is None for body in bodies):
+            return None
+        highest = min(_carried(body) for body in bodies if body.most_modes is not None)
+        if np.isinf(highest):
+            return None
+        counts = [min(body.frequency_count(highest / body.frequency_scale), body.size) for body in bodies]
+        return max(sum(counts), 1)
 
     def deflections(self, vectors: Floats) -> Floats:
         """Deflections (d,) or (d, k) of all bodies, in order of the stations."""
@@ -46,8 +57,8 @@ class SeveralBodies(Structure, ABC):
         physical = omega * self.frequency_scale
         return sum(m.body.frequency_count(physical / m.body.frequency_scale) for m in self.members)
 
-    def place_row(self, place: Place) -> Floats:
-        """(N,) motion at a place in its direction for a unit of each degree of freedom."""
+    def place_row(self, place: Place | Distributed) -> Floats:
+        """(N,) motion at a place in its direction for a unit of each degree of freedom; or load vector."""
         member = self.member(place.body)
         return member.on_whole(member.body.place_row(place))
 
@@ -65,11 +76,6 @@ class SeveralBodies(Structure, ABC):
                 ground -= spring.stiffness * self.base_motion_at(spring.ends[0], motion) * self.row(spring.site)
         return inertia, ground
 
-    def distributed_row(self, load: Distributed) -> Floats:
-        """(N,) load vector of a distributed load of unit level."""
-        member = self.member(load.body)
-        return member.on_whole(member.body.distributed_row(load))
-
     def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
         """Both ends of a link between two bodies; within a body what that body asks for."""
         loaded: list[LoadSite] = []
@@ -86,29 +92,14 @@ class SeveralBodies(Structure, ABC):
         """Largest absolute deflection of a field (N,)."""
         return max(member.body.largest_deflection(member.field(field)) for member in self.members)
 
-
-@dataclass(frozen=True)
-class Assembly(SeveralBodies):
-    """Parts side by side."""
-
-    blocks: tuple[Part, ...]
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """The parts."""
-        return self.blocks
-
-    @property
-    def couplings(self) -> tuple[Coupling, ...]:
-        """Those within the parts."""
-        return tuple(coupling for part in self.blocks for coupling in part.structure.couplings)
-
     def recoveries(
         self, basis: ReducedBasis, sites: Sequence[LoadSite], base: BaseDirection | None
     ) -> tuple[Recovery, ...]:
         """Those of every part, with the sites that are on it."""
+        if not self.parts:
+            return super().recoveries(basis, sites, base)
         recovered: list[Recovery] = []
-        for part, (reduced, columns) in zip(self.blocks, basis.blocks, strict=True):
+        for part, (reduced, columns) in zip(self.parts, basis.blocks, strict=True):
             names = {member.body.name for member in part.structure.members}
             on_it = [end for site in sites for end in ends_of(site) if end.body in names]
             for recovery in part.structure.recoveries(reduced, on_it, base):
@@ -123,6 +114,20 @@ class Assembly(SeveralBodies):
         return tuple(recovered)
 
 
+def _carried(body: BodyStructure) -> float:
+    """Angular frequency, rad/s, below which a body has as many modes as its discretisation carries; inf for all."""
+    assert body.most_modes is not None
+    from scipy.optimize import bisect
+
+    most, high = body.most_modes, 1.0
+    while (count := body.frequency_count(high)) <= most:
+        if count >= body.size:
+            return np.inf
+        high *= 2
+    carried = bisect(lambda omega: body.frequency_count(omega) - most - 0.5, 0.0, high, xtol=1e-12 * high)
+    return float(carried) * (1 - 1e-11) * body.frequency_scale
+
+
 def _widened(rows: Floats, columns: Ints, size: int) -> Floats:
     """(nx, n) rows of a body in all coordinates."""
     wide = np.zeros((rows.shape[0], size))
@@ -130,31 +135,32 @@ def _widened(rows: Floats, columns: Ints, size: int) -> Floats:
     return wide
 
 
-def assemble_side_by_side(parts: Sequence[Structure]) -> Assembly:
+def assemble_side_by_side(parts: Sequence[Structure]) -> SeveralBodies:
     """Block matrices of several parts, all with the scales of the heaviest and the stiffest of them."""
-    from scipy.sparse import block_diag, eye_array
+    from scipy.sparse import block_diag, csc_array, eye_array
 
     mass_scale = max(part.mass_scale for part in parts)
     stiffness_scale = max(part.stiffness_scale for part in parts)
     mass_ratio = [part.mass_scale / mass_scale for part in parts]
     starts = np.cumsum([0, *(part.size for part in parts)]).tolist()
     dofs = [slice(start, end) for start, end in pairwise(starts)]
-    factors = [part.factor * np.sqrt(part.stiffness_scale / stiffness_scale) for part in parts]
     damping = None
     if any(part.damping is not None for part in parts):
-        damping = block_diag([_zeros(part) if part.damping is None else part.damping for part in parts], format="csc")
-    rigid = block_diag(
-        [part.rigid / np.sqrt(ratio) for part, ratio in zip(parts, mass_ratio, strict=True)], format="csr"
-    ).toarray()
+        given = [part.damping for part in parts]
+        empty = [csc_array((part.size, part.size)) for part in parts]
+        blocks = [none if each is None else each for each, none in zip(given, empty, strict=True)]
+        damping = block_diag(blocks, format="csc")
+    factors = [part.factor * np.sqrt(part.stiffness_scale / stiffness_scale) for part in parts]
+    rigid = [part.rigid / np.sqrt(ratio) for part, ratio in zip(parts, mass_ratio, strict=True)]
     identity: Any = eye_array(starts[-1], format="csr")
-    return Assembly(
+    return SeveralBodies(
         name="",
         mass=block_diag([part.mass * ratio for part, ratio in zip(parts, mass_ratio, strict=True)], format="csc"),
         factor=block_diag(factors, format="csr"),
         damping=damping,
         inertia=np.concatenate([part.inertia * ratio for part, ratio in zip(parts, mass_ratio, strict=True)]),
         ground=np.concatenate([part.ground for part in parts]),
-        rigid=np.asarray(rigid, dtype=float),
+        rigid=block_diag(rigid, format="csr").toarray(),
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         deflection_dofs=np.concatenate(
@@ -165,12 +171,7 @@ def assemble_side_by_side(parts: Sequence[Structure]) -> Assembly:
             for part, columns in zip(parts, dofs, strict=True)
             for member in part.members
         ),
-        blocks=tuple(Part(part, columns) for part, columns in zip(parts, dofs, strict=True)),
+        parts=tuple(Part(part, columns) for part, columns in zip(parts, dofs, strict=True)),
+        couplings=tuple(coupling for part in parts for coupling in part.couplings),
         origins=tuple(origin for part in parts for origin in part.origins),
     )
-
-
-def _zeros(part: Structure) -> Any:
-    from scipy.sparse import csc_array
-
-    return csc_array((part.size, part.size))

@@ -66,32 +66,20 @@ class Stations:
 
     @classmethod
     def of_recoveries(cls, bodies: Sequence[Recovery]) -> Stations:
-        """Those of each body."""
-        stations = cls.of([(each.body, each.axis, each.position) for each in bodies], [each.across for each in bodies])
-        if all(each.points is None for each in bodies):
-            return stations
-        nowhere = [np.full((each.position.size, 3), np.nan) if each.points is None else each.points for each in bodies]
-        return replace(stations, points=np.concatenate(nowhere))
-
-    @classmethod
-    def of(
-        cls, bodies: Sequence[tuple[str, StationAxis, Floats]], y: Sequence[Floats | None] | None = None
-    ) -> Stations:
-        """From name, axis and positions of each body, and y of each, None where it is no plate; of none none."""
+        """Those of each body; of none none."""
         if not bodies:
             return cls(np.zeros(0), ALONG.unit, ALONG.long_name)
-        names, axes = tuple(name for name, _, _ in bodies), tuple(axis for _, axis, _ in bodies)
-        position = np.concatenate([positions for _, _, positions in bodies])
-        across = None
-        if y is not None and any(each is not None for each in y):
-            filled = [np.full(x.size, np.nan) if of is None else of for (_, _, x), of in zip(bodies, y, strict=True)]
-            across = np.concatenate(filled)
+        position = np.concatenate([each.position for each in bodies])
+        across = _together([each.across for each in bodies], bodies, ())
+        points = _together([each.points for each in bodies], bodies, (3,))
+        axes = tuple(each.axis for each in bodies)
         if len(bodies) == 1:
-            return cls(position, axes[0].unit, axes[0].long_name, across=across)
+            return cls(position, axes[0].unit, axes[0].long_name, across=across, points=points)
         same = len(set(axes)) == 1
         unit, meaning = (axes[0].unit, axes[0].long_name) if same else ("1", "position on the axis of each body")
-        body = np.repeat(np.arange(len(bodies)), [positions.size for _, _, positions in bodies])
-        return cls(position, unit, meaning, body, names, tuple(axis.long_name for axis in axes), across)
+        body = np.repeat(np.arange(len(bodies)), [each.position.size for each in bodies])
+        names = tuple(each.body for each in bodies)
+        return cls(position, unit, meaning, body, names, tuple(axis.long_name for axis in axes), across, points)
 
     @cached_property
     def parts(self) -> tuple[StationPart, ...]:
@@ -124,6 +112,14 @@ class Stations:
 
     def __iter__(self) -> Iterator[StationPart]:
         return iter(self.parts)
+
+
+def _together(values: Sequence[Floats | None], bodies: Sequence[Recovery], shape: tuple[int, ...]) -> Floats | None:
+    """The values of all bodies, NaN where one has none; None where no body has any."""
+    if all(each is None for each in values):
+        return None
+    nowhere = (np.full((body.position.size, *shape), np.nan) for body in bodies)
+    return np.concatenate([none if each is None else each for each, none in zip(values, nowhere, strict=True)])
 
 
 COMPONENTS = ("x", "y", "xy")

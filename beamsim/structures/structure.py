@@ -6,10 +6,10 @@ Beams, chains and assemblies of them answer alike; nothing above this package as
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -20,41 +20,17 @@ from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.named_matrices import NamedMatrices, with_base_node
 from beamsim.structures.places import DEFLECTION, Link, LoadSite, Place, Site, ends_of
+from beamsim.structures.supports import Coupling, Hold
+from beamsim.structures.symmetric_lu import SymmetricLU, held_factors
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.file_summary import FileSummary
+    from beamsim.structures.given_field import GivenField
     from beamsim.structures.stations import Recovery
-    from beamsim.structures.supports import Support
 
 Path = tuple[str | int, ...]
-
-
-@dataclass(frozen=True)
-class Coupling:
-    """What acts between two places, or a place and the base or the ground, in one direction of motion."""
-
-    name: str  # of the joint or spring
-    site: Site  # a place alone is coupled to the base, or to the ground
-    stiffness: float | None  # N/m or N m/rad; None where nothing moves apart
-    dashpot: float = 0.0  # N s/m or N m s/rad
-    to_ground: bool = False  # which stays where it is when the base moves
-
-    @property
-    def ends(self) -> tuple[Place, ...]:
-        """One place or two."""
-        return ends_of(self.site)
-
-
-class GivenField(Protocol):
-    """A displacement or velocity of a body that is to be met by the coordinates of a reduced model."""
-
-    def products(self, vectors: Floats) -> Floats:
-        """(n,) its products with fields (N, n) of the body in the scaled mass matrix."""
-
-    def error(self, vectors: Floats, q: Floats, quantity: str) -> float:
-        """Relative error of ``vectors @ q`` as a displacement or velocity, in the norm of that quantity."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +88,12 @@ class Structure(ABC):
     deflection_dofs: Ints  # dofs that are deflections, in order of the stations: they fix the sign of modes
     # where bodies begin on the common axis, m, as their joints place them; a body that is not in it begins at 0
     origins: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
+    # what joins the bodies to one another, to the base and to the ground, direction by direction
+    couplings: tuple[Coupling, ...] = field(default=(), kw_only=True)
+    # parts that nothing linear couples, each with its own modes; none where all is coupled
+    parts: tuple[Part, ...] = field(default=(), kw_only=True)
+    # (N,) rows in the order of elimination; None by minimum degree
+    order: Ints | None = field(default=None, kw_only=True)
 
     @property
     def size(self) -> int:
@@ -128,49 +110,20 @@ class Structure(ABC):
         """(N, N) scaled K, sparse."""
         return (self.factor.T @ self.factor).tocsc()
 
-    def factorise(self, matrix: Any) -> Any:
-        """LU factors (SuperLU) of a symmetric combination (N, N) of K and M."""
-        from scipy.sparse import csc_array
-        from scipy.sparse.linalg import splu
-
-        return splu(csc_array(matrix))
-
-    @property
-    def elimination_order(self) -> Ints | None:
-        """(N,) rows in the order in which factorisations take least; None where they find one themselves."""
-        return None
-
     @property
     def remarks(self) -> tuple[str, ...]:
         """What was done to the data of the bodies that a user should know."""
-        return tuple(remark for member in self.members if member.body is not self for remark in member.body.remarks)
+        return tuple(f"{member.body.name}: {note}" for member in self.members for note in member.body.notes)
 
     @cached_property
-    def factorised_stiffness(self) -> Any:
-        """LU factors (SuperLU) of K; with rigid-body modes bordered by them."""
-        from scipy.sparse import block_array, csc_array
-        from scipy.sparse.linalg import splu
-
-        stiffness: Any = self.stiffness
-        if self.rigid.shape[1]:
-            border = csc_array(self.mass @ self.rigid)
-            stiffness = block_array([[stiffness, border], [border.T, None]], format="csc")
-        return splu(csc_array(stiffness))
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """Parts that nothing linear couples, each with its own modes; none where all is coupled."""
-        return ()
+    def factorised_stiffness(self) -> SymmetricLU:
+        """Factors of K, with as many degrees of freedom held as there are rigid-body modes."""
+        return held_factors(self.stiffness, self.rigid, self.order)
 
     @property
     @abstractmethod
     def members(self) -> tuple[MemberBody, ...]:
         """The bodies."""
-
-    @property
-    def couplings(self) -> tuple[Coupling, ...]:
-        """What joins the bodies to one another, to the base and to the ground."""
-        return ()
 
     def member(self, name: str) -> MemberBody:
         """The body of this name; of a single body that body, whatever the name."""
@@ -186,8 +139,6 @@ class Structure(ABC):
 
         Of a distributed load what the work of its unit level is: the load vector, as it is of a unit point force.
         """
-        if isinstance(site, Distributed):
-            return self.distributed_row(site)
         if isinstance(site, Link):
             return np.asarray(self.place_row(site.second) - self.place_row(site.first))
         return self.place_row(site)
@@ -209,30 +160,15 @@ class Structure(ABC):
     def frequency_count(self, omega: float) -> int:
         """A bound on the number of modes below the scaled angular frequency omega."""
 
-    @property
-    def counted(self) -> Mapping[float, int]:
-        """Scaled angular frequencies below which modes were counted exactly, rigid motions included, and the counts."""
-        return {}
-
     @abstractmethod
-    def place_row(self, place: Place) -> Floats:
-        """(N,) motion at a place in its direction, m or rad, for a unit of each degree of freedom.
+    def place_row(self, place: Place | Distributed) -> Floats:
+        """(N,) motion at a place in its direction, m or rad, for a unit of each degree of freedom; or load vector.
 
         Raises
         ------
         ValueError
-            Where a place of the body does not move in that direction.
+            Where a place of the body does not move in that direction, or no load can be spread over it.
         """
-
-    def distributed_row(self, load: Distributed) -> Floats:
-        """(N,) consistent load vector of a distributed load of unit level, m or m^2: the work on each dof.
-
-        Raises
-        ------
-        ValueError
-            Where the body has no extent that a load could be spread over.
-        """
-        raise ValueError(f"{load.label} takes no distributed load")  # which the scenario refuses
 
     @abstractmethod
     def unit_stiffness(self, site: Site) -> float:
@@ -284,11 +220,8 @@ class BodyStructure(Structure, ABC):
     """One body; a kind of body is a subclass."""
 
     section: Any  # what describes the body in the scenario; None where that has no number of its matrices
-
-    @property
-    def file_summary(self) -> FileSummary | None:
-        """What the files hold that it was read from; None without files."""
-        return None
+    notes: tuple[str, ...] = field(default=(), kw_only=True)  # what was done to its data
+    file_summary: FileSummary | None = field(default=None, kw_only=True)  # of the files that it was read from
 
     @property
     def members(self) -> tuple[MemberBody, ...]:
@@ -327,14 +260,46 @@ class BodyStructure(Structure, ABC):
             self.mass_scale * self.inertia, self.total_mass,
         )  # fmt: skip
 
-    @property
-    def supports(self) -> tuple[Support, ...]:
-        """What holds the body, direction by direction; none where it is free."""
+    def holds(self, base: BaseDirection) -> Sequence[Hold]:
+        """What holds the body, direction by direction, and how far it moves with the base; none where it is free."""
         return ()
 
-    def base_supports(self, motion: BaseDirection) -> tuple[Support, ...]:
-        """Supports whose `base_motion` is that of another motion of the base; here it moves upwards alone."""
-        return self.supports
+    @property
+    def whole_matrices(self) -> tuple[Any, Any, Any]:
+        """Scaled mass and factor of all dofs, those that supports hold included, and their damping, N s/m, or None."""
+        return self.mass, self.factor, self.damping
+
+    def whole_field(self, vectors: Floats) -> Floats:
+        """Fields (N,) or (N, k) on all dofs."""
+        return vectors
+
+    def on_free(self, rows: Floats) -> Floats:
+        """(k, N) of rows (k, all dofs)."""
+        return rows
+
+    @abstractmethod
+    def unsupported_row(self, place: Place | Distributed) -> Floats:
+        """(all dofs,) row of a place, or load vector."""
+
+    def place_row(self, place: Place | Distributed) -> Floats:
+        """(N,) motion at a place in its direction for a unit of each degree of freedom; or load vector."""
+        return np.asarray(self.on_free(self.unsupported_row(place)[None])[0])
+
+    def rigid_motion(self, motion: BaseDirection) -> Floats:
+        """(all dofs,) displacement when the base moves by one unit and nothing deforms: here upwards alone."""
+        return np.isin(np.arange(self.size), self.deflection_dofs).astype(float)
+
+    def forces_of(self, motion: Floats) -> Floats:
+        """(3, all dofs) forces of a displacement, N, acceleration and velocity of all dofs (all dofs,)."""
+        mass, factor, damping = self.whole_matrices
+        dragged = np.zeros(motion.size) if damping is None else damping @ motion
+        return np.array(
+            [self.stiffness_scale * (factor.T @ (factor @ motion)), self.mass_scale * (mass @ motion), dragged]
+        )
+
+    def work(self, motion: Floats, forces: Floats) -> Floats:
+        """(3,) work of forces (3, all dofs) along a motion (all dofs,)."""
+        return forces @ motion
 
     def place_problem(self, place: Place | Distributed, acts: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place or shape on the body, or nothing can act there."""
@@ -357,12 +322,12 @@ class BodyStructure(Structure, ABC):
         return None
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base: here upwards alone."""
-        return self.inertia, self.ground
+        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
+        return self.on_free((self.whole_matrices[0] @ self.rigid_motion(motion))[None])[0], self.ground
 
     def base_motion_of(self, place: Place, motion: BaseDirection) -> float:
         """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""
-        return 1.0
+        return float(self.unsupported_row(place) @ self.rigid_motion(motion))
 
     def recovered(self, number: int, motion: BaseDirection, order: int = 0) -> tuple[Floats, float]:
         """(N,) another quantity that the body gives, by its number, for a unit of each dof, and that of the base.
@@ -371,8 +336,8 @@ class BodyStructure(Structure, ABC):
         """
         raise ValueError(f"{self.name} gives no other quantities")  # which the scenario refuses
 
-    def recovered_by(self, number: int, support: Support, order: int = 0) -> float:
-        """The same for a unit motion of a support of the body."""
+    def recovered_by(self, number: int, field: Floats, order: int = 0) -> float:
+        """The same for a field of all dofs."""
         raise ValueError(f"{self.name} gives no other quantities")
 
     @abstractmethod

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.structures.modes import LARGE
 from beamsim.structures.symmetric_lu import symmetric_lu, unit_diagonal
 from beamsim.typing import Floats, Ints
 
@@ -35,7 +34,7 @@ def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
     factorised densely with pivoting (Bunch and Kaufman).
     """
     try:
-        factors = symmetric_lu(matrix, definite=True, order=order)
+        factors = symmetric_lu(matrix, order)
     except RuntimeError:  # exactly singular
         factors = None
     if factors is not None and factors.signs_are_certain:
@@ -60,18 +59,12 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
     """
     stiffness = model.stiffness
     last = float(kept[-1]) if kept.size else 0.0
-    if model.size > LARGE:  # a count takes longer than a narrower bound is worth: one that is known is taken
-        certified = [at for at, count in model.counted.items() if at > last and count == kept.size]
-        if certified:
-            return max(certified)
-    if model.size > LARGE and kept.size > _FEW:  # half of where the next one is expected
-        guess = min(guess, last + (last - float(kept[-1 - _FEW])) / _FEW / 2)
     between = last + (guess - last) * np.array(_SHARES)
     limits = [*between[between > last], last * (1 + _ASIDE), last * (1 - _ASIDE)]
     undecided = False
     while limits:
         omega = limits.pop(0)
-        count = negative_eigenvalues(stiffness - omega**2 * model.mass, model.elimination_order)
+        count = negative_eigenvalues(stiffness - omega**2 * model.mass, model.order)
         known = int(np.sum(kept < omega))
         if count == known:
             return float(omega)

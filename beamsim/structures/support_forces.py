@@ -15,9 +15,9 @@ acceleration: the force on s while they move and the degrees of freedom do not, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,59 +25,149 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.distributed import Distributed
-from beamsim.structures.places import DEFLECTION, SLOPE, Link, LoadSite, Place
+from beamsim.structures.places import DEFLECTION, SLOPE, Link, LoadSite, Place, Site, signed_ends
 from beamsim.structures.reduction import static_deflections
-from beamsim.structures.supports import Share, Support, spring_support
+from beamsim.structures.supports import Coupling, Hold, UnitMotion
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.structures.structure import Coupling, MemberBody, Structure
+    from beamsim.structures.structure import MemberBody, Structure
 
 
 @dataclass(frozen=True)
-class SupportForce:
-    """The force of a support as a linear function of the motion of a structure and of what acts on it."""
+class Support:
+    """A place that holds a structure, and the force that it exerts, linear in the motion and in what acts.
 
-    support: Support
-    whole: Structure
-    shape: Floats  # (N,) static shape for a unit motion of the support
+    It is known by what its own unit motion does while the degrees of freedom of the structure stay at zero.
+    """
 
-    @classmethod
-    def of(cls, whole: Structure, support: Support) -> SupportForce:
-        """Solve for the static shape."""
-        load = support.stiffness / whole.stiffness_scale
-        return cls(support, whole, -static_deflections(whole, load[:, None])[:, 0])
+    structure: Structure
+    name: str  # that of what holds a body; of a joint or spring its own
+    direction: str  # of the motion: a force of a displacement, a moment of a rotation
+    base_motion: float  # how far it moves with a unit motion of the base
+    body: str = ""  # that it holds; empty for joints and springs
+    at: Site | None = None  # of a joint or spring
+    held: Mapping[str, Floats] = field(default_factory=dict)  # by body (all its dofs,) motion of what supports fix
+    free: Mapping[str, Floats] = field(default_factory=dict)  # by body (N,) motion of the others, of a joint that holds
+    stretches: Mapping[Coupling, float] = field(default_factory=dict)  # how far springs are drawn apart
+    determined: bool = True  # whether nothing else holds the same
+
+    @property
+    def is_constraint(self) -> bool:
+        """Whether it is a joint that holds without a spring."""
+        return bool(self.free)
+
+    @property
+    def on_base(self) -> bool:
+        """Whether it is the base that holds the structure there: not the ground, and not another body."""
+        to_ground = not self.is_constraint and any(spring.to_ground for spring in self.stretches)
+        return not to_ground and not isinstance(self.at, Link)
+
+    @cached_property
+    def motion(self) -> UnitMotion:
+        """The unit motion on all degrees of freedom of the bodies."""
+        moved = {name: self._member(name).body.whole_field(u) for name, u in self.free.items()}
+        return UnitMotion({**self.held, **moved})
+
+    @cached_property
+    def _whole_forces(self) -> dict[str, Floats]:
+        """By body (3, all dofs) force per displacement, N/m, acceleration, kg, and velocity, N s/m, of the motion."""
+        forces = {name: self._member(name).body.forces_of(u) for name, u in self.motion.fields.items()}
+        if self.body:
+            body = self._member(self.body).body
+            rows = [of * body.unsupported_row(spring.ends[0]) for spring, of in self.stretches.items()]
+            for row, factors in zip(rows, map(_of_spring, self.stretches), strict=True):
+                forces[self.body] = forces.get(self.body, 0.0) + np.outer(factors, row)
+        return forces
+
+    @cached_property
+    def forces(self) -> dict[str, Floats]:
+        """By body (3, N of the body): what holds its degrees of freedom."""
+        return {name: self._member(name).body.on_free(of) for name, of in self._whole_forces.items()}
+
+    @cached_property
+    def on_dofs(self) -> Floats:
+        """(3, N) force per displacement, acceleration and velocity that holds the structure's degrees of freedom."""
+        total = np.zeros((3, self.structure.size))
+        for name, of_body in self.forces.items():
+            total += [self._member(name).on_whole(each) for each in of_body]
+        if not self.body:
+            for spring, stretch in self.stretches.items():
+                total += np.outer(_of_spring(spring), stretch * self.structure.row(spring.site))
+        return total
+
+    @cached_property
+    def shape(self) -> Floats:
+        """(N,) static shape for a unit motion of the support."""
+        load = self.on_dofs[0] / self.structure.stiffness_scale
+        return -static_deflections(self.structure, load[:, None])[:, 0]
+
+    def _member(self, name: str) -> MemberBody:
+        return self.structure.member(name)
+
+    def on_body(self, body: str, other: Support) -> Floats:
+        """(3,) force on it per displacement (N/m), acceleration and velocity of another one, by what one body resists.
+
+        All degrees of freedom stay at zero.
+        """
+        for moved, holds in sorted(((other, self), (self, other)), key=lambda pair: not pair[0].is_constraint):
+            if body in moved.motion.fields and body in holds._whole_forces:
+                return self._member(body).body.work(moved.motion.fields[body], holds._whole_forces[body])
+        return self._by_springs(other) if self.body == other.body == body else np.zeros(3)
+
+    def _by_springs(self, other: Support) -> Floats:
+        both = self.stretches.keys() & other.stretches.keys()
+        return sum((_of_spring(s) * self.stretches[s] * other.stretches[s] for s in both), np.zeros(3))
+
+    def moved(self, other: Support) -> Floats:
+        """(3,) force per displacement, N/m, acceleration, kg, and velocity, N s/m, of another support, or of itself."""
+        between = sum((self.on_body(body, other) for body in self.forces), np.zeros(3))
+        if not self.body:
+            between += self._by_springs(other)
+        return np.asarray(between + other.on_dofs @ self.shape)
 
     @property
     def acceleration(self) -> Floats:
         """(N,) force per acceleration of each degree of freedom relative to the base, kg."""
-        return np.asarray(self.support.mass + self.whole.mass_scale * (self.whole.mass @ self.shape))
+        return np.asarray(self.on_dofs[1] + self.structure.mass_scale * (self.structure.mass @ self.shape))
 
     @property
     def velocity(self) -> Floats:
         """(N,) force per velocity of each degree of freedom relative to the base, N s/m."""
-        damping = self.whole.damping
-        return self.support.damping if damping is None else np.asarray(self.support.damping + damping @ self.shape)
+        damping = self.structure.damping
+        return np.asarray(self.on_dofs[2] if damping is None else self.on_dofs[2] + damping @ self.shape)
 
-    def base_forces(self, motion: BaseDirection) -> tuple[float, float]:
-        """Force per acceleration of the base, kg, and per displacement, N/m: that of springs to the ground."""
-        inertia, ground = self.whole.base_load(motion)
-        own_inertia, own_ground = self.support.base_forces(motion)
-        return (
-            own_inertia + self.whole.mass_scale * float(inertia @ self.shape),
-            own_ground - float(ground @ self.shape),
-        )
+    def base_forces(self, motion: BaseDirection) -> Floats:
+        """(2,) force per acceleration of the base, kg, and per displacement, N/m: that of springs to the ground."""
+        structure = self.structure
+        inertia, ground = structure.base_load(motion)
+        total = np.array([structure.mass_scale * inertia @ self.shape, -ground @ self.shape])
+        for name, u in self.motion.fields.items():
+            body, seen = self._member(name).body, structure.seen_from(name, motion)
+            total[0] += body.forces_of(u)[1] @ body.rigid_motion(seen)
+            if name in self.free:
+                total[1] -= body.base_load(seen)[1] @ self.free[name]
+        for spring, stretch in self.stretches.items():
+            if spring.to_ground:
+                total[1] += _of_spring(spring)[0] * stretch * structure.base_motion_at(spring.ends[0], motion)
+        return total
 
-    def moved(self, other: Support) -> Floats:
-        """(3,) force per displacement, N/m, acceleration, kg, and velocity, N s/m, of another support, or of itself."""
-        by_shape = np.array([other.stiffness, other.mass, other.damping]) @ self.shape
-        return np.asarray(self.support.between(other) + by_shape)
+    def direct(self, place: Place | Distributed) -> float:
+        """Share of a unit load that goes to it while all degrees of freedom stay at zero."""
+        body = self._member(place.body).body
+        moved = self.motion.fields.get(body.name)
+        return 0.0 if moved is None else float(body.unsupported_row(place) @ moved)
 
     def share(self, site: LoadSite) -> float:
         """Share of a unit load that the support carries; its force is minus that."""
         if isinstance(site, Link):
             return self.share(site.second) - self.share(site.first)
-        return self.support.direct(site) + float(self.whole.row(site) @ self.shape)
+        return self.direct(site) + float(self.structure.row(site) @ self.shape)
+
+
+def _of_spring(spring: Coupling) -> Floats:
+    """(3,) stiffness, mass and dashpot."""
+    return np.array([spring.stiffness or 0.0, 0.0, spring.dashpot])
 
 
 def supports_of(structure: Structure, base: BaseDirection = UPWARDS) -> tuple[Support, ...]:
@@ -85,79 +175,41 @@ def supports_of(structure: Structure, base: BaseDirection = UPWARDS) -> tuple[Su
 
     ``base`` is the motion of the base that `Support.base_motion` belongs to.
     """
-    if structure.parts:
-        supports: list[Support] = []
-        for part in structure.parts:
-            supports += [
-                each.mapped(partial(_widened, part.dofs, structure.size)) for each in supports_of(part.structure, base)
-            ]
-        return tuple(supports)
     held = [
-        replace(
-            support.mapped(member.on_whole),
-            direct=partial(_on_body, support.direct, member.body.name),
-            under=partial(_seen, support, structure, member.body.name),
-        )
+        _of_hold(structure, member.body.name, hold)
         for member in structure.members
-        for support in (
-            member.body.supports
-            if base == UPWARDS
-            else member.body.base_supports(structure.seen_from(member.body.name, base))
-        )
+        for hold in member.body.holds(structure.seen_from(member.body.name, base))
     ]
-    return (*held, *_coupling_supports(structure, base))
+    return (*held, *_of_couplings(structure, base))
 
 
-def _seen(support: Support, structure: Structure, body: str, base: BaseDirection) -> tuple[float, float]:
-    return support.base_forces(structure.seen_from(body, base))
+def _of_hold(structure: Structure, body: str, hold: Hold) -> Support:
+    return Support(
+        structure, hold.name, hold.direction, hold.base_motion, body=body,
+        held={} if hold.motion is None else {body: hold.motion},
+        stretches={} if hold.spring is None else {hold.spring: -1.0},
+    )  # fmt: skip
 
 
-def _widened(dofs: slice, size: int, row: Floats) -> Floats:
-    wide = np.zeros(size)
-    wide[dofs] = row
-    return wide
-
-
-def _on_body(direct: Share, body: str, place: Place | Distributed) -> float:
-    return direct(place) if place.body == body else 0.0
-
-
-def _coupling_supports(structure: Structure, base: BaseDirection) -> list[Support]:
+def _of_couplings(structure: Structure, base: BaseDirection) -> Iterator[Support]:
     """Springs pull along their row; of constraints each is moved by one unit while the others hold."""
     held = [coupling for coupling in structure.couplings if coupling.stiffness is None]
+    springs = [coupling for coupling in structure.couplings if coupling.stiffness is not None]
     motions = iter(_unit_motions(structure, held))
-    supports = []
     for coupling in structure.couplings:
+        end = coupling.ends[0]
+        direction = SLOPE if end.direction == SLOPE else DEFLECTION
+        moves_with_base = len(coupling.ends) == 1 and not coupling.to_ground
+        base_motion = structure.base_motion_at(end, base) if moves_with_base else 0.0
+        free, determined, stretches = {}, True, {coupling: -1.0}
         if coupling.stiffness is None:
-            supports.append(_constraint(structure, coupling, base, *next(motions)))
-            continue
-        spring = spring_support(
-            coupling.name, _direction(coupling), structure.row(coupling.site), coupling.stiffness, coupling.dashpot, "",
-            to_ground=coupling.to_ground,
+            moved, determined = next(motions)
+            free = {member.body.name: u for member, u in zip(structure.members, moved, strict=True)}
+            stretches = {s: sum(float(_apart(m, s) @ free[m.body.name]) for m in structure.members) for s in springs}
+        yield Support(
+            structure, coupling.name, direction, base_motion, at=coupling.site, free=free, stretches=stretches,
+            determined=determined,
         )  # fmt: skip
-        pulled = partial(_ground_pull, structure, coupling) if coupling.to_ground else None
-        moved = _base_motion(structure, coupling, base)
-        itself = {_spring_key(coupling): (coupling.stiffness, coupling.dashpot, -1.0)}
-        supports.append(replace(spring, at=coupling.site, base_motion=moved, under=pulled, stretches=itself))
-    return supports
-
-
-def _spring_key(spring: Coupling) -> str:
-    return f"{spring.name} {_direction(spring)}"
-
-
-def _direction(coupling: Coupling) -> str:
-    return SLOPE if coupling.ends[0].direction == SLOPE else DEFLECTION
-
-
-def _base_motion(structure: Structure, coupling: Coupling, base: BaseDirection) -> float:
-    if len(coupling.ends) == 2 or coupling.to_ground:
-        return 0.0
-    return structure.base_motion_at(coupling.ends[0], base)
-
-
-def _ground_pull(structure: Structure, spring: Coupling, base: BaseDirection) -> tuple[float, float]:
-    return 0.0, -(spring.stiffness or 0.0) * structure.base_motion_at(spring.ends[0], base)
 
 
 def _unit_motions(structure: Structure, held: Sequence[Coupling]) -> list[tuple[list[Floats], bool]]:
@@ -178,59 +230,7 @@ def _unit_motions(structure: Structure, held: Sequence[Coupling]) -> list[tuple[
 def _apart(member: MemberBody, coupling: Coupling) -> Floats:
     """(N of the body,) how far the ends of a coupling draw apart for a unit of each degree of freedom of one body."""
     row = np.zeros(member.body.size)
-    for sign, end in zip((-1.0, 1.0)[-len(coupling.ends) :], coupling.ends, strict=True):
+    for sign, end in signed_ends(coupling.site):
         if end.body == member.body.name:
             row += sign * member.body.place_row(end)
     return row
-
-
-def _constraint(
-    structure: Structure, coupling: Coupling, base: BaseDirection, motion: Sequence[Floats], determined: bool
-) -> Support:
-    moved = list(zip(structure.members, motion, strict=True))
-    by_name = {member.body.name: u for member, u in moved}
-    forces = {
-        member.body.name: np.array(
-            [
-                (body := member.body).factor.T @ (body.factor @ u) * body.stiffness_scale,
-                body.mass @ u * body.mass_scale,
-                np.zeros(u.size) if body.damping is None else body.damping @ u,
-            ]
-        )
-        for member, u in moved
-    }
-    stiffness, mass, damping = (
-        sum((member.on_whole(forces[member.body.name][k]) for member, _ in moved), np.zeros(structure.size))
-        for k in range(3)
-    )
-    stretches = {}
-    grounded: list[tuple[Coupling, float]] = []
-    for other in structure.couplings:
-        if other.stiffness is None:
-            continue
-        stretch = sum(float(_apart(member, other) @ u) for member, u in moved)
-        stretches[_spring_key(other)] = (other.stiffness, other.dashpot, stretch)
-        row = structure.row(other.site)
-        stiffness += other.stiffness * stretch * row
-        damping += other.dashpot * stretch * row
-        if other.to_ground:
-            grounded.append((other, other.stiffness * stretch))
-
-    def under(motion: BaseDirection) -> tuple[float, float]:
-        loads = [member.body.base_load(structure.seen_from(member.body.name, motion)) for member in structure.members]
-        inertia = sum(float(load[0] @ u) * m.body.mass_scale for load, (m, u) in zip(loads, moved, strict=True))
-        ground = -sum(float(load[1] @ u) for load, (_, u) in zip(loads, moved, strict=True))
-        pulled = sum(force * structure.base_motion_at(other.ends[0], motion) for other, force in grounded)
-        return inertia, ground + pulled
-
-    inertia, ground = under(UPWARDS)
-
-    def direct(place: Place | Distributed) -> float:
-        body = structure.member(place.body).body
-        return float(body.row(place) @ by_name[body.name])
-
-    return Support(
-        coupling.name, _direction(coupling), stiffness, mass, damping, inertia=inertia, direct=direct,
-        base_motion=_base_motion(structure, coupling, base), at=coupling.site, base_displacement=ground,
-        determined=determined, motions=by_name, under=under, forces=forces, stretches=stretches,
-    )  # fmt: skip

@@ -89,13 +89,11 @@ def unit_diagonal(matrix: Any) -> tuple[Any, Floats]:
     return csc_array(unit @ matrix @ unit), scale
 
 
-def symmetric_lu(matrix: Any, *, definite: bool, order: Ints | None = None) -> SymmetricLU:
-    """Factors, by minimum degree or in a given order; raises `RuntimeError` for a matrix that is exactly singular.
+def symmetric_lu(matrix: Any, order: Ints | None = None) -> SymmetricLU:
+    """Factors without exchanged pivots; raises `RuntimeError` for a matrix that is exactly singular.
 
-    Parameters
-    ----------
-    definite : whether no pivots are exchanged; else very small ones are, for indefinite matrices.
-    order : (N,) rows in the order of elimination, such as `beamsim.structures.dissection.dissection` gives.
+    ``order`` (N,) is that of elimination, such as `beamsim.structures.dissection.dissection` gives; minimum degree
+    without.
     """
     from scipy.sparse.linalg import splu
 
@@ -103,7 +101,42 @@ def symmetric_lu(matrix: Any, *, definite: bool, order: Ints | None = None) -> S
     if order is not None:
         scaled = scaled[order][:, order].tocsc()
     lu = splu(
-        scaled, permc_spec="MMD_AT_PLUS_A" if order is None else "NATURAL",
-        diag_pivot_thresh=0.0 if definite else 1e-6, options={"SymmetricMode": True},
+        scaled, permc_spec="MMD_AT_PLUS_A" if order is None else "NATURAL", diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
     )  # fmt: skip
     return SymmetricLU(lu, scale, scaled, order)
+
+
+def pinned_rows(rigid: Floats) -> Ints:
+    """(r,) degrees of freedom that hold rigid-body motions (N, r): those in which they differ most."""
+    from scipy.linalg import qr
+
+    count = rigid.shape[1]
+    return np.sort(qr(rigid.T, mode="r", pivoting=True)[1][:count]) if count else np.zeros(0, dtype=np.int64)
+
+
+def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> SymmetricLU:
+    """Factors of K with the rows and columns of `pinned_rows` replaced by those of a diagonal matrix.
+
+    What they solve for a load in equilibrium, zero in these rows, is a deflection of the free structure.
+
+    Parameters
+    ----------
+    stiffness : (N, N) sparse K, positive semidefinite.
+    rigid : (N, r) its null space.
+    order : (N,) of elimination.
+
+    Returns
+    -------
+    SymmetricLU
+        Of a positive definite matrix.
+    """
+    from scipy.sparse import diags_array
+
+    pinned = np.zeros(stiffness.shape[0])
+    pinned[pinned_rows(rigid)] = 1.0
+    if pinned.any():
+        free: Any = diags_array(1.0 - pinned)
+        stiffness = free @ stiffness @ free + diags_array(pinned * stiffness.diagonal())
+        stiffness.eliminate_zeros()
+    return symmetric_lu(stiffness, order)

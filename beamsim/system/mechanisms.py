@@ -14,7 +14,7 @@ from beamsim.structures.places import SLOPE, LoadSite, ends_of, site_of
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.structures.structure import Coupling
+    from beamsim.structures.supports import Coupling
     from beamsim.system.parts import Parts
 
 # A motion below this fraction of the largest possible one is round-off.

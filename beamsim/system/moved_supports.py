@@ -20,8 +20,7 @@ from beamsim.scenario.base import path_text, suggestion
 from beamsim.scenario.moved_support import MovedSupport
 from beamsim.structures.basis import LoadPattern
 from beamsim.structures.places import DEFLECTION, SLOPE, Link, Site
-from beamsim.structures.support_forces import SupportForce, supports_of
-from beamsim.structures.supports import Support
+from beamsim.structures.support_forces import Support, supports_of
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -46,13 +45,13 @@ class Moved:
 
     def pattern(self, structure: Structure) -> LoadPattern:
         """The load of a unit motion that is held for ever."""
-        return LoadPattern(-self.support.stiffness / structure.stiffness_scale, self.support)
+        return LoadPattern(-self.support.on_dofs[0] / structure.stiffness_scale, self.support.motion)
 
     def static_shape(self, reduced: ReducedStructure) -> Floats:
         """(n,) coordinates of the static shape for a unit motion, sqrt(kg) m."""
         structure = reduced.structure
-        shape = SupportForce.of(structure, self.support).shape
-        return np.asarray(reduced.basis.vectors.T @ (structure.mass @ shape) * np.sqrt(structure.mass_scale))
+        momentum = structure.mass @ self.support.shape
+        return np.asarray(reduced.basis.vectors.T @ momentum * np.sqrt(structure.mass_scale))
 
     def loads(self, reduced: ReducedStructure) -> tuple[Floats, Floats, Floats]:
         """(n,) loads per acceleration, velocity and displacement of the support."""
@@ -62,11 +61,8 @@ class Moved:
         of_body = reduced.damping
         if structure.damping is not None:
             of_body = of_body - vectors.T @ (structure.damping @ vectors)
-        return (
-            -(self.support.mass @ vectors),
-            of_body @ static - self.support.damping @ vectors,
-            -(self.support.stiffness @ vectors),
-        )
+        stiffness, mass, damping = self.support.on_dofs @ vectors
+        return -mass, of_body @ static - damping, -stiffness
 
 
 def driven_supports(scenario: Scenario) -> Iterator[tuple[Path, Driven]]:

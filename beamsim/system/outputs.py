@@ -13,10 +13,9 @@ from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text, suggestion
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
-from beamsim.structures.base_motion import UPWARDS, BaseDirection
+from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.places import DEFLECTION, SLOPE, LoadSite, Place, Site
-from beamsim.structures.support_forces import SupportForce, supports_of
-from beamsim.structures.supports import Support
+from beamsim.structures.support_forces import Support, supports_of
 from beamsim.system.parts import Parts, base_direction, exciting_forces, gravity_loads, output_direction
 from beamsim.typing import Floats
 
@@ -195,11 +194,10 @@ class _Asked:
         base = np.array([of_base if output.motion == "acceleration" else 0.0])
         load = np.zeros((1, len(self.forcing.signal)))
         for signals, each in self.moved_signals:
-            support, number = each.support, names.index(output.row)
-            if support.body == name:
-                load[0, signals][_SIGNALS.index(output.motion)] = member.body.recovered_by(number, support, order)
-            elif support.is_constraint and name in support.motions:
-                load[0, signals][_SIGNALS.index(output.motion)] = row @ support.motions[name]
+            field = each.support.motion.fields.get(name)
+            if field is not None:
+                moved = member.body.recovered_by(names.index(output.row), field, order)
+                load[0, signals][_SIGNALS.index(output.motion)] = moved
         return self._zero(output, name, base_acceleration=base, load=load, **{output.motion: shape[None]})
 
     def _bending(self, output: Any, place: Place) -> OutputRows:
@@ -267,30 +265,28 @@ class _Asked:
         """The sum of the forces of supports, each with a factor."""
         scenario, structure = self.parts.scenario, self.parts.structure
         vectors = self.parts.basis.vectors / np.sqrt(structure.mass_scale)
-        forces = [(factor, SupportForce.of(structure, support)) for factor, support in supports]
 
-        def total(of: Callable[[SupportForce], Any]) -> Any:
-            return sum((factor * of(force) for factor, force in forces), 0.0)
+        def total(of: Callable[[Support], Any]) -> Any:
+            return sum((factor * of(force) for factor, force in supports), 0.0)
 
         def share(site: LoadSite) -> float:
-            return float(sum(factor * force.share(site) for factor, force in forces))
+            return float(sum(factor * force.share(site) for factor, force in supports))
 
         def shares(sites: Sequence[LoadSite]) -> Floats:
             return np.array([share(site) for site in sites]).reshape(len(sites))
 
-        if not forces:
+        if not supports:
             return self._zero(output, at)
         moving = base_direction(scenario) or UPWARDS
-        base, displaced = total(partial(_base_forces, moving))
+        base, displaced = total(lambda force: force.base_forces(moving))
         weight = 0.0
         for direction, gravity in gravity_loads(scenario):
-            inertia, _ = total(partial(_base_forces, direction))
-            weight -= inertia * gravity
+            weight -= gravity * sum(factor * force.base_forces(direction)[0] for factor, force in supports)
         load = np.zeros(len(self.forcing.signal))
         if self.force_sites or self.parts.moved:
             load[: len(self.force_sites)] = -shares(self.force_sites)
             for signals, moved in self.moved_signals:
-                load[signals] = total(partial(_forces_of_motion, moved.support))[[1, 2, 0]]
+                load[signals] = total(partial(Support.moved, other=moved.support))[[1, 2, 0]]
         elif load.size > 1:  # beside the base's acceleration its displacement, which springs to the ground feel
             load[1] = displaced
         dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
@@ -334,14 +330,6 @@ class _Asked:
         for k, (signals, _) in enumerate(self.moved_signals):
             load[:, signals][:, _SIGNALS.index(quantity)] = rows[:, n + k]
         return self._zero(output, body.name, rows.shape[0], squared=True, load=load, **{quantity: rows[:, :n]})
-
-
-def _base_forces(motion: BaseDirection, force: SupportForce) -> Floats:
-    return np.array(force.base_forces(motion))
-
-
-def _forces_of_motion(moved: Support, force: SupportForce) -> Floats:
-    return force.moved(moved)
 
 
 def _refused(path: Path, message: str, remedy: str) -> ScenarioError:

@@ -14,6 +14,7 @@ from beamsim.matrix_files.nastran import write_op4
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import write_dof_table
+from beamsim.structures.support_forces import supports_of
 from beamsim.system.build import build_system
 
 L, W, H, E, RHO = 0.9, 0.03, 0.004, 70e9, 2700.0
@@ -225,3 +226,17 @@ def test_errors_are_located(changes, message):
         build_system(load_scenario(given))
     assert message in str(error.value)
     assert error.value.problems[0].remedy
+
+
+@pytest.mark.parametrize("length", [0.5, 1.0, 2.0])
+def test_a_rotation_on_a_spring_meets_spring_and_beam_in_series(length):
+    """The moment per rotation of what a rotational spring stands on: 1 / (1 / k + L / (3 E I)) of a beam on pins."""
+    flexural, spring = 70e9 * 0.04 * 0.005**3 / 12, 30.0
+    beam = {
+        "length": length, "width": 0.04, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700.0, "elements": 10,
+        "supports": {"left": {"kind": "pinned", "rotational_stiffness": spring}, "right": "pinned"},
+    }  # fmt: skip
+    supports = supports_of(assemble(load_scenario({"beam": beam})))
+    (turned,) = [each for each in supports if each.name == "left" and each.direction == "slope"]
+    expected = 1 / (1 / spring + length / (3 * flexural))
+    assert turned.moved(turned)[0] == pytest.approx(expected, rel=1e-9)

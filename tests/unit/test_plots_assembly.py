@@ -13,7 +13,7 @@ from beamsim.plots.stations import finish_along, plot_along
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_run, write_result
 from beamsim.structures.places import Place
-from beamsim.structures.stations import NODES, Stations
+from beamsim.structures.stations import NODES, Recovery, Stations
 
 BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
 PLATE = {"kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.003, "youngs_modulus": 70e9,
@@ -139,7 +139,7 @@ def test_many_nodes_are_numbered_so_that_they_can_be_read():
     from matplotlib.figure import Figure
 
     ax = Figure().subplots()
-    stations = Stations.of([("m", NODES, np.arange(1.0, 136.0))])
+    stations = Stations.of_recoveries([Recovery("m", NODES, np.arange(1.0, 136.0), np.zeros((135, 0)))])
     plot_along(ax, stations, np.zeros(135), "shape")
     finish_along(ax, stations, "Deflection (m)")
     assert 10 <= len(ax.get_xticks()) <= 20

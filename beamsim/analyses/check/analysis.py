@@ -13,10 +13,10 @@ from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import DIRECTIONS, MODAL
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import bodies_of
+from beamsim.structures.file_summary import size_and_mass
 from beamsim.structures.matrices import NOT_HELD, MatricesStructure, structure_of
 from beamsim.structures.modes import Modes, natural_modes
 from beamsim.structures.named_matrices import NamedMatrices
-from beamsim.structures.plausible_units import size_and_mass
 from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.typing import Floats
 
@@ -194,9 +194,7 @@ def _worst_rows(structure: MatricesStructure) -> CheckRow:
     """Rows whose pivot is smallest beside their diagonal entry: what holds them cancels most digits."""
     factors = structure.factorised_stiffness
     if structure.rigid.shape[1]:
-        factors = symmetric_lu(
-            structure.stiffness + 1e-3 * structure.mass, definite=True, order=structure.elimination_order
-        )
+        factors = symmetric_lu(structure.stiffness + 1e-3 * structure.mass, structure.order)
     ratio = np.abs(factors.pivots)
     worst = np.argsort(ratio)[:3]
     rows = np.argmax(np.abs(structure.expansion[:, worst].toarray()), axis=0)
