@@ -33,6 +33,17 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
     """The structure without snubbers: bodies that are coupled make one part of it.
 
     With ``names`` only the parts that hold one of these bodies; ``nodes`` are places where meshes have a node.
+
+    Parameters
+    ----------
+    scenario : validated.
+    names : only parts that hold one of these bodies; all without.
+    nodes : places where meshes have a node.
+
+    Returns
+    -------
+    Structure
+        One part, or several side by side.
     """
     couplings = couplings_of(scenario)
     sections, origins = scenario.all_bodies, body_origins(scenario.joints, scenario.default_body)

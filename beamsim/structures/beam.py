@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from beamsim.structures.base_motion import BaseDirection
-from beamsim.structures.beam_fields import largest_deflection, polynomial_field
+from beamsim.structures.beam_fields import polynomial_field
 from beamsim.structures.beam_model import BeamModel, place_rows
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.given_field import GivenField
 from beamsim.structures.hermite import curvature_rows
 from beamsim.structures.mesh import Mesh, build_mesh
+from beamsim.structures.meshed import on_supports
 from beamsim.structures.places import DEFLECTION, SLOPE, Place, Site
 from beamsim.structures.recovery import beam_recovery
-from beamsim.structures.rigid_motion import orthonormal_in_mass, unstretched
 from beamsim.structures.stations import Recovery
 from beamsim.structures.structure import MemberBody
 from beamsim.structures.supports import Coupling, Hold
@@ -36,7 +36,18 @@ _HELD = {
 
 
 def supported_dofs(left: str, right: str, nodes: int) -> Ints:
-    """Degrees of freedom that the supports hold at zero (relative to the base)."""
+    """Degrees of freedom that the supports hold at zero (relative to the base).
+
+    Parameters
+    ----------
+    left, right : kinds of the supports: clamped, pinned, guided or free.
+    nodes : number of nodes of the mesh.
+
+    Returns
+    -------
+    (h,) array
+        Two dofs a node, deflection and slope.
+    """
     first = [i for i, held in enumerate(_HELD[left]) if held]
     last = [2 * (nodes - 1) + i for i, held in enumerate(_HELD[right]) if held]
     return np.array(first + last, dtype=np.int64)
@@ -56,11 +67,6 @@ class BeamStructure(BeamModel):
         return assemble_beam(section, self.name, mesh=self.mesh)
 
     @property
-    def total_mass(self) -> float:
-        """Mass of the beam and of what is on it, kg."""
-        return self.section.mass_per_length * self.section.length + sum(m.mass for m in self.section.point_masses)
-
-    @property
     def named_dofs(self) -> NamedDofs:
         """Nodes from the left end, each with z and ry, the rotation about y that tilts the beam down."""
         nodes, slopes = self.free // 2, self.free % 2 == 1
@@ -77,7 +83,17 @@ class BeamStructure(BeamModel):
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
     ) -> Recovery:
-        """Deflection, bending moment and stress along the beam."""
+        """Deflection, bending moment and stress along the beam.
+
+        Parameters
+        ----------
+        member, basis, sites, base : see `BodyStructure.recovery`.
+
+        Returns
+        -------
+        Recovery
+            At nodes, element midpoints and the sites.
+        """
         return beam_recovery(self, member, basis, sites, base)
 
     def holds(self, base: BaseDirection) -> Sequence[Hold]:
@@ -95,7 +111,12 @@ class BeamStructure(BeamModel):
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute deflection of a field (N,), also between the nodes."""
-        return largest_deflection(self.mesh, self.whole_field(field))
+        from scipy.interpolate import CubicHermiteSpline
+
+        whole = self.whole_field(field)
+        spline = CubicHermiteSpline(self.mesh.nodes, whole[0::2], whole[1::2])
+        level = spline.derivative().roots(extrapolate=False)
+        return float(np.abs(spline(np.append(self.mesh.nodes, level[np.isfinite(level)]))).max())
 
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """A polynomial in x (m) from the left end, by its coefficients."""
@@ -128,6 +149,11 @@ def assemble_beam(
     name : of the body.
     nodes : m, where something joins the beam: nodes of a mesh that is made.
     mesh : one that is there.
+
+    Returns
+    -------
+    BeamStructure
+        Scaled, without the dofs that supports hold.
     """
     from scipy.sparse import csr_array, vstack
 
@@ -150,39 +176,26 @@ def assemble_beam(
     moving = vstack(inertia, format="csr")
     mass = moving.T @ moving
 
-    motions = mesh.rigid_motions
-    held = supported_dofs(*beam.supports.kinds, mesh.nodes.size)
-    free = np.setdiff1d(np.arange(mesh.size), held)
     springs = end_springs(beam, name)
     at_ends = place_rows(mesh, length, [each.ends[0] for each in springs])
     pulling = np.array([each.stiffness for each in springs], dtype=float)
     dragging = np.array([each.dashpot for each in springs])
     factor = vstack([factor, csr_array(at_ends * np.sqrt(pulling / stiffness_scale)[:, None])], format="csr")
-    stretch = np.vstack([motions[held], at_ends[pulling > 0] @ motions])
     drags = [csr_array(at_ends * np.sqrt(dragging)[:, None])] if dragging.any() else []
     if beam.damping is not None and beam.damping.kind == "viscous":
         # xi * integral of N N^T dx; point masses left out
         drags.append(deflected * np.sqrt(beam.damping.coefficient * length))
     drag = sum((rows.T @ rows for rows in drags), csr_array((mesh.size, mesh.size))) if drags else None
-
+    held = supported_dofs(*beam.supports.kinds, mesh.nodes.size)
     return BeamStructure(
         name=name,
-        mass=mass[free][:, free].tocsc(),
-        factor=factor[:, free].tocsr(),
-        damping=None if drag is None else drag[free][:, free].tocsc(),
-        inertia=(mass @ motions[:, 0])[free],
-        ground=np.zeros(free.size),
-        rigid=orthonormal_in_mass(motions @ unstretched(motions, stretch), mass)[free],
+        section=beam,
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
-        deflection_dofs=np.flatnonzero(free % 2 == 0),
-        section=beam,
-        mesh=mesh,
-        free=free,
         stretch_of=stretch_of,
         bending=bending,
         line_mass=line_mass,
-        unsupported=(mass, factor, drag),
+        **on_supports(mesh, (mass, factor, drag), held, at_ends[pulling > 0] @ mesh.rigid_motions),
     )
 
 

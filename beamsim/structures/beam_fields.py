@@ -1,4 +1,4 @@
-"""Deflections along a beam: polynomials, extremes."""
+"""Polynomials along a beam that its motion is to meet."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.structures.given_field import GivenField, WeightedValues
-from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.structures.beam_model import BeamModel
-    from beamsim.structures.mesh import Mesh
 
 
 def polynomial_field(structure: BeamModel, coefficients: Sequence[float]) -> GivenField:
@@ -38,12 +36,3 @@ def polynomial_field(structure: BeamModel, coefficients: Sequence[float]) -> Giv
     bending = (weight * structure.bending[:, None]).ravel()
     curved = WeightedValues(mesh.rows(x, 2)[:, structure.free], bending, polynomial.deriv(2)(x))
     return GivenField(kinetic, curved)
-
-
-def largest_deflection(mesh: Mesh, field: Floats) -> float:
-    """Largest |deflection| of a (size,) field of a cubic spline, extremes between the nodes included."""
-    from scipy.interpolate import CubicHermiteSpline
-
-    spline = CubicHermiteSpline(mesh.nodes, field[0::2], field[1::2])
-    level = spline.derivative().roots(extrapolate=False)
-    return float(np.abs(spline(np.append(mesh.nodes, level[np.isfinite(level)]))).max())

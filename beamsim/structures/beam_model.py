@@ -31,6 +31,11 @@ def place_rows(mesh: Mesh, length: float, places: Sequence[Place]) -> Floats:
     mesh, length : of the beam, m.
     places : k of its places.
 
+    Returns
+    -------
+    (k, all dofs) array
+        1 for deflections, 1/m for slopes.
+
     Raises
     ------
     ValueError

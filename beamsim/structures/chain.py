@@ -76,7 +76,17 @@ class ChainStructure(BodyStructure):
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
     ) -> Recovery:
-        """The displacements of all masses."""
+        """The displacements of all masses.
+
+        Parameters
+        ----------
+        member, basis, sites, base : see `BodyStructure.recovery`.
+
+        Returns
+        -------
+        Recovery
+            At the masses.
+        """
         shapes = member.field(basis.vectors) * (1 / np.sqrt(member.whole.mass_scale))
         return Recovery(self.name, MASSES, np.arange(1.0, self.size + 1), shapes)
 
@@ -97,10 +107,6 @@ class ChainStructure(BodyStructure):
             if each.stiffness or each.dashpot
         ]
 
-    def largest_deflection(self, field: Floats) -> float:
-        """Largest absolute displacement of a mass."""
-        return float(np.abs(field).max())
-
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """One number a mass."""
         return GivenField(WeightedValues(np.eye(self.size), self.inertia, np.asarray(numbers, dtype=float)))
@@ -112,6 +118,17 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
     The walls move with the base; the ground does not, so under base motion a spring to ground pulls
     with -k d(t) on the relative coordinates (field ``ground``). What is not linear in a spring has no place in this
     model; see `beamsim.contacts.springs`. ``nodes``, where something joins the chain, are masses anyhow.
+
+    Parameters
+    ----------
+    chain : the section of the scenario.
+    name : of the body.
+    nodes : where something joins the chain, which are masses anyhow.
+
+    Returns
+    -------
+    ChainStructure
+        Scaled by the mean mass and the largest spring.
     """
     from scipy.sparse import csc_array, csr_array
 

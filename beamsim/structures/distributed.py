@@ -59,7 +59,19 @@ class Distributed:
     def intensity(
         self, points: Floats, sizes: Sequence[float] | Floats, mode_at: Callable[[int, Floats], Floats]
     ) -> Floats:
-        """(k,) factor of the level at points (k, d) of the loaded part, m; ``mode_at`` gives the body's mode there."""
+        """(k,) factor of the level at points (k, d) of the loaded part, m; ``mode_at`` gives the body's mode there.
+
+        Parameters
+        ----------
+        points : (k, d) of the loaded part, m.
+        sizes : (d,) sides of the body, m.
+        mode_at : the deflection of a mode, by its number, at points (k, d).
+
+        Returns
+        -------
+        (k,) array
+            Level there over that of the load.
+        """
         if self.mode is not None:
             return mode_at(self.mode, points)
         bounds = self.bounds or tuple((0.0, size) for size in sizes)

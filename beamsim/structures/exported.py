@@ -120,6 +120,17 @@ def _independent_rows(expansion: Any) -> Ints:
 def boundary_rows(structure: Structure, given: NamedMatrices, to_named: Any, places: Sequence[Place]) -> Ints:
     """Rows of the named matrices where something acts, and those of the base.
 
+    Parameters
+    ----------
+    structure : whose places they are.
+    given, to_named : as `named_structure` gives them.
+    places : where something acts.
+
+    Returns
+    -------
+    (b,) array
+        Ascending.
+
     Raises
     ------
     MethodError
@@ -138,7 +149,19 @@ def boundary_rows(structure: Structure, given: NamedMatrices, to_named: Any, pla
 
 
 def row_at(structure: Structure, to_named: Any, place: Place) -> int | None:
-    """Row of the named matrices that is the motion of a place; None where there is no node in its direction."""
+    """Row of the named matrices that is the motion of a place; None where there is no node in its direction.
+
+    Parameters
+    ----------
+    structure : whose place it is.
+    to_named : (M, N) sparse, as `named_structure` gives it.
+    place : of the structure.
+
+    Returns
+    -------
+    int or None
+        Number of the row.
+    """
     row = np.asarray(to_named @ structure.place_row(place))
     largest = int(np.argmax(np.abs(row)))
     others = np.abs(row).sum() - abs(row[largest])
@@ -147,6 +170,17 @@ def row_at(structure: Structure, to_named: Any, place: Place) -> int | None:
 
 def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatrices:
     """The model with ``count`` modes of the held boundary, or all that there are, and the boundary (rows).
+
+    Parameters
+    ----------
+    given : matrices of all rows.
+    boundary : (b,) rows that are kept.
+    count : number of modes.
+
+    Returns
+    -------
+    NamedMatrices
+        Modal coordinates first, then the boundary.
 
     Raises
     ------

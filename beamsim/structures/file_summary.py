@@ -102,6 +102,18 @@ class FileSummary:
 
 
 def summary_of(given: NamedMatrices, section: MatricesBody, name: str) -> FileSummary:
-    """Summary of the matrices that were read from the files of a body."""
+    """Summary of the matrices that were read from the files of a body.
+
+    Parameters
+    ----------
+    given : the matrices, in SI units.
+    section : of the body in the scenario.
+    name : of the body.
+
+    Returns
+    -------
+    FileSummary
+        Sizes, units and remarks.
+    """
     count = len(given.table.dofs)
     return FileSummary(name, count, given.units, section.units is None, size_and_mass(given), given.remarks)

@@ -304,7 +304,18 @@ def _null_motions(mass: Floats, table: DofTable) -> Floats:
 
 
 def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
-    """(N, m) what moves with a unit of each motion that has mass: massless ones follow without force."""
+    """(N, m) what moves with a unit of each motion that has mass: massless ones follow without force.
+
+    Parameters
+    ----------
+    stiffness : (N, N) sparse.
+    massive, massless : (N, m) and (N, p) sparse bases of what has mass and what has none.
+
+    Returns
+    -------
+    (N, m) sparse
+        Fields on all rows.
+    """
     from scipy.sparse import csc_array
 
     inner = (massless.T @ stiffness @ massless).toarray()
@@ -324,11 +335,6 @@ def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
     return whole.tocsc()
 
 
-def _force_size(matrices: NamedMatrices, motion: Floats) -> float:
-    """Largest force that the entries of K would give one by one."""
-    return float((abs(matrices.stiffness) @ np.abs(motion)).max())
-
-
 def _default_motion(given: NamedMatrices, held: Ints) -> BaseDirection:
     """The direction that the section names; a rotation is one about the first node that is held."""
     points = given.table.coordinates
@@ -340,6 +346,17 @@ def _default_motion(given: NamedMatrices, held: Ints) -> BaseDirection:
 
 def rigid_rows(table: DofTable, motion: BaseDirection, held: Ints) -> Floats:
     """(N,) motion of every row, m or rad, when the base moves by one unit and all nodes with it.
+
+    Parameters
+    ----------
+    table : names and coordinates of the rows.
+    motion : of the base.
+    held : rows that move with it.
+
+    Returns
+    -------
+    (N,) array
+        1 for translations along an axis of a row.
 
     Raises
     ------
@@ -357,6 +374,11 @@ def rigid_rows(table: DofTable, motion: BaseDirection, held: Ints) -> Floats:
     return np.asarray(np.einsum("ni,in->n", moved, along) + table.of_direction(motion.direction))
 
 
+def moves_freely(stiffness: Any, motion: Floats) -> bool:
+    """Whether the forces of a motion are round-off beside those that the entries of K would give one by one."""
+    return bool(np.abs(stiffness @ motion).max() <= GROUNDED * (abs(stiffness) @ np.abs(motion)).max())
+
+
 def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: BaseDirection, *, firm: bool) -> Floats:
     """(N,) displacement of every row for a unit displacement of the base.
 
@@ -366,6 +388,11 @@ def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: Base
     held, free : rows that move with the base, and the others.
     motion : of the base; without a direction the one that the section names.
     firm : whether the held rows leave no rigid-body motion.
+
+    Returns
+    -------
+    (N,) array
+        m and rad for a metre or radian of the base.
 
     Raises
     ------
@@ -383,11 +410,11 @@ def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: Base
             f"they have {', '.join(there)}: choose one of these, or name other nodes",
         )  # fmt: skip
     # Where the named directions already move without force, solving would only add round-off.
-    if firm and np.abs(matrices.stiffness @ influence).max() > GROUNDED * _force_size(matrices, influence):
+    if firm and not moves_freely(matrices.stiffness, influence):
         lu = symmetric_lu(matrices.stiffness[free][:, free])
         influence[free] = lu.solve(-(matrices.stiffness[free][:, held] @ influence[held]))
-    force = matrices.stiffness @ influence
-    if np.abs(force).max() > GROUNDED * _force_size(matrices, influence):
+    if not moves_freely(matrices.stiffness, influence):
+        force = matrices.stiffness @ influence
         worst = matrices.table.dofs[int(np.argmax(np.abs(force)))]
         raise MethodError(
             "base", f"needs {np.abs(force).max():.4g} N for a unit motion, at node {worst[0]} {worst[1]}: "

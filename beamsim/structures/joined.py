@@ -26,7 +26,19 @@ _DEPENDENT = 1e-10
 def join(
     bodies: Sequence[BodyStructure], couplings: Sequence[Coupling], origins: Mapping[str, float] | None = None
 ) -> SeveralBodies:
-    """One structure of bodies that are coupled; ``origins`` are where they begin on their common axis, m."""
+    """One structure of bodies that are coupled; ``origins`` are where they begin on their common axis, m.
+
+    Parameters
+    ----------
+    bodies : all that are coupled.
+    couplings : joints and springs, direction by direction.
+    origins : m, where bodies begin on their common axis.
+
+    Returns
+    -------
+    SeveralBodies
+        On the dofs that the constraints leave.
+    """
     from scipy.sparse import csr_array, vstack
 
     apart = assemble_side_by_side(bodies)

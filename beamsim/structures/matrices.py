@@ -19,10 +19,10 @@ from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
 from beamsim.structures.file_summary import FileSummary, summary_of
 from beamsim.structures.imported import (
     CONDENSED_UP_TO,
-    GROUNDED,
     base_influence,
     condensation,
     massless_basis,
+    moves_freely,
     read_matrices_of,
 )
 from beamsim.structures.modes import lowest_eigenpairs
@@ -176,19 +176,33 @@ class MatricesStructure(BodyStructure):
         return forces @ motion
 
     def recovered_by(self, number: int, field: Floats, order: int = 0) -> float:
-        """A row of the recovery matrix for a field of all rows of the files."""
+        """A row of the recovery matrix for a field of all rows of the files.
+
+        Parameters
+        ----------
+        number, field, order : see `BodyStructure.recovered_by`.
+
+        Returns
+        -------
+        float
+            In the unit of the row.
+        """
         return float((self.given.recovery[[number]] @ field)[0]) * self.given.time_unit**order
 
     def recovered(self, number: int, motion: BaseDirection, order: int = 0) -> tuple[Floats, float]:
-        """A row of the recovery matrix: (N,) for a unit of each degree of freedom, and of the base's motion."""
+        """A row of the recovery matrix: (N,) for a unit of each degree of freedom, and of the base's motion.
+
+        Parameters
+        ----------
+        number, motion, order : see `BodyStructure.recovered`.
+
+        Returns
+        -------
+        (N,) array, float
+            In the unit of the row.
+        """
         row = self.given.recovery[[number]].toarray() * self.given.time_unit**order
         return self.on_free(row)[0], float((row @ self.rigid_motion(motion))[0])
-
-    @property
-    def total_mass(self) -> float:
-        """Mass that a motion of the base moves, kg."""
-        motion = self.rigid_motion(UPWARDS)
-        return float(motion @ (self.given.mass @ motion))
 
     @property
     def named_dofs(self) -> NamedDofs:
@@ -236,7 +250,17 @@ class MatricesStructure(BodyStructure):
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
     ) -> Recovery:
-        """Displacements in the direction of the base, at no more nodes than can be drawn, and where forces act."""
+        """Displacements in the direction of the base, at no more nodes than can be drawn, and where forces act.
+
+        Parameters
+        ----------
+        member, basis, sites, base : see `BodyStructure.recovery`.
+
+        Returns
+        -------
+        Recovery
+            At nodes of the files.
+        """
         direction = self.given.direction
         numbers = [i for i, (_, each) in enumerate(self.table.dofs) if each == direction]
         chosen = {numbers[k] for k in np.linspace(0, len(numbers) - 1, min(len(numbers), _MOST_STATIONS)).astype(int)}
@@ -250,10 +274,6 @@ class MatricesStructure(BodyStructure):
         """Displacements of nodes, else all that there is."""
         rows = np.flatnonzero([direction in TRANSLATIONS for _, direction in self.table.dofs])
         return np.asarray(self.expansion[rows] @ vectors) if rows.size else np.asarray(vectors)
-
-    def largest_deflection(self, field: Floats) -> float:
-        """Largest absolute displacement of a node."""
-        return float(np.abs(self.deflections(field)).max())
 
     def largest_at(self, field: Floats) -> str:
         """Node and direction of the largest displacement of a field (N,), or rotation where nothing is displaced."""
@@ -269,6 +289,17 @@ class MatricesStructure(BodyStructure):
 
 def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any] = ()) -> MatricesStructure:
     """Read, check, condense and scale the matrices of a body; ``nodes``, where something joins it, are there anyhow.
+
+    Parameters
+    ----------
+    section : of the body in the scenario.
+    name : of the body.
+    nodes : where something joins it.
+
+    Returns
+    -------
+    MatricesStructure
+        With a summary of its files.
 
     Raises
     ------
@@ -305,7 +336,19 @@ def _located(name: str) -> Iterator[None]:
 
 
 def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> MatricesStructure:
-    """The structure of matrices whose base holds what `NamedMatrices.base` says; raises `MethodError`."""
+    """The structure of matrices whose base holds what `NamedMatrices.base` says; raises `MethodError`.
+
+    Parameters
+    ----------
+    given : matrices of all rows, SI units.
+    damping : section of the scenario, modal or Rayleigh; None without.
+    name : of the body.
+
+    Returns
+    -------
+    MatricesStructure
+        On the rows that the base leaves and that have mass.
+    """
     from scipy.sparse import csc_array, identity
 
     remarks = list(given.remarks)
@@ -382,17 +425,13 @@ def _base_forces(given: NamedMatrices, held: Ints, free: Ints, influence: Floats
     MethodError
         Where dashpots go to something that does not move with the base.
     """
-    stiffness = given.stiffness[free][:, free]
-    ground = -(stiffness @ influence[free]) if not held.size else np.zeros(free.size)
-    if np.abs(ground).max() <= GROUNDED * (abs(stiffness) @ np.abs(influence[free])).max(initial=0.0):
-        ground = np.zeros(free.size)
-    if given.damping is not None:
-        dragged = given.damping[free] @ influence
-        if np.abs(dragged).max() > GROUNDED * (abs(given.damping[free]) @ np.abs(influence)).max():
-            raise MethodError(
-                "viscous", "damps a rigid motion of the base: dashpots go to something that does not move with it",
-                "remove dashpots to ground from the model",
-            )  # fmt: skip
+    stiffness, moved = given.stiffness[free][:, free], influence[free]
+    ground = np.zeros(free.size) if held.size or moves_freely(stiffness, moved) else -(stiffness @ moved)
+    if given.damping is not None and not moves_freely(given.damping[free], influence):
+        raise MethodError(
+            "viscous", "damps a rigid motion of the base: dashpots go to something that does not move with it",
+            "remove dashpots to ground from the model",
+        )  # fmt: skip
     return given.mass[free] @ influence, ground
 
 

@@ -104,6 +104,11 @@ def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterabl
         thousandth of an element from another node gets none, because a sliver element would make the matrices
         ill-conditioned.
     bounds : the ends, and positions that get a node in any case: where segments meet.
+
+    Returns
+    -------
+    Mesh
+        From 0 to 1.
     """
     size = 1.0 / elements
     ends = list(bounds)

@@ -15,8 +15,41 @@ from beamsim.structures.mesh import Mesh
 from beamsim.structures.modes import mode_of_unit_deflection
 from beamsim.structures.places import LoadSite, Place, separated
 from beamsim.structures.plate_mesh import PlateMesh
+from beamsim.structures.rigid_motion import orthonormal_in_mass, unstretched
 from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
+
+
+def on_supports(mesh: Mesh | PlateMesh, matrices: tuple[Any, Any, Any], held: Ints, stretch: Floats) -> dict[str, Any]:
+    """Fields of a `MeshedBody` that follow from the matrices of all dofs and what holds them.
+
+    Parameters
+    ----------
+    mesh : of the body.
+    matrices : scaled mass and factor of all dofs, and their damping, N s/m, or None.
+    held : dofs that the supports hold.
+    stretch : (c, k) how far each of the mesh's rigid motions stretches what else holds the body.
+
+    Returns
+    -------
+    dict
+        By name.
+    """
+    mass, factor, drag = matrices
+    free, motions = np.setdiff1d(np.arange(mesh.size), held), mesh.rigid_motions
+    allowed = unstretched(motions, np.vstack([motions[held], stretch]))
+    return {
+        "mesh": mesh,
+        "free": free,
+        "unsupported": matrices,
+        "mass": mass[free][:, free].tocsc(),
+        "factor": factor[:, free].tocsr(),
+        "damping": None if drag is None else drag[free][:, free].tocsc(),
+        "inertia": (mass @ motions[:, 0])[free],
+        "ground": np.zeros(free.size),
+        "rigid": orthonormal_in_mass(motions @ allowed, mass)[free],
+        "deflection_dofs": np.flatnonzero(np.isin(free, mesh.deflections)),
+    }
 
 
 @dataclass(frozen=True)

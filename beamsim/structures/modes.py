@@ -117,6 +117,11 @@ def natural_modes(
     below : at least all modes up to this scaled angular frequency. Without `count` and `below`: all modes.
     most : enough of those below that frequency.
 
+    Returns
+    -------
+    Modes
+        Scaled, orthonormal in the mass matrix, ascending.
+
     Notes
     -----
     Frequencies are singular values of B L^{-T} (or of B on the Ritz vectors), not square roots of eigenvalues of K.
@@ -177,6 +182,11 @@ def closed_frequencies(omega: Floats, shape: Floats, stiffness: Floats, rigid: i
     shape : (m, n) deflection at each spring for a unit of each coordinate.
     stiffness : (m,) spring stiffnesses.
     rigid : number of rigid-body coordinates; those that no spring restrains keep a frequency of exactly zero.
+
+    Returns
+    -------
+    (n,) array
+        rad/s, ascending.
     """
     n = omega.size
     x = np.vstack([np.diag(omega), shape * np.sqrt(stiffness)[:, None]])

@@ -26,7 +26,18 @@ ACCURATE = 3e-5  # of the compliance; the default reduction has an error of this
 
 
 def compliance_defect(structure: Structure, basis: ReducedBasis, places: Sequence[Place]) -> Floats:
-    """(p,) fraction of the static compliance at each place that the reduced model does not represent."""
+    """(p,) fraction of the static compliance at each place that the reduced model does not represent.
+
+    Parameters
+    ----------
+    structure, basis : full model and its reduced coordinates.
+    places : p of its places.
+
+    Returns
+    -------
+    (p,) array
+        0 where the reduced model is as soft as the full one.
+    """
     rows = structure.rows(places)
     full = np.sum(rows.T * static_deflections(structure, rows.T), axis=0)
     moving = basis.omega > 0
@@ -37,7 +48,19 @@ def compliance_defect(structure: Structure, basis: ReducedBasis, places: Sequenc
 def places_needed(
     structure: Structure, basis: ReducedBasis, first: Place, last: Place, known: Sequence[Place]
 ) -> list[Place]:
-    """Where to add a static vector next; empty if the compliance is accurate from the first place to the last."""
+    """Where to add a static vector next; empty if the compliance is accurate from the first place to the last.
+
+    Parameters
+    ----------
+    structure, basis : full model and its reduced coordinates.
+    first, last : ends of the range.
+    known : places that have a static vector.
+
+    Returns
+    -------
+    list
+        One place or none.
+    """
     places = [replace(first, point=float(x)) for x in np.linspace(first.coordinate, last.coordinate, CHECKED)]
     defect = compliance_defect(structure, basis, places)
     worst = int(np.argmax(defect))

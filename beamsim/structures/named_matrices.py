@@ -50,6 +50,11 @@ def with_base_node(
         None, and acts on motion relative to the base.
     inertia : (N,) kg under a unit acceleration of the base.
     total_mass : kg, with what the supports hold.
+
+    Returns
+    -------
+    NamedMatrices
+        Absolute displacements.
     """
     from scipy.sparse import diags_array
 

@@ -18,11 +18,11 @@ import numpy as np
 
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.beam import supported_dofs
+from beamsim.structures.meshed import on_supports
 from beamsim.structures.places import DEFLECTION, SLOPE, Place
 from beamsim.structures.plate_mesh import PlateMesh, graded_mesh
 from beamsim.structures.plate_model import PlateModel, energy_coefficients
 from beamsim.structures.plate_recovery import plate_recovery
-from beamsim.structures.rigid_motion import orthonormal_in_mass, unstretched
 from beamsim.structures.structure import MemberBody
 from beamsim.structures.supports import Hold
 from beamsim.typing import Bools, Floats
@@ -42,17 +42,20 @@ class PlateStructure(PlateModel):
         """The plate with other numbers on the same mesh."""
         return assemble_plate(section, self.name, mesh=self.mesh)
 
-    @property
-    def total_mass(self) -> float:
-        """Mass of the plate and of what is on it, kg."""
-        added = [m.mass for m in self.section.point_masses]
-        added += [stiffener.mass_per_length * stiffener.length for stiffener in self.section.stiffeners]
-        return self.mass_scale + sum(added)
-
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
     ) -> Recovery:
-        """Deflection, moments and stresses at the nodes."""
+        """Deflection, moments and stresses at the nodes.
+
+        Parameters
+        ----------
+        member, basis, sites, base : see `BodyStructure.recovery`.
+
+        Returns
+        -------
+        Recovery
+            At the nodes of the mesh.
+        """
         return plate_recovery(self, member, basis, base)
 
     def holds(self, base: BaseDirection) -> Sequence[Hold]:
@@ -91,6 +94,18 @@ def assemble_plate(
 
     Mesh lines are placed at point masses, point supports, stiffeners parallel to an edge and what joins the plate, at
     ``nodes`` ([x, y] in m); ``mesh`` keeps one that is there.
+
+    Parameters
+    ----------
+    plate : the section of the scenario.
+    name : of the body.
+    nodes : [x, y] in m, where something joins the plate.
+    mesh : one that is there.
+
+    Returns
+    -------
+    PlateStructure
+        Scaled, without the dofs that supports hold.
     """
     from scipy.sparse import kron, vstack
 
@@ -121,25 +136,13 @@ def assemble_plate(
     moving = vstack(inertia, format="csr")
     mass = (moving.T @ moving).tocsr()
 
-    all_factor = vstack(factor, format="csr")
     held = np.flatnonzero(np.any(list(_held_by(plate, mesh).values()), axis=0))
-    free = np.setdiff1d(np.arange(mesh.size), held)
-    motions = mesh.rigid_motions
     return PlateStructure(
         name=name,
-        mass=mass[free][:, free].tocsc(),
-        factor=all_factor[:, free].tocsr(),
-        damping=None,
-        inertia=(mass @ motions[:, 0])[free],
-        ground=np.zeros(free.size),
-        rigid=orthonormal_in_mass(motions @ unstretched(motions, motions[held]), mass)[free],
+        section=plate,
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
-        deflection_dofs=np.flatnonzero(np.isin(free, mesh.deflections)),
-        section=plate,
-        mesh=mesh,
-        free=free,
-        unsupported=(mass, all_factor, None),
+        **on_supports(mesh, (mass, vstack(factor, format="csr"), None), held, np.zeros((0, 3))),
     )
 
 

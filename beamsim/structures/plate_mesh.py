@@ -22,6 +22,17 @@ def graded_mesh(elements: int, grading: float, hard_points: Sequence[float]) -> 
     """A mesh of 0 to 1 with nodes at the hard points, whose elements become smaller towards both ends.
 
     Nodes are x(t) of a mesh that is uniform in t, with x = (2 t)^grading / 2 up to the middle, and its mirror image.
+
+    Parameters
+    ----------
+    elements : number of elements without hard points.
+    grading : exponent; 1 for a uniform mesh.
+    hard_points : nondimensional positions that need a node.
+
+    Returns
+    -------
+    Mesh
+        From 0 to 1.
     """
     if grading == 1.0:
         return build_mesh(elements, hard_points)

@@ -36,6 +36,11 @@ def plate_recovery(
     structure, member : the plate, and how it lies in its structure.
     basis : reduced coordinates of the whole structure.
     base : how the base moves: then the static share of the modes left out is needed.
+
+    Returns
+    -------
+    Recovery
+        Three moments at each node of the mesh.
     """
     plate, whole = structure.section, member.whole
     scale = 1 / np.sqrt(whole.mass_scale)

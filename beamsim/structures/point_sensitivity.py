@@ -26,7 +26,7 @@ from beamsim.dataclass import dataclass
 from beamsim.scenario.base import walk
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.structures.assembly import assemble, couplings_of, snubber_site
-from beamsim.structures.places import Site, signed_ends
+from beamsim.structures.places import Site
 from beamsim.structures.several import SeveralBodies, assemble_side_by_side
 from beamsim.typing import Floats
 
@@ -60,7 +60,7 @@ def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> d
     structure = assemble(scenario, contact.bodies)
     site = snubber_site(contact)
     parts = [each.structure for each in structure.parts] or [structure]
-    loaded = [_LoadedPart.of(part, site, omega) for part in parts if _row(part, site).any()]
+    loaded = [_LoadedPart.of(part, site, omega) for part in parts if part.own_row(site).any()]
     total = sum(1 / part.stiffness for part in loaded)
     rates: dict[Path, float] = {}
     for path, along in _parameters(scenario, snubber, [member.body for member in structure.members]):
@@ -77,13 +77,6 @@ def _scaled(scenario: Scenario, places: set[Path], factor: float) -> Scenario:
     return with_values(scenario, {at: value_at(scenario, at) * factor for at in places})
 
 
-def _row(structure: Structure, site: Site) -> Floats:
-    """(N,) how far those ends of a site that are on a structure draw apart for a unit of each degree of freedom."""
-    names = {member.body.name for member in structure.members}
-    ends = [sign * structure.place_row(end) for sign, end in signed_ends(site) if end.body in names]
-    return np.asarray(sum(ends, np.zeros(structure.size)))
-
-
 @dataclass(frozen=True)
 class _LoadedPart:
     """A part of a structure on which the spring acts, and its motion at the frequency."""
@@ -96,16 +89,16 @@ class _LoadedPart:
     @classmethod
     def of(cls, part: Structure, site: Site, omega: float) -> _LoadedPart:
         """Solve for the motion."""
-        mode, scaled = _mode(part, _row(part, site), (omega / part.frequency_scale) ** 2)
+        mode, scaled = _mode(part, part.own_row(site), (omega / part.frequency_scale) ** 2)
         stiffness, bodies = scaled * part.stiffness_scale, assemble_side_by_side([m.body for m in part.members])
         field = np.concatenate([member.field(mode) for member in part.members])
-        left = stiffness * _row(bodies, site) + omega**2 * bodies.mass_scale * (bodies.mass @ field)
+        left = stiffness * bodies.own_row(site) + omega**2 * bodies.mass_scale * (bodies.mass @ field)
         left -= bodies.stiffness_scale * (bodies.factor.T @ (bodies.factor @ field))
         for spring in part.couplings:
             if spring.stiffness:
-                pull = _row(bodies, spring.site)
+                pull = bodies.own_row(spring.site)
                 left -= spring.stiffness * (pull @ field) * pull
-        held = [_row(bodies, each.site) for each in part.couplings if each.stiffness is None]
+        held = [bodies.own_row(each.site) for each in part.couplings if each.stiffness is None]
         forces = np.linalg.lstsq(np.array(held).reshape(-1, field.size).T, left, rcond=None)[0]
         return cls(bodies, stiffness, field, np.asarray(forces, dtype=float))
 
@@ -117,13 +110,13 @@ class _LoadedPart:
             [each if each.section is None else each.reassembled(sections[each.name]) for each in before]
         )
         bent = bodies.factor @ v
-        total = 2 * self.stiffness * float(_row(bodies, snubber_site(scenario.located_snubber(snubber))) @ v)
+        total = 2 * self.stiffness * float(bodies.own_row(snubber_site(scenario.located_snubber(snubber))) @ v)
         total += omega**2 * bodies.mass_scale * float(v @ (bodies.mass @ v))
         total -= bodies.stiffness_scale * float(bent @ bent)
         forces, names = iter(self.forces), {each.name for each in before}
         for coupling in couplings_of(scenario):
             if coupling.ends[0].body in names:
-                stretch = float(_row(bodies, coupling.site) @ v)
+                stretch = float(bodies.own_row(coupling.site) @ v)
                 held = coupling.stiffness is None
                 total -= 2 * next(forces) * stretch if held else (coupling.stiffness or 0.0) * stretch**2
         return total

@@ -49,6 +49,11 @@ def beam_recovery(
     basis : reduced coordinates of the whole structure.
     sites : where forces act on the beam.
     base : how the base moves: then the static share of the modes left out is needed.
+
+    Returns
+    -------
+    Recovery
+        For a unit of each coordinate, 1/sqrt(kg).
     """
     beam, scale = model.section, 1 / np.sqrt(member.whole.mass_scale)
     length = beam.length
@@ -106,6 +111,11 @@ def moment_rows(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Fl
     basis : reduced coordinates of the whole structure.
     x : (nx,) nondimensional stations.
 
+    Returns
+    -------
+    (nx, n) array
+        In E I / L^2 of the beam, for a metre.
+
     Notes
     -----
     If all modes are kept, there are no static vectors to represent the kinks under point loads. The modes that the
@@ -131,16 +141,27 @@ def inertia_remainder(
     Parameters
     ----------
     moment : (nx, n) moment rows of the basis at x.
+
+    Returns
+    -------
+    (nx,) array
+        Per scaled unit of acceleration.
     """
-    whole = member.whole
-    inertia = whole.base_load(base)[0]
-    u = static_deflections(whole, inertia[:, None])
-    relief = -whole.rigid @ (whole.rigid.T @ inertia[:, None])
-    pattern = (LoadPattern(inertia, base),)
-    exact = _moments(model, x, _fields(model, member, x, pattern, u, relief, np.ones((1, 1))))[:, 0]
+    inertia = member.whole.base_load(base)[0]
+    _, exact = _static_moments(model, member, x, [LoadPattern(inertia, base)])
     flexible = slice(basis.rigid, None)
     coordinates = basis.vectors[:, flexible].T @ inertia / basis.omega[flexible] ** 2
-    return np.asarray(exact - moment[:, flexible] @ coordinates)
+    return np.asarray(exact[:, 0] - moment[:, flexible] @ coordinates)
+
+
+def _static_moments(
+    model: BeamModel, member: MemberBody, x: Floats, patterns: Sequence[LoadPattern]
+) -> tuple[Floats, Floats]:
+    """(N, m) static deflections under loads, with inertia relief, and (nx, m) their scaled moments."""
+    whole, loads = member.whole, np.array([pattern.vector for pattern in patterns]).T
+    u = static_deflections(whole, loads)
+    relief = -whole.rigid @ (whole.rigid.T @ loads)
+    return u, _moments(model, x, _fields(model, member, x, patterns, u, relief, np.eye(len(patterns))))
 
 
 def _fields(
@@ -204,11 +225,7 @@ def _moments(model: BeamModel, x: Floats, fields: _Fields) -> Floats:
 def _static_correction(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
     """(nx, n) correction of the unresolved modes that makes the static moments of the load patterns exact."""
     whole = member.whole
-    loads = np.array([pattern.vector for pattern in basis.patterns]).T
-    u = static_deflections(whole, loads)
-    relief = -whole.rigid @ (whole.rigid.T @ loads)
-    unit = np.eye(len(basis.patterns))
-    exact = _moments(model, x, _fields(model, member, x, basis.patterns, u, relief, unit))
+    u, exact = _static_moments(model, member, x, basis.patterns)
     coordinates = basis.vectors.T @ (whole.mass @ u)
     coordinates[: basis.rigid] = 0.0
     missing = exact - moment @ coordinates

@@ -36,6 +36,17 @@ def static_deflections(model: Structure, loads: Floats, refinements: int = 2) ->
 
     The deflection is M-orthogonal to the rigid-body modes. Iterative refinement, with the residual computed as
     B^T (B u), restores the digits lost to the conditioning of K.
+
+    Parameters
+    ----------
+    model : the full model.
+    loads : (N, c) scaled.
+    refinements : steps of iterative refinement.
+
+    Returns
+    -------
+    (N, c) array
+        Scaled.
     """
     loads = loads - model.mass @ (model.rigid @ (model.rigid.T @ loads))
     pinned = pinned_rows(model.rigid)
@@ -84,6 +95,11 @@ def reduce_model(
     default : whether the scenario leaves the reduction to the program. Then at least the ``least`` lowest flexible
         modes and mode number ``mode`` are kept, but no modes that the discretisation does not resolve, and the reported
         frequency of interest is changed accordingly. A structure that resolves all of its modes keeps them all.
+
+    Returns
+    -------
+    ReducedBasis
+        Of several parts that of each, and all in order of frequency.
     """
     if model.parts:
         counts = [None] * len(model.parts) if count is None else _counts(model, count)

@@ -80,13 +80,6 @@ class SpringPoint:
         """
         return int(np.searchsorted(self.omega, omega, side="right"))
 
-    def compliance(self, omega: ArrayLike) -> Floats:
-        """g = -H, minus the receptance at the point, m/N, at an array of angular frequencies."""
-        poles, weights, _ = self._poles
-        omega = np.asarray(omega, dtype=float)[..., None]
-        with np.errstate(divide="ignore"):
-            return np.asarray(np.sum(weights / ((omega - poles) * (omega + poles)), axis=-1))
-
     def stiffness(self, omega: ArrayLike) -> Floats:
         """Spring stiffness, N/m, that makes each omega a natural frequency; negative if no positive one does.
 

@@ -95,7 +95,17 @@ class SeveralBodies(Structure):
     def recoveries(
         self, basis: ReducedBasis, sites: Sequence[LoadSite], base: BaseDirection | None
     ) -> tuple[Recovery, ...]:
-        """Those of every part, with the sites that are on it."""
+        """Those of every part, with the sites that are on it.
+
+        Parameters
+        ----------
+        basis, sites, base : see `Structure.recoveries`.
+
+        Returns
+        -------
+        tuple
+            Body by body.
+        """
         if not self.parts:
             return super().recoveries(basis, sites, base)
         recovered: list[Recovery] = []

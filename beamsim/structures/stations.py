@@ -150,14 +150,35 @@ class Recovery:
     moments: int = 1  # at a station
 
     def moment_weights(self, x: float, y: float | None, component: str) -> Floats:
-        """(moments nx,) weights of moments at a point: 1 at a beam's station, linear between the nodes of a plate."""
+        """(moments nx,) weights of moments at a point: 1 at a beam's station, linear between the nodes of a plate.
+
+        Parameters
+        ----------
+        x, y : m, the point; y None but on a plate.
+        component : of a plate x, y or xy.
+
+        Returns
+        -------
+        (moments nx,) array
+            Their products with moments sum to the one there.
+        """
         if self.across is None or y is None:
             return np.asarray(np.arange(self.position.size) == np.abs(self.position - x).argmin(), dtype=float)
         along = _linear(self.position, x) * _linear(self.across, y)
         return np.concatenate([along if each == component else np.zeros(along.size) for each in COMPONENTS])
 
     def strain_weights(self, x: float, y: float | None, component: str) -> Floats:
-        """(moments nx,) strain of the lower surface at a point for each moment."""
+        """(moments nx,) strain of the lower surface at a point for each moment.
+
+        Parameters
+        ----------
+        x, y, component : see `moment_weights`.
+
+        Returns
+        -------
+        (moments nx,) array
+            1/(N m), on a plate 1/N.
+        """
         if self.strains_per_moments is None:
             assert self.strain_per_moment is not None
             return self.moment_weights(x, y, component) * self.strain_per_moment

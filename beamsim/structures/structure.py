@@ -6,7 +6,7 @@ Beams, chains and assemblies of them answer alike; nothing above this package as
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -15,11 +15,11 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.matrix_files.matrix import MODAL
-from beamsim.structures.base_motion import BaseDirection
+from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.named_matrices import NamedMatrices, with_base_node
-from beamsim.structures.places import DEFLECTION, Link, LoadSite, Place, Site, ends_of
+from beamsim.structures.places import DEFLECTION, Link, LoadSite, Place, Site, ends_of, signed_ends
 from beamsim.structures.supports import Coupling, Hold
 from beamsim.structures.symmetric_lu import SymmetricLU, held_factors
 from beamsim.typing import Floats, Ints
@@ -143,6 +143,12 @@ class Structure(ABC):
             return np.asarray(self.place_row(site.second) - self.place_row(site.first))
         return self.place_row(site)
 
+    def own_row(self, site: Site) -> Floats:
+        """(N,) how far those ends of a site that are on the structure draw apart for a unit of each dof."""
+        names = {member.body.name for member in self.members}
+        ends = [sign * self.place_row(end) for sign, end in signed_ends(site) if end.body in names]
+        return np.asarray(sum(ends, np.zeros(self.size)))
+
     def rows(self, sites: Sequence[LoadSite]) -> Floats:
         """(m, N) rows of m sites."""
         return np.array([self.row(site) for site in sites]).reshape(len(sites), self.size)
@@ -201,6 +207,17 @@ class Structure(ABC):
         """What can be recovered along each body, with stations at the sites where forces act.
 
         ``base`` is how the base moves, None where it is at rest.
+
+        Parameters
+        ----------
+        basis : the reduced coordinates.
+        sites : where forces act.
+        base : how the base moves; None where it is at rest.
+
+        Returns
+        -------
+        tuple
+            Body by body.
         """
         ends = [end for site in sites for end in ends_of(site)]
         return tuple(
@@ -210,9 +227,35 @@ class Structure(ABC):
             for member in self.members
         )
 
-    @abstractmethod
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute deflection of a field (N,)."""
+        return float(np.abs(self.deflections(field)).max())
+
+    def project(
+        self, basis: ReducedBasis, given: Mapping[str, Sequence[float]], quantity: str
+    ) -> tuple[Floats, dict[str, float]]:
+        """Kinetic (M-orthogonal) projection of given fields on a basis.
+
+        Parameters
+        ----------
+        basis : of the structure.
+        given : numbers by body, as its kind reads them; a body that is not named has no displacement or velocity.
+        quantity : "displacement" or "velocity".
+
+        Returns
+        -------
+        (n,) array, dict
+            Coordinates, and the relative error on every body that is named.
+        """
+        fields = [
+            (member, member.field(basis.vectors), member.body.given_field(given[member.body.name]))
+            for member in self.members
+            if any(given.get(member.body.name, ()))
+        ]
+        parts = (member.mass_ratio * field.kinetic.products(vectors) for member, vectors, field in fields)
+        q = sum(parts, np.zeros(basis.size))
+        errors = {member.body.name: field.error(vectors @ q, quantity) for member, vectors, field in fields}
+        return q * np.sqrt(self.mass_scale), errors
 
 
 @dataclass(frozen=True)
@@ -242,8 +285,9 @@ class BodyStructure(Structure, ABC):
 
     @property
     def total_mass(self) -> float:
-        """Mass of the body, kg."""
-        return float(self.inertia[self.deflection_dofs].sum()) * self.mass_scale
+        """Mass that an upward motion of the base moves, kg."""
+        motion = self.rigid_motion(UPWARDS)
+        return float(motion @ self.forces_of(motion)[1])
 
     @property
     def named_dofs(self) -> NamedDofs:
@@ -333,18 +377,53 @@ class BodyStructure(Structure, ABC):
         """(N,) another quantity that the body gives, by its number, for a unit of each dof, and that of the base.
 
         ``order`` is that of the time derivative of the motion that it takes: 1 of velocity, 2 of acceleration.
+
+        Parameters
+        ----------
+        number : of the quantity, from 0.
+        motion : of the base.
+        order : of the time derivative.
+
+        Returns
+        -------
+        (N,) array, float
+            In the unit of the quantity.
         """
         raise ValueError(f"{self.name} gives no other quantities")  # which the scenario refuses
 
     def recovered_by(self, number: int, field: Floats, order: int = 0) -> float:
-        """The same for a field of all dofs."""
+        """The same for a field of all dofs.
+
+        Parameters
+        ----------
+        number, order : see `recovered`.
+        field : (all dofs,).
+
+        Returns
+        -------
+        float
+            In the unit of the quantity.
+        """
         raise ValueError(f"{self.name} gives no other quantities")
 
     @abstractmethod
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
     ) -> Recovery:
-        """What can be recovered along the body, with stations at the sites on it; ``member`` is the body itself."""
+        """What can be recovered along the body, with stations at the sites on it; ``member`` is the body itself.
+
+        Parameters
+        ----------
+        member : the body, and how it lies in its structure.
+        basis : reduced coordinates of the whole structure.
+        sites : where forces act on the body.
+        base : how the base moves; None where it is at rest.
+
+        Returns
+        -------
+        Recovery
+            For a unit of each coordinate.
+        """
 
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """A field that a scenario gives by numbers, as the kind of body reads them."""

@@ -56,6 +56,11 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
     Parameters
     ----------
     guess : an upper bound of the first of the others, such as a Ritz value beyond the kept modes.
+
+    Returns
+    -------
+    float
+        Scaled angular frequency; zero or nan as said above.
     """
     stiffness = model.stiffness
     last = float(kept[-1]) if kept.size else 0.0

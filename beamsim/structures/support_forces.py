@@ -25,7 +25,7 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.distributed import Distributed
-from beamsim.structures.places import DEFLECTION, SLOPE, Link, LoadSite, Place, Site, signed_ends
+from beamsim.structures.places import DEFLECTION, SLOPE, Link, LoadSite, Place, Site
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.supports import Coupling, Hold, UnitMotion
 from beamsim.typing import Floats
@@ -205,7 +205,9 @@ def _of_couplings(structure: Structure, base: BaseDirection) -> Iterator[Support
         if coupling.stiffness is None:
             moved, determined = next(motions)
             free = {member.body.name: u for member, u in zip(structure.members, moved, strict=True)}
-            stretches = {s: sum(float(_apart(m, s) @ free[m.body.name]) for m in structure.members) for s in springs}
+            stretches = {
+                s: sum(float(m.body.own_row(s.site) @ free[m.body.name]) for m in structure.members) for s in springs
+            }
         yield Support(
             structure, coupling.name, direction, base_motion, at=coupling.site, free=free, stretches=stretches,
             determined=determined,
@@ -220,17 +222,8 @@ def _unit_motions(structure: Structure, held: Sequence[Coupling]) -> list[tuple[
     if not held:
         return []
     sizes = [member.body.size for member in structure.members]
-    rows = np.hstack([np.array([_apart(member, coupling) for coupling in held]) for member in structure.members])
+    rows = np.hstack([np.array([m.body.own_row(coupling.site) for coupling in held]) for m in structure.members])
     inverse = np.linalg.pinv(rows, rcond=1e-10)
     missed = np.abs(rows @ inverse - np.eye(len(held))).max(axis=0)
     parts = np.cumsum(sizes)[:-1]
     return [(np.split(column, parts), bool(error < 1e-6)) for column, error in zip(inverse.T, missed, strict=True)]
-
-
-def _apart(member: MemberBody, coupling: Coupling) -> Floats:
-    """(N of the body,) how far the ends of a coupling draw apart for a unit of each degree of freedom of one body."""
-    row = np.zeros(member.body.size)
-    for sign, end in signed_ends(coupling.site):
-        if end.body == member.body.name:
-            row += sign * member.body.place_row(end)
-    return row

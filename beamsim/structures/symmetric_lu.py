@@ -22,27 +22,21 @@ class SymmetricLU:
     lu: Any  # SuperLU
     scale: Floats  # (N,) diagonal of D, in the order of A
     matrix: Any  # (N, N) D A D, in the order of the factors
-    order: Ints | None = None  # (N,) rows of A in the order of the factors; None where it is the same
+    order: Ints  # (N,) rows of A in the order of the factors
 
     def solve(self, load: Floats) -> Floats:
         """(N,) or (N, k) solution."""
         scale = self.scale if load.ndim == 1 else self.scale[:, None]
-        load = scale * load
-        if self.order is None:
-            return np.asarray(scale * self.lu.solve(load))
         solution = np.empty_like(load)
-        solution[self.order] = self.lu.solve(load[self.order])
+        solution[self.order] = self.lu.solve((scale * load)[self.order])
         return np.asarray(scale * solution)
 
     @property
     def pivots(self) -> Floats:
         """(N,) pivots, of the scaled matrix, by row of A; without exchanges as many are negative as eigenvalues."""
-        pivots = np.asarray(self.lu.U.diagonal()[self.lu.perm_c])
-        if self.order is None:
-            return pivots
-        by_row = np.empty_like(pivots)
-        by_row[self.order] = pivots
-        return by_row
+        pivots = np.empty(self.scale.size)
+        pivots[self.order] = self.lu.U.diagonal()[self.lu.perm_c]
+        return pivots
 
     def of_multiple(self, factor: float) -> SymmetricLU:
         """Factors of ``factor * A``."""
@@ -72,7 +66,7 @@ class SymmetricLU:
     def root(self) -> Any:
         """(N, N) sparse B with A = B^T B, where all pivots are positive and none was exchanged."""
         upper = self.lu.U
-        columns = self.lu.perm_c if self.order is None else self.lu.perm_c[np.argsort(self.order)]
+        columns = self.lu.perm_c[np.argsort(self.order)]
         root = upper[:, columns]  # a copy, scaled in place: products with diagonal matrices would copy it twice more
         root.data /= np.sqrt(upper.diagonal())[root.indices]
         root.data /= np.repeat(self.scale, np.diff(root.indptr))
@@ -104,7 +98,7 @@ def symmetric_lu(matrix: Any, order: Ints | None = None) -> SymmetricLU:
         scaled, permc_spec="MMD_AT_PLUS_A" if order is None else "NATURAL", diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
     )  # fmt: skip
-    return SymmetricLU(lu, scale, scaled, order)
+    return SymmetricLU(lu, scale, scaled, np.arange(scale.size) if order is None else order)
 
 
 def pinned_rows(rigid: Floats) -> Ints:

@@ -11,7 +11,6 @@ from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilib
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.run import BodiesStart, ModeStart, OrbitStart, PolynomialStart, ReleasedForceStart
-from beamsim.structures.projection import project
 from beamsim.system.mechanisms import floating_motions
 from beamsim.system.parts import Parts, start_of
 from beamsim.typing import Floats
@@ -98,7 +97,7 @@ def _mode_shape(parts: Parts, mode: int, amplitude: float) -> Floats:
 def _given_field(parts: Parts, given: Mapping[str, PolynomialStart], quantity: str, warnings: list[str]) -> Floats:
     """Coordinates of fields given body by body: a polynomial in x along a beam, one number a mass of a chain."""
     numbers = {name: getattr(start, quantity) for name, start in given.items()}
-    field, errors = project(parts.structure, parts.basis, numbers, quantity)
+    field, errors = parts.structure.project(parts.basis, numbers, quantity)
     for name, error in errors.items():
         if error > _PROJECTION_TOLERANCE:
             where = f"bodies.{name}.{quantity}" if len(parts.structure.members) > 1 else quantity
