@@ -289,6 +289,7 @@ class Search:
     when: Floats  # (2 W K,) s
     shared: Ints  # (2 W K,) number of the limit that an output shares with others
     top: Floats  # by such a number, the largest value
+    windows: int  # W
     outputs: int  # K
     squares: _Squares | None
     turns: list[tuple[Ints, Ints, Floats, Floats]] | None = None  # see `turning_points`, where all are sought
@@ -312,7 +313,7 @@ class Search:
         shared = (limits * np.arange(2 * windows)[:, None] + share).ravel()
         return cls(
             np.full(shared.size, -np.inf), np.full(shared.size, np.nan), shared,
-            np.full(2 * windows * limits, np.finfo(float).min), count,
+            np.full(2 * windows * limits, np.finfo(float).min), windows, count,
             None if squares is None else _Squares(squares),
         )  # fmt: skip
 
@@ -324,6 +325,8 @@ class Search:
         Stopped
             Where a stop is requested.
         """
+        if not self.outputs:
+            return
         found = [piece for number, wave in enumerate(waves) for piece in self._first_look(number, wave)]
         if not found:
             return
@@ -338,8 +341,8 @@ class Search:
 
     def extrema(self) -> Extrema:
         """What is known; infinite in windows of which nothing is."""
-        high, low = self.value.reshape(2, -1, self.outputs)
-        when_high, when_low = self.when.reshape(2, -1, self.outputs)
+        high, low = self.value.reshape(2, self.windows, self.outputs)
+        when_high, when_low = self.when.reshape(2, self.windows, self.outputs)
         return Extrema(-low, when_low, high, when_high, self.evaluations)
 
     def _sign(self, key: Ints) -> Floats:
@@ -371,7 +374,7 @@ class Search:
             sums = wave.sums(rows)
             look = _Look.at(sums, u, self.squares)
             time = wave.time[rows, None] + wave.length[rows, None] * u
-            for windows in (0, self.value.size // (2 * self.outputs)):
+            for windows in (0, self.windows):
                 key = self.outputs * (windows + wave.window[rows, None]) + np.arange(self.outputs)
                 yield self._left(sums, look, key, time, np.full(rows.size, number), rows)
 
