@@ -274,7 +274,7 @@ class Backbone:
         row = np.zeros(guess.size)
         row[-1] = 1.0
         settings = self.settings if furthest <= FURTHEST else replace(self.settings, iterations=JUMP_ITERATIONS)
-        point = correct(self.orbits, guess, row, value / float(scale[-1]), scale, settings, furthest=furthest)
+        point = correct(self.orbits, guess, row, scale, settings, furthest=furthest)
         if point is None or self.share(point) <= self._least or not self.orbits.swings_once(point, self.mode):
             return None
         return point.towards(self._forward)
@@ -291,9 +291,6 @@ class Backbone:
         family = self.orbits.family
         q, _, before, _ = self.orbits.split(clean.u)
         _, _, factor, energy = self.orbits.split(np.append(clean.u[:-1], value))
-        known = family.period_estimate(self.mode, factor, energy)
-        if known is not None:
-            periods.insert(0, known)
         away, still = q - family.rest(before), family.rest(factor)
         shape = self.orbits.vectors[:, self.mode]
         size = np.sqrt(2.0 * energy) / float(self.orbits.omega[self.mode])

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, MutableMapping
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -22,7 +22,6 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.dataclass import dataclass
 from beamsim.flow.passage import Passage, PeriodicForcing
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow, floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, correct_across, solve_at
@@ -67,8 +66,9 @@ def reduced_for_stability(system: PiecewiseLinearSystem, highest: float) -> tupl
 
 @dataclass
 class BalancedOrbits(ForcedBalance):
-    """Harmonic balance with what :func:`beamsim.orbits.shooting.special_points` asks of a problem."""
+    """Harmonic balance with what :func:`beamsim.orbits.special_points.special_points` asks of a problem."""
 
+    bifurcates: ClassVar[bool] = True
     _reduced: tuple[float, ForcedOrbits, Floats] | None = field(default=None, init=False, repr=False)
     _spectra: MutableMapping[HarmonicMotion, Complexes] = field(
         default_factory=WeakKeyDictionary, init=False, repr=False
@@ -107,9 +107,9 @@ class BalancedOrbits(ForcedBalance):
         """The shooting problem of the structure reduced for motions up to a frequency, rad/s, and its coordinates."""
         flow: PeriodicFlow
         if self.cubic is not None and self.cubic.count:
-            springs, basis = self.cubic, np.eye(self.system.size)
-            flow = SmoothFlow(
-                self.system, springs.shape, springs.stiffness, self.forcing, self.omega, self.level, springs.felt
+            flow, basis = (
+                self.flow_at(self.omega if self.parameter == "frequency" else self.level),
+                np.eye(self.system.size),
             )
         else:
             system, basis = reduced_for_stability(self.system, highest)

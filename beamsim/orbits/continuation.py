@@ -8,12 +8,15 @@ with unit tangent :math:`t` the predictor is :math:`u + t\\,ds`, the corrector N
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import field
-from functools import cache
+from operator import itemgetter
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from scipy.optimize import brentq
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.passage import NotFinite
@@ -28,6 +31,7 @@ SAME_SCALE = 0.05  # a Newton step shorter than this leaves the residuals' scale
 LEAST_ALONG = 0.1  # cosine of a tangent and the chord, below which the tangent is no guess of what lies ahead
 CLOSE = 1e-6  # shares of a chord below which a cubic between two points is a straight line
 ROUND_OFF = 1e-14  # smallest change of a share that means anything
+EPS = float(np.finfo(float).eps)
 MOST_BISECTIONS = 60
 MOST_ASTRAY = 0.1  # of a step, outside the span of both tangents: beyond it lies another branch
 FEWEST_IN_A_RING = 5  # points of a closed curve
@@ -75,47 +79,22 @@ class Settings:
     stall: int = 150  # points within which the branch must get ahead by a largest step
 
 
-@cache
-def _lapack() -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """LU factorisation and solution: called directly, they cost a fifth of NumPy's ``solve`` at these sizes."""
-    from scipy.linalg.lapack import dgetrf, dgetrs
-
-    return dgetrf, dgetrs
-
-
-def _null_vector(J: Floats, previous: Floats | None) -> tuple[Floats, float]:
-    """Unit kernel vector t and the sign of det [J; t]; a bordered solve where a previous vector is known.
-
-    ``[J; p] x = e_n`` gives ``t = x / |x|``, and ``det [J; t] = |x| det [J; p]`` by Cramer's rule: one factorisation
-    serves both.
-    """
+def _kernel(J: Floats) -> tuple[Floats, float]:
+    """Unit kernel vector t of a Jacobian (k, n), and the sign of det [J; t]; of more than n - 1 rows it is 0."""
     k, n = J.shape
+    t = np.linalg.svd(J)[2][n - 1]
     if k != n - 1:
-        return np.linalg.svd(J)[2][n - 1], 0.0
-    if previous is not None:
-        factorise, solve = _lapack()
-        lu, pivots, _ = factorise(np.vstack([J, previous]))
-        diagonal = lu.diagonal()
-        if diagonal.all():
-            last = np.zeros(n)
-            last[-1] = 1.0
-            x = solve(lu, pivots, last)[0]
-            size = float(np.linalg.norm(x))
-            if np.isfinite(size) and size < 1e6:
-                swaps = np.count_nonzero(pivots != np.arange(n)) + np.count_nonzero(diagonal < 0)
-                return x / size, -1.0 if swaps % 2 else 1.0
-    t = np.linalg.svd(J)[2][-1]
+        return t, 0.0
     size = np.abs(J).max(axis=1, keepdims=True)
-    return t, float(np.sign(np.linalg.det(np.vstack([J / np.where(size > 0, size, 1.0), t]))))
+    return t, float(np.linalg.slogdet(np.vstack([J / np.where(size > 0, size, 1.0), t]))[0])
 
 
-def _newton_step(J: Floats, row: Floats, R: Floats, r: float) -> Floats | None:
+def _newton_step(J: Floats, row: Floats, R: Floats, r: float) -> Floats:
+    """Where the linearised equations vanish; the least-squares solution of more equations than unknowns."""
     A, b = np.vstack([J, row]), -np.append(R, r)
-    if A.shape[0] != A.shape[1]:
-        return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
-    factorise, solve = _lapack()
-    lu, pivots, info = factorise(A)
-    return None if info else np.asarray(solve(lu, pivots, b)[0])
+    if A.shape[0] == A.shape[1]:
+        return np.asarray(np.linalg.solve(A, b))
+    return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
 
 
 class Converged(NamedTuple):
@@ -132,14 +111,24 @@ def newton(
     problem: ContinuationProblem,
     guess: Floats,
     row: Floats,
-    target: float,
     scale: Floats,
     settings: Settings,
     furthest: float = np.inf,
 ) -> Converged | None:
-    """Newton's method on ``R(u) = 0, row . (u / scale) = target``; None where it does not converge.
+    """Newton's method on ``R(u) = 0`` across a direction, ``row . (u - guess) / scale = 0``.
 
-    ``furthest`` limits the distance from the guess.
+    Parameters
+    ----------
+    problem : the residual.
+    guess : (n,) unknowns to begin with.
+    row : (n,) along which the guess is kept, in scaled unknowns.
+    scale : (n,) of the unknowns.
+    settings : tolerance and iterations.
+    furthest : distance from the guess at which the method gives up.
+
+    Returns
+    -------
+    The solution; None where the method does not converge.
     """
     w = guess / scale
     start = w.copy()
@@ -157,25 +146,23 @@ def newton(
         if not np.isfinite(size):
             return None
         Jw = J * scale / rs[:, None]
-        off = float(row @ w - target)
+        off = float(row @ (w - start))
         # a guess is taken as it is only where it is as good as a step of Newton's method would make it
         good = size <= (settings.tolerance if iteration else UNTOUCHED * settings.tolerance)
         # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
         good = good or (moved <= SETTLED and size <= STIFF * settings.tolerance)
         if good and abs(off) <= 1e-9 + settings.tolerance:
             return Converged(u, Jw, size, iteration, data)
-        if iteration == settings.iterations or (
-            iteration > 2 and size > 2.0 * last and size > 1e3 * settings.tolerance
-        ):
+        diverges = iteration > 2 and size > 2.0 * last and size > 1e3 * settings.tolerance
+        if iteration == settings.iterations or diverges:
             return None
-        step = _newton_step(Jw, row, Rw, off)
-        if step is None:
+        try:
+            step = _newton_step(Jw, row, Rw, off)
+        except np.linalg.LinAlgError:
             return None
         w = w + step
         moved = float(np.linalg.norm(step))
-        if not np.isfinite(moved):
-            return None
-        if float(np.linalg.norm(w - start)) > furthest:
+        if not np.linalg.norm(w - start) <= furthest:  # not a number included
             return None
         last = size
     return None
@@ -185,31 +172,31 @@ def correct(
     problem: ContinuationProblem,
     guess: Floats,
     row: Floats,
-    target: float,
     scale: Floats,
     settings: Settings,
+    *,
     reference: Floats | None = None,
-    orient: float = 0.0,
     furthest: float = np.inf,
 ) -> BranchPoint | None:
-    """The point of the branch with ``row . (u / scale) = target``; None where Newton's method does not converge.
+    """The point of the branch across ``row`` from a guess, as `newton` finds it.
 
-    ``reference`` (scaled) orients the tangent; with ``orient`` not zero the determinant does. ``furthest`` limits the
-    distance from the guess.
+    Parameters
+    ----------
+    problem, guess, row, scale, settings, furthest : as those of `newton`.
+    reference : (n,) direction in scaled unknowns that the tangent has a positive part along.
+
+    Returns
+    -------
+    The point; None where Newton's method does not converge.
     """
-    converged = newton(problem, guess, row, target, scale, settings, furthest)
+    converged = newton(problem, guess, row, scale, settings, furthest)
     if converged is None:
         return None
-    tangent, sign = _null_vector(converged.jacobian, reference)
-    if reference is not None and orient == 0.0:
-        flip = float(tangent @ reference) < 0
-    else:
-        flip = orient != 0.0 and sign * orient < 0
-    if flip:
-        tangent, sign = -tangent, -sign
-    return BranchPoint(
+    tangent, sign = _kernel(converged.jacobian)
+    point = BranchPoint(
         converged.u, tangent, scale, converged.residual, sign, converged.iterations, converged.data
     )  # fmt: skip
+    return point.reversed() if reference is not None and float(tangent @ reference) < 0 else point
 
 
 def solve_at(
@@ -226,7 +213,7 @@ def solve_at(
     u = guess.astype(float).copy()
     if parameter is not None:
         u[-1] = parameter
-    point = correct(problem, u, row, float(u[-1] / scale[-1]), scale, settings)
+    point = correct(problem, u, row, scale, settings)
     return None if point is None else point.towards(forward)
 
 
@@ -237,8 +224,8 @@ def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settin
         J = problem.residual(guess)[1]
     except (ArithmeticError, np.linalg.LinAlgError):
         return None
-    along, _ = _null_vector(J * scale / size[:, None], None)
-    return correct(problem, guess, along, float(along @ (guess / scale)), scale, settings, along)
+    along, _ = _kernel(J * scale / size[:, None])
+    return correct(problem, guess, along, scale, settings, reference=along)
 
 
 def interpolated(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
@@ -298,7 +285,9 @@ def between(
     guesses = [straight] if sr - sl < CLOSE else [interpolated(left, right, share), straight]
     nearest_first = (left, right) if share < 0.5 else (right, left)
     for guess in (*guesses, *(_ahead(end, row, target, a.scale) for end in nearest_first)):
-        point = correct(problem, guess, row, target, a.scale, settings, a.tangent)
+        w = guess / a.scale
+        w = w + (target - float(row @ w)) * row
+        point = correct(problem, w * a.scale, row, a.scale, settings, reference=a.tangent)
         if point is not None:
             return point
     return None
@@ -332,49 +321,46 @@ def locate(
     values: tuple[float, float] | None = None,
     tolerance: float = 1e-13,
 ) -> BranchPoint | None:
-    """The point between two neighbours at which a test function vanishes.
+    """The point between two neighbours at which a test function vanishes, by Brent's method.
 
-    Bracketed inverse quadratic interpolation, or bisection where that is not safe (T. R. Chandrupatla, *Advances in
-    Engineering Software* 28, 1997); every guess is interpolated between the two points of the bracket.
+    Parameters
+    ----------
+    problem, settings : the residual, and tolerances of its points.
+    a, b : the neighbours; every guess is interpolated between the closest points that are known.
+    test : the function.
+    values : of the function at the neighbours, where they are known.
+    tolerance : against the larger of these, up to which a value is zero.
+
+    Returns
+    -------
+    The point; None where the function does not change its sign, or no point in between is found.
     """
     fa, fb = values if values is not None else (test(a), test(b))
     if not (np.isfinite(fa) and np.isfinite(fb)) or fa * fb > 0:
         return None
-    if fa == 0.0:
-        return a
-    if fb == 0.0:
-        return b
-    # x1 the latest estimate, x2 on the other side of the root, x3 the one before
-    x1, f1, p1, x2, f2, p2 = 1.0, fb, b, 0.0, fa, a
-    biggest = max(abs(fa), abs(fb))
-    best: BranchPoint | None = None
-    best_value = np.inf
-    share = f1 / (f1 - f2)
-    for _ in range(MOST_BISECTIONS):
-        x = x1 + share * (x2 - x1)
-        bracket = (x1, p1, x2, p2) if x1 < x2 else (x2, p2, x1, p1)
-        point = between(problem, a, b, x, settings, bracket)
-        if point is None:
-            return best
-        f = test(point)
-        if not np.isfinite(f):
-            return best
-        if abs(f) <= best_value:  # of equal ones, such as signs, the latest
-            best, best_value = point, abs(f)
-        if f * f1 > 0:
-            x3, f3 = x1, f1
-        else:
-            x3, f3, x2, f2, p2 = x2, f2, x1, f1, p1
-        x1, f1, p1 = x, f, point
-        smallest = ROUND_OFF / abs(x2 - x1) if x1 != x2 else 1.0
-        if abs(f) <= tolerance * biggest or smallest > 0.5:
-            return best
-        xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
-        share = 0.5
-        if phi * phi < xi and (1.0 - phi) ** 2 < 1.0 - xi:
-            share = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)
-        share = min(max(share, smallest), 1.0 - smallest)
-    return best
+    if fa == 0.0 or fb == 0.0:
+        return a if fa == 0.0 else b
+    zero = tolerance * max(abs(fa), abs(fb))
+    known: list[tuple[float, float, BranchPoint]] = [(0.0, fa, a), (1.0, fb, b)]
+    found: list[tuple[float, BranchPoint]] = []
+
+    def value(share: float) -> float:
+        at = bisect_left(known, share, key=itemgetter(0))
+        if known[min(at, len(known) - 1)][0] == share:
+            return known[at][1]
+        (begin, _, left), (end, _, right) = known[at - 1 : at + 1]
+        point = between(problem, a, b, share, settings, (begin, left, end, right))
+        f = np.nan if point is None else test(point)
+        if point is None or not np.isfinite(f):
+            raise ArithmeticError("no point in between")
+        known.insert(at, (share, f, point))
+        found.append((abs(f), point))
+        return f if abs(f) > zero else 0.0
+
+    with suppress(ArithmeticError):
+        brentq(value, 0.0, 1.0, xtol=ROUND_OFF, rtol=4.0 * EPS, maxiter=MOST_BISECTIONS, disp=False)
+    # of equally good ones, such as signs, the latest
+    return min(reversed(found), key=itemgetter(0), default=(np.inf, None))[1]
 
 
 def branch_point_between(
@@ -523,7 +509,8 @@ class Branch:
         t = t / np.linalg.norm(t)
         along = point.u / scale + ds * t
         w = along if before is None else _extrapolated(before, point, scale, t, ds, along)
-        new = correct(self.problem, w * scale, t, float(t @ along), scale, s, t, furthest=2.0 * ds + 1e-12)
+        w = w + float(t @ (along - w)) * t
+        new = correct(self.problem, w * scale, t, scale, s, reference=t, furthest=2.0 * ds + 1e-12)
         if new is None:
             return None
         same = self.same_kind(point, new)

@@ -13,13 +13,12 @@ Equilibria*, 2000).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
 from typing import Literal
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.flow.passage import ContactDirection, Frequency, Level, Passage
+from beamsim.flow.passage import ContactDirection, Frequency, Parameter, Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint
 from beamsim.orbits.continuation import ContinuationProblem, Settings, solve_at
@@ -39,32 +38,23 @@ class TwoParameterCurve:
 
     orbits: ForcedOrbits  # in frequency
     second: SecondParameter
-    _moved: tuple[float, PeriodicFlow, ContactDirection] | None = field(default=None, init=False, repr=False)
 
-    def flow_at(self, u: Floats) -> PeriodicFlow:
-        """The flow with both parameters set."""
-        return self._set(u)[0]
+    def __post_init__(self) -> None:
+        self._along = ForcedOrbits(self.orbits.flow, self.second, self.orbits.multiple)
+        self._along.level = self.orbits.level
 
-    def _set(self, u: Floats) -> tuple[PeriodicFlow, Level | ContactDirection]:
-        omega, value = float(u[-2]), float(u[-1])
-        if omega <= 0:
+    def flow_at(self, u: Floats) -> tuple[PeriodicFlow, tuple[Parameter, Parameter]]:
+        """The flow with both parameters set, and these."""
+        self._along.omega = float(u[-2])
+        if self._along.omega <= 0:
             raise ArithmeticError("the frequency became negative")
-        if self.second == "level":
-            self.orbits.flow = self.orbits.flow.under(omega, value)
-            return self.orbits.flow, Level()
-        if self._moved is None or self._moved[0] != value:
-            self._moved = (value, *self.second(value))
-        _, flow, direction = self._moved
-        return flow.under(omega, self.orbits.level), direction
+        flow, parameter = self._along.flow_at(float(u[-1]))
+        return flow, (Frequency(), parameter)
 
-    def _passage(self, u: Floats) -> tuple[Passage, Floats, Floats]:
-        """The passage at u, M - I, and the residual's columns by both parameters."""
-        flow, parameter = self._set(u)
-        period = 2 * np.pi * self.orbits.multiple / flow.omega
-        passage = flow.carry(u[:-2], period, (Frequency(), parameter))
-        columns = passage.parameters.copy()
-        columns[:, 0] -= passage.slope * (period / flow.omega)
-        return passage, passage.transition - np.eye(passage.end.size), columns
+    def shoot(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+        """The shooting residual (N,) with its Jacobian (N, N + 2), and the motion."""
+        flow, parameters = self.flow_at(u)
+        return self._along.shoot(flow, u[:-2], parameters)
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """As the shooting problem's; the further equation has the scale one."""
@@ -96,19 +86,14 @@ class FoldCurve(TwoParameterCurve):
         Second derivatives are symmetric, so that the whole row of g follows from how the first derivatives change along
         the one direction v: a central difference of two passages, whatever the size of the model.
         """
-        passage, A, columns = self._passage(u)
+        R, A, passage = self.shoot(u)
         scale = self.scale(u)[0]
-        k = A.shape[0]
-        g, w, v = self._bordered(A, scale)
-        J = np.zeros((k + 1, k + 2))
-        J[:k, :k], J[:k, k:] = A, columns
-        h = np.zeros(k + 2)
-        h[:k] = v * DIFFERENCE / float(np.linalg.norm(v / scale[:k]))
-        above, below = self._passage(u + h), self._passage(u - h)
-        step = 2.0 * DIFFERENCE / float(np.linalg.norm(v / scale[:k]))
-        J[k, :k] = -w @ (above[1] - below[1]) / step
-        J[k, k:] = -w @ (above[2] - below[2]) / step
-        return np.append(passage.end - passage.start, g), J, passage
+        k = R.size
+        g, w, v = self._bordered(A[:, :k], scale)
+        step = DIFFERENCE / float(np.linalg.norm(v / scale[:k]))
+        h = np.append(v * step, np.zeros(2))
+        change = self.shoot(u + h)[1] - self.shoot(u - h)[1]
+        return np.append(R, g), np.vstack([A, -w @ change / (2.0 * step)]), passage
 
 
 @dataclass
@@ -128,20 +113,15 @@ class GrazingCurve(TwoParameterCurve):
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
         """The shooting residual and the penetration's extreme, with their Jacobian."""
-        passage, A, columns = self._passage(u)
-        flow, parameter = self._set(u)
+        R, A, passage = self.shoot(u)
+        flow, parameters = self.flow_at(u)
         height, time = extremum(flow, passage, self.contact, self.top, self.share * passage.duration, self.level)
         if not np.isfinite(height):
             raise ArithmeticError("the penetration has no extreme near the grazing")
         self.share = time / passage.duration
-        by = (Frequency(), parameter)
-        touch = flow.carry(passage.start, time, by)
-        by_start, by_parameters = flow.penetration_derivative(touch, self.contact, by)
-        k = A.shape[0]
-        J = np.zeros((k + 1, k + 2))
-        J[:k, :k], J[:k, k:] = A, columns
-        J[k, :k], J[k, k:] = by_start, by_parameters
-        return np.append(passage.end - passage.start, height), J, passage
+        touch = flow.carry(passage.start, time, parameters)
+        by_start, by_parameters = flow.penetration_derivative(touch, self.contact, parameters)
+        return np.append(R, height), np.vstack([A, np.append(by_start, by_parameters)]), passage
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """As a curve of folds; the extreme against the motion."""

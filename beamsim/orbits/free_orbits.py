@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import field
-from typing import Any, Literal
 
 import numpy as np
 
@@ -18,10 +17,10 @@ from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, Orbit
+from beamsim.orbits.conservative import ConservativeOrbits, on_unit_circle
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.grazing import cyclic
-from beamsim.orbits.reversible import BrakeOrbits, HalfPeriod, on_unit_circle
-from beamsim.orbits.spring_families import SpringFamily
+from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Complexes, Floats
 
@@ -32,21 +31,16 @@ SAME = 1e-6  # relative distance within which two solutions are one motion
 
 
 @dataclass
-class FreeOrbits:
-    """Full-period shooting as a continuation problem; unknowns are y0 (2n), the period and the parameter.
+class FreeOrbits(ConservativeOrbits):
+    """Full-period shooting as a continuation problem; x is the state y0 (2n).
 
     ``reference`` is the state of the motion that fixes the phase (a motion nearby, in its own phase).
     """
 
-    family: SpringFamily
-    reference: Floats  # (2n,)
-    parameter: Literal["stiffness_factor", "energy"] = "stiffness_factor"
-    energy: float = 1.0  # J
-    factor: float = 1.0
+    reference: Floats = field(kw_only=True)  # (2n,)
     _slope: Floats = field(init=False)
 
     def __post_init__(self) -> None:
-        self.n = self.family.omega.size
         self._fix(self.factor)
 
     def hold(self, u: Floats) -> None:
@@ -58,51 +52,15 @@ class FreeOrbits:
         _, gradient, _ = self.family.potential(self.reference[: self.n], factor)
         self._slope = np.concatenate([self.reference[self.n :], -gradient])
 
-    def split(self, u: Floats) -> tuple[Floats, float, float, float]:
-        """State, period, factor and energy of the unknowns."""
-        if self.parameter == "energy":
-            return u[: 2 * self.n], float(u[-2]), self.factor, float(np.exp(u[-1]))
-        return u[: 2 * self.n], float(u[-2]), float(u[-1]), self.energy
+    @property
+    def closing(self) -> tuple[slice, Floats]:
+        """The whole state after a period."""
+        return slice(0, 2 * self.n), np.eye(2 * self.n)
 
-    def residual(self, u: Floats) -> tuple[Floats, Floats, HalfPeriod]:
-        """Closure of the motion, its energy and its phase, in scaled form of their own."""
-        n = self.n
-        y, period, factor, energy = self.split(u)
-        if not (np.isfinite(period) and period > 0):
-            raise ArithmeticError("the period became negative")
-        flow, direction = self.family.flow_at(factor)
-        start = np.zeros(2 * n)
-        start[: 2 * n] = y
-        by_factor = self.parameter == "stiffness_factor"
-        passage = flow.carry(start, period, (direction,) if by_factor else ())
-        value, gradient, slope = self.family.potential(y[:n], factor)
-        value += 0.5 * float(y[n:] @ y[n:])
-        N = 2 * n
-        J = np.zeros((N + 2, N + 2))
-        J[:N, :N] = passage.transition[:N, :N] - np.eye(N)
-        J[:N, N] = passage.slope[:N]
-        J[N, :n], J[N, n:N] = gradient, y[n:]
-        J[N + 1, :N] = self._slope
-        if by_factor:
-            J[:N, N + 1] = passage.parameters[:N, 0]
-            J[N, N + 1] = slope
-        else:
-            J[N, N + 1] = -energy
-        phase = float(self._slope @ (y - self.reference))
-        return np.concatenate([passage.end[:N] - y, [value - energy, phase]]), J, HalfPeriod(passage, value, flow)
-
-    def scale(self, u: Floats) -> tuple[Floats, Floats]:
-        """As for half-period shooting."""
-        _, period, _, energy = self.split(u)
-        speed = np.sqrt(2.0 * energy)
-        omega = np.maximum(self.family.omega, 0.2 * np.pi / period)
-        state = np.concatenate([speed / omega, np.full(self.n, speed)])
-        phase = float(np.abs(self._slope) @ state)
-        return np.concatenate([state, [period, 1.0]]), np.concatenate([state, [energy, phase]])
-
-    def cycle(self, point: BranchPoint) -> tuple[Any, Passage]:
-        """The flow at a point, and its motion over a period."""
-        return point.data.flow, point.data.passage
+    @property
+    def phase(self) -> tuple[Floats, float] | None:
+        """Poincaré's condition."""
+        return self._slope, float(self._slope @ self.reference)
 
     def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
         """Whether two motions have the same order of contacts over a period, wherever it begins."""
@@ -119,6 +77,12 @@ class FreeOrbits:
         mu = self.multipliers(point)
         stable = on_unit_circle(0.5 * (mu + 1.0 / mu), STABLE)
         return Orbit(point.parameter, y, period, mu, stable, point.residual, point.data.energy)
+
+
+def free_of(brake: BrakeOrbits, u: Floats) -> FreeOrbits:
+    """Shooting over the whole period in the parameter of brake orbits, the phase held by one of them."""
+    at_rest = np.append(u[: brake.n], np.zeros(brake.n))
+    return FreeOrbits(brake.family, brake.parameter, brake.energy, brake.factor, reference=at_rest)
 
 
 def slowest_instant(flow: PeriodicFlow, passage: Passage, n: int) -> tuple[float, float]:
@@ -161,12 +125,7 @@ class FullPeriodPath:
     orbits: FreeOrbits = field(init=False)
 
     def __post_init__(self) -> None:
-        assert self.brake.parameter != "frequency"
-        n, u = self.brake.n, self.points[0].u
-        self.orbits = FreeOrbits(
-            self.brake.family, np.concatenate([u[:n], np.zeros(n)]), self.brake.parameter, self.brake.energy,
-            self.brake.factor,
-        )  # fmt: skip
+        self.orbits = free_of(self.brake, self.points[0].u)
 
     def __iter__(self) -> Iterator[BranchPoint]:
         self.outcome = INTERRUPTED

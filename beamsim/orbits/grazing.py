@@ -12,20 +12,25 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebpts2
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.dataclass import dataclass
+from beamsim.flow.dense_extremes import NODES, polynomials
+from beamsim.flow.extrema import Search
 from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint
 from beamsim.orbits.continuation import OrbitContinuation, Settings, between, locate
-from beamsim.typing import Floats
 
 MOST_HALVINGS = 40
 MOST_MIDDLES = 200  # motions looked at between two neighbours
 ONE_PHASE = 4  # events of a phase that appears, and of its mirror image where a motion goes back the way it came
 REORDERED = 2  # halvings where every contact keeps its number of events: contacts met in another order graze nothing
 BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of a grazing
+WINDOWS = 64  # of a period, in each of which the largest penetration is looked for
+EPS = 1e-13  # of a period, within which a time is that of a window's edge
 TOUCHING = 1e-6  # of the neighbours' penetrations: the remainder where a penetration has vanished
 
 
@@ -98,46 +103,45 @@ def _stays(contacts: Contacts, passage: Passage, few: Passage) -> list[_Stay]:
 def extremum(
     flow: PeriodicFlow, passage: Passage, j: int, top: bool, near: float, level: float = 0.0
 ) -> tuple[float, float]:
-    """Contact j's penetration beyond a level, at its local maximum (or minimum) nearest to a time of a period.
+    """A contact's penetration beyond a level, at its local maximum (or minimum) nearest to a time of a period.
 
-    Returns (value, time); both are nan where there is none.
+    Parameters
+    ----------
+    flow, passage : the motion over a period.
+    j : number of the contact.
+    top : whether a maximum is looked for, or a minimum.
+    near : s, time of the period.
+    level : m, penetration at the border of two phases.
+
+    Returns
+    -------
+    Value, m, and time, s; both are nan where there is none.
     """
-    T = passage.duration
-    sign = 1.0 if top else -1.0
-
-    def motion(times: Floats) -> tuple[Floats, Floats]:
-        wrapped = np.mod(times, T)
-        order = np.argsort(wrapped)
-        d, v = flow.penetration(passage, wrapped[order])
-        back = np.argsort(order)
-        return sign * (d[back, j] - level), sign * v[back, j]
-
-    for half in (T / 64, T / 16, T / 4):
-        times = near + np.linspace(-half, half, 65)
-        _, v = motion(times)
-        turns = np.flatnonzero((v[:-1] > 0) & (v[1:] <= 0))
-        if turns.size == 0:
-            continue
-        i = turns[np.argmin(np.abs(times[turns] - near))]
-        a, b, fa, fb = float(times[i]), float(times[i + 1]), float(v[i]), float(v[i + 1])
-        c = b
-        side = 0
-        for _ in range(80):
-            c = b - fb * (b - a) / (fb - fa)
-            if not a < c < b:
-                c = 0.5 * (a + b)
-            fc = float(motion(np.array([c]))[1][0])
-            if fc > 0:
-                a, fa = c, fc
-                fb, side = (0.5 * fb if side == 1 else fb), 1
-            else:
-                b, fb = c, fc
-                fa, side = (0.5 * fa if side == -1 else fa), -1
-            if b - a < 1e-14 * T or abs(fc) < 1e-15 * float(np.abs(v).max()):
-                break
-        value = float(motion(np.array([c]))[0][0])
-        return sign * value, float(c % T)
-    return np.nan, np.nan
+    T, sign = passage.duration, 1.0 if top else -1.0
+    centred = np.mod(near + (np.arange(WINDOWS) + 0.5) * (T / WINDOWS), T)
+    edges = np.unique(np.concatenate([[0.0], centred, [T]]))
+    if isinstance(flow, VariationalFlow):
+        exact = flow.exact
+        beyond = exact.penetrations[0].some(slice(j, j + 1)) + exact.constant_output(np.array([-level]))
+        found = flow.motion(passage).extrema(lambda _: beyond.combined(np.array([[sign]])), edges)
+    else:  # in each window by a polynomial, as that of the reference integrator between its steps
+        edges = np.unique(np.concatenate([edges, passage.event_time]))
+        length = np.diff(edges)
+        times = edges[:-1, None] + 0.5 * length[:, None] * (1.0 + chebpts2(NODES + 1))
+        values = sign * (flow.penetration(passage, times.ravel())[0][:, j] - level)
+        waves = polynomials(values.reshape(*times.shape, 1), edges[:-1], length)
+        search = Search.of(1, length.size)
+        search.add([replace(waves, window=np.arange(length.size))])
+        found = search.extrema()
+    high, when = found.high[:, 0], found.when_high[:, 0]
+    apart = EPS * T
+    first, last = when <= edges[:-1] + apart, when >= edges[1:] - apart
+    turns = np.flatnonzero(~(first | last) | (last & np.roll(first, -1)))
+    if turns.size == 0:
+        return np.nan, np.nan
+    distance = np.abs(np.mod(when[turns] - near + 0.5 * T, T) - 0.5 * T)
+    nearest = turns[np.argmin(distance)]
+    return sign * float(high[nearest]), float(when[nearest] % T)
 
 
 def grazings(problem: ContactProblem, a: BranchPoint, b: BranchPoint, settings: Settings) -> Iterator[SpecialPoint]:

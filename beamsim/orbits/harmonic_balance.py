@@ -19,9 +19,9 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
+from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.stopping import check_stop
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
-from beamsim.orbits.balance_energy import energy_error
 from beamsim.orbits.condensation import Condensation, Receptances
 from beamsim.orbits.harmonic_motion import HarmonicMotion
 from beamsim.typing import Complexes, Floats
@@ -242,11 +242,13 @@ class ForcedBalance:
         )  # fmt: skip
         return _residual(W, receptances, total), J, motion
 
-    def energy_error(self, point: BranchPoint) -> float:
-        """Imbalance of work and losses of a motion over a period; see :mod:`beamsim.orbits.balance_energy`."""
-        motion: HarmonicMotion = point.data
-        base = self._loads(*self.at(point.parameter))[1]
-        return energy_error(self._springs.system, self.cubic, motion, base)
+    def flow_at(self, value: float) -> SmoothFlow:
+        """The flow of the same structure at a value of the parameter, each spring a contact of its own."""
+        omega, level = self.at(value)
+        shape, stiffness, felt = np.zeros((0, self.system.size)), np.zeros(0), np.zeros(0)
+        if self.cubic is not None:
+            shape, stiffness, felt = self.cubic.shape, self.cubic.stiffness, self.cubic.felt
+        return SmoothFlow(self.system, shape, stiffness, self.forcing, omega, level, felt)
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Deflections by the size of each spring's motion, or its gap."""

@@ -32,6 +32,23 @@ class HarmonicMotion:
         """(H + 1, n) Q: q(t) = Re sum Q_h e^{i h fundamental t}; of the model's size, so only on request."""
         return self.structure.coordinates(self.fundamental, self.load, self.forces, self.deflections)
 
+    @cached_property
+    def edges(self) -> Floats:
+        """(G + 1,) s, from 0 to the period, between which no spring opens or closes."""
+        cut = [phases[phases[:, 1] - phases[:, 0] < 2 * np.pi].ravel() for phases in self.closed]
+        within = np.mod(np.concatenate([np.zeros(0), *cut]) / self.fundamental, self.period)
+        return np.unique(np.concatenate([[0.0], within, [self.period]]))
+
+    @cached_property
+    def phases(self) -> Ints:
+        """(G, m) phases of the springs between the edges, 1 where one is closed."""
+        middle = 0.5 * self.fundamental * (self.edges[1:] + self.edges[:-1])
+        closed = np.zeros((middle.size, self.springs.count), dtype=np.int64)
+        for j, phases in enumerate(self.closed):
+            for begin, end in phases:
+                closed[:, j] |= (middle - begin) % (2 * np.pi) < end - begin
+        return closed
+
     @property
     def period(self) -> float:
         """s."""

@@ -29,10 +29,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import root_scalar
 
 from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, correct
+from beamsim.orbits.panels import gauss_panels
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
@@ -41,13 +43,10 @@ if TYPE_CHECKING:
     from beamsim.orbits.shooting import ForcedOrbits
     from beamsim.system.equations import PiecewiseLinearSystem
 
-FEWEST_PIECES, MOST_PIECES = 32, 160  # of a period
-RADIANS = 3.0  # of the fastest mode in a piece, within these bounds
-GAUSS = 8  # nodes a piece
 NODE = 1e-9  # share of the largest possible work below which a force does none
 TOLERANCE = 1e-8  # of the cosine of the lag: amplitudes are then right to its square
 STEPS = 30  # of the secant
-FURTHEST_TURN = 0.4  # rad, by which the phase is moved in one step
+SAME_PHASE = 1e-15  # rad
 
 
 @dataclass(frozen=True)
@@ -65,24 +64,6 @@ class Appropriation:
     def dissipated(self) -> float:
         """J a period."""
         return self.by_structure + self.by_contacts
-
-
-def quadrature_nodes(passage: Passage, fastest: float) -> tuple[Floats, Floats]:
-    """Times and weights of Gauss's rule over a passage, in pieces that no contact event interrupts.
-
-    Parameters
-    ----------
-    passage : a motion, carried from t = 0.
-    fastest : rad/s, of the modes.
-    """
-    T = passage.duration
-    pieces = int(np.clip(fastest * T / RADIANS, FEWEST_PIECES, MOST_PIECES))
-    edges = np.unique(np.concatenate([np.linspace(0.0, T, pieces + 1), passage.event_time]))
-    edges = edges[(edges >= 0.0) & (edges <= T)]
-    x, w = np.polynomial.legendre.leggauss(GAUSS)
-    half = 0.5 * np.diff(edges)[:, None]
-    middle = 0.5 * (edges[1:] + edges[:-1])[:, None]
-    return (middle + half * x).ravel(), (half * w).ravel()
 
 
 def appropriate_force(
@@ -104,7 +85,7 @@ def appropriate_force(
     n, c = damped.size, damped.contacts.split()
     period = whole.duration
     omega = 2 * np.pi / period
-    t, weight = quadrature_nodes(whole, float(np.sqrt(damped.stiffness.max(initial=0.0))))
+    t, weight = gauss_panels(np.append(whole.time, period), flow.fastest)
     states = flow.states_at(whole, t)
     q, v = states[:, :n], states[:, n : 2 * n]
     by_structure = float(weight @ np.einsum("ti,ij,tj->t", v, damped.damping, v))
@@ -128,7 +109,7 @@ def quadrature(problem: ForcedOrbits, point: BranchPoint) -> tuple[float, float]
     n, T = flow.system.size, passage.duration
     loads = flow.loads.at(flow.omega, 1.0)[0]
     load = loads[flow.loads.multiple == 1].sum(axis=0)
-    t, weight = quadrature_nodes(passage, float(np.sqrt(flow.system.stiffness.max(initial=0.0))))
+    t, weight = gauss_panels(np.append(passage.time, T), flow.fastest)
     q = flow.states_at(passage, t)[:, :n]
     fundamental = 2.0 / T * ((weight * np.exp(-1j * flow.omega * t)) @ q)
     conjugate = complex(np.conj(load) @ fundamental)
@@ -145,50 +126,28 @@ def find_phase_resonance(problem: ForcedOrbits, start: Floats, omega: float) -> 
     omega : rad/s.
     """
     settings = Settings(iterations=25)
-    z = np.zeros(problem.flow.size)
-    z[: start.size] = start
-    u = np.append(z, omega)
+    u = np.concatenate([start, np.zeros(problem.flow.size - start.size), [omega]])
     scale = problem.scale(u)[0]
-    try:  # the direction in which the motion moves along itself
-        slope = problem.flow.under(omega, problem.level).carry(z, 2 * np.pi / omega).slope
+    found: list[tuple[float, float, BranchPoint]] = []  # phase, cosine of the lag, motion
+
+    def cosine(turn: float) -> float:
+        """Of the motion whose phase is ``turn`` ahead of the guess's."""
+        before, near = (0.0, u) if not found else (found[-1][0], found[-1][2].u)
+        point = correct(problem, near + (turn - before) * speed * row * scale, row, scale, settings)
+        if point is None:
+            raise ArithmeticError("no periodic motion has this phase")
+        found.append((turn, quadrature(problem, point)[0], point))
+        return found[-1][1] if abs(found[-1][1]) >= TOLERANCE else 0.0
+
+    try:
+        # the direction in which the motion moves along itself
+        slope = problem.flow.under(omega, problem.level).carry(u[:-1], 2 * np.pi / omega).slope
+        along = np.append(slope, 0.0) / scale
+        row = along / np.linalg.norm(along)
+        speed = float(np.linalg.norm(along)) / omega  # of the unknowns by the phase
+        first = cosine(0.0)
+        if first != 0.0:  # where the lag is less than a quarter, the motion is to be held back
+            root_scalar(cosine, x0=0.0, x1=-float(np.arcsin(first)), method="secant", xtol=SAME_PHASE, maxiter=STEPS)
     except ArithmeticError:
         return None
-    along = np.append(slope, 0.0) / scale
-    speed = float(np.linalg.norm(along))
-    row = along / speed
-    target = float(row @ (u / scale))
-
-    def turned(turn: float, near: BranchPoint | None) -> BranchPoint | None:
-        """The periodic motion whose phase is ``turn`` ahead of the guess's."""
-        guess = u if near is None else near.u
-        return correct(problem, guess, row, target + turn * speed / omega, scale, settings)
-
-    before = turned(0.0, None)
-    if before is None:
-        return None
-    x0, f0 = 0.0, quadrature(problem, before)[0]
-    if abs(f0) < TOLERANCE:
-        return before
-    step, best = float(np.arcsin(f0)), before  # a lag of less than a quarter: the motion is to be held back
-    x1, f1 = x0, f0
-    for sign in (-1.0, 1.0):
-        point = turned(x0 + sign * step, before)
-        if point is not None:
-            f = quadrature(problem, point)[0]
-            if abs(f) < abs(f1):
-                best, x1, f1 = point, x0 + sign * step, f
-                break
-    if best is before:
-        return None
-    for _ in range(STEPS):
-        if abs(f1) < TOLERANCE:
-            return best
-        if f1 == f0:
-            return None
-        move = float(np.clip(-f1 * (x1 - x0) / (f1 - f0), -FURTHEST_TURN, FURTHEST_TURN))
-        point = turned(x1 + move, best)
-        if point is None:
-            return None
-        x0, f0 = x1, f1
-        best, x1, f1 = point, x1 + move, quadrature(problem, point)[0]
-    return None
+    return found[-1][2] if abs(found[-1][1]) < TOLERANCE else None

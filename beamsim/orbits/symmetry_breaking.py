@@ -17,16 +17,16 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint
-from beamsim.orbits.continuation import Settings, correct, follow_orbits, locate
-from beamsim.orbits.free_orbits import FreeOrbits, slowest_instant
+from beamsim.orbits.continuation import Settings, follow_orbits, locate
+from beamsim.orbits.free_orbits import free_of, slowest_instant
 from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.orbits.special_points import beside
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 KERNEL = 1e-5  # smallest singular value of b, scaled, against its largest, at a located point
 LARGEST_RATIO = 12  # of the frequencies of a mode and the branch
 FIRST_KICKS = (0.03, 0.01, 0.003, 0.1)  # speed that the branch begins with, over sqrt(2 E)
-FURTHEST = 8.0  # the unknowns may move while the kick is held, in units of the kick
 AT_REST = 1e-4  # slowest speed over sqrt(2 E) that counts as rest
 NEAR_REST = 0.3  # of the largest slowest speed so far: here a reversal of the motion means that rest was passed
 
@@ -115,12 +115,7 @@ class NonBrakeBranch:
     outcome: Outcome = NOT_BEGUN
 
     def __post_init__(self) -> None:
-        q = self.brake.split(self.origin.point.u)[0]
-        reference = np.concatenate([q, np.zeros(self.brake.n)])
-        assert self.brake.parameter != "frequency"
-        self.orbits = FreeOrbits(
-            self.brake.family, reference, self.brake.parameter, self.brake.energy, self.brake.factor
-        )  # fmt: skip
+        self.orbits = free_of(self.brake, self.origin.point.u)
 
     def __iter__(self) -> Iterator[BranchPoint]:
         start = self._first()
@@ -155,12 +150,7 @@ class NonBrakeBranch:
     def _first(self) -> BranchPoint | None:
         """The first motion beside the brake orbit, with a kick of given size."""
         n, at = self.orbits.n, self.origin.point.u
-        scale = self.orbits.scale(np.concatenate([at[:n], np.zeros(n), at[-2:]]))[0]
-        row = np.zeros(2 * n + 2)
-        row[n : 2 * n] = self.origin.kick
-        for size in FIRST_KICKS:
-            u = np.concatenate([at[:n], size * scale[n] * self.origin.kick, at[-2:]])
-            point = correct(self.orbits, u, row, size, scale, self.settings, row, furthest=FURTHEST * size)
-            if point is not None and self.low <= point.parameter <= self.high:
-                return point
-        return None
+        row = np.concatenate([np.zeros(n), self.origin.kick, np.zeros(2)])
+        u = np.concatenate([at[:n], np.zeros(n), at[-2:]])
+        first = beside(self.orbits, u, row, FIRST_KICKS, self.settings)
+        return next((point for point in first if self.low <= point.parameter <= self.high), None)

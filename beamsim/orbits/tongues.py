@@ -139,7 +139,7 @@ class Tongues:
             target = ground + sign * amplitude
             w = guess / scale
             w = w + (target - (float(row @ w) - still)) * direction
-            point = correct(self.orbits, w * scale, row, target + still, scale, settings, furthest=0.5)
+            point = correct(self.orbits, w * scale, row, scale, settings, furthest=0.5)
             if point is None or not self.low <= point.parameter <= self.high:
                 return None
             entered = self.share(point)[other] > (ENTERED * amplitude) ** 2
@@ -214,8 +214,7 @@ class Tongues:
             size = float(np.linalg.norm(before))
             # Newton's form of the parabola in the length along the chords
             guess = guess + ds * (ds + last) * (row - before / size) / (last + size)
-        target = float(row @ guess)
-        point = correct(self.orbits, guess * scale, row, target, scale, self.settings, row, furthest=0.7 * ds)
+        point = correct(self.orbits, guess * scale, row, scale, self.settings, reference=row, furthest=0.7 * ds)
         if point is None or not self.low <= point.parameter <= self.high:
             return None
         return point if self._third(point, other) < most_third else None

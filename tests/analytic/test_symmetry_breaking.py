@@ -12,7 +12,7 @@ from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import FullPeriodPath
 from beamsim.orbits.reversible import BrakeOrbits, linear_mode
-from beamsim.orbits.spring_families import ContactStiffness
+from beamsim.orbits.spring_families import SpringFamily
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 
@@ -174,7 +174,7 @@ def test_a_branch_in_the_stiffness_factor(request):
 def test_full_period_shooting_would_see_a_wrong_half_period(make_system):
     """Points put off by 1e-4 are not what shooting over the period finds beside them, and the path says so."""
     system = make_system([1.0, 1.7], [0.0, 0.0], shape=[[0.8, 0.6]], stiffness=1.0)
-    orbits = BrakeOrbits(ContactStiffness(system), energy=1.0)
+    orbits = BrakeOrbits(SpringFamily(system), energy=1.0)
     start = solve_at(orbits, linear_mode(orbits, 0, 0.0, np.array([0.8, 0.6])), Settings(), 0.0)
     points = list(Backbone(orbits, start, 0.2, 0, points=10))
     right = FullPeriodPath(orbits, points)

@@ -16,7 +16,7 @@ from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance, resampled, truncation
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.orbits.spring_families import ContactStiffness
+from beamsim.orbits.spring_families import SpringFamily
 
 K = np.array([[1.0, -1.0], [-1.0, 2.0]])
 W2, V = np.linalg.eigh(K)
@@ -212,7 +212,7 @@ def test_six_masses_against_half_period_shooting(make_system):
         assert branch.outcome.text == "complete: reached parameter 1"
         frequencies.append(point.data.fundamental)
         shapes.append(point.data.states(np.zeros(1))[0, :6])
-    orbits = BrakeOrbits(ContactStiffness(system), energy=1.0)
+    orbits = BrakeOrbits(SpringFamily(system), energy=1.0)
     exact = solve_at(
         orbits, orbits.unknowns(shapes[-1], 2 * np.pi / frequencies[-1], 1.0), Settings(iterations=15), 1.0
     )

@@ -14,10 +14,11 @@ from beamsim.inputs.signal import Signal
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.free import observed_orders
 from beamsim.orbits.expansions.relaxed import relaxed_path
-from beamsim.orbits.phase_resonance import appropriate_force, find_phase_resonance, quadrature, quadrature_nodes
+from beamsim.orbits.panels import gauss_panels
+from beamsim.orbits.phase_resonance import appropriate_force, find_phase_resonance, quadrature
 from beamsim.orbits.reversible import BrakeOrbits, linear_mode
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.orbits.spring_families import ContactStiffness, CubicStiffness
+from beamsim.orbits.spring_families import SpringFamily
 from beamsim.system.equations import Forcing
 
 CHAIN = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
@@ -57,7 +58,7 @@ def held(make_system):
         free = {k: v for k, v in contact.items() if k not in ("dashpot", "no_tension")}
         system = make_system(OMEGA, np.zeros(6), **free)
         pressed = np.any(np.asarray(contact.get("gap", 0.0)) < 0)
-        family = ContactStiffness(system, equilibrium if pressed else None)
+        family = SpringFamily(system, equilibrium if pressed else None)
         orbits = BrakeOrbits(family, "energy", basis=family.modes_at_rest() if pressed else None)
         guess = linear_mode(orbits, mode, np.log(energy), V[4])
         point = solve_at(orbits, guess, Settings(iterations=30), np.log(energy))
@@ -76,7 +77,7 @@ def held(make_system):
 
 def conjugate(flow, whole, pattern):
     """Amplitude of the fundamental of the deflection under the force."""
-    t, weight = quadrature_nodes(whole, 2.0)
+    t, weight = gauss_panels(np.append(whole.time, whole.duration), flow.fastest)
     q = flow.states_at(whole, t)[:, :6] @ pattern
     return abs(2 / whole.duration * np.sum(weight * np.exp(-2j * np.pi * t / whole.duration) * q))
 
@@ -127,7 +128,7 @@ def test_another_level_does_not_hold_the_motion(held):
 def test_linear_resonance_in_closed_form(make_system):
     """One degree of freedom: A = 2 zeta omega^2 X, a quarter of a period behind."""
     system = make_system([3.0], [2 * 0.02 * 3.0], shape=[[1.0]], stiffness=0.0)
-    orbits = BrakeOrbits(ContactStiffness(make_system([3.0], [0.0], shape=[[1.0]], stiffness=0.0)), energy=0.5)
+    orbits = BrakeOrbits(SpringFamily(make_system([3.0], [0.0], shape=[[1.0]], stiffness=0.0)), energy=0.5)
     point = solve_at(orbits, linear_mode(orbits, 0, 1.0), Settings(), 1.0)
     flow, whole = orbits.cycle(point)
     force = appropriate_force(system, flow, whole, np.array([-1j]))
@@ -163,7 +164,7 @@ def test_energy_balance_on_the_exact_motion(held):
 
 def test_cubic_spring(make_system):
     system = make_system(OMEGA, np.zeros(6), shape=np.zeros((0, 6)), stiffness=[])
-    orbits = BrakeOrbits(CubicStiffness(system, cubic=CubicSprings(V[5:6], np.array([0.5]))), "energy")
+    orbits = BrakeOrbits(SpringFamily(system, cubic=CubicSprings(V[5:6], np.array([0.5]))), "energy")
     point = solve_at(orbits, linear_mode(orbits, 3, np.log(0.5)), Settings(iterations=30), np.log(0.5))
     flow, whole = orbits.cycle(point)
     size, off = conjugate(flow, whole, V[0]), []
@@ -179,7 +180,7 @@ def test_cubic_spring(make_system):
 
 def test_force_at_a_node(make_system):
     system = make_system(OMEGA, np.zeros(6), shape=V[4:5], stiffness=0.0)
-    orbits = BrakeOrbits(ContactStiffness(system), energy=0.5)
+    orbits = BrakeOrbits(SpringFamily(system), energy=0.5)
     flow, whole = orbits.cycle(solve_at(orbits, linear_mode(orbits, 3, 1.0), Settings(), 1.0))
     pattern = np.zeros(6)
     pattern[0] = 1.0
@@ -190,7 +191,7 @@ def test_force_at_a_node(make_system):
 def test_relaxed_minimisation(make_system):
     """The thesis's method comes as close as its tolerance lets it, with many more motions computed."""
     system = make_system(np.sqrt(W2), np.zeros(6), shape=V[4:5], stiffness=0.5)
-    orbits = BrakeOrbits(ContactStiffness(system), energy=0.5)
+    orbits = BrakeOrbits(SpringFamily(system), energy=0.5)
     start = linear_mode(orbits, 3, 0.0, V[4])
     steps = list(relaxed_path(orbits, start, np.linspace(0.0, 1.0, 8), tolerance=1e-8))
     assert all(s.reached for s in steps)

@@ -13,12 +13,8 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
 from beamsim.orbits.folds import GrazingCurve, start_of_fold_curve, start_of_grazing_curve
 from beamsim.orbits.paths import ContactPath
-from beamsim.orbits.shooting import (
-    ForcedOrbits,
-    find_orbit,
-    special_points,
-    switch_at_period_doubling,
-)
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit
+from beamsim.orbits.special_points import special_points, switch_at_period_doubling
 from beamsim.outcomes import OutcomeCode
 
 K = np.array([[1.0, -1.0], [-1.0, 2.0]])

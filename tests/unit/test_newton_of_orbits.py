@@ -35,7 +35,7 @@ def test_a_step_costs_one_passage_and_the_flow_is_left_where_the_method_ends(pro
     row[-1] = 1.0
     moved = point.u.copy()
     moved[-1] *= 1.0001
-    found = newton(problem, moved, row, float(moved[-1] / point.scale[-1]), point.scale, SETTINGS)
+    found = newton(problem, moved, row, point.scale, SETTINGS)
     assert found.iterations >= 1
     assert problem.flow.passages == before + found.iterations + 1
     assert problem.flow.omega == found.u[-1]
@@ -62,7 +62,7 @@ def test_loads_that_are_not_finite_are_refused(problem):
     problem.level = np.nan
     with pytest.raises(NotFinite):
         problem.residual(guess)
-    assert newton(problem, guess, row, 1.0, scale, SETTINGS) is None
+    assert newton(problem, guess, row, scale, SETTINGS) is None
 
 
 def test_a_request_to_stop_ends_it(problem):
@@ -70,4 +70,4 @@ def test_a_request_to_stop_ends_it(problem):
     row[-1] = 1.0
     guess = np.append(np.zeros(problem.flow.size), problem.flow.omega)
     with heeding(lambda: True), pytest.raises(Stopped):
-        newton(problem, guess, row, 1.0, problem.scale(guess)[0], SETTINGS)
+        newton(problem, guess, row, problem.scale(guess)[0], SETTINGS)

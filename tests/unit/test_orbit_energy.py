@@ -59,8 +59,9 @@ def test_the_closed_forms_agree_with_a_rule_and_a_wrong_motion_is_seen(stop):
     flow = model.flow(float(point.frequency_hz[3]), 1.5)
     start = np.concatenate([point.coordinates[3], point.coordinate_velocities[3]])
     passage = flow.carry(start, 1.0 / float(point.frequency_hz[3]))
-    panels = np.full(passage.time.size, 3, dtype=np.int64)
-    by_rule = orbit_energy._by_quadrature(flow, passage, panels)
+    edges = np.append(passage.time, passage.duration)
+    known = orbit_energy._Known(edges, passage.phases, lambda times: flow.states_at(passage, times))
+    by_rule = orbit_energy._by_quadrature(flow, known, flow.fastest)
     assert by_rule == pytest.approx(orbit_energy._in_closed_form(flow.motion(passage)), rel=1e-12)
     assert by_rule[1] > 0.0
     assert orbit_energy.energy_error(flow, passage) < 1e-12

@@ -14,7 +14,8 @@ from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import Settings
 from beamsim.orbits.free_orbits import slowest_instant
-from beamsim.orbits.reversible import BrakeOrbits, mode_points
+from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.orbits.special_points import special_points as special_between
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def special_points(
             continue
         try:
             with heeding(stop):
-                points = list(mode_points(orbits, a, b, settings, failed))
+                points = special_between(orbits, a, b, settings, failed)
         except Stopped:
             return tuple(special), failed, True
         for located in points:

@@ -19,7 +19,7 @@ from beamsim.orbits.backbone import LEAST_SHARE, Backbone
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
 from beamsim.orbits.reversible import BrakeOrbits, linear_mode
-from beamsim.orbits.spring_families import ContactStiffness, CubicStiffness, SpringFamily
+from beamsim.orbits.spring_families import SpringFamily
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
@@ -342,16 +342,15 @@ def spring_family(system: StructuralSystem) -> SpringFamily:
     """
     dynamics = system.dynamics
     loaded = bool(np.any(dynamics.contacts.clearances < 0) or np.any(dynamics.constant_load))
-    if system.cubic.count == 0:
-        return ContactStiffness(dynamics, _equilibrium(system) if loaded else None)
-    if loaded:
+    if system.cubic.count and loaded:
         raise ScenarioError(
             Problem(
                 "nnm", "follows structures with cubic springs that rest at zero deflection only",
                 "leave out prestress, gravity and constant forces",
             )
         )  # fmt: skip
-    return CubicStiffness(dynamics, cubic=system.cubic)
+    cubic = system.cubic if system.cubic.count else None
+    return SpringFamily(dynamics, _equilibrium(system) if loaded else None, cubic=cubic)
 
 
 def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:

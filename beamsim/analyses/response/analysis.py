@@ -33,7 +33,7 @@ from beamsim.analyses.response.paths import ResponseModel, level_unit, response_
 from beamsim.analyses.response.refinement import ReportedMaximum, cut, with_maxima, with_points_at
 from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.analyses.response.side_branches import leavings, side_branches
-from beamsim.analyses.run.orbit_energy import balanced, energy_error, largest_error
+from beamsim.analyses.run.orbit_energy import balance_error, balanced, energy_error, largest_error
 from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
@@ -328,7 +328,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
             omega, driven = problem.at(point.parameter)
             sampled = sampled_motion(point.data, model.loads, omega, driven)
             motion = measure(*driving, sampled, limited, settings.stored_harmonics)
-            error = problem.energy_error(point)
+            error = balance_error(problem, point)
         return replace(motion, energy_error=error)
 
     traced, measured = with_maxima(traced, measured_motion, _reported_maxima(model), stop)

@@ -15,7 +15,8 @@ from beamsim.orbits.balance_stability import BalancedOrbits
 from beamsim.orbits.branch import BranchPoint, FailedSearch, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.harmonic_balance import truncation
-from beamsim.orbits.shooting import ForcedOrbits, special_points
+from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.orbits.special_points import special_points
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:

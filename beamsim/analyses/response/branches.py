@@ -28,11 +28,8 @@ from beamsim.orbits.branch import (
     with_failed_searches,
 )
 from beamsim.orbits.continuation import Branch, Settings, follow_orbits, interpolated, solve_at
-from beamsim.orbits.shooting import (
-    ForcedOrbits,
-    find_orbit,
-    special_points,
-)
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit
+from beamsim.orbits.special_points import special_points
 from beamsim.outcomes import Outcome, OutcomeCode, both_directions
 
 Report = Callable[[float], None]

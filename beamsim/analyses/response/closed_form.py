@@ -55,9 +55,9 @@ def measured_orbit(
         return stack(*parts.values())
 
     table = orbit.flow.output_table(rows)
-    high, low = _extremes(orbit, table)
+    extrema = orbit.extrema(rows)
     spectrum = _harmonics(orbit, table[:, :, : sizes["x"]], harmonics)
-    return of_extremes(system, sizes, high, low, spectrum, orbit.contact_share())
+    return of_extremes(system, sizes, extrema.high, extrema.low, spectrum, orbit.contact_share())
 
 
 def _outputs(
@@ -111,17 +111,6 @@ def _outputs(
         return parts
 
     return output_of
-
-
-def _extremes(orbit: Trajectory, table: Complexes) -> tuple[Floats, Floats]:
-    """Largest and smallest values (k,) of outputs (S, T, k) over an orbit, both sides of every event included."""
-    from beamsim.orbits.extreme_kernels import periodic_extremes
-
-    high, low = np.full(table.shape[2], -np.inf), np.full(table.shape[2], np.inf)
-    periodic_extremes(
-        orbit.flow.tables(), orbit.flow.inputs(), table, orbit.time, orbit.length, orbit.state, orbit.y, high, low
-    )
-    return high, low
 
 
 def _harmonics(orbit: Trajectory, table: Complexes, highest: int) -> Complexes:

@@ -162,19 +162,13 @@ def sampled_motion(motion: HarmonicMotion, loads: PeriodicForcing, omega: float,
         begins += (cut[:, 0] / w).tolist()
         ends += (cut[:, 1] / w).tolist()
     edge = np.mod(np.array(begins + ends), motion.period)
-    bounds = np.unique(np.concatenate([[0.0], edge, [motion.period]]))
+    bounds, closed = motion.edges, motion.phases
     after = np.searchsorted(bounds, edge)  # segments that begin there
     begun = np.arange(edge.size) < len(begins)
     iw = 1j * w * np.arange(motion.highest + 1)
     ground = contacts.felt
     parts = [[np.flatnonzero((owner == j) & (direction == sign)) for sign in (1.0, -1.0)] for j in range(owners)]
     touching = np.array([sum(share[of].max(initial=0.0) for of in sides) for sides in parts])
-
-    middle = 0.5 * (bounds[1:] + bounds[:-1])
-    closed = np.zeros((middle.size, m), dtype=np.int64)
-    for j, phases in enumerate(motion.closed):
-        for begin, end in phases:
-            closed[:, j] |= (w * middle - begin) % (2 * np.pi) < end - begin
 
     def at(times: Floats, segment: Ints, even: int) -> SampledMotion:
         elsewhere = np.exp(np.multiply.outer(times[even:], iw))

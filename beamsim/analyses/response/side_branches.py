@@ -15,12 +15,8 @@ from beamsim.analyses.response.branches import (
 from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Settings, follow_orbits
-from beamsim.orbits.shooting import (
-    ForcedOrbits,
-    special_points,
-    switch_at_branch_point,
-    switch_at_period_doubling,
-)
+from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.orbits.special_points import special_points, switch_at_branch_point, switch_at_period_doubling
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 

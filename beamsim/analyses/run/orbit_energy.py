@@ -6,27 +6,42 @@ integrated in closed form; of cubic springs by Gauss-Legendre rules on panels th
 
 from __future__ import annotations
 
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors
+from beamsim.dataclass import dataclass
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.variational import VariationalFlow
+from beamsim.orbits.panels import gauss_panels
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from beamsim.analyses.branch import BranchResult
     from beamsim.flow.passage import Passage
+    from beamsim.orbits.branch import BranchPoint
+    from beamsim.orbits.harmonic_balance import ForcedBalance
+    from beamsim.orbits.harmonic_motion import HarmonicMotion
+SAMPLES_A_HARMONIC = 8  # of the stored energy
 
-NODES = 20  # of a panel
-LONGEST_TURN = 15.25  # rad, of the fastest motion on a panel: the rule's error is then below 2e-13
+
+@dataclass(frozen=True)
+class _Known:
+    """A motion between events."""
+
+    edges: Floats  # (G + 1,) s
+    phases: Ints  # (G, m) of the contacts
+    states: Callable[[Floats], Floats]  # (nt, N) at increasing times
+
+    def segments(self, times: Floats) -> Ints:
+        """(nt,) between which edges times lie."""
+        return np.clip(np.searchsorted(self.edges, times, side="right") - 1, 0, self.phases.shape[0] - 1)
 
 
 def energy_error(flow: PeriodicFlow, passage: Passage) -> float:
@@ -40,6 +55,23 @@ def energy_error(flow: PeriodicFlow, passage: Passage) -> float:
         return _relative(float(np.abs(potential - potential[0]).max()), float(stored.max()))
     work, lost = _work_and_loss(flow, passage)
     return _relative(abs(work - lost - (stored[-1] - stored[0])), max(float(stored.max()), abs(lost)))
+
+
+def balance_error(problem: ForcedBalance, point: BranchPoint) -> float:
+    """The same of a motion found by harmonic balance.
+
+    Galerkin's method makes the residual of the equations of motion orthogonal to every harmonic up to the highest, and
+    so to the velocity, which has no others: the work of all forces over a period is zero whatever the number of
+    harmonics, if the harmonics of the springs' forces are exact integrals. The balance therefore checks condensation,
+    instants of contact and convergence, but not the truncation, whose size is estimated by
+    :func:`beamsim.orbits.harmonic_balance.truncation`.
+    """
+    motion: HarmonicMotion = point.data
+    flow, known = problem.flow_at(point.parameter), _Known(motion.edges, motion.phases, motion.states)
+    work, lost = _by_quadrature(flow, known, 2.0 * (motion.highest + 1) * motion.fundamental)
+    times = np.linspace(0.0, motion.period, SAMPLES_A_HARMONIC * (motion.highest + 1), endpoint=False)
+    stored = _stored(flow, times, known.states(times), known.phases[known.segments(times)])
+    return _relative(abs(work - lost), max(float(stored.max()), abs(lost)))
 
 
 def balanced(outcome: Outcome, branches: Sequence[BranchResult], unit: str) -> Outcome:
@@ -86,8 +118,9 @@ def _work_and_loss(flow: PeriodicFlow, passage: Passage) -> tuple[float, float]:
     """Work in and dissipated energy over a passage, J."""
     if isinstance(flow, VariationalFlow):
         return _in_closed_form(flow.motion(passage))
-    panels = np.maximum(np.ceil(passage.length * flow.fastest / LONGEST_TURN), 1).astype(np.int64)
-    return _by_quadrature(flow, passage, panels)
+    edges = np.append(passage.time, passage.time[0] + passage.duration)
+    known = _Known(edges, passage.phases, lambda times: flow.states_at(passage, times))
+    return _by_quadrature(flow, known, flow.fastest)
 
 
 def _in_closed_form(orbit: Trajectory) -> tuple[float, float]:
@@ -96,25 +129,13 @@ def _in_closed_form(orbit: Trajectory) -> tuple[float, float]:
     return float(work), float(lost + orbit.event_losses().sum())
 
 
-@cache
-def _rule() -> tuple[Floats, Floats]:
-    """Nodes and weights on (-1, 1)."""
-    return np.polynomial.legendre.leggauss(NODES)
-
-
-def _by_quadrature(flow: PeriodicFlow, passage: Passage, panels: Ints) -> tuple[float, float]:
-    """The same by Gauss-Legendre rules on ``panels`` (G,) equal parts of each segment."""
-    node, weight = _rule()
-    length = np.repeat(passage.length / panels, panels)
-    number = np.arange(panels.sum()) - np.repeat(np.cumsum(panels) - panels, panels)
-    start = np.repeat(passage.time, panels) + number * length
-    times = (start[:, None] + 0.5 * length[:, None] * (1.0 + node)).ravel()
-    share = (0.5 * length[:, None] * weight).ravel()
+def _by_quadrature(flow: PeriodicFlow, motion: _Known, fastest: float) -> tuple[float, float]:
+    """The same by Gauss-Legendre rules on panels of each segment, short against a motion of ``fastest`` rad/s."""
+    times, share = gauss_panels(motion.edges, fastest)
+    y, phases, each = motion.states(times), motion.phases, motion.segments(times)
     n, contacts, loads = flow.system.size, flow.system.contacts, flow.loads
-    y, phases = flow.states_at(passage, times), passage.phases
     states, of_state = np.unique(phases, axis=0, return_inverse=True)
     dashpots = np.array([contacts.losses(row)[0] for row in states])[of_state.reshape(-1)]
-    each = np.repeat(np.arange(panels.size), panels * NODES)
     delta, rate = flow.penetration_of(y, times)
     push = contacts.forces(phases[each], delta, rate, y[:, 2 * n :]) @ (contacts.sign * contacts.felt)
     v, force = y[:, n : 2 * n], loads.at(flow.omega, flow.level)[0]
