@@ -12,11 +12,16 @@ The solutions are the same and :math:`Z_S` is regular wherever the springs feel 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamsim.dataclass import dataclass
+from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats
 
+MARGIN = 1.5  # modes up to this multiple of the motion's highest harmonic are kept
+SMALL = 8  # coordinates that are kept as they are
 NEAR_POLE = 1e-4  # |Z| of a mode against its stiffness or inertia, below which the regular form is solved for directly
 
 
@@ -127,3 +132,30 @@ class Condensation:
         right = load[k] + (force[k] + S[k] * W[k]) @ self.rows
         out[k] = np.linalg.solve(self._impedance(w[k], S[k]), right[:, :, None])[:, :, 0]
         return np.asarray(out)
+
+
+def reduced_for_stability(system: PiecewiseLinearSystem, highest: float) -> tuple[PiecewiseLinearSystem, Floats]:
+    """The structure in the modes below `highest` (rad/s) and residual vectors of the contacts for those above.
+
+    Modes far above the motion's highest harmonic follow the springs statically, so that the modes below and the
+    residual vector of every spring are enough; the compliance that the springs see stays as it is.
+
+    Returns the reduced system, and its coordinates (n, k) in the given ones.
+    """
+    n, shape = system.size, system.contacts.shape
+    high = np.flatnonzero(system.stiffness > (MARGIN * highest) ** 2)
+    if n <= SMALL or high.size <= shape.shape[0]:
+        return system, np.eye(n)
+    basis = np.delete(np.eye(n), high, axis=1)
+    residual = np.zeros((n, shape.shape[0]))
+    residual[high] = (shape[:, high] / system.stiffness[high]).T
+    if np.any(residual):
+        u, size, _ = np.linalg.svd(residual, full_matrices=False)
+        basis = np.hstack([basis, u[:, size > 1e-12 * size[0]]])
+    values, turn = np.linalg.eigh(basis.T @ (system.stiffness[:, None] * basis))
+    basis = basis @ turn
+    values[values < 1e-12 * values[-1]] = 0.0
+    contacts = replace(system.contacts, shape=shape @ basis)
+    return PiecewiseLinearSystem(
+        values, basis.T @ system.damping @ basis, contacts, system.constant_load @ basis
+    ), basis

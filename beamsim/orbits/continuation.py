@@ -89,7 +89,7 @@ def _kernel(J: Floats) -> tuple[Floats, float]:
     return t, float(np.linalg.slogdet(np.vstack([J / np.where(size > 0, size, 1.0), t]))[0])
 
 
-def _newton_step(J: Floats, row: Floats, R: Floats, r: float) -> Floats:
+def newton_step(J: Floats, row: Floats, R: Floats, r: float) -> Floats:
     """Where the linearised equations vanish; the least-squares solution of more equations than unknowns."""
     A, b = np.vstack([J, row]), -np.append(R, r)
     if A.shape[0] == A.shape[1]:
@@ -157,7 +157,7 @@ def newton(
         if iteration == settings.iterations or diverges:
             return None
         try:
-            step = _newton_step(Jw, row, Rw, off)
+            step = newton_step(Jw, row, Rw, off)
         except np.linalg.LinAlgError:
             return None
         w = w + step
@@ -229,39 +229,26 @@ def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settin
 
 
 def interpolated(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
-    """The unknowns between two points, s in [0, 1] of the way along a cubic with both tangents.
+    """The unknowns s of the way from a point to another, on a cubic with both tangents in the length of the arc.
 
-    Where the tangents point back, along the chord.
+    Beyond b (s > 1) its error is of order ds^4, the tangent's of order ds^2. Where the tangents point back, and where
+    the cubic would be stretched too far, they are on a straight line: the chord, and the tangent of b beyond it.
     """
-    wa, wb = a.u / a.scale, b.u / a.scale
-    tb = b.tangent * b.scale / a.scale
+    if s == 0.0:
+        return a.u
+    wb, chord = b.u / a.scale, (b.u - a.u) / a.scale
+    ta, tb = a.tangent, b.tangent * b.scale / a.scale
     tb = tb / np.linalg.norm(tb)
-    chord = float(np.linalg.norm(wb - wa))
-    if float(tb @ (wb - wa)) <= 0 or float(a.tangent @ (wb - wa)) <= 0:
-        return np.asarray((wa + s * (wb - wa)) * a.scale)
-    h00, h10 = 2 * s**3 - 3 * s**2 + 1, s**3 - 2 * s**2 + s
-    h01, h11 = -2 * s**3 + 3 * s**2, s**3 - s**2
-    return np.asarray((h00 * wa + h10 * chord * a.tangent + h01 * wb + h11 * chord * tb) * a.scale)
-
-
-def _extrapolated(a: BranchPoint, b: BranchPoint, scale: Floats, tb: Floats, ds: float, along: Floats) -> Floats:
-    """A guess ``ds`` beyond b: on the cubic in arclength through a and b with their tangents; ``along`` the tangent of
-    b where that cubic would be stretched too far.
-
-    Its error is of order ds^4, the tangent's of order ds^2.
-    """
-    wb = b.u / scale
-    ta = a.tangent * a.scale / scale
-    ta /= np.linalg.norm(ta)
-    chord = wb - a.u / scale
-    turn = ta - tb
-    length = float(np.linalg.norm(chord)) * (1.0 + float(turn @ turn) / 24.0)  # of an arc that turns by this much
-    if length == 0.0 or ds > FARTHEST_EXTRAPOLATION * length:
-        return along
-    r = ds / length
-    bend = r**2 * (length * (ta + 2.0 * tb) - 3.0 * chord) + r**3 * (length * (ta + tb) - 2.0 * chord)
+    length, turn = float(np.linalg.norm(chord)), ta - tb
+    length *= 1.0 + float(turn @ turn) / 24.0  # of an arc that turns by this much
+    x = s - 1.0
+    if float(ta @ chord) <= 0 or float(tb @ chord) <= 0:
+        return np.asarray((wb + x * (chord if x <= 0 else length * tb)) * a.scale)
+    bend = x**2 * (length * (ta + 2.0 * tb) - 3.0 * chord) + x**3 * (length * (ta + tb) - 2.0 * chord)
     bend[(np.abs(ta) < AT_REST) & (np.abs(tb) < AT_REST)] = 0.0  # round-off there would grow from step to step
-    return along + bend
+    if x > FARTHEST_EXTRAPOLATION:
+        bend[:] = 0.0
+    return np.asarray((wb + x * length * tb + bend) * a.scale)
 
 
 def between(
@@ -507,9 +494,11 @@ class Branch:
         scale = self.problem.scale(point.u)[0]
         t = point.tangent * point.scale / scale
         t = t / np.linalg.norm(t)
-        along = point.u / scale + ds * t
-        w = along if before is None else _extrapolated(before, point, scale, t, ds, along)
-        w = w + float(t @ (along - w)) * t
+        w = along = point.u / scale + ds * t
+        length = 0.0 if before is None else float(np.linalg.norm((point.u - before.u) / before.scale))
+        if before is not None and length > 0.0:
+            w = interpolated(before, point, 1.0 + ds / length) / scale
+            w = w + float(t @ (along - w)) * t
         new = correct(self.problem, w * scale, t, scale, s, reference=t, furthest=2.0 * ds + 1e-12)
         if new is None:
             return None

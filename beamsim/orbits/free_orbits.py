@@ -13,20 +13,21 @@ from dataclasses import field
 import numpy as np
 
 from beamsim.dataclass import dataclass
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, Orbit
 from beamsim.orbits.conservative import ConservativeOrbits, on_unit_circle
 from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.extrema import extrema_of
 from beamsim.orbits.grazing import cyclic
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-6  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
-SAMPLES = 256  # of a period, in which its slowest instant is looked for
-ZOOMS = 3  # rounds, each on two of the intervals before
 SAME = 1e-6  # relative distance within which two solutions are one motion
 
 
@@ -86,19 +87,20 @@ def free_of(brake: BrakeOrbits, u: Floats) -> FreeOrbits:
 
 
 def slowest_instant(flow: PeriodicFlow, passage: Passage, n: int) -> tuple[float, float]:
-    """When in a passage the kinetic energy is least, s, and its value, J: zero where everything is at rest at once."""
-    low, high = 0.0, passage.duration
-    best = (0.0, np.inf)
-    for zoom in range(1 + ZOOMS):
-        times = np.linspace(low, high, SAMPLES + 1)
-        v = flow.states_at(passage, times)[:, n : 2 * n]
-        kinetic = 0.5 * np.einsum("ij,ij->i", v, v)
-        k = int(np.argmin(kinetic))
-        if kinetic[k] < best[1]:
-            best = (float(times[k]), float(kinetic[k]))
-        if zoom < ZOOMS:
-            low, high = float(times[max(k - 1, 0)]), float(times[min(k + 1, SAMPLES)])
-    return best
+    """When in a passage the kinetic energy is least, s, and its value, J: zero where everything is at rest at once.
+
+    Parameters
+    ----------
+    flow, passage : the motion.
+    n : number of coordinates.
+    """
+
+    def speeds(exact: ExactFlow) -> LinearOutput:
+        return exact.rates(exact.system.contacts.start).some(slice(0, n))
+
+    ends = np.array([0.0, passage.duration])
+    found = extrema_of(flow, passage, speeds, lambda _, y: y[:, n : 2 * n], ends, squares=np.array([0]))
+    return float(found.when_low[0, 0]), float(found.low[0, 0])
 
 
 @dataclass
@@ -143,13 +145,11 @@ class FullPeriodPath:
     def _solved(self, brake_point: BranchPoint, last: list[BranchPoint]) -> BranchPoint | None:
         at_rest = np.concatenate([brake_point.u[: self.brake.n], np.zeros(self.brake.n), brake_point.u[-2:]])
         self.orbits.hold(at_rest)
-        guesses = [at_rest]
+        ahead = [last[-1].u] if last else []
         if len(last) == 2 and last[1].parameter != last[0].parameter:
             reach = (brake_point.parameter - last[1].parameter) / (last[1].parameter - last[0].parameter)
-            guesses.insert(0, last[1].u + reach * (last[1].u - last[0].u))
-        elif last:
-            guesses.insert(0, last[-1].u.copy())
-        for guess in guesses:
+            ahead = [last[1].u + reach * (last[1].u - last[0].u)]
+        for guess in (*ahead, at_rest):
             point = solve_at(self.orbits, guess, self.settings, brake_point.parameter)
             if point is not None and self._difference(point, brake_point) < SAME:
                 return point

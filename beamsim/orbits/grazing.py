@@ -6,23 +6,23 @@ side, so that its root is found to round-off, whatever corner the branch itself 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebpts2
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.dataclass import dataclass
-from beamsim.flow.dense_extremes import NODES, polynomials
-from beamsim.flow.extrema import Search
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint
 from beamsim.orbits.continuation import OrbitContinuation, Settings, between, locate
+from beamsim.orbits.extrema import extrema_of
+from beamsim.typing import Floats
 
 MOST_HALVINGS = 40
 MOST_MIDDLES = 200  # motions looked at between two neighbours
@@ -41,9 +41,9 @@ class ContactProblem(OrbitContinuation, Protocol):
         """The flow at a point, and its motion over a whole period."""
 
 
-def cyclic(passage: Passage) -> tuple[tuple[int, int], ...]:
-    """The order of events over a period, whatever event comes first."""
-    s = passage.signature
+def cyclic(passage: Passage, without: Collection[int] = ()) -> tuple[tuple[int, int], ...]:
+    """The order of events over a period, whatever event comes first, and without those of some contacts."""
+    s = tuple(event for event in passage.signature if event[0] not in without)
     return min((s[i:] + s[:i] for i in range(len(s))), default=())
 
 
@@ -57,19 +57,12 @@ class _Stay:
     middle: float  # s
 
 
-def _without_borders(contacts: Contacts) -> set[int]:
+def without_borders(contacts: Contacts) -> set[int]:
     """Contacts whose phases do not end at a penetration, by their numbers.
 
     Faces that hold let go by a force and begin to stick by a rate, and those that a snubber presses follow that one.
     """
     return set(np.flatnonzero(contacts.may_hold).tolist()) | set(contacts.pressed.tolist())
-
-
-def _with_borders(contacts: Contacts, passage: Passage) -> tuple[tuple[int, int], ...]:
-    """The order of events of the contacts that begin or end at a penetration."""
-    without = _without_borders(contacts)
-    s = tuple(event for event in passage.signature if event[0] not in without)
-    return min((s[i:] + s[:i] for i in range(len(s))), default=())
 
 
 def _crossings(passage: Passage) -> dict[tuple[int, int, int], list[tuple[float, int, int]]]:
@@ -87,7 +80,7 @@ def _stays(contacts: Contacts, passage: Passage, few: Passage) -> list[_Stay]:
     """By border crossed less often in the other motion the shortest stay beyond it, the shortest of all first."""
     found: list[tuple[float, _Stay]] = []
     others = _crossings(few)
-    without = _without_borders(contacts)
+    without = without_borders(contacts)
     for border, events in _crossings(passage).items():
         if border[0] in without or len(events) <= len(others.get(border, ())):
             continue
@@ -120,19 +113,15 @@ def extremum(
     T, sign = passage.duration, 1.0 if top else -1.0
     centred = np.mod(near + (np.arange(WINDOWS) + 0.5) * (T / WINDOWS), T)
     edges = np.unique(np.concatenate([[0.0], centred, [T]]))
-    if isinstance(flow, VariationalFlow):
-        exact = flow.exact
-        beyond = exact.penetrations[0].some(slice(j, j + 1)) + exact.constant_output(np.array([-level]))
-        found = flow.motion(passage).extrema(lambda _: beyond.combined(np.array([[sign]])), edges)
-    else:  # in each window by a polynomial, as that of the reference integrator between its steps
-        edges = np.unique(np.concatenate([edges, passage.event_time]))
-        length = np.diff(edges)
-        times = edges[:-1, None] + 0.5 * length[:, None] * (1.0 + chebpts2(NODES + 1))
-        values = sign * (flow.penetration(passage, times.ravel())[0][:, j] - level)
-        waves = polynomials(values.reshape(*times.shape, 1), edges[:-1], length)
-        search = Search.of(1, length.size)
-        search.add([replace(waves, window=np.arange(length.size))])
-        found = search.extrema()
+    border = np.array([level])
+
+    def rows(exact: ExactFlow) -> LinearOutput:
+        return (exact.penetrations[0].some(slice(j, j + 1)) + exact.constant_output(-border)).scaled(sign)
+
+    def values(times: Floats, y: Floats) -> Floats:
+        return np.asarray(sign * (flow.penetration_of(y, times)[0][:, j : j + 1] - border))
+
+    found = extrema_of(flow, passage, rows, values, edges)
     high, when = found.high[:, 0], found.when_high[:, 0]
     apart = EPS * T
     first, last = when <= edges[:-1] + apart, when >= edges[1:] - apart
@@ -180,7 +169,8 @@ def _within(
     if depth >= REORDERED and sorted(cycle_a.signature) == sorted(cycle_b.signature):
         return
     if contacts.jointly_acting:
-        events_a, events_b = _with_borders(contacts, cycle_a), _with_borders(contacts, cycle_b)
+        without = without_borders(contacts)
+        events_a, events_b = cyclic(cycle_a, without), cyclic(cycle_b, without)
         if events_a == events_b:
             return
         ea, eb = len(events_a), len(events_b)

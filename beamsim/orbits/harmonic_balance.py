@@ -8,29 +8,45 @@ forces, the motions of fundamental frequency :math:`\Omega` solve
 where the receptances G carry the whole linear structure (:mod:`beamsim.orbits.condensation`) and the springs' forces
 are Galerkin's, without aliasing (:mod:`beamsim.orbits.aft`). The unknowns are ``2 H + 1`` numbers a spring, whatever
 the model's size. Problems are those of :mod:`beamsim.orbits.continuation`; the Jacobian is exact.
+
+Stability is that of the same motion by shooting: the balance gives the start, Newton's method corrects it, and the
+transition matrix over a period has the multipliers. Where Newton comes to no motion beside it, those are of the passage
+that begins as the motion does, as good as its harmonics are. At a fold, where the two branches end at slightly
+different values, shooting is corrected across its branch instead of at the same value. The structure is reduced for
+that, so that the cost does not grow with the model.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, MutableMapping
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
+from beamsim.flow.passage import Passage, PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.stopping import check_stop
+from beamsim.flow.variational import VariationalFlow, floquet_multipliers
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
-from beamsim.orbits.condensation import Condensation, Receptances
+from beamsim.orbits.branch import BranchPoint, Orbit
+from beamsim.orbits.condensation import Condensation, Receptances, reduced_for_stability
+from beamsim.orbits.continuation import Settings, correct_across, newton_step, solve_at
 from beamsim.orbits.harmonic_motion import HarmonicMotion
+from beamsim.orbits.shooting import STABLE, ForcedOrbits
+from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.contacts.equilibrium import CubicSprings
-    from beamsim.flow.passage import PeriodicForcing
-    from beamsim.orbits.branch import BranchPoint
-    from beamsim.system.equations import PiecewiseLinearSystem
+
+Finder = Callable[[ForcedOrbits], BranchPoint | None]
+
+NEAR = 0.2  # how far the motion of shooting may be from that of the balance, relative to its size
 
 
 @dataclass(frozen=True)
@@ -52,8 +68,8 @@ class _Forces:
 
     value: Complexes  # (H + 1, r)
     by_deflection: Complexes  # (r, H + 1, 2H + 1) of spring j by its own real coefficients
-    by_frequency: Complexes  # (H + 1, r) by the fundamental frequency
-    by_level: Complexes  # (H + 1, r) through the base's motion
+    by_base: Complexes  # (H + 1, r) by a parameter, through the base's motion
+    by_rate: Complexes  # (H + 1, r) by the fundamental frequency, at given harmonics
     tangent: Complexes  # (r, 2H + 1)
     closed: tuple[Floats, ...]
 
@@ -78,10 +94,10 @@ class _Springs:
         self.structure = Condensation(system.stiffness, system.damping, self.rows, typical)
         self.count = self.rows.shape[0]
 
-    def forces(self, W: Complexes, omega: float, base: Complexes, base_w: Complexes, base_l: Complexes) -> _Forces:
-        """Forces at deflections W (H + 1, r) over a base motion (H + 1,), given with its derivatives."""
+    def forces(self, W: Complexes, omega: float, base: Complexes, base_slope: Complexes) -> _Forces:
+        """Forces at deflections W (H + 1, r) over a base motion (H + 1,), given with its derivative by a parameter."""
         c, H = self.system.contacts, W.shape[0] - 1
-        value, by_w, by_l = (np.zeros((H + 1, self.count), dtype=complex) for _ in range(3))
+        value, by_base, by_rate = (np.zeros((H + 1, self.count), dtype=complex) for _ in range(3))
         by_x = np.zeros((self.count, H + 1, 2 * H + 1), dtype=complex)
         tangent = np.zeros((self.count, 2 * H + 1), dtype=complex)
         h = np.arange(H + 1)
@@ -97,9 +113,8 @@ class _Springs:
             rate = c.stiffness[j] + 1j * h * omega * c.dashpot[j]
             value[:, j] = s * rate * contact.positive
             by_x[j] = -rate[:, None] * toeplitz(contact.chi, H, H)
-            by_w[:, j] = s * 1j * h * c.dashpot[j] * contact.positive
-            by_w[:, j] += c.felt[j] * (by_x[j] @ to_real(base_w))
-            by_l[:, j] = c.felt[j] * (by_x[j] @ to_real(base_l))
+            by_rate[:, j] = s * 1j * h * c.dashpot[j] * contact.positive
+            by_base[:, j] = c.felt[j] * (by_x[j] @ to_real(base_slope))
         for i, k in enumerate(self.cubic):
             j = c.count + i
             absolute = W[:, j] + self.felt[i] * base
@@ -108,9 +123,8 @@ class _Springs:
             tangent[j] = slope
             by_x[j] = -k * toeplitz(slope, H, H)
             value[:, j] = -k * third
-            by_w[:, j] = self.felt[i] * (by_x[j] @ to_real(base_w))
-            by_l[:, j] = self.felt[i] * (by_x[j] @ to_real(base_l))
-        return _Forces(value, by_x, by_w, by_l, tangent, tuple(closed))
+            by_base[:, j] = self.felt[i] * (by_x[j] @ to_real(base_slope))
+        return _Forces(value, by_x, by_base, by_rate, tangent, tuple(closed))
 
 
 def _rows_real(R: Complexes) -> Floats:
@@ -176,7 +190,12 @@ class ForcedBalance:
     level: float = 1.0
     multiple: int = 1
     cubic: CubicSprings | None = None
+    bifurcates: ClassVar[bool] = True
     _springs: _Springs = field(init=False, repr=False)
+    _reduced: tuple[float, ForcedOrbits, Floats] | None = field(default=None, init=False, repr=False)
+    _spectra: MutableMapping[HarmonicMotion, Complexes] = field(
+        default_factory=WeakKeyDictionary, init=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         least = int(np.max(self.forcing.multiple * self.multiple, initial=1))
@@ -200,17 +219,16 @@ class ForcedBalance:
         return (value, self.level) if self.parameter == "frequency" else (self.omega, value)
 
     def _loads(self, omega: float, level: float) -> tuple[Complexes, ...]:
-        """Loads (H+1, n) and base motions (H+1,), then their derivatives by the frequency and by the level."""
-        H, n = self.harmonics, self.system.size
-        F, dF, lF = (np.zeros((H + 1, n), dtype=complex) for _ in range(3))
-        d, dd, ld = (np.zeros(H + 1, dtype=complex) for _ in range(3))
-        F[0] = self.system.constant_load
-        force, base, force_w, base_w = self.forcing.at(omega, level)
-        unit, unit_base, _, _ = self.forcing.at(omega, 1.0)
-        index = self.forcing.multiple * self.multiple
-        for target, source in ((F, force), (dF, force_w), (lF, unit), (d, base), (dd, base_w), (ld, unit_base)):
+        """Loads (H + 1, n) and base motion (H + 1,), then their derivatives by the parameter."""
+        n, index = self.system.size, self.forcing.multiple * self.multiple
+        force, base, *slopes = self.forcing.at(omega, level)
+        if self.parameter == "level":
+            slopes = list(self.forcing.at(omega, 1.0)[:2])
+        out = [np.zeros((self.harmonics + 1, *shape), dtype=complex) for shape in ((n,), (), (n,), ())]
+        for target, source in zip(out, (force, base, *slopes), strict=True):
             np.add.at(target, index, source)
-        return F, d, dF, dd, lF, ld
+        out[0][0] += self.system.constant_load
+        return tuple(out)
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, HarmonicMotion]:
         """The balance, its exact Jacobian, and the motion."""
@@ -218,23 +236,23 @@ class ForcedBalance:
         omega, level = self.at(float(u[-1]))
         if not (np.isfinite(omega) and omega > 0):
             raise ArithmeticError("the frequency became negative")
-        r, nu = self._springs.count, self.multiple
-        W = to_complex(u[:-1].reshape(-1, r))
-        F, d, dF, dd, lF, ld = self._loads(omega, level)
-        w = omega / nu
+        W = to_complex(u[:-1].reshape(-1, self._springs.count))
+        F, d, dF, dd = self._loads(omega, level)
+        w, nu = omega / self.multiple, self.multiple
         structure = self._springs.structure
         S = structure.shifts(self.harmonics)
         receptances = structure.at(w, F, nu * dF)  # derivatives by the fundamental frequency: nu times those by omega
-        forces = self._springs.forces(W, w, d, nu * dd, ld)
+        forces = self._springs.forces(W, w, d, dd)
         total = forces.value + S * W
         J = np.empty((u.size - 1, u.size))
         J[:, :-1] = _jacobian(receptances, S, forces.by_deflection)
+        slope = _times(receptances.receptance, forces.by_base)
         if self.parameter == "frequency":
-            moved = _times(receptances.receptance_slope, total) + _times(receptances.receptance, forces.by_frequency)
-            J[:, -1] = -_rows_real(receptances.response_slope + moved) / nu
+            slope += (receptances.response_slope + _times(receptances.receptance_slope, total)) / nu
+            slope += _times(receptances.receptance, forces.by_rate) / nu
         else:
-            by_load = structure.at(w, lF, np.zeros_like(lF)).response + _times(receptances.receptance, forces.by_level)
-            J[:, -1] = -_rows_real(by_load)
+            slope += structure.at(w, dF, np.zeros_like(dF)).response
+        J[:, -1] = -_rows_real(slope)
         springs = self._springs
         motion = HarmonicMotion(
             w, structure, F, W, forces.value, forces.closed, forces.tangent, springs.system.contacts, springs.owner,
@@ -263,16 +281,101 @@ class ForcedBalance:
         r, structure = self._springs.count, self._springs.structure
         receptances = structure.at(omega / self.multiple, F, np.zeros_like(F))
         S = structure.shifts(self.harmonics)
-        W = np.zeros((self.harmonics + 1, r), dtype=complex)
-        for h in range(self.harmonics + 1):  # R = 0 without forces
-            W[h] = np.linalg.lstsq(np.eye(r) - receptances.receptance[h] * S[h], receptances.response[h], rcond=1e-12)[
-                0
-            ]
-        return np.append(_rows_real(W), value)
+        # R = 0 without forces
+        inverse = np.asarray(
+            np.linalg.pinv(np.eye(r) - receptances.receptance * S[:, None, :], rcond=1e-12), dtype=complex
+        )
+        return np.append(_rows_real(_times(inverse, receptances.response)), value)
 
     def guess(self, coordinates: Floats, value: float) -> Floats:
         """Unknowns of a motion known at N equidistant times of a period, (N, n) coordinates."""
         return np.append(_rows_real(_harmonics(coordinates @ self.rows.T, self.harmonics)), value)
+
+    def multipliers(self, point: BranchPoint) -> Complexes:
+        """Floquet multipliers, the largest first; computed once for each motion."""
+        motion: HarmonicMotion = point.data
+        values = self._spectra.get(motion)
+        if values is None:
+            values = self._spectra[motion] = self._multipliers(point, motion)
+        return values
+
+    def _multipliers(self, point: BranchPoint, motion: HarmonicMotion) -> Complexes:
+        highest = motion.highest * motion.fundamental
+        if self._reduced is None or highest > self._reduced[0]:
+            # further than needed, so that the structure stays the same along a branch
+            self._reduced = (1.5 * highest, *self._reduce(1.5 * highest))
+        orbits = self._reduced[1]
+        omega, level = self.at(point.parameter)
+        orbits.omega, orbits.level = omega, level
+        guess = np.append(self._state_at_start(point), omega)
+        for correct in (solve_at, correct_across):
+            beside = correct(orbits, guess, Settings())
+            if beside is not None and float(np.max(np.abs((beside.u - guess) / beside.scale))) < NEAR:
+                return orbits.multipliers(beside)
+        return floquet_multipliers(orbits.flow.under(omega, level).carry(guess[:-1], motion.period).transition)
+
+    def _reduce(self, highest: float) -> tuple[ForcedOrbits, Floats]:
+        """The shooting problem of the structure reduced for motions up to a frequency, rad/s, and its coordinates."""
+        flow: PeriodicFlow
+        if self.cubic is not None and self.cubic.count:
+            flow, basis = (
+                self.flow_at(self.omega if self.parameter == "frequency" else self.level),
+                np.eye(self.system.size),
+            )
+        else:
+            system, basis = reduced_for_stability(self.system, highest)
+            loads: PeriodicForcing = replace(self.forcing, force=self.forcing.force @ basis)
+            flow = VariationalFlow(system, loads, self.omega, self.level)
+        return ForcedOrbits(flow, multiple=self.multiple), basis
+
+    def _state_at_start(self, point: BranchPoint) -> Floats:
+        """The state of a motion at t = 0, in the reduced structure."""
+        assert self._reduced is not None
+        n, basis, state = self.system.size, self._reduced[2], point.data.states(np.zeros(1))[0]
+        return np.concatenate([state[:n] @ basis, state[n:] @ basis])
+
+    def first_motion(self, value: float, forward: float, find: Finder) -> BranchPoint | None:
+        """A motion at a value of the parameter: from the linear response, else from one that shooting finds.
+
+        Parameters
+        ----------
+        value, forward : of the parameter, and where the tangent points.
+        find : finds an orbit of the reduced structure, best a stable one.
+        """
+        settings = Settings(iterations=20)
+        if self.cubic is not None and self.cubic.count:
+            return solve_at(self, self.linear_guess(value), settings, value, forward)
+        local, basis = self.by_shooting(value)
+        orbit = find(local)
+        if orbit is not None:
+            point = self.from_passage(local, basis, orbit.data, value, forward)
+            if point is not None:
+                return point
+        return solve_at(self, self.linear_guess(value), settings, value, forward)
+
+    def by_shooting(self, value: float) -> tuple[ForcedOrbits, Floats]:
+        """The shooting problem of the reduced structure at a value, and its coordinates in the given ones."""
+        omega, level = self.at(value)
+        orbits, basis = self._reduce(self.harmonics * omega / self.multiple)
+        return ForcedOrbits(orbits.flow.under(omega, level), multiple=self.multiple), basis
+
+    def from_passage(
+        self, local: ForcedOrbits, basis: Floats, passage: Passage, value: float, forward: float = 1.0
+    ) -> BranchPoint | None:
+        """The balanced motion beside one of the reduced structure over a period."""
+        times = np.linspace(0.0, passage.duration, 8 * self.harmonics, endpoint=False)
+        q = local.flow.states_at(passage, times)[:, : local.flow.system.size]
+        return solve_at(self, self.guess(q @ basis.T, value), Settings(iterations=20), value, forward)
+
+    def orbit(self, point: BranchPoint) -> Orbit:
+        """What a converged point means."""
+        motion, mu = point.data, self.multipliers(point)
+        stable = bool(np.abs(mu[0]) <= 1.0 + STABLE)
+        return Orbit(point.parameter, motion.states(np.zeros(1))[0], motion.period, mu, stable, point.residual)
+
+    def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Sums of harmonics have no corners."""
+        return True
 
 
 def _sizes(x: Floats, clearances: Floats) -> Floats:
@@ -312,20 +415,17 @@ def truncation(
     excepted.
     """
     larger = problem.with_harmonics(2 * problem.harmonics + 1 if more is None else more)
-    motion: Any = point.data
+    motion: HarmonicMotion = point.data
     W = resampled(motion.deflections, larger.harmonics)
     u = np.append(_rows_real(W), point.parameter)
     R, J, _ = larger.residual(u)
+    row = np.zeros(u.size)
+    row[-1] = 1.0
     if across:
-        scale = larger.scale(u)[0]
-        tangent = point.tangent * point.scale
-        row = np.zeros(u.size)
-        row[: tangent.size - 1], row[-1] = tangent[:-1], tangent[-1]
-        row /= scale
-        bordered = np.vstack([J * scale, row / np.linalg.norm(row)])
-        step = np.asarray((np.linalg.solve(bordered, np.append(-R, 0.0)) * scale)[:-1], dtype=float)
-    else:
-        step = np.asarray(np.linalg.solve(J[:, :-1], -R), dtype=float)
+        tangent, row = point.tangent * point.scale, row * point.tangent[-1] * point.scale[-1]
+        row[: tangent.size - 1] = tangent[:-1]
+    scale = larger.scale(u)[0]
+    step = (newton_step(J * scale, row / scale, R, 0.0) * scale)[:-1]
     size = float(np.linalg.norm(u[:-1]))
     cut = (2 * problem.harmonics + 1) * W.shape[1]
     return Truncation(float(np.linalg.norm(step[cut:])) / size, float(np.linalg.norm(step[:cut])) / size)

@@ -8,7 +8,7 @@ with the contacts' internal states. The Jacobian is the monodromy matrix less on
 from __future__ import annotations
 
 from collections.abc import Callable, MutableMapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from typing import ClassVar, Literal
 from weakref import WeakKeyDictionary
 
@@ -68,9 +68,7 @@ class ForcedOrbits:
 
     def with_multiple(self, multiple: int) -> ForcedOrbits:
         """The same problem for another multiple of the excitation's period."""
-        other = ForcedOrbits(self.flow, self.parameter, multiple)
-        other.omega, other.level = self.omega, self.level
-        return other
+        return replace(self, flow=self.flow.under(self.omega, self.level), multiple=multiple)
 
     @property
     def value(self) -> float:

@@ -16,7 +16,7 @@ from beamsim.orbits.continuation import (
     correct,
     locate,
 )
-from beamsim.orbits.grazing import ContactProblem, grazings, smooth_pieces, turned_at
+from beamsim.orbits.grazing import ContactProblem, grazings, smooth_pieces, turned_at, without_borders
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.typing import Complexes, Floats
 
@@ -112,13 +112,8 @@ def special_points(
 
 def _in_one_alone(problem: OrbitProblem, a: BranchPoint, b: BranchPoint) -> set[int]:
     """One-sided contacts that are made and lost in one motion and not in the other."""
-    contacts = problem.cycle(a)[0].system.contacts
     made = (set(problem.cycle(point)[1].event_contact.tolist()) for point in (a, b))
-    return (
-        set.symmetric_difference(*made)
-        - set(np.flatnonzero(contacts.may_hold).tolist())
-        - set(contacts.pressed.tolist())
-    )
+    return set.symmetric_difference(*made) - without_borders(problem.cycle(a)[0].system.contacts)
 
 
 def _changes_of_stability(

@@ -78,20 +78,12 @@ class Tongues:
     most_points: int = 40
     settings: Settings = field(default_factory=lambda: Settings(iterations=6))
 
-    def amplitude(self, u: Floats, mode: int) -> float:
-        """A mode's coordinate at rest, over the one that would carry all the energy."""
-        row, still = self._row(u, mode)
-        return float(row @ (u / self.orbits.scale(u)[0])) - still
-
-    def _row(self, u: Floats, mode: int) -> tuple[Floats, float]:
-        """The amplitude of a mode as a row on scaled unknowns, and its value at static equilibrium."""
+    def _row(self, u: Floats, mode: int) -> Floats:
+        """A mode's coordinate at rest, over the one that would carry all the energy, as a row on scaled unknowns."""
         o = self.orbits
-        scale = o.scale(u)[0]
-        _, _, factor, energy = o.split(u)
         row = np.zeros(u.size)
-        row[: o.n] = o.vectors[:, mode] * (float(o.omega[mode]) / np.sqrt(2.0 * energy))
-        still = float(row[: o.n] @ o.family.rest(factor))
-        return row * scale, still
+        row[: o.n] = o.vectors[:, mode] * (float(o.omega[mode]) / np.sqrt(2.0 * o.split(u)[3]))
+        return row * o.scale(u)[0]
 
     def share(self, point: BranchPoint) -> Floats:
         """(n,) share of the energy in each mode."""
@@ -109,7 +101,7 @@ class Tongues:
         left, right = self.orbits.mode_slope(a, other), self.orbits.mode_slope(b, other)
         at = left / (left - right) if left * right < 0 else 0.5
         u = a.u + at * (b.u - a.u)
-        towards = np.copysign(1.0, self.amplitude(a.u, other) - self.amplitude(b.u, other))
+        towards = np.copysign(1.0, self._row(u, other) @ ((a.u - b.u) / self.orbits.scale(u)[0]))
         for sign in (towards, -towards):
             points = self._entered(u, other, float(sign)) or []
             # a thinner tongue of a third mode may stop the path from one beginning and not from another
@@ -126,8 +118,7 @@ class Tongues:
     def _entered(self, u: Floats, other: int, sign: float) -> list[BranchPoint] | None:
         """Motions of growing amplitude in the other mode, from a backbone's motion u at the resonance."""
         scale = self.orbits.scale(u)[0]
-        row, still = self._row(u, other)
-        ground = self.amplitude(u, other)
+        row = self._row(u, other)
         q, _, factor, _ = self.orbits.split(u)
         shares = self.orbits.share(q, factor)
         most_third = 1.0 - float(shares[self.mode] + shares[other]) + 2 * BACKGROUND
@@ -136,9 +127,8 @@ class Tongues:
         direction[: self.orbits.n] = row[: self.orbits.n] / float(row @ row)
 
         def at(guess: Floats, amplitude: float) -> BranchPoint | None:
-            target = ground + sign * amplitude
             w = guess / scale
-            w = w + (target - (float(row @ w) - still)) * direction
+            w = w + (sign * amplitude + float(row @ (u / scale - w))) * direction
             point = correct(self.orbits, w * scale, row, scale, settings, furthest=0.5)
             if point is None or not self.low <= point.parameter <= self.high:
                 return None

@@ -11,7 +11,6 @@ from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.aft import to_real
-from beamsim.orbits.balance_stability import BalancedOrbits
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance, resampled, truncation
 from beamsim.orbits.reversible import BrakeOrbits
@@ -88,7 +87,7 @@ def test_published_amplitudes(curve, at_omega):
     assert len(at_omega) == 3
     largest = at_omega[-1]
     np.testing.assert_allclose(largest.data.amplitudes(V[0])[[1, 3, 5]], [1.32695, 0.09319, 0.02634], rtol=2e-3)
-    assert abs(BalancedOrbits(problem.system, FORCING, 21).multipliers(largest)[0]) > 1.1
+    assert abs(ForcedBalance(problem.system, FORCING, 21).multipliers(largest)[0]) > 1.1
 
 
 def test_error_estimate_and_rate(system_of, curve, at_omega):
@@ -113,7 +112,7 @@ def test_stability_is_that_of_the_motion_by_shooting(system_of, curve, at_omega)
     for coarse in at_omega:
         _, point = refined(problem, coarse, 21)
         orbit, _ = exact_harmonics(system_of(), point.data)
-        found = BalancedOrbits(system_of(), FORCING, 21).multipliers(point)
+        found = ForcedBalance(system_of(), FORCING, 21).multipliers(point)
         np.testing.assert_allclose(np.sort(np.abs(found)), np.sort(np.abs(orbit.multipliers)), atol=1e-8)
         assert bool(np.abs(found[0]) <= 1.0) == orbit.stable
 
@@ -156,7 +155,7 @@ def test_cubic_spring_converges_exponentially(make_system):
         errors.append(np.abs(point.data.states(np.zeros(1))[0] - exact.u[:4]).max())
         estimate = truncation(problem, point).error
         assert estimate < 30 * errors[-1] + 1e-12
-    balanced = BalancedOrbits(system, load, H, omega=0.9, cubic=springs)
+    balanced = ForcedBalance(system, load, H, omega=0.9, cubic=springs)
     np.testing.assert_allclose(
         np.sort(np.abs(balanced.multipliers(point))), np.sort(np.abs(orbits.orbit(exact).multipliers)), atol=1e-9
     )

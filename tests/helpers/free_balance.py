@@ -138,7 +138,7 @@ class FreeBalance:
         structure = self._springs.structure
         S = structure.shifts(H)
         found = structure.at(w, F, np.zeros_like(F))
-        forces = self._springs.forces(W, w, none, none, none)
+        forces = self._springs.forces(W, w, none, none)
         value, potential = factor * forces.value, _potential(self._springs, W)
         R = _residual(W, found, value + S * W)
         by_frequency = found.response_slope + (found.receptance_slope @ (value + S * W)[:, :, None])[:, :, 0]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.orbits import balance_stability
 from beamsim.orbits.condensation import Condensation
 from beamsim.orbits.harmonic_balance import ForcedBalance
 
@@ -25,8 +24,7 @@ def test_stability_is_found_once_a_motion(monkeypatch: pytest.MonkeyPatch) -> No
 
         return with_count
 
-    Orbits = balance_stability.BalancedOrbits
-    monkeypatch.setattr(Orbits, "_multipliers", counted("spectra", Orbits._multipliers))
+    monkeypatch.setattr(ForcedBalance, "_multipliers", counted("spectra", ForcedBalance._multipliers))
     monkeypatch.setattr(ForcedBalance, "residual", counted("residuals", ForcedBalance.residual))
     monkeypatch.setattr(Condensation, "coordinates", counted("coordinates", Condensation.coordinates))
     method = {"kind": "harmonic_balance", "harmonics": 31}

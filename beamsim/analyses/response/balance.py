@@ -11,10 +11,9 @@ from beamsim.analyses.response.branches import first_orbit
 from beamsim.analyses.response.coexisting import periodic_states
 from beamsim.dataclass import dataclass
 from beamsim.errors import locating
-from beamsim.orbits.balance_stability import BalancedOrbits
 from beamsim.orbits.branch import BranchPoint, FailedSearch, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
-from beamsim.orbits.harmonic_balance import truncation
+from beamsim.orbits.harmonic_balance import ForcedBalance, truncation
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.special_points import special_points
 from beamsim.typing import Floats
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 class BalanceTracer:
     """Finds and follows sums of harmonics."""
 
-    problem: BalancedOrbits
+    problem: ForcedBalance
     reach: tuple[float, float]
 
     def begin(self, value: float, forward: float) -> BranchPoint | None:
@@ -75,7 +74,7 @@ def balance_tracer(model: ResponseModel, harmonics: int, level: float, reach: tu
     omega = 2 * np.pi * (f.first if f.kind == "frequency" else model.frequency_hz)
     cubic = model.system.cubic if model.system.cubic.count else None
     with locating({"contacts": "snubbers", "harmonics": "sweep.method.harmonics"}):
-        problem = BalancedOrbits(
+        problem = ForcedBalance(
             model.system.dynamics,
             model.loads,
             harmonics,
