@@ -181,6 +181,15 @@ def toeplitz(e: Complexes, rows: int, columns: int) -> Complexes:
     r"""(rows + 1, 2 columns + 1) harmonics of :math:`e(\tau) x(\tau)` by the real coefficients of x.
 
     ``e`` holds two-sided coefficients 0, 1, … (at least rows + columns of them) of a real function.
+
+    Parameters
+    ----------
+    e : (at least rows + columns + 1,) two-sided coefficients.
+    rows, columns : highest harmonics of the product and of x.
+
+    Returns
+    -------
+    Complex harmonics of the product for each real coefficient of x, as of :func:`to_complex`.
     """
     h = np.arange(rows + 1)[:, None]
     col = np.arange(1, columns + 1)[None, :]

@@ -8,7 +8,7 @@ the motion dominated by the requested mode. Such jumps are recorded; a point tha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import field, replace
 from itertools import pairwise
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch
-from beamsim.orbits.continuation import Settings, at_parameter, correct, follow_orbits
+from beamsim.orbits.continuation import Settings, at_parameter, follow_orbits, solve_at
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.tongues import Tongues, resonance_between
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
@@ -109,7 +109,9 @@ class Backbone:
             full = self._step(a)
             ahead = self._ahead(a, step, full)
             if not ahead:
-                self.outcome = self._ended(a)
+                self.outcome = Outcome.of(OutcomeCode.MODE_LOST, parameter=a.parameter, **self._shared(a))
+                if self._resonance_at_end is not None:
+                    self.outcome = COMPLETE.but(self._resonance_at_end)
                 return
             for point in self._filled(a, ahead):
                 count += 1
@@ -168,12 +170,6 @@ class Backbone:
         self._cut(a, beside)
         return beside
 
-    def _ended(self, a: BranchPoint) -> Outcome:
-        """How the backbone ended at a point that none follows."""
-        if self._resonance_at_end is not None:
-            return COMPLETE.but(self._resonance_at_end)
-        return Outcome.of(OutcomeCode.MODE_LOST, parameter=a.parameter, **self._shared(a))
-
     def _filled(self, a: BranchPoint, ahead: list[BranchPoint]) -> Iterator[BranchPoint]:
         """The points after a, with others between neighbours that no jump separates."""
         jumped = {jump.start for jump in self.jumps}
@@ -228,11 +224,7 @@ class Backbone:
 
     def _at(self, a: BranchPoint, value: float) -> BranchPoint | None:
         """The motion dominated by the mode at a parameter, close to what its neighbours predict."""
-        for guess in self._predictions(a, value):
-            point = self._solve(guess, value, FURTHEST)
-            if point is not None:
-                return point
-        return None
+        return next(self._solved(self._predictions(a, value), value, FURTHEST), None)
 
     def _beside(self, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
         """The motion at the parameter of b that the mode dominates more, where the branch from a to b is a tongue's.
@@ -243,16 +235,12 @@ class Backbone:
         crossed = [level for level in LOOKED_BESIDE if self.share(b) < level <= self.share(a)]
         if not crossed or lost <= GRADUAL * abs(b.parameter - a.parameter):
             return None
-
-        def better(point: BranchPoint | None) -> bool:
-            return point is not None and self.share(point) > self.share(b) + BETTER
-
-        for guess in self._guesses(b.parameter):
-            point = self._solve(guess, b.parameter, FURTHEST_JUMP)
-            if better(point):
-                return point
-        point = self._searched(b.parameter) if min(crossed) <= SEARCHED_BELOW else None
-        return point if better(point) else None
+        least = self.share(b) + BETTER
+        found = self._solved(self._guesses(b.parameter), b.parameter, FURTHEST_JUMP)
+        point = next((point for point in found if self.share(point) > least), None)
+        if point is None and min(crossed) <= SEARCHED_BELOW:
+            point = self._searched(b.parameter)
+        return point if point is not None and self.share(point) > least else None
 
     def _predictions(self, a: BranchPoint, value: float) -> Iterator[Floats]:
         """Guesses close to a: along the tangent where it isn't that of a tongue, along the last chord, and a itself."""
@@ -266,18 +254,15 @@ class Backbone:
             yield clean.u + (value - clean.parameter) / (clean.parameter - p.parameter) * (clean.u - p.u)
         yield next(self._guesses(value))
 
-    def _solve(self, guess: Floats, value: float, furthest: float) -> BranchPoint | None:
-        guess[-1] = value
-        if not self.orbits.split(guess)[1] > 0:  # a period extrapolated too far
-            return None
-        scale = self.orbits.scale(guess)[0]
-        row = np.zeros(guess.size)
-        row[-1] = 1.0
+    def _solved(self, guesses: Iterable[Floats], value: float, furthest: float) -> Iterator[BranchPoint]:
+        """Motions at a parameter, dominated by the mode, that guesses lead to."""
         settings = self.settings if furthest <= FURTHEST else replace(self.settings, iterations=JUMP_ITERATIONS)
-        point = correct(self.orbits, guess, row, scale, settings, furthest=furthest)
-        if point is None or self.share(point) <= self._least or not self.orbits.swings_once(point, self.mode):
-            return None
-        return point.towards(self._forward)
+        for guess in guesses:
+            if not self.orbits.split(np.append(guess[:-1], value))[1] > 0:  # a period extrapolated too far
+                continue
+            point = solve_at(self.orbits, guess, settings, value, self._forward, furthest)
+            if point is not None and self.share(point) > self._least and self.orbits.swings_once(point, self.mode):
+                yield point
 
     def _guesses(self, value: float) -> Iterator[Floats]:
         """First guesses beyond a tongue: the last clear motion, and the linear mode alone, at periods extrapolated."""
@@ -308,10 +293,7 @@ class Backbone:
         remaining = abs(self.end - a.parameter) / full
         for distance in sorted({remaining, *distances.tolist()}):
             value = self.end if distance == remaining else a.parameter + self._forward * distance * full
-            b = next(
-                (b for guess in self._guesses(value) if (b := self._solve(guess, value, FURTHEST_JUMP)) is not None),
-                None,
-            )
+            b = next(self._solved(self._guesses(value), value, FURTHEST_JUMP), None)
             if b is None and distance > 1.0:
                 b = self._searched(value)
             if b is not None:
@@ -340,9 +322,8 @@ class Backbone:
                 for part in SEARCHED_PARTS:
                     lent = part * abs(size) * omega / float(self.orbits.omega[other]) * self.orbits.vectors[:, other]
                     shape = still + np.sqrt(1.0 - part**2) * (pure - still) + lent
-                    b = self._solve(self.orbits.unknowns(shape, period, value), value, FURTHEST_SEARCH)
-                    if b is not None and (best is None or self.share(b) > self.share(best)):
-                        best = b
+                    for b in self._solved([self.orbits.unknowns(shape, period, value)], value, FURTHEST_SEARCH):
+                        best = b if best is None or self.share(b) > self.share(best) else best
             if best is not None and self.share(best) > CLEAR_ENOUGH:
                 break
         return best
@@ -357,7 +338,7 @@ class Backbone:
             tongue = self._search.between(a, b, mode)
             within = [p for p in self._recent[-2:] if p is not a]
             if tongue is None and within:
-                tongue = self._search.from_within([*within, a], mode)
+                tongue = self._search.traced([*within, a], mode, a.parameter)
             if tongue is not None:
                 self.tongues.append(tongue)
         self._recent = []
@@ -375,15 +356,13 @@ class Backbone:
 
     def _crossed(self, a: BranchPoint, b: BranchPoint) -> None:
         """Trace the tongues of low order that lie between two neighbours."""
+        period = self.orbits.split(a.u)[1]
         for mode in range(self.orbits.n):
             if mode == self.mode or self.orbits.mode_slope(a, mode) * self.orbits.mode_slope(b, mode) > 0:
                 continue
-            if self._order(a, mode) > self.largest_ratio + 0.5:
+            if float(self.orbits.omega[mode]) * period / (2 * np.pi) > self.largest_ratio + 0.5:
                 continue
             tongue = self._search.between(a, b, mode)
             if tongue is not None and not self._known(mode, tongue.ratio, tongue.origin):
                 self.tongues.append(tongue)
                 self.jumps.append(Jump(a.parameter, b.parameter, mode, tongue.ratio))
-
-    def _order(self, point: BranchPoint, mode: int) -> float:
-        return float(self.orbits.omega[mode]) * self.orbits.split(point.u)[1] / (2 * np.pi)

@@ -95,7 +95,22 @@ class FailedSearch:
 
 @contextmanager
 def recorded(kind: SpecialKind, step: BranchPoint, failed: list[FailedSearch] | None) -> Iterator[None]:
-    """Append to ``failed`` what ends in a numerical error, or raise it where there is no list."""
+    """Append to ``failed`` what ends in a numerical error, or raise it where there is no list.
+
+    Parameters
+    ----------
+    kind : of special point that is searched.
+    step : the point at which the step begins.
+    failed : the list, if any.
+
+    Returns
+    -------
+    A context manager.
+
+    Raises
+    ------
+    ArithmeticError, LinAlgError : without a list.
+    """
     try:
         yield
     except (ArithmeticError, np.linalg.LinAlgError):

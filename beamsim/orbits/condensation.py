@@ -81,6 +81,10 @@ class Condensation:
         fundamental : rad/s.
         load : (H + 1, n) generalised forces.
         load_slope : (H + 1, n) their derivatives by the fundamental frequency.
+
+        Returns
+        -------
+        Receptances with springs S, and the deflections under the loads.
         """
         B, r, n = self.rows, self.rows.shape[0], self.stiffness.size
         h = np.arange(load.shape[0])
@@ -123,6 +127,10 @@ class Condensation:
         load : (H + 1, n) generalised forces.
         force : (H + 1, r) the springs' forces on the structure.
         W : (H + 1, r) the springs' deflections.
+
+        Returns
+        -------
+        Harmonics of the modal coordinates, m kg^(1/2).
         """
         w: Floats = np.asarray(np.arange(load.shape[0]) * fundamental, dtype=float)
         S = self.shifts(load.shape[0] - 1)

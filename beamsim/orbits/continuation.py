@@ -90,7 +90,23 @@ def _kernel(J: Floats) -> tuple[Floats, float]:
 
 
 def newton_step(J: Floats, row: Floats, R: Floats, r: float) -> Floats:
-    """Where the linearised equations vanish; the least-squares solution of more equations than unknowns."""
+    """Where the linearised equations vanish; the least-squares solution of more equations than unknowns.
+
+    Parameters
+    ----------
+    J : (k, n) scaled Jacobian.
+    row : (n,) the further equation.
+    R : (k,) scaled residual.
+    r : residual of the further equation.
+
+    Returns
+    -------
+    (n,) step of the scaled unknowns.
+
+    Raises
+    ------
+    LinAlgError : where the equations are singular.
+    """
     A, b = np.vstack([J, row]), -np.append(R, r)
     if A.shape[0] == A.shape[1]:
         return np.asarray(np.linalg.solve(A, b))
@@ -205,20 +221,43 @@ def solve_at(
     settings: Settings,
     parameter: float | None = None,
     forward: float = 1.0,
+    furthest: float = np.inf,
 ) -> BranchPoint | None:
-    """The solution at a fixed parameter, its tangent pointing to larger (``forward`` > 0) or smaller values."""
+    """The solution at a fixed parameter.
+
+    Parameters
+    ----------
+    problem, settings, furthest : as those of `newton`.
+    guess : (n,) unknowns.
+    parameter : its value, by default that of the guess.
+    forward : whether the tangent points to larger values (> 0) or smaller ones.
+
+    Returns
+    -------
+    The point; None where Newton's method does not converge.
+    """
     scale = problem.scale(guess)[0]
     row = np.zeros(guess.size)
     row[-1] = 1.0
     u = guess.astype(float).copy()
     if parameter is not None:
         u[-1] = parameter
-    point = correct(problem, u, row, scale, settings)
+    point = correct(problem, u, row, scale, settings, furthest=furthest)
     return None if point is None else point.towards(forward)
 
 
 def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settings) -> BranchPoint | None:
-    """The solution beside a guess, across the branch: a fold close by is no obstacle."""
+    """The solution beside a guess, across the branch: a fold close by is no obstacle.
+
+    Parameters
+    ----------
+    problem, settings : as those of `newton`.
+    guess : (n,) unknowns.
+
+    Returns
+    -------
+    The point; None where Newton's method does not converge.
+    """
     scale, size = problem.scale(guess)
     try:
         J = problem.residual(guess)[1]
@@ -233,6 +272,15 @@ def interpolated(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
 
     Beyond b (s > 1) its error is of order ds^4, the tangent's of order ds^2. Where the tangents point back, and where
     the cubic would be stretched too far, they are on a straight line: the chord, and the tangent of b beyond it.
+
+    Parameters
+    ----------
+    a, b : two points of a branch.
+    s : share of the way, 1 at b.
+
+    Returns
+    -------
+    (n,) unknowns.
     """
     if s == 0.0:
         return a.u
@@ -262,6 +310,17 @@ def between(
     """The point of the branch a share s of the way from a to b, measured along their chord.
 
     ``known`` are two points of it with their shares, on either side of s, to guess from (a and b by default).
+
+    Parameters
+    ----------
+    problem, settings : as those of `newton`.
+    a, b : neighbours on a branch.
+    s : share of the chord.
+    known : two points with their shares.
+
+    Returns
+    -------
+    The point; None where none is found.
     """
     wa, wb = a.u / a.scale, b.u / a.scale
     row = (wb - wa) / np.linalg.norm(wb - wa)
@@ -292,7 +351,18 @@ def _ahead(point: BranchPoint, row: Floats, target: float, scale: Floats) -> Flo
 def at_parameter(
     problem: ContinuationProblem, a: BranchPoint, b: BranchPoint, value: float, settings: Settings
 ) -> BranchPoint | None:
-    """The point between two neighbours (or beyond them) at a value of the parameter; None where none is found."""
+    """The point between two neighbours (or beyond them) at a value of the parameter; None where none is found.
+
+    Parameters
+    ----------
+    problem, settings : as those of `newton`.
+    a, b : the neighbours.
+    value : of the parameter.
+
+    Returns
+    -------
+    The point; None where none is found.
+    """
     share = (value - a.parameter) / (b.parameter - a.parameter)
     guess = interpolated(a, b, float(np.clip(share, 0.0, 1.0)))
     guess[-1] = value
@@ -357,6 +427,15 @@ def branch_point_between(
 
     The sign of the determinant changes there, but also from one branch to another that a step has jumped to: only where
     branches cross does the Jacobian lose rank, in proportion to the distance.
+
+    Parameters
+    ----------
+    problem, settings : as those of `newton`.
+    a, b : the neighbours.
+
+    Returns
+    -------
+    The point; None where branches do not cross.
     """
     if a.orientation * b.orientation >= 0:
         return None
@@ -515,5 +594,17 @@ class Branch:
 def follow_orbits(
     problem: OrbitContinuation, start: BranchPoint, low: float, high: float, settings: Settings | None = None
 ) -> Branch:
-    """A branch of periodic orbits, to iterate over."""
+    """A branch of periodic orbits, to iterate over.
+
+    Parameters
+    ----------
+    problem : whose points are orbits.
+    start : a converged point, whose tangent gives the direction.
+    low, high : the parameter's range.
+    settings : steps and tolerances.
+
+    Returns
+    -------
+    The branch, a generator of its points that keeps its outcome.
+    """
     return Branch(problem, start, low, high, Settings() if settings is None else settings, problem.same_events)

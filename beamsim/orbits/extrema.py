@@ -37,6 +37,10 @@ def extrema_of(
     values : the same (nt, K) at times (nt,) of states (nt, N), of power series: those are searched on polynomials.
     edges : (W + 1,) s, increasing.
     squares : first of each group of outputs, of whose squares half the sum is meant.
+
+    Returns
+    -------
+    Smallest and largest values (W, K) and their times.
     """
     if isinstance(flow, VariationalFlow):
         output = rows(flow.exact)

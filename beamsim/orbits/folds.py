@@ -143,7 +143,20 @@ def start_of_fold_curve(
     value: float,
     forward: float = 1.0,
 ) -> tuple[FoldCurve, BranchPoint] | None:
-    """The curve of folds through one that was located, from its value of the second parameter on."""
+    """The curve of folds through one that was located, from its value of the second parameter on.
+
+    Parameters
+    ----------
+    orbits : shooting in frequency.
+    fold : on a branch of it.
+    second : the second parameter.
+    value : of the second parameter on that branch.
+    forward : whether the curve begins to larger values (> 0) or smaller ones.
+
+    Returns
+    -------
+    The problem and its first point; None where Newton's method does not converge.
+    """
     scale = orbits.scale(fold.point.u)[0][:-1]
     A = orbits.monodromy(fold.point) - np.eye(orbits.flow.size)
     U, _, V = np.linalg.svd(A * scale / scale[:, None])
@@ -159,7 +172,17 @@ def start_of_grazing_curve(
     value: float,
     forward: float = 1.0,
 ) -> tuple[GrazingCurve, BranchPoint] | None:
-    """The curve of grazings through one that was located, from its value of the second parameter on."""
+    """The curve of grazings through one that was located, from its value of the second parameter on.
+
+    Parameters
+    ----------
+    orbits, second, value, forward : as those of `start_of_fold_curve`.
+    grazing : on a branch of the orbits.
+
+    Returns
+    -------
+    The problem and its first point; None where Newton's method does not converge.
+    """
     share = grazing.time / grazing.point.data.duration
     curve = GrazingCurve(orbits, second, grazing.contact, grazing.top, share, grazing.level)
     point = _start(curve, grazing, value, forward)

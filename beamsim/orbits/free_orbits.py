@@ -93,6 +93,10 @@ def slowest_instant(flow: PeriodicFlow, passage: Passage, n: int) -> tuple[float
     ----------
     flow, passage : the motion.
     n : number of coordinates.
+
+    Returns
+    -------
+    Time, s, and kinetic energy, J.
     """
 
     def speeds(exact: ExactFlow) -> LinearOutput:

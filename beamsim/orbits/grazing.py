@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint
 from beamsim.orbits.continuation import OrbitContinuation, Settings, between, locate
 from beamsim.orbits.extrema import extrema_of
-from beamsim.typing import Floats
+from beamsim.typing import Complexes, Floats
 
 MOST_HALVINGS = 40
 MOST_MIDDLES = 200  # motions looked at between two neighbours
@@ -34,11 +34,16 @@ EPS = 1e-13  # of a period, within which a time is that of a window's edge
 TOUCHING = 1e-6  # of the neighbours' penetrations: the remainder where a penetration has vanished
 
 
-class ContactProblem(OrbitContinuation, Protocol):
+class OrbitProblem(OrbitContinuation, Protocol):
     """A continuation problem whose points are periodic motions with contacts."""
+
+    bifurcates: ClassVar[bool]  # whether multipliers may leave the unit circle anywhere
 
     def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
         """The flow at a point, and its motion over a whole period."""
+
+    def multipliers(self, point: BranchPoint) -> Complexes:
+        """Floquet multipliers."""
 
 
 def cyclic(passage: Passage, without: Collection[int] = ()) -> tuple[tuple[int, int], ...]:
@@ -133,13 +138,33 @@ def extremum(
     return sign * float(high[nearest]), float(when[nearest] % T)
 
 
-def grazings(problem: ContactProblem, a: BranchPoint, b: BranchPoint, settings: Settings) -> Iterator[SpecialPoint]:
-    """Grazing points between two neighbours of a branch whose events differ, in the order of the branch."""
+def grazings(problem: OrbitProblem, a: BranchPoint, b: BranchPoint, settings: Settings) -> Iterator[SpecialPoint]:
+    """Grazing points between two neighbours of a branch whose events differ, in the order of the branch.
+
+    Parameters
+    ----------
+    problem, settings : the residual, and tolerances of its points.
+    a, b : the neighbours.
+
+    Returns
+    -------
+    The points, one after the other.
+    """
     yield from _within(problem, a, b, settings, 0, iter(range(MOST_MIDDLES)))
 
 
 def smooth_pieces(a: BranchPoint, b: BranchPoint, corners: list[SpecialPoint]) -> list[tuple[BranchPoint, BranchPoint]]:
-    """The step from a to b in pieces without a corner inside."""
+    """The step from a to b in pieces without a corner inside.
+
+    Parameters
+    ----------
+    a, b : neighbours on a branch.
+    corners : grazings between them.
+
+    Returns
+    -------
+    Pairs of points, from a to b.
+    """
     w0 = a.u / a.scale
     chord = b.u / a.scale - w0
     inner = {id(corner.point): corner.point for corner in corners}.values()
@@ -150,6 +175,16 @@ def turned_at(special: list[SpecialPoint], piece: tuple[BranchPoint, BranchPoint
     """Whether a piece of a step, which turns back without a fold inside, has a grazing at an end.
 
     The one nearer to where the turn was sought is then called a nonsmooth fold.
+
+    Parameters
+    ----------
+    special : what was found on the step; the grazing in it is renamed.
+    piece : the ends of the piece.
+    near : where the turn was sought.
+
+    Returns
+    -------
+    Whether there is one.
     """
     ends = [k for k, event in enumerate(special) if any(event.point is end for end in piece)]
     if not ends:
@@ -160,7 +195,7 @@ def turned_at(special: list[SpecialPoint], piece: tuple[BranchPoint, BranchPoint
 
 
 def _within(
-    problem: ContactProblem, a: BranchPoint, b: BranchPoint, settings: Settings, depth: int, budget: Iterator[int]
+    problem: OrbitProblem, a: BranchPoint, b: BranchPoint, settings: Settings, depth: int, budget: Iterator[int]
 ) -> Iterator[SpecialPoint]:
     if problem.same_events(a, b) or depth > MOST_HALVINGS:
         return
@@ -168,14 +203,11 @@ def _within(
     contacts, cycle_b = flow.system.contacts, problem.cycle(b)[1]
     if depth >= REORDERED and sorted(cycle_a.signature) == sorted(cycle_b.signature):
         return
-    if contacts.jointly_acting:
-        without = without_borders(contacts)
-        events_a, events_b = cyclic(cycle_a, without), cyclic(cycle_b, without)
-        if events_a == events_b:
-            return
-        ea, eb = len(events_a), len(events_b)
-    else:
-        ea, eb = cycle_a.event_time.size, cycle_b.event_time.size
+    without = without_borders(contacts) if contacts.jointly_acting else set()
+    events_a, events_b = cyclic(cycle_a, without), cyclic(cycle_b, without)
+    if events_a == events_b:
+        return
+    ea, eb = len(events_a), len(events_b)
     if 0 < abs(ea - eb) <= ONE_PHASE or (ea != eb and depth > MOST_HALVINGS // 2):
         more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
         points = _at_one_point(problem, a, b, more, few, settings, late=depth > MOST_HALVINGS // 2)
@@ -190,7 +222,7 @@ def _within(
 
 
 def _at_one_point(
-    problem: ContactProblem,
+    problem: OrbitProblem,
     a: BranchPoint,
     b: BranchPoint,
     more: Passage,
@@ -229,7 +261,7 @@ def _at_one_point(
     ]
 
 
-def _explains(problem: ContactProblem, a: BranchPoint, graze: BranchPoint, b: BranchPoint, settings: Settings) -> bool:
+def _explains(problem: OrbitProblem, a: BranchPoint, graze: BranchPoint, b: BranchPoint, settings: Settings) -> bool:
     """Whether the one point explains the whole difference: motions just beside it have the neighbours' events.
 
     The point itself has the events of one side; the other side is looked at.

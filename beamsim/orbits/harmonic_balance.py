@@ -210,10 +210,6 @@ class ForcedBalance:
         """(r, n) where the springs act, one-sided ones first."""
         return self._springs.rows
 
-    def with_harmonics(self, harmonics: int) -> ForcedBalance:
-        """The same problem with another number of harmonics."""
-        return replace(self, harmonics=harmonics)
-
     def at(self, value: float) -> tuple[float, float]:
         """Excitation frequency, rad/s, and level at a value of the parameter."""
         return (value, self.level) if self.parameter == "frequency" else (self.omega, value)
@@ -341,6 +337,10 @@ class ForcedBalance:
         ----------
         value, forward : of the parameter, and where the tangent points.
         find : finds an orbit of the reduced structure, best a stable one.
+
+        Returns
+        -------
+        The motion; None where none is found.
         """
         settings = Settings(iterations=20)
         if self.cubic is not None and self.cubic.count:
@@ -362,7 +362,18 @@ class ForcedBalance:
     def from_passage(
         self, local: ForcedOrbits, basis: Floats, passage: Passage, value: float, forward: float = 1.0
     ) -> BranchPoint | None:
-        """The balanced motion beside one of the reduced structure over a period."""
+        """The balanced motion beside one of the reduced structure over a period.
+
+        Parameters
+        ----------
+        local, basis : as `by_shooting` gives them.
+        passage : of the motion.
+        value, forward : of the parameter, and where the tangent points.
+
+        Returns
+        -------
+        The motion; None where Newton's method does not converge.
+        """
         times = np.linspace(0.0, passage.duration, 8 * self.harmonics, endpoint=False)
         q = local.flow.states_at(passage, times)[:, : local.flow.system.size]
         return solve_at(self, self.guess(q @ basis.T, value), Settings(iterations=20), value, forward)
@@ -413,8 +424,19 @@ def truncation(
 
     The step is the error of the deflections at the springs up to terms of second order, the harmonics beyond ``more``
     excepted.
+
+    Parameters
+    ----------
+    problem : the balance.
+    point : a motion of it.
+    more : harmonics.
+    across : see above.
+
+    Returns
+    -------
+    The errors, relative to the motion.
     """
-    larger = problem.with_harmonics(2 * problem.harmonics + 1 if more is None else more)
+    larger = replace(problem, harmonics=2 * problem.harmonics + 1 if more is None else more)
     motion: HarmonicMotion = point.data
     W = resampled(motion.deflections, larger.harmonics)
     u = np.append(_rows_real(W), point.parameter)

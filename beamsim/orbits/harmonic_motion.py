@@ -64,7 +64,3 @@ class HarmonicMotion:
         iw = 1j * np.arange(self.highest + 1) * self.fundamental
         e = np.exp(np.multiply.outer(np.asarray(times, dtype=float), iw))
         return np.hstack([(e @ self.coordinates).real, (e @ (iw[:, None] * self.coordinates)).real])
-
-    def amplitudes(self, shape: Floats) -> Floats:
-        """(H + 1,) amplitude of each harmonic of the deflection ``shape @ q``."""
-        return np.asarray(np.abs(self.coordinates @ shape))

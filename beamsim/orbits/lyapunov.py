@@ -11,7 +11,7 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.march import Motion
-from beamsim.orbits.steady import CycleStepper
+from beamsim.orbits.steady import CycleStepper, velocity_weights
 
 DISTANCE = 1e-7  # of the motion's size
 BLOCKS = 8
@@ -31,10 +31,21 @@ def largest_exponent(stepper: CycleStepper, motion: Motion, cycles: int, seed: i
 
     A motion whose exponent is clearly positive is chaotic, clearly negative not settled yet (its transient still
     decays), and quasi-periodic when it is neither.
+
+    Parameters
+    ----------
+    stepper : carries motions from cycle to cycle.
+    motion : where it begins; carried along.
+    cycles : whose growth is averaged.
+    seed : of the first neighbour.
+
+    Returns
+    -------
+    The exponent with its uncertainty, 1/s.
     """
     n = stepper.flow.system.size
     omega = stepper.omega
-    weight = np.concatenate([np.full(n, omega), np.ones(n)])
+    weight = velocity_weights(stepper.flow, omega)[: 2 * n]
     size = float(np.max(np.abs(motion.y[: 2 * n] * weight)))
     size = size if size > 0 else 1.0
     offset = np.random.default_rng(seed).normal(size=2 * n)

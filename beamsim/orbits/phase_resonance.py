@@ -78,6 +78,10 @@ def appropriate_force(
         (:meth:`beamsim.orbits.reversible.BrakeOrbits.cycle`).
     load : (n,) complex generalised force of a level of one, at the mode's frequency.
 
+    Returns
+    -------
+    The level and the state in which the motion begins under it.
+
     Raises
     ------
     ValueError : where the force does no work on the mode (it acts at a node).
@@ -124,6 +128,10 @@ def find_phase_resonance(problem: ForcedOrbits, start: Floats, omega: float) -> 
     problem : shooting in frequency, at the level wanted.
     start : (2n,) state at t = 0, where the force has phase zero.
     omega : rad/s.
+
+    Returns
+    -------
+    The motion, whose phase is that of the force.
     """
     settings = Settings(iterations=25)
     u = np.concatenate([start, np.zeros(problem.flow.size - start.size), [omega]])

@@ -47,13 +47,35 @@ class BrakeOrbits(ConservativeOrbits):
         return slice(self.n, 2 * self.n), -self.idle
 
     def unknowns(self, q: Floats, period: float, value: float) -> Floats:
-        """The reverse of `split`, ``value`` being the parameter (logarithm of the energy, factor, or rad/s)."""
+        """The reverse of `split`, ``value`` being the parameter (logarithm of the energy, factor, or rad/s).
+
+        Parameters
+        ----------
+        q : (n,) shape at rest.
+        period : s.
+        value : of the parameter.
+
+        Returns
+        -------
+        (n + 1,) or (n + 2,) unknowns.
+        """
         tail = [value] if self.parameter == "frequency" else [period, value]
         return np.concatenate([q, tail])
 
     def share(self, q: Floats, factor: float, v: Floats | None = None) -> Floats:
         """(n,) share of each linear mode in the energy of displacements q and velocities v (at rest by default),
-        without that of the nonlinear springs."""
+        without that of the nonlinear springs.
+
+        Parameters
+        ----------
+        q : (n,) displacements.
+        factor : of the springs, on which the equilibrium depends.
+        v : (n,) velocities.
+
+        Returns
+        -------
+        (n,) shares, whose sum is one.
+        """
         parts = (self.omega * (self.vectors.T @ (q - self.family.rest(factor)))) ** 2
         if v is not None:
             parts = parts + (self.vectors.T @ v) ** 2
@@ -134,6 +156,17 @@ def linear_mode(orbits: BrakeOrbits, mode: int, value: float, away_from: Floats 
     """Unknowns of linear mode ``mode`` (from 0) with the energy asked for, its contacts open at rest.
 
     ``away_from`` (n,) is a direction that the shape at rest must have a positive component along.
+
+    Parameters
+    ----------
+    orbits : the shooting problem.
+    mode : from 0.
+    value : of the parameter.
+    away_from : see above.
+
+    Returns
+    -------
+    (n + 1,) or (n + 2,) unknowns.
     """
     omega = orbits.omega
     energy = float(np.exp(value)) if orbits.parameter == "energy" else orbits.energy

@@ -55,16 +55,11 @@ class ForcedOrbits:
         self._one = np.eye(self.flow.size)
         self._smallest = max(1e-3 * float(np.max(np.abs(contacts.clearances), initial=0.0)), 1e-30)
         self._n2 = 2 * self.flow.system.size
-        self._may_rest = np.vstack([self._one[self._n2 + contacts.sliders], self._faces()])
+        held = contacts.shape[contacts.may_hold]  # displacements that contacts may hold
+        held = held / np.linalg.norm(held, axis=1, keepdims=True)
+        faces = np.pad(held, ((0, 0), (0, self.flow.size - held.shape[1])))
+        self._may_rest = np.vstack([self._one[self._n2 + contacts.sliders], faces])
         self.omega, self.level = self.flow.omega, self.flow.level
-
-    def _faces(self) -> Floats:
-        """(k, N) unit rows of the displacements that contacts may hold."""
-        contacts = self.flow.system.contacts
-        shapes = contacts.shape[contacts.may_hold]
-        rows = np.zeros((shapes.shape[0], self.flow.size))
-        rows[:, : shapes.shape[1]] = shapes / np.linalg.norm(shapes, axis=1, keepdims=True)
-        return rows
 
     def with_multiple(self, multiple: int) -> ForcedOrbits:
         """The same problem for another multiple of the excitation's period."""
@@ -209,7 +204,17 @@ def find_orbit(
     Newton happens to find on the way is taken only if nothing else is: at low frequencies there are many, on branches
     that need not lead anywhere.
 
-    Returns None where nothing converges (no motion of this period is reached within ``settle`` periods).
+    Parameters
+    ----------
+    problem : at the parameter where the motion is looked for.
+    guess : (N,) state to begin with.
+    settings : tolerances.
+    settle : periods of the longest transient.
+    forward : whether the tangent points to larger parameters (> 0) or smaller ones.
+
+    Returns
+    -------
+    The motion; None where nothing converges (no motion of this period is reached within ``settle`` periods).
     """
     settings = Settings(iterations=25) if settings is None else settings
     value = problem.value if isinstance(problem.parameter, str) else 0.0

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import ClassVar, Protocol
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -16,9 +15,9 @@ from beamsim.orbits.continuation import (
     correct,
     locate,
 )
-from beamsim.orbits.grazing import ContactProblem, grazings, smooth_pieces, turned_at, without_borders
+from beamsim.orbits.grazing import OrbitProblem, grazings, smooth_pieces, turned_at, without_borders
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Complexes, Floats, Ints
 
 AT_FOLD = 1e-3  # of the tangent's part along the parameter at the neighbours: what a fold leaves of it
 AT_BOUNDARY = 1e-5  # distance of a multiplier from where a located point says that it is
@@ -28,31 +27,16 @@ FIRST_AMPLITUDE = 0.01  # of a motion of another branch beside the one that it l
 FURTHEST = 10.0  # that the unknowns may move while this amplitude is held, in units of it
 
 
-class OrbitProblem(ContactProblem, Protocol):
-    """A continuation problem whose points are periodic motions."""
-
-    bifurcates: ClassVar[bool]  # whether multipliers may leave the unit circle anywhere
-
-    def multipliers(self, point: BranchPoint) -> Complexes:
-        """Floquet multipliers, the largest first."""
+def _doubling(mu: Complexes) -> float:
+    """Vanishes where a multiplier is -1."""
+    return float(np.prod((1.0 + mu) / (1.0 + np.abs(mu))).real)
 
 
-def _period_doubling_test(problem: OrbitProblem) -> Callable[[BranchPoint], float]:
-    def test(point: BranchPoint) -> float:
-        mu = problem.multipliers(point)
-        return float(np.prod((1.0 + mu) / (1.0 + np.abs(mu))).real)
-
-    return test
-
-
-def _neimark_sacker_test(problem: OrbitProblem) -> Callable[[BranchPoint], float]:
-    def test(point: BranchPoint) -> float:
-        mu = problem.multipliers(point)
-        i, j = np.triu_indices(mu.size, 1)
-        pair = mu[i] * mu[j]
-        return float(np.prod((pair - 1.0) / (1.0 + np.abs(pair))).real)
-
-    return test
+def _turning(mu: Complexes) -> float:
+    """Vanishes where two multipliers have the product 1."""
+    i, j = np.triu_indices(mu.size, 1)
+    pair = mu[i] * mu[j]
+    return float(np.prod((pair - 1.0) / (1.0 + np.abs(pair))).real)
 
 
 def special_points(
@@ -120,15 +104,13 @@ def _changes_of_stability(
     problem: OrbitProblem, left: BranchPoint, right: BranchPoint, settings: Settings
 ) -> Iterator[SpecialPoint]:
     """Period doublings and Neimark–Sacker points between two motions with the same contacts."""
-    (flips, turns, outside), (flips_right, turns_right, outside_right) = (
-        _outside(problem.multipliers(p)) for p in (left, right)
-    )
-    if (flips - flips_right) % 2:
-        point = locate(problem, left, right, _period_doubling_test(problem), settings)
+    change = _outside(problem.multipliers(right)) - _outside(problem.multipliers(left))
+    if change[0] % 2:
+        point = locate(problem, left, right, lambda p: _doubling(problem.multipliers(p)), settings)
         if point is not None and np.min(np.abs(problem.multipliers(point) + 1.0)) < AT_BOUNDARY:
             yield SpecialPoint("period_doubling", point.parameter, point)
-    if turns != turns_right or outside != outside_right:
-        point = locate(problem, left, right, _neimark_sacker_test(problem), settings)
+    if change[1:].any():
+        point = locate(problem, left, right, lambda p: _turning(problem.multipliers(p)), settings)
         if point is not None:
             mu = problem.multipliers(point)
             circle = np.abs(np.abs(mu) - 1.0) < 0.1 * AT_BOUNDARY
@@ -136,14 +118,10 @@ def _changes_of_stability(
                 yield SpecialPoint("neimark_sacker", point.parameter, point)
 
 
-def _outside(mu: Complexes) -> tuple[int, int, int]:
-    """Multipliers outside the unit circle: real negative ones, complex ones, all."""
-    out = np.abs(mu) > 1.0
-    turning = mu.imag != 0.0
-    return (
-        int(np.count_nonzero(out & ~turning & (mu.real < 0))), int(np.count_nonzero(out & turning)),
-        int(np.count_nonzero(out)),
-    )  # fmt: skip
+def _outside(mu: Complexes) -> Ints:
+    """(3,) numbers of multipliers outside the unit circle: real negative ones, complex ones, all."""
+    out, turning = np.abs(mu) > 1.0, mu.imag != 0.0
+    return np.array([(out & ~turning & (mu.real < 0)).sum(), (out & turning).sum(), out.sum()])
 
 
 def _parts(
@@ -205,6 +183,10 @@ def beside(
     row : (n,) unit vector in scaled unknowns.
     sizes : distances to try in turn, in scaled unknowns; where Newton's method does not converge, there is no motion.
     settings : tolerances.
+
+    Returns
+    -------
+    The motions, for one size after the other.
     """
     scale = problem.scale(u)[0]
     for size in sizes:
@@ -241,6 +223,10 @@ def switch_at_branch_point(problem: ForcedOrbits, special: SpecialPoint, chord: 
     problem : of both branches.
     special : the branch point.
     chord : (n,) difference of the unknowns between its neighbours on the branch that is known.
+
+    Returns
+    -------
+    Up to two motions.
     """
     u = special.point.u
     scale, residual_scale = problem.scale(u)

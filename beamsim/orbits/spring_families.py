@@ -101,11 +101,14 @@ class SpringFamily:
 
         With x the change of a penetration from equilibrium, where the gradient vanishes, a one-sided spring adds
         (delta^2 - delta_0^2 - 2 delta_0 x) k / 2: x^2 k / 2 while closed, so that small energies lose no digits.
+        Without an equilibrium it is measured from springs without force.
         """
         s, c, rest = self.system, self.springs, self.rest(factor)
         still = -c.gap - c.sign * (c.shape @ rest)
         x = -c.sign * (c.shape @ (q - rest))
         before, now = np.maximum(still, 0.0), np.maximum(still + x, 0.0)
+        if self.equilibrium is None:
+            before = np.zeros_like(still)
         beyond = np.where(now > 0, np.where(before > 0, x**2, now**2), -before * (before + 2.0 * x))
         value = 0.5 * float((q - rest) @ (s.stiffness * (q - rest)) + factor * (c.stiffness @ beyond))
         by_factor = 0.5 * float(c.stiffness @ ((now - before) * (now + before)))

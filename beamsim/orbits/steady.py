@@ -63,10 +63,8 @@ class CycleStepper:
 
         Raises
         ------
-        ArithmeticError
-            When the work exceeds ``most_evaluations``.
-        MotionStopped
-            When ``stop`` says so.
+        ArithmeticError : when the work exceeds ``most_evaluations``.
+        MotionStopped : when ``stop`` says so.
         """
         return self._carried(motion, cycles, keep=False)[0]
 
@@ -116,7 +114,20 @@ def velocity_weights(flow: ExactFlow, omega: float) -> Floats:
 def settle(
     stepper: CycleStepper, motion: Motion, *, tolerance: float, longest_period: int, most_cycles: int
 ) -> Settled:
-    """Carry a motion on until it repeats after 1 ... ``longest_period`` cycles, to ``tolerance`` of its size."""
+    """Carry a motion on until it repeats after 1 ... ``longest_period`` cycles, to ``tolerance`` of its size.
+
+    Parameters
+    ----------
+    stepper : carries the motion from cycle to cycle.
+    motion : changed in place.
+    tolerance : remaining change over a period, against the section's size.
+    longest_period : cycles.
+    most_cycles : after which the motion counts as one that does not repeat.
+
+    Returns
+    -------
+    Period, cycles, and the section of the last ones.
+    """
     weight = velocity_weights(stepper.flow, stepper.omega)
     section = [motion.y * weight]
     done, change = 0, np.inf

@@ -67,6 +67,15 @@ def breaking_between(
     """The point between two neighbours of a branch where non-brake orbits leave; None without one.
 
     Resonances of a higher order than `LARGEST_RATIO` are left out.
+
+    Parameters
+    ----------
+    orbits, settings : the brake orbits, and tolerances of their points.
+    a, b : the neighbours.
+
+    Returns
+    -------
+    The point; None where there is none.
     """
     values = _determinant(orbits, a), _determinant(orbits, b)
     if values[0] * values[1] > 0 or min(_kick(orbits, p)[2] for p in (a, b)) > LARGEST_RATIO:

@@ -36,6 +36,15 @@ def harmonics(orbits: BrakeOrbits, point: BranchPoint, count: int) -> Floats:
     """(count, n) cosine amplitudes of the linear modes' coordinates, over those that carry all the energy alone.
 
     A motion from rest to rest is even about both instants, so that half of it makes a type-I cosine transform.
+
+    Parameters
+    ----------
+    orbits, point : the motion.
+    count : of harmonics, from 0.
+
+    Returns
+    -------
+    (count, n) amplitudes.
     """
     period = orbits.split(point.u)[1]
     times = np.linspace(0.0, 0.5 * period, count + 1)
@@ -49,6 +58,16 @@ def resonance_between(orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, mode:
     """The other mode (from 0) and the order n of the resonance that lies between two motions of a backbone.
 
     It is where the harmonics of the other modes differ most: on its two sides a resonance answers in opposite phase.
+
+    Parameters
+    ----------
+    orbits : the shooting problem.
+    a, b : motions on both sides of the resonance.
+    mode : whose backbone, from 0.
+
+    Returns
+    -------
+    The other mode and n.
     """
     period = max(orbits.split(p.u)[1] for p in (a, b))
     count = min(int(np.ceil(SAMPLES_A_TURN * float(orbits.omega.max()) * period / (2 * np.pi))), MOST_HARMONICS)
@@ -85,16 +104,21 @@ class Tongues:
         row[: o.n] = o.vectors[:, mode] * (float(o.omega[mode]) / np.sqrt(2.0 * o.split(u)[3]))
         return row * o.scale(u)[0]
 
-    def share(self, point: BranchPoint) -> Floats:
-        """(n,) share of the energy in each mode."""
-        return self.orbits.share_at(point)
-
     def between(self, a: BranchPoint, b: BranchPoint, other: int) -> OrbitBranch | None:
         """The tongue of another mode that a step of the backbone from a to b crosses; None where none is found.
 
         A disturbance of the shape in the other mode alone comes to rest again after half a period where
         ``n omega = omega_r``: there the derivative of its velocity by its own amplitude changes sign. A rigid-body mode
         has neither a multiple of the frequency nor a share of the strain energy.
+
+        Parameters
+        ----------
+        a, b : neighbours on the backbone.
+        other : the other mode, from 0.
+
+        Returns
+        -------
+        The tongue, from its first motion inwards.
         """
         if self.orbits.omega[other] < RIGID * self.orbits.omega[self.mode]:
             return None
@@ -106,14 +130,10 @@ class Tongues:
             points = self._entered(u, other, float(sign)) or []
             # a thinner tongue of a third mode may stop the path from one beginning and not from another
             for begin in {len(points): points, 2: points[-2:]}.values():
-                tongue = self._traced(begin, other, float(u[-1])) if begin else None
+                tongue = self.traced(begin, other, float(u[-1])) if begin else None
                 if tongue is not None:
                     return tongue
         return None
-
-    def from_within(self, points: list[BranchPoint], other: int) -> OrbitBranch | None:
-        """The tongue that the last points of a backbone have already entered."""
-        return self._traced(points, other, points[-1].parameter)
 
     def _entered(self, u: Floats, other: int, sign: float) -> list[BranchPoint] | None:
         """Motions of growing amplitude in the other mode, from a backbone's motion u at the resonance."""
@@ -132,7 +152,7 @@ class Tongues:
             point = correct(self.orbits, w * scale, row, scale, settings, furthest=0.5)
             if point is None or not self.low <= point.parameter <= self.high:
                 return None
-            entered = self.share(point)[other] > (ENTERED * amplitude) ** 2
+            entered = self.orbits.share_at(point)[other] > (ENTERED * amplitude) ** 2
             return point if entered and self._third(point, other) < most_third else None
 
         points: list[BranchPoint] = []
@@ -150,8 +170,19 @@ class Tongues:
             points.insert(0, point)
         return points
 
-    def _traced(self, begin: list[BranchPoint], other: int, parameter: float) -> OrbitBranch | None:
-        """Follow a tongue over the thinner tongues of third modes that cross it."""
+    def traced(self, begin: list[BranchPoint], other: int, parameter: float) -> OrbitBranch | None:
+        """A tongue followed over the thinner tongues of third modes that cross it.
+
+        Parameters
+        ----------
+        begin : the first motions in it.
+        other : the mode to which the energy goes, from 0.
+        parameter : where it leaves the backbone.
+
+        Returns
+        -------
+        The tongue; None where the mode of the backbone keeps most of the energy all along.
+        """
         points = list(begin)
         scale = self.orbits.scale(points[-1].u)[0]
         ds = LONGEST if len(begin) > 2 else float(np.linalg.norm((points[-1].u - points[-2].u) / scale))
@@ -174,11 +205,11 @@ class Tongues:
                 continue
             points.append(new)
             third = 0.5 * (third + self._third(new, other))
-            if self.share(new)[self.mode] < TRANSFERRED:
+            if self.orbits.share_at(new)[self.mode] < TRANSFERRED:
                 outcome = Outcome.of(OutcomeCode.ENERGY_TRANSFERRED)
                 break
             ds = min(LONGEST, 1.4 * ds) if part == 1.0 else min(ds, max(part, 0.5) * ds)
-        shares = [float(self.share(p)[self.mode]) for p in points]
+        shares = [float(self.orbits.share_at(p)[self.mode]) for p in points]
         if min(shares) > LEAST_SHARE:
             return None
         deepest = points[int(np.argmin(shares))]
@@ -187,7 +218,7 @@ class Tongues:
         )
 
     def _third(self, point: BranchPoint, other: int) -> float:
-        share = self.share(point)
+        share = self.orbits.share_at(point)
         return float(1.0 - share[self.mode] - share[other])
 
     def _ahead(

@@ -169,6 +169,16 @@ class ResonantForcing:
         Order 0: the leading motion, in error by O(factor). Order 1: with q_1, and the fundamental of mode j from the
         solvability
         condition one order higher, so that the error is O(factor²).
+
+        Parameters
+        ----------
+        motion : near the mode, to leading order.
+        factor : of springs, damping and load.
+        order : 0 or 1.
+
+        Returns
+        -------
+        (H + 1, n) complex amplitudes.
         """
         omega = self.omega + factor * motion.sigma
         Q, j = motion.complex_amplitude, self.mode
@@ -193,7 +203,18 @@ class ResonantForcing:
         return self.with_correction(complex(x[0], x[1]), omega, factor)
 
     def with_correction(self, Q: complex, omega: float, factor: float) -> Complexes:
-        """(H + 1, n) harmonics of ``Re(Q e^{i omega t}) e_j + factor q_1``."""
+        """(H + 1, n) harmonics of ``Re(Q e^{i omega t}) e_j + factor q_1``.
+
+        Parameters
+        ----------
+        Q : complex amplitude of the mode.
+        omega : rad/s.
+        factor : of springs, damping and load.
+
+        Returns
+        -------
+        (H + 1, n) complex amplitudes.
+        """
         out = factor * self.correction(Q, omega)
         out[1, self.mode] += Q
         return out
@@ -212,5 +233,16 @@ class ResonantForcing:
         return complex(R)
 
     def states(self, coefficients: Complexes, omega: float, times: Floats) -> Floats:
-        """(nt, 2n) displacements and velocities of a response."""
+        """(nt, 2n) displacements and velocities of a response.
+
+        Parameters
+        ----------
+        coefficients : (H + 1, n) harmonics.
+        omega : rad/s.
+        times : (nt,) s.
+
+        Returns
+        -------
+        (nt, 2n) displacements and velocities.
+        """
         return _states(coefficients, omega, times)

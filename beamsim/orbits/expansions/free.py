@@ -108,7 +108,19 @@ class ModeExpansion:
         return np.asarray(self.coefficients(factor, order).sum(axis=0))
 
     def states(self, factor: float, times: Floats, order: int = 1, frequency_order: int | None = None) -> Floats:
-        """(nt, 2n) displacements and velocities, with the frequency to ``frequency_order`` (default: order + 1)."""
+        """(nt, 2n) displacements and velocities, with the frequency to ``frequency_order`` (default: order + 1).
+
+        Parameters
+        ----------
+        factor : of the springs.
+        times : (nt,) s, from an instant of rest.
+        order : of the motion.
+        frequency_order : of its frequency.
+
+        Returns
+        -------
+        (nt, 2n) displacements and velocities.
+        """
         w = self.frequency(factor, min(order + 1, 2) if frequency_order is None else frequency_order)
         c = self.coefficients(factor, order)
         used = np.flatnonzero(np.any(np.abs(c) > 1e-17 * np.abs(c).max(), axis=1))
@@ -117,7 +129,18 @@ class ModeExpansion:
 
 
 def weakened(system: PiecewiseLinearSystem, factor: float, damping: float | None = None) -> PiecewiseLinearSystem:
-    """The system with its springs multiplied by a factor and its damping by another (None: no damping at all)."""
+    """The system with its springs multiplied by a factor and its damping by another (None: no damping at all).
+
+    Parameters
+    ----------
+    system : the structure.
+    factor : of the springs.
+    damping : factor of the structure's damping and the dashpots.
+
+    Returns
+    -------
+    The weakened system.
+    """
     c = system.contacts
     return replace(
         system,
@@ -135,7 +158,18 @@ def rest_clearances(system: PiecewiseLinearSystem) -> tuple[Floats, Floats]:
 
 
 def product_harmonics(two_sided: Complexes, x: Complexes, highest: int) -> Complexes:
-    """Harmonics 0 … highest of the product of a real function, given two-sidedly (0, 1, …), and one of harmonics x."""
+    """Harmonics 0 … highest of the product of a real function, given two-sidedly (0, 1, …), and one of harmonics x.
+
+    Parameters
+    ----------
+    two_sided : (K,) coefficients 0, 1, … of the real function.
+    x : (H + 1,) harmonics of the other one.
+    highest : harmonic of the product.
+
+    Returns
+    -------
+    (highest + 1,) complex amplitudes.
+    """
     from scipy.fft import fft, ifft, next_fast_len  # importing scipy.signal takes most of a second
 
     a = np.concatenate([np.conj(two_sided[:0:-1]), two_sided])
@@ -165,6 +199,10 @@ def expand_mode(
     harmonics : where the series are cut.
     cubic : cubic springs, multiplied by the factor as well (without dead loads).
     uniform_at : the factor at whose frequency the divisors are taken (default: those of the linear mode).
+
+    Returns
+    -------
+    The expansion to second order.
 
     Raises
     ------
@@ -263,6 +301,24 @@ def expand_mode_at_energy(
 
     ``sign`` chooses the extreme from which the motion starts; ``uniform`` takes the divisors at the frequency that
     belongs to the factor.
+
+    Parameters
+    ----------
+    family : the structure by the factor of its springs.
+    mode : from 0.
+    energy : J, from static equilibrium.
+    factor : of the springs.
+    order : of the initial vector.
+    sign, uniform : see above.
+    harmonics : where the series are cut.
+
+    Returns
+    -------
+    The expansion.
+
+    Raises
+    ------
+    MethodError : where no motion of the expansion has this energy.
     """
     if energy <= 0:
         raise MethodError("energy", f"= {energy:g} J has no motion", "give a positive energy")

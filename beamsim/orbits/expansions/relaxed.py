@@ -43,36 +43,27 @@ def relaxed_path(
 
     ``start`` are unknowns as of :func:`~beamsim.orbits.reversible.linear_mode`: a motion at the factor before the
     first one.
+
+    Parameters
+    ----------
+    orbits : the shooting problem, which gives structure and energy.
+    start : (n + 2,) unknowns.
+    factors : of the springs' stiffness, in the order of the path.
+    tolerance : of the functional.
+    iterations : of the optimiser, at each factor.
+
+    Returns
+    -------
+    The steps, one after the other.
     """
     from scipy.optimize import minimize
 
-    n, energy = orbits.n, orbits.energy
+    n = orbits.n
     omega = np.maximum(orbits.family.omega, 0.2 * np.pi / start[-2])  # a rigid-body mode has none of its own
-    weight = np.append(np.sqrt(2 * energy) / omega, start[-2])
+    weight = np.append(np.sqrt(2 * orbits.energy) / omega, start[-2])
     x = start[: n + 1] / weight
-    for factor in factors:
-        begin, count = clock.process_time(), 0
-        flow, _ = orbits.family.flow_at(float(factor))
-
-        def functional(w: Floats, factor: float = float(factor), flow: object = flow) -> tuple[float, Floats]:
-            nonlocal count
-            count += 1
-            q, period = w[:n] * weight[:n], float(w[n] * weight[n])
-            z = np.zeros(2 * n)
-            z[:n] = q
-            passage = flow.carry(z, period)  # type: ignore[attr-defined]
-            miss = np.concatenate([omega * (passage.end[:n] - q), passage.end[n : 2 * n]])
-            J = np.zeros((2 * n, n + 1))
-            J[:n, :n] = omega[:, None] * (passage.transition[:n, :n] - np.eye(n))
-            J[n:, :n] = passage.transition[n : 2 * n, :n]
-            J[:n, n], J[n:, n] = omega * passage.slope[:n], passage.slope[n : 2 * n]
-            value, gradient, _ = orbits.family.potential(q, factor)
-            excess = value / energy - 1.0
-            total = float(miss @ miss) / (2 * energy) + excess**2
-            by = (J.T @ miss) / energy
-            by[:n] += 2 * excess * gradient / energy
-            return total, by * weight
-
+    for factor in factors.tolist():
+        begin, functional = clock.process_time(), _Deviation(orbits, factor, omega, weight)
         bounds = [(None, None)] * n + [(SHORTEST * float(x[n]), LONGEST * float(x[n]))]
         value, remaining, stalls = np.inf, iterations, 0
         while remaining > 0 and stalls < STALLS and value > tolerance:
@@ -85,9 +76,37 @@ def relaxed_path(
             stalls += done.fun > GAINED * value
             value = float(done.fun)
         yield RelaxedStep(
-            float(factor), x[:n] * weight[:n], float(x[n] * weight[n]), value, count, clock.process_time() - begin,
+            factor, x[:n] * weight[:n], float(x[n] * weight[n]), value, functional.count, clock.process_time() - begin,
             value <= tolerance, remaining > 0,
         )  # fmt: skip
+
+
+@dataclass
+class _Deviation:
+    """The functional at a factor, of the shape and the period over their weights, with its gradient."""
+
+    orbits: BrakeOrbits
+    factor: float
+    omega: Floats  # (n,) rad/s
+    weight: Floats  # (n + 1,)
+    count: int = 0  # evaluations
+
+    def __call__(self, w: Floats) -> tuple[float, Floats]:
+        n, energy, family, omega = self.orbits.n, self.orbits.energy, self.orbits.family, self.omega
+        self.count += 1
+        q, period = w[:n] * self.weight[:n], float(w[n] * self.weight[n])
+        passage = family.flow_at(self.factor)[0].carry(np.append(q, np.zeros(n)), period)
+        miss = np.concatenate([omega * (passage.end[:n] - q), passage.end[n : 2 * n]])
+        J = np.zeros((2 * n, n + 1))
+        J[:n, :n] = omega[:, None] * (passage.transition[:n, :n] - np.eye(n))
+        J[n:, :n] = passage.transition[n : 2 * n, :n]
+        J[:n, n], J[n:, n] = omega * passage.slope[:n], passage.slope[n : 2 * n]
+        value, gradient, _ = family.potential(q, self.factor)
+        excess = value / energy - 1.0
+        total = float(miss @ miss) / (2 * energy) + excess**2
+        by = (J.T @ miss) / energy
+        by[:n] += 2 * excess * gradient / energy
+        return total, by * self.weight
 
 
 def _enough(value: float, tolerance: float) -> None:
