@@ -1,6 +1,6 @@
 """Nonlinear modes where random structures once tripped them up."""
 
-from itertools import count
+from itertools import count, cycle
 from types import SimpleNamespace
 
 import numpy as np
@@ -68,18 +68,14 @@ def test_work_between_two_neighbours_is_bounded(monkeypatch):
 
 
 def test_contacts_met_in_another_order_graze_nothing(monkeypatch):
-    looked = []
-
-    class Passage:
-        signature = ((0, 1), (1, 1))
-        event_time = np.zeros(2)
+    looked, orders = [], cycle([((0, 1), (1, 1), (2, 1)), ((1, 1), (0, 1), (2, 1))])
 
     class Reordered:
         def same_events(self, a, b):
             return False
 
         def cycle(self, point):
-            return SEPARATE, Passage
+            return SEPARATE, SimpleNamespace(signature=next(orders), event_time=np.zeros(3))
 
     monkeypatch.setattr(grazing, "between", lambda *arguments: looked.append(0) or object())
     assert list(grazing.grazings(Reordered(), object(), object(), Settings())) == []
