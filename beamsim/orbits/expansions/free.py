@@ -181,6 +181,28 @@ def product_harmonics(two_sided: Complexes, x: Complexes, highest: int) -> Compl
     return np.asarray(p)
 
 
+def _springs_under(
+    system: PiecewiseLinearSystem, cubic: CubicSprings | None, mode: int, amplitude: float, H: int
+) -> tuple[Floats, list[tuple[Complexes, Floats, float]]]:
+    """(H + 1, n) harmonics of the springs' force under one mode, and of each spring the two-sided coefficients of its
+    tangent, its row and its stiffness."""
+    c = system.contacts.one_sided_parts()
+    rest, gap = rest_clearances(system)
+    force = np.zeros((H + 1, system.size))
+    tangents: list[tuple[Complexes, Floats, float]] = []
+    for i in range(c.count):
+        D = np.array([-gap[i], -c.sign[i] * c.shape[i, mode] * amplitude], dtype=complex)
+        contact = one_sided(D, 2 * H)
+        force += np.multiply.outer(contact.positive[: H + 1].real, c.sign[i] * c.stiffness[i] * c.shape[i])
+        tangents.append((contact.chi[: 2 * H + 1], c.shape[i], float(c.stiffness[i])))
+    if cubic is not None:
+        for row, k in zip(cubic.shape, cubic.stiffness, strict=True):
+            third, slope = cubic_harmonics(np.array([row @ rest, row[mode] * amplitude], dtype=complex), 2 * H)
+            force -= np.multiply.outer(third[: H + 1].real, k * row)
+            tangents.append((slope[: 2 * H + 1], row, float(k)))
+    return force, tangents
+
+
 def expand_mode(
     system: PiecewiseLinearSystem,
     mode: int,
@@ -208,25 +230,12 @@ def expand_mode(
     ------
     MethodError : at an internal resonance, where the expansion has a vanishing divisor, and for rigid-body modes.
     """
-    n, c, H = system.size, system.contacts.one_sided_parts(), harmonics
-    w2 = system.stiffness
+    n, H, w2 = system.size, harmonics, system.stiffness
     if not 0 <= mode < n:
         raise MethodError("mode", f"= {mode + 1}, but the model has {n} modes", "ask for a lower one")
     if w2[mode] <= 0:
         raise MethodError("mode", f"= {mode + 1} is a rigid-body mode", "ask for a flexible one")
-    rest, gap = rest_clearances(system)
-    force = np.zeros((H + 1, n))
-    tangents: list[tuple[Complexes, Floats, float]] = []  # two-sided coefficients, row, stiffness
-    for i in range(c.count):
-        D = np.array([-gap[i], -c.sign[i] * c.shape[i, mode] * amplitude], dtype=complex)
-        contact = one_sided(D, 2 * H)
-        force += np.multiply.outer(contact.positive[: H + 1].real, c.sign[i] * c.stiffness[i] * c.shape[i])
-        tangents.append((contact.chi[: 2 * H + 1], c.shape[i], float(c.stiffness[i])))
-    if cubic is not None:
-        for row, k in zip(cubic.shape, cubic.stiffness, strict=True):
-            third, slope = cubic_harmonics(np.array([row @ rest, row[mode] * amplitude], dtype=complex), 2 * H)
-            force -= np.multiply.outer(third[: H + 1].real, k * row)
-            tangents.append((slope[: 2 * H + 1], row, float(k)))
+    force, tangents = _springs_under(system, cubic, mode, amplitude, H)
     a1 = -float(force[1, mode]) / amplitude
     first = _solve(w2, mode, force)
     second_force = a1 * (np.arange(H + 1) ** 2)[:, None] * first
@@ -247,7 +256,7 @@ def expand_mode(
     moving = np.abs(first[1:])
     largest = np.unravel_index(int(np.argmax(moving)), moving.shape)
     return ModeExpansion(
-        mode, float(amplitude), float(np.sqrt(w2[mode])), a1, a2, rest, first, second,
+        mode, float(amplitude), float(np.sqrt(w2[mode])), a1, a2, rest_clearances(system)[0], first, second,
         int(largest[1]), int(largest[0]) + 1, float(moving[largest] / abs(amplitude)), pole, pole_mode, pole_harmonic,
     )  # fmt: skip
 
