@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebpts2
+from numpy.polynomial import chebyshev
 
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.dense_extremes import NODES, polynomials
@@ -47,7 +47,7 @@ def extrema_of(
         return flow.motion(passage).extrema(lambda _: output, edges, squares=squares)
     pieces = np.unique(np.concatenate([edges, np.linspace(0.0, passage.duration, PIECES + 1), passage.event_time]))
     length = np.diff(pieces)
-    times = pieces[:-1, None] + 0.5 * length[:, None] * (1.0 + chebpts2(NODES + 1))
+    times = pieces[:-1, None] + 0.5 * length[:, None] * (1.0 + chebyshev.chebpts2(NODES + 1))
     at_points = values(times.ravel(), flow.states_at(passage, times.ravel()))
     waves = polynomials(at_points.reshape(*times.shape, -1), pieces[:-1], length)
     search = Search.of(at_points.shape[1], edges.size - 1, squares=squares)
