@@ -8,15 +8,11 @@ with unit tangent :math:`t` the predictor is :math:`u + t\\,ds`, the corrector N
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import field
-from operator import itemgetter
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from scipy.optimize import brentq
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.passage import NotFinite
@@ -31,7 +27,6 @@ SAME_SCALE = 0.05  # a Newton step shorter than this leaves the residuals' scale
 LEAST_ALONG = 0.1  # cosine of a tangent and the chord, below which the tangent is no guess of what lies ahead
 CLOSE = 1e-6  # shares of a chord below which a cubic between two points is a straight line
 ROUND_OFF = 1e-14  # smallest change of a share that means anything
-EPS = float(np.finfo(float).eps)
 MOST_BISECTIONS = 60
 MOST_ASTRAY = 0.1  # of a step, outside the span of both tangents: beyond it lies another branch
 FEWEST_IN_A_RING = 5  # points of a closed curve
@@ -267,8 +262,10 @@ def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settin
     return correct(problem, guess, along, scale, settings, reference=along)
 
 
-def interpolated(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
-    """The unknowns s of the way from a point to another, on a cubic with both tangents in the length of the arc.
+def interpolated(
+    a: BranchPoint, b: BranchPoint, s: float, scale: Floats | None = None, ahead: float | None = None
+) -> Floats:
+    """The unknowns s of the way from a point to another, on a cubic with both tangents in the length of the chord.
 
     Beyond b (s > 1) its error is of order ds^4, the tangent's of order ds^2. Where the tangents point back, and where
     the cubic would be stretched too far, they are on a straight line: the chord, and the tangent of b beyond it.
@@ -277,6 +274,8 @@ def interpolated(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
     ----------
     a, b : two points of a branch.
     s : share of the way, 1 at b.
+    scale : (n,) of the unknowns, in which the arc is measured; by default that of a.
+    ahead : length of the arc beyond b, in place of the share.
 
     Returns
     -------
@@ -284,19 +283,21 @@ def interpolated(a: BranchPoint, b: BranchPoint, s: float) -> Floats:
     """
     if s == 0.0:
         return a.u
-    wb, chord = b.u / a.scale, (b.u - a.u) / a.scale
-    ta, tb = a.tangent, b.tangent * b.scale / a.scale
-    tb = tb / np.linalg.norm(tb)
+    scale = a.scale if scale is None else scale
+    wb, chord = b.u / scale, (b.u - a.u) / scale
+    ta, tb = (p.tangent * p.scale / scale for p in (a, b))
+    ta, tb = ta / np.linalg.norm(ta), tb / np.linalg.norm(tb)
     length, turn = float(np.linalg.norm(chord)), ta - tb
-    length *= 1.0 + float(turn @ turn) / 24.0  # of an arc that turns by this much
-    x = s - 1.0
+    if ahead is not None:
+        length *= 1.0 + float(turn @ turn) / 24.0  # of an arc that turns by this much
+    x = s - 1.0 if ahead is None else ahead / length
     if float(ta @ chord) <= 0 or float(tb @ chord) <= 0:
-        return np.asarray((wb + x * (chord if x <= 0 else length * tb)) * a.scale)
+        return np.asarray((wb + x * (chord if x <= 0 else length * tb)) * scale)
     bend = x**2 * (length * (ta + 2.0 * tb) - 3.0 * chord) + x**3 * (length * (ta + tb) - 2.0 * chord)
     bend[(np.abs(ta) < AT_REST) & (np.abs(tb) < AT_REST)] = 0.0  # round-off there would grow from step to step
     if x > FARTHEST_EXTRAPOLATION:
         bend[:] = 0.0
-    return np.asarray((wb + x * length * tb + bend) * a.scale)
+    return np.asarray((wb + x * length * tb + bend) * scale)
 
 
 def between(
@@ -378,7 +379,10 @@ def locate(
     values: tuple[float, float] | None = None,
     tolerance: float = 1e-13,
 ) -> BranchPoint | None:
-    """The point between two neighbours at which a test function vanishes, by Brent's method.
+    """The point between two neighbours at which a test function vanishes.
+
+    Bracketed inverse quadratic interpolation, or bisection where that is not safe (T. R. Chandrupatla, *Advances in
+    Engineering Software* 28, 1997). Where a test has several zeros, it is this sequence that decides on one.
 
     Parameters
     ----------
@@ -397,27 +401,37 @@ def locate(
         return None
     if fa == 0.0 or fb == 0.0:
         return a if fa == 0.0 else b
-    zero = tolerance * max(abs(fa), abs(fb))
-    known: list[tuple[float, float, BranchPoint]] = [(0.0, fa, a), (1.0, fb, b)]
-    found: list[tuple[float, BranchPoint]] = []
-
-    def value(share: float) -> float:
-        at = bisect_left(known, share, key=itemgetter(0))
-        if known[min(at, len(known) - 1)][0] == share:
-            return known[at][1]
-        (begin, _, left), (end, _, right) = known[at - 1 : at + 1]
-        point = between(problem, a, b, share, settings, (begin, left, end, right))
-        f = np.nan if point is None else test(point)
-        if point is None or not np.isfinite(f):
-            raise ArithmeticError("no point in between")
-        known.insert(at, (share, f, point))
-        found.append((abs(f), point))
-        return f if abs(f) > zero else 0.0
-
-    with suppress(ArithmeticError):
-        brentq(value, 0.0, 1.0, xtol=ROUND_OFF, rtol=4.0 * EPS, maxiter=MOST_BISECTIONS, disp=False)
-    # of equally good ones, such as signs, the latest
-    return min(reversed(found), key=itemgetter(0), default=(np.inf, None))[1]
+    # x1 the latest estimate, x2 on the other side of the root, x3 the one before
+    x1, f1, p1, x2, f2, p2 = 1.0, fb, b, 0.0, fa, a
+    biggest = max(abs(fa), abs(fb))
+    best: BranchPoint | None = None
+    best_value = np.inf
+    share = f1 / (f1 - f2)
+    for _ in range(MOST_BISECTIONS):
+        x = x1 + share * (x2 - x1)
+        bracket = (x1, p1, x2, p2) if x1 < x2 else (x2, p2, x1, p1)
+        point = between(problem, a, b, x, settings, bracket)
+        if point is None:
+            return best
+        f = test(point)
+        if not np.isfinite(f):
+            return best
+        if abs(f) <= best_value:  # of equal ones, such as signs, the latest
+            best, best_value = point, abs(f)
+        if f * f1 > 0:
+            x3, f3 = x1, f1
+        else:
+            x3, f3, x2, f2, p2 = x2, f2, x1, f1, p1
+        x1, f1, p1 = x, f, point
+        smallest = ROUND_OFF / abs(x2 - x1) if x1 != x2 else 1.0
+        if abs(f) <= tolerance * biggest or smallest > 0.5:
+            return best
+        xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
+        share = 0.5
+        if phi * phi < xi and (1.0 - phi) ** 2 < 1.0 - xi:
+            share = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)
+        share = min(max(share, smallest), 1.0 - smallest)
+    return best
 
 
 def branch_point_between(
@@ -574,9 +588,8 @@ class Branch:
         t = point.tangent * point.scale / scale
         t = t / np.linalg.norm(t)
         w = along = point.u / scale + ds * t
-        length = 0.0 if before is None else float(np.linalg.norm((point.u - before.u) / before.scale))
-        if before is not None and length > 0.0:
-            w = interpolated(before, point, 1.0 + ds / length) / scale
+        if before is not None:
+            w = interpolated(before, point, 1.0, scale, ahead=ds) / scale
             w = w + float(t @ (along - w)) * t
         new = correct(self.problem, w * scale, t, scale, s, reference=t, furthest=2.0 * ds + 1e-12)
         if new is None:
