@@ -125,17 +125,19 @@ def newton(
     scale: Floats,
     settings: Settings,
     furthest: float = np.inf,
+    ahead: float = 0.0,
 ) -> Converged | None:
-    """Newton's method on ``R(u) = 0`` across a direction, ``row . (u - guess) / scale = 0``.
+    """Newton's method on ``R(u) = 0`` across a direction, ``row . (u - guess) / scale = ahead``.
 
     Parameters
     ----------
     problem : the residual.
     guess : (n,) unknowns to begin with.
-    row : (n,) along which the guess is kept, in scaled unknowns.
+    row : (n,) along which the solution's distance from the guess is given, in scaled unknowns.
     scale : (n,) of the unknowns.
     settings : tolerance and iterations.
     furthest : distance from the guess at which the method gives up.
+    ahead : the distance along ``row``. A guess that is moved there beforehand leaves the curve that it lies on.
 
     Returns
     -------
@@ -157,7 +159,7 @@ def newton(
         if not np.isfinite(size):
             return None
         Jw = J * scale / rs[:, None]
-        off = float(row @ (w - start))
+        off = float(row @ (w - start)) - ahead
         # a guess is taken as it is only where it is as good as a step of Newton's method would make it
         good = size <= (settings.tolerance if iteration else UNTOUCHED * settings.tolerance)
         # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
@@ -188,19 +190,20 @@ def correct(
     *,
     reference: Floats | None = None,
     furthest: float = np.inf,
+    ahead: float = 0.0,
 ) -> BranchPoint | None:
     """The point of the branch across ``row`` from a guess, as `newton` finds it.
 
     Parameters
     ----------
-    problem, guess, row, scale, settings, furthest : as those of `newton`.
+    problem, guess, row, scale, settings, furthest, ahead : as those of `newton`.
     reference : (n,) direction in scaled unknowns that the tangent has a positive part along.
 
     Returns
     -------
     The point; None where Newton's method does not converge.
     """
-    converged = newton(problem, guess, row, scale, settings, furthest)
+    converged = newton(problem, guess, row, scale, settings, furthest, ahead)
     if converged is None:
         return None
     tangent, sign = _kernel(converged.jacobian)
@@ -332,9 +335,8 @@ def between(
     guesses = [straight] if sr - sl < CLOSE else [interpolated(left, right, share), straight]
     nearest_first = (left, right) if share < 0.5 else (right, left)
     for guess in (*guesses, *(_ahead(end, row, target, a.scale) for end in nearest_first)):
-        w = guess / a.scale
-        w = w + (target - float(row @ w)) * row
-        point = correct(problem, w * a.scale, row, a.scale, settings, reference=a.tangent)
+        missing = target - float(row @ (guess / a.scale))
+        point = correct(problem, guess, row, a.scale, settings, reference=a.tangent, ahead=missing)
         if point is not None:
             return point
     return None
@@ -590,8 +592,8 @@ class Branch:
         w = along = point.u / scale + ds * t
         if before is not None:
             w = interpolated(before, point, 1.0, scale, ahead=ds) / scale
-            w = w + float(t @ (along - w)) * t
-        new = correct(self.problem, w * scale, t, scale, s, reference=t, furthest=2.0 * ds + 1e-12)
+        missing, furthest = float(t @ (along - w)), 2.0 * ds + 1e-12
+        new = correct(self.problem, w * scale, t, scale, s, reference=t, furthest=furthest, ahead=missing)
         if new is None:
             return None
         same = self.same_kind(point, new)
