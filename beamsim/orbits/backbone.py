@@ -276,6 +276,9 @@ class Backbone:
         family = self.orbits.family
         q, _, before, _ = self.orbits.split(clean.u)
         _, _, factor, energy = self.orbits.split(np.append(clean.u[:-1], value))
+        known = family.period_estimate(self.mode, factor, energy)
+        if known is not None:
+            periods.insert(0, known)
         away, still = q - family.rest(before), family.rest(factor)
         shape = self.orbits.vectors[:, self.mode]
         size = np.sqrt(2.0 * energy) / float(self.orbits.omega[self.mode])

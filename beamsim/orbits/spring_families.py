@@ -96,6 +96,41 @@ class SpringFamily:
         values, vectors = np.linalg.eigh(K)
         return np.sqrt(np.maximum(values, 0.0)), vectors
 
+    def period_estimate(self, mode: int, factor: float, energy: float) -> float | None:
+        """Period of one mode on a bilinear spring, where there is a single contact without load.
+
+        The open structure's frequency until the gap is reached, the closed structure's from there to rest: with no
+        gap the bilinear rule :math:`\\pi/\\omega_1 + \\pi/\\omega_2`. With prestress: closed about static equilibrium,
+        open from where the penetration vanishes. Near a resonance it tells the mode's own motion from that in a tongue.
+
+        Parameters
+        ----------
+        mode : from 0.
+        factor : of the springs.
+        energy : J.
+
+        Returns
+        -------
+        Period, s; None where there is no such form.
+        """
+        c = self.springs
+        if self.cubic is not None or c.count != 1 or np.any(self.system.constant_load):
+            return None
+        if c.gap[0] < 0:
+            if factor == 0:
+                return None
+            omega, vectors = self.modes_at_rest(factor)
+            pressed = float(-c.gap[0] - c.sign[0] * (c.shape[0] @ self.rest(factor)))
+            shape = float(c.shape[0] @ vectors[:, mode])
+            return _bilinear_period(float(omega[mode]), float(self.omega[mode]), pressed, shape, energy)
+        stiff = np.diag(self.system.stiffness) + factor * c.stiffness[0] * np.outer(c.shape[0], c.shape[0])
+        squared = float(np.linalg.eigvalsh(stiff)[mode])
+        if squared <= 0:  # a spring that gives no more force
+            return None
+        return _bilinear_period(
+            float(self.omega[mode]), float(np.sqrt(squared)), float(c.gap[0]), float(c.shape[0, mode]), energy
+        )
+
     def potential(self, q: Floats, factor: float) -> tuple[float, Floats, float]:
         """Potential energy from static equilibrium, J, its gradient, and its derivative by the factor.
 
@@ -119,3 +154,13 @@ class SpringFamily:
             value, by_factor = value + factor * bent, by_factor + bent
             push += self.cubic.shape.T @ (k * stretch**3)
         return value, s.stiffness * q - s.constant_load + factor * push, by_factor
+
+
+def _bilinear_period(inner: float, outer: float, border: float, shape: float, energy: float) -> float:
+    """Period, s, of a mode with frequency ``inner`` up to a deflection ``border``, and ``outer`` beyond it (rad/s)."""
+    reach = abs(shape) * float(np.sqrt(2 * energy)) / inner
+    if reach <= border:
+        return 2 * np.pi / inner
+    speed = inner * float(np.sqrt(reach**2 - border**2))
+    inside = float(np.arccos(-border / reach)) / inner
+    return 2 * (inside + float(np.arctan2(speed / outer, border * (inner / outer) ** 2)) / outer)
