@@ -386,7 +386,7 @@ class ContactLaw:
         if not other.static_springs:
             return self
         ours, theirs = (law.static_springs[0].stiffness for law in (self, other))
-        return other.scaled(ours / theirs + amount)
+        return self if theirs == 0.0 else other.scaled(ours / theirs + amount)  # a spring without force adds none
 
     def undamped(self) -> ContactLaw | None:
         """The law without its dashpots; None where it keeps internal states or loses work without them."""
