@@ -46,7 +46,7 @@ def under_windows(flow: ExactFlow, loads: SweptLoads, windows: SweepWindows, car
 
 
 @dataclass(frozen=True)
-class Stretch:
+class SweptStretch:
     """The motion over some cycles of a sweep; its times count from their beginning."""
 
     motion: Trajectory
@@ -91,7 +91,7 @@ class SweptMotion:
     outcome: Outcome = field(init=False, default=COMPLETE)
     processor_time_s: float = field(init=False, default=0.0)
 
-    def stretches(self) -> Iterator[Stretch]:
+    def stretches(self) -> Iterator[SweptStretch]:
         """March, stretch by stretch, until the end of the sweep or of the work that is allowed."""
         carrier = carriers(self.windows.frequency_hz)
         flow, motion, begun = None, Motion(np.zeros(0), -1), Log.sized(0, 0)
@@ -122,7 +122,7 @@ class SweptMotion:
             self.end = float(self.windows.cycle_start[first]) + trajectory.end
             self.processor_time_s += clock.process_time() - begin
             edge = np.append(windows.start[np.flatnonzero(np.diff(windows.cycle, prepend=-1))], windows.duration)
-            yield Stretch(trajectory, windows, first, edge)
+            yield SweptStretch(trajectory, windows, first, edge)
             if not self.outcome.complete:
                 return
 

@@ -12,7 +12,7 @@ from sampling import slow_after
 from sweep_windows import frequency_at, values_at
 
 from beamsim.analyses.run.outputs import accelerations, displacements, stack
-from beamsim.analyses.sweep.cycles import CycleRecord, Phase, record_cycles
+from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.swept_motion import SweptMotion
 from beamsim.flow.transient import simulate
@@ -25,7 +25,7 @@ from beamsim.system.equations import Forcing
 
 
 def phase_of(legs, t):
-    """Phase from the law of the sweep itself, without windows; t within the legs."""
+    """SinePhase from the law of the sweep itself, without windows; t within the legs."""
     t = np.asarray(t, dtype=float)
     phase, before, turns = np.zeros(t.shape), 0.0, 0.0
     for leg in legs:
@@ -84,9 +84,9 @@ class Swept:
         self.march = SweptMotion(system, loads, windows, start, **limits)
         self.stretches = list(self.march.stretches())
         parts = [
-            record_cycles(s.motion, s.edge, self.output_of(s.motion.flow), orders, Phase.of_windows(s.windows)).first(
-                s.reached
-            )
+            record_cycles(
+                s.motion, s.edge, self.output_of(s.motion.flow), orders, SinePhase.of_windows(s.windows)
+            ).first(s.reached)
             for s in self.stretches
         ]
         self.record = CycleRecord.joined(parts)

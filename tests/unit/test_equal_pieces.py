@@ -95,7 +95,7 @@ def test_equal_pieces_share_their_moments(motion, monkeypatch):
 @pytest.fixture
 def searched(monkeypatch) -> Trajectory:
     """The motion with every piece searched for contact."""
-    monkeypatch.setattr(exact, "common_length", lambda sources: None)
+    monkeypatch.setattr(exact, "as_arrays", lambda *of: None)
     return of_case()
 
 

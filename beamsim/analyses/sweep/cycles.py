@@ -23,7 +23,7 @@ NEGLIGIBLE = 1e-11  # of a tracking filter, a power that is left out
 
 
 @dataclass(frozen=True)
-class Phase:
+class SinePhase:
     """Phase of a sine, ``2 pi (turns + part) + omega sigma + deviation(sigma)``, sigma since ``time``."""
 
     start: Floats  # (W,) s
@@ -34,13 +34,13 @@ class Phase:
     deviation: Floats  # (W, D + 1) rad
 
     @classmethod
-    def of_windows(cls, windows: SweepWindows) -> Phase:
+    def of_windows(cls, windows: SweepWindows) -> SinePhase:
         """That of a swept sine."""
         middle = windows.start + 0.5 * windows.length
         return cls(windows.start, middle, windows.omega, windows.cycle, windows.fraction, windows.deviation)
 
     @classmethod
-    def constant(cls, omega: float) -> Phase:
+    def constant(cls, omega: float) -> SinePhase:
         """That of a sine of one frequency, from t = 0 on."""
         zero, none = np.zeros(1), np.zeros(1, dtype=np.int64)
         return cls(zero, zero, np.array([omega]), none, zero, zero[None])
@@ -129,7 +129,7 @@ def record_cycles(
     edge: Floats,
     output_of: OutputOf,
     orders: Sequence[float],
-    phase: Phase,
+    phase: SinePhase,
     searched: Ints | slice = slice(None),
 ) -> CycleRecord:
     """Values of a motion between edges, at which segments end.
@@ -207,7 +207,7 @@ def _products(motion: Trajectory, output_of: OutputOf) -> tuple[Floats, Floats]:
         return integrals[:, :outputs], dissipated - work_in + np.diff(stored) + lost
 
 
-def _harmonics(motion: Trajectory, output_of: OutputOf, orders: Sequence[float], phase: Phase) -> Complexes:
+def _harmonics(motion: Trajectory, output_of: OutputOf, orders: Sequence[float], phase: SinePhase) -> Complexes:
     """(S, K, R) integrals over each segment and the phase of ``output exp(-i order phase)``; of order 0 over time."""
     filters = [phase.filters(order, motion.time, motion.length) for order in orders]
     longest = max((polynomial.shape[1] for _, polynomial in filters), default=1)

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from beamsim.analyses.sweep.cycles import CycleRecord, Phase, record_cycles
+from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
 from beamsim.analyses.sweep.energy import balanced, energy_errors
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
@@ -164,7 +164,7 @@ def _point(
         kind, exponent, section = lyapunov.kind, lyapunov.value, settled.section
     measured = record_cycles(
         stepper.trajectory(motion, cycles), np.arange(cycles + 1.0) * stepper.period, outputs.rows(stepper.flow),
-        (0.0, *settings.orders), Phase.constant(stepper.omega), outputs.searched,
+        (0.0, *settings.orders), SinePhase.constant(stepper.omega), outputs.searched,
     )  # fmt: skip
     return _Point(frequency, amplitude, settled, kind, exponent, measured, section)
 

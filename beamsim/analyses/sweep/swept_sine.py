@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from beamsim.analyses.sweep.cycles import CycleRecord, Phase, record_cycles
+from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
 from beamsim.analyses.sweep.energy import balanced, energy_errors
 from beamsim.analyses.sweep.notching import Limited, compared, limited_of, not_held, notched_level, profile_through
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
@@ -117,7 +117,7 @@ def sweep_level(
     for stretch in march.stretches():
         output_of = outputs.rows(stretch.motion.flow)
         if stretch.reached:
-            phases = Phase.of_windows(stretch.windows)
+            phases = SinePhase.of_windows(stretch.windows)
             record = record_cycles(stretch.motion, stretch.edge, output_of, orders, phases, outputs.searched)
             parts.append(record.first(stretch.reached))
         sampled = sum(values.shape[0] for values in samples)
