@@ -47,7 +47,7 @@ class Waves:
     B functions of time.
     """
 
-    exponent: Complexes  # (B,) of all segments, or (n, B), 1/s
+    exponent: Complexes  # (B,) 1/s
     power: Ints  # (B,)
     basis: Ints  # (T,) function of each term
     source: Ints  # (T,) amplitude of each term
@@ -61,7 +61,7 @@ class Waves:
 
     def rates(self, rows: Ints) -> Complexes:
         """(m, B) exponents times the lengths of some segments; 0 where what rests would grow beyond all numbers."""
-        rate = (self.exponent[rows] if self.exponent.ndim == 2 else self.exponent) * self.length[rows, None]
+        rate = self.exponent * self.length[rows, None]
         return np.where(rate.real < GROWTH, rate, 0.0)
 
     def coefficients(self, rows: Ints) -> Complexes:
@@ -69,16 +69,16 @@ class Waves:
         scale = self.length[rows, None] ** self.power if self.power.any() else np.ones((1, self.power.size))
         return np.asarray(self.amplitudes(rows)[:, self.source] * scale[:, self.basis])
 
-    def sums(self, rows: Ints) -> _Sums:
-        """All outputs on some parts."""
-        rate, table = self.rates(rows), self.table if self.table.ndim == 2 else self.table[rows]
+    def sums(self, rows: Ints, different: Ints, interval: Ints) -> _Sums:
+        """All outputs on some parts, of which those named are different in length, and which of them each is like."""
+        rate, table = self.rates(rows[different]), self.table if self.table.ndim == 2 else self.table[rows]
         power = np.broadcast_to(self.power, rate.shape)
-        return _Sums(rate, power, slice(None), self.basis, self.coefficients(rows), table)
+        return _Sums(rate, power, interval, self.basis, self.coefficients(rows), table)
 
     def at_ends(self) -> Floats:
         """(n, 2) the only output where the parts begin and end, limits from within."""
         rows = np.arange(self.time.size)
-        sums = self.sums(rows)
+        sums = self.sums(rows, rows, rows)
         return np.stack([sums.at(rows, self.begin), sums.at(rows, self.end)], axis=1)
 
     def one_each(self, rows: Ints, columns: Ints) -> Complexes:
@@ -370,10 +370,11 @@ class Search:
         turn = float(np.abs(wave.exponent).max(initial=0.0)) * float(wave.length.max(initial=0.0))
         parts = int(min(max(math.ceil(turn / FARTHEST), 1), PARTS))
         for rows in wave.blocks((parts + 1) * max(2 * wave.power.size, wave.table.shape[-1])):
-            u = wave.begin[rows, None] + (wave.end - wave.begin)[rows, None] * np.linspace(0.0, 1.0, parts + 1)
-            sums = wave.sums(rows)
-            look = _Look.at(sums, u, self.squares)
-            time = wave.time[rows, None] + wave.length[rows, None] * u
+            different, interval = _different(wave.length[rows], wave.begin[rows], wave.end[rows])
+            begin, end = wave.begin[rows[different], None], wave.end[rows[different], None]
+            sums = wave.sums(rows, different, interval)
+            look = _Look.at(sums, begin + (end - begin) * np.linspace(0.0, 1.0, parts + 1), self.squares)
+            time = wave.time[rows, None] + wave.length[rows, None] * look.u
             for windows in (0, self.windows):
                 key = self.outputs * (windows + wave.window[rows, None]) + np.arange(self.outputs)
                 yield self._left(sums, look, key, time, np.full(rows.size, number), rows)

@@ -314,8 +314,8 @@ class Trajectory:
                 found.append((np.concatenate(of_wave)[starts[wave] + row], np.ones_like(row), time, value))
                 for owner, of in zip(of_wave, waves, strict=True):
                     begin, end = of.at_ends().T
-                    found.append((owner, np.zeros_like(owner), of.time, begin))
-                    found.append((owner, np.full_like(owner, 2), of.time + of.length, end))
+                    found.append((owner, np.zeros_like(owner), self.time[owner], begin))
+                    found.append((owner, np.full_like(owner, 2), self.time[owner] + self.length[owner], end))
             first = last
         segment, place, time, value = (np.concatenate([part[k] for part in found]) for k in range(4))
         order = np.lexsort((time, place, segment))
@@ -335,7 +335,7 @@ class Trajectory:
             table = state.coefficients(output_of(state.phases), self.flow.sources)
             waves.append(Waves(
                 state.exponent, state.power, state.term_basis, state.term_source, table, amplitude,
-                self.time[segment[parts]], self.length[segment[parts]], begin[parts], end[parts], window[parts],
+                self.time[segment[parts]], self.equal_lengths[segment[parts]], begin[parts], end[parts], window[parts],
             ))  # fmt: skip
         return waves
 
