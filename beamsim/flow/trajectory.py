@@ -124,7 +124,7 @@ class Trajectory:
         for number in visited_states(of_time):
             state, entries = self.flow.states[number], np.flatnonzero(of_time == number)
             table = coefficients(int(number), state)
-            factors = np.stack([table.real, -table.imag], axis=1).reshape(-1, outputs)
+            factors = np.stack([table.real, -table.imag], axis=1).reshape(2 * table.shape[0], outputs)
             rows = max(1, VALUES_AT_ONCE // max(factors.shape))
             for first in range(0, entries.size, rows):
                 check_stop()

@@ -9,6 +9,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run import histories
+from beamsim.flow import moments, trajectory
 from beamsim.errors import ResultFileError
 from beamsim.fields import RowBlocks, rows_of
 from beamsim.plots import style
@@ -33,6 +34,8 @@ def long_run(**changes):
 def small_parts(monkeypatch):
     """Parts of a few thousand samples."""
     monkeypatch.setattr(histories, "VALUES_A_BLOCK", 2**17)
+    monkeypatch.setattr(trajectory, "VALUES_AT_ONCE", 2**14)
+    monkeypatch.setattr(moments, "AT_ONCE", 2**15)
     monkeypatch.setattr(declared, "ROWS_AT_ONCE", PART)
     monkeypatch.setattr(csv_folder, "ROWS_AT_ONCE", PART)
     monkeypatch.setattr(style, "AT_ONCE", 2 * PART)

@@ -82,8 +82,8 @@ def test_a_motion_in_stretches_is_that_which_is_kept(pieces_made):
     assert parts.work.events == whole.work.events > 20
     assert parts.work.segments == whole.work.segments > PIECES
     for name, values in histories(whole).items():
-        of_energy = 1e-12 * np.abs(values).max() if name in ("work_in", "dissipated", "stored") else 0.0
-        np.testing.assert_allclose(histories(parts)[name], values, rtol=0, atol=of_energy, err_msg=name)
+        round_off = 1e-12 * np.abs(values).max()  # sums of products depend on how many are taken together
+        np.testing.assert_allclose(histories(parts)[name], values, rtol=0, atol=round_off, err_msg=name)
     np.testing.assert_array_equal(parts.events.time, whole.events.time)
     np.testing.assert_array_equal(parts.events.closing, whole.events.closing)
     exact_figures = ("peak_displacement_m", "min_displacement_m", "peak_acceleration_g", "peak_force_n", "contacts",
@@ -94,7 +94,9 @@ def test_a_motion_in_stretches_is_that_which_is_kept(pieces_made):
     assert parts.summary["contact_share"] == pytest.approx(whole.summary["contact_share"], rel=1e-12)
     assert parts.summary["energy_error"] < 1e-10
     assert parts.summary["memory_bytes"] == 64e6
-    assert parts.summary["random"] == whole.summary["random"]
+    assert parts.summary["random"].keys() == whole.summary["random"].keys()
+    for name, values in whole.summary["random"].items():
+        assert parts.summary["random"][name] == pytest.approx(values, rel=1e-9), name
     stress = whole.only_body.peak_bending_stress
     np.testing.assert_allclose(parts.only_body.peak_bending_stress, stress, rtol=0, atol=1e-9 * stress.max())
     shapes = whole.only_body.extreme_shapes
@@ -220,7 +222,8 @@ def test_an_interruption_evaluates_nothing_again(monkeypatch, pieces_made):
     assert sum(pieces_made) <= 3 * 512  # of the stretch that was begun, and of the two extreme states
     assert result.impacts.begin.size > 0
     assert np.isfinite(result.probes["tip"].low_passed_acceleration).all()
-    assert not any("spectra" in warning for warning in result.warnings)
+    cut_short = [text for text in result.warnings if "spectra" in text and "spectra are made of samples" not in text]
+    assert cut_short == []
 
 
 @pytest.mark.parametrize("memory", [64e6, 1e9], ids=["in stretches", "kept"])
