@@ -9,9 +9,9 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run import histories
-from beamsim.flow import moments, trajectory
 from beamsim.errors import ResultFileError
 from beamsim.fields import RowBlocks, rows_of
+from beamsim.flow import moments, trajectory
 from beamsim.plots import style
 from beamsim.plots.run import plot_displacement
 from beamsim.plots.style import thinned

@@ -68,6 +68,7 @@ def test_the_largest_value_of_what_stays_zero(tmp_path):
     trajectory = motion_beside_ground(tmp_path, "above")
     penetration = trajectory.flow.penetrations[0]
     found = trajectory.extrema(lambda phases: penetration)
-    assert abs(found.high[0]) < 1e-15
-    assert abs(found.low[0]) < 1e-15
+    round_off = 64 * np.finfo(float).eps * 0.2  # of the terms that cancel, m
+    assert abs(found.high[0]) < round_off
+    assert abs(found.low[0]) < round_off
     assert found.evaluations < 20_000
