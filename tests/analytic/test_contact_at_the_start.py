@@ -79,7 +79,7 @@ def test_a_swept_sine_counts_the_contact_in_its_first_cycle():
     result = beamsim.sweep(scenario)
     curve = next(iter(result.curves.values()))
     history = next(iter(result.histories.values()))
-    pressed = history.displacement["m"][history.time < curve.time[1]] < 0
+    pressed = history.displacement["m"][history.time < curve.time[1]] < -1e-12  # round-off of the gap itself apart
     begun = np.count_nonzero(pressed[1:] & ~pressed[:-1])  # after the first sample, which lies at the gap itself
     assert int(curve.contacts["stop"][0]) == begun
     assert pressed[1]
