@@ -186,10 +186,6 @@ class ContactState:
             basis *= powers[:, self.power]
         return zeta.take(self.term_source, axis=1) * basis.take(self.term_basis, axis=1)
 
-    def states_after(self, zeta: Complexes, tau: Floats) -> Floats:
-        """(n, N) states at times tau (n,) after those at which the amplitudes are zeta (n, F + Z)."""
-        return np.asarray((self.terms_after(zeta, tau) @ self.term_vector).real)
-
     def amplitude_map(self) -> Complexes:
         """(2 F + N, F + Z) amplitudes of the inputs and of the free motions, for a unit of the real and the imaginary
         part of each input in turn, and of each number of the state."""

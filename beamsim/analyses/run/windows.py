@@ -45,11 +45,6 @@ class Window:
         a = np.array(_COSINE_SUMS[self.name])
         return a if self.one_sided else a * (-1.0) ** np.arange(a.size)
 
-    @property
-    def open_ended(self) -> bool:
-        """Whether it is not zero at both of its ends."""
-        return self.one_sided or abs(float(self.cosines.sum())) > 1e-3
-
     def turn(self, duration: float) -> float:
         """kappa, rad/s."""
         return float((1.0 if self.one_sided else 2.0) * np.pi / duration)
