@@ -52,10 +52,10 @@ if TYPE_CHECKING:
     from beamsim.analyses.sweep.analysis import sweep
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
+    from beamsim.measurements.channels import read_tests
     from beamsim.scenario import Scenario, load_scenario
     from beamsim.store.ensemble import ensemble
     from beamsim.store.export import export_result
-    from beamsim.store.measurement import read_tests
     from beamsim.store.pairing import pair_channels
     from beamsim.store.results import (
         open_comparison,
@@ -85,7 +85,7 @@ _NAMES = {
     "beamsim.scenario": ("Scenario", "load_scenario"),
     "beamsim.store.ensemble": ("ensemble",),
     "beamsim.store.export": ("export_result",),
-    "beamsim.store.measurement": ("read_tests",),
+    "beamsim.measurements.channels": ("read_tests",),
     "beamsim.store.pairing": ("pair_channels",),
     "beamsim.store.shapes": ("read_shapes",),
     "beamsim.store.results": (

@@ -39,7 +39,7 @@ def identify_stiffness(
     """Find stiffness and damping of stops from tests. Parameters of the structure itself can be found with them."""
     from beamsim.cli.conclusion import Reporting, concluded, prepared
     from beamsim.cli.progress import progress_of
-    from beamsim.store.measurement import read_tests
+    from beamsim.measurements.channels import read_tests
 
     scenario, target = prepared("identify-stiffness", case, set_, output)
     reporting = Reporting(not no_plots, json, quiet)
@@ -92,7 +92,7 @@ def compare(
     from beamsim.cli.conclusion import Reporting, concluded
     from beamsim.cli.output import output_file
     from beamsim.cli.progress import progress_of
-    from beamsim.store.measurement import history_named
+    from beamsim.measurements.channels import history_named
     from beamsim.store.pairing import pair_channels
     from beamsim.store.results import open_run, open_sweep
     from beamsim.store.stored import damage_of, kind_of

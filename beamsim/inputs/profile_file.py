@@ -8,7 +8,8 @@ from typing import NoReturn
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.inputs.csv_table import read_csv
+from beamsim.measurements.read import read_file
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.scenario.level_profile import ProfilePoint
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.units import FREQUENCY, UnitError, read_level, read_quantity
@@ -32,16 +33,12 @@ def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[Profi
     ScenarioError
         If the file cannot be read, has no unit of the levels, or is no table of increasing positive frequencies.
     """
-    path = folder / file
-    if not path.is_file():
-        _reject(f"= {file} does not exist", "give its path, relative to the folder of the scenario")
     try:
-        table = read_csv(path)
-        factors = _factors(table.units, takes)
-    except (OSError, ValueError, UnitError) as error:
-        text = error.message if isinstance(error, UnitError) else str(error)
-        _reject(f"= {file} cannot be read: {text}", "give a frequency and a level in each row, with their units above")
-    frequency, level = table.values[:, 0] * factors[0], table.values[:, 1] * factors[1]
+        table = read_file(folder / file)
+        factors = _factors(table, takes)
+    except (MeasurementError, UnitError) as fault:
+        _reject(f"= {file} {fault.message}", fault.remedy)
+    frequency, level = table[0].y * factors[0], table[1].y * factors[1]
     if not (np.all(np.isfinite(frequency)) and np.all(np.isfinite(level)) and frequency[0] > 0):
         _reject(f"= {file} has frequencies or levels that are no positive numbers", "correct the table")
     if np.any(np.diff(frequency) <= 0):
@@ -57,20 +54,20 @@ def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[Profi
     )
 
 
-def _factors(units: list[str], takes: tuple[str, ...]) -> tuple[float, float, str | None]:
+def _factors(table: list[MeasuredSignal], takes: tuple[str, ...]) -> tuple[float, float, str | None]:
     """SI values of one in each column, and the quantity of the levels."""
-    if len(units) < 2:
-        raise ValueError("it has one column")
-    if not units[0]:
-        raise ValueError("its first column states no unit; head it frequency (Hz)")
+    if len(table) < 2:
+        raise MeasurementError("has one column", "give a frequency and a level in each row, with their units above")
+    if not table[0].unit:
+        raise MeasurementError("cannot be used: its first column states no unit", "head it frequency (Hz)")
+    frequency = read_quantity(f"1 {table[0].unit}", FREQUENCY)
     dimensions = {name: LEVEL_DIMENSIONS[name] for name in takes if name in LEVEL_DIMENSIONS}
-    if not units[1] and dimensions:
-        raise ValueError("its second column states no unit; head it for example level (g)")
     if not dimensions:
-        return read_quantity(f"1 {units[0]}", FREQUENCY), 1.0, None
-    value, dimension = read_level(f"1 {units[1]}", tuple(dimensions.values()))
-    quantity = next(name for name, known in dimensions.items() if known is dimension)
-    return read_quantity(f"1 {units[0]}", FREQUENCY), value, quantity
+        return frequency, 1.0, None
+    if not table[1].unit:
+        raise MeasurementError("cannot be used: its second column states no unit", "head it for example level (g)")
+    value, dimension = read_level(f"1 {table[1].unit}", tuple(dimensions.values()))
+    return frequency, value, next(name for name, known in dimensions.items() if known is dimension)
 
 
 def _reject(message: str, remedy: str) -> NoReturn:

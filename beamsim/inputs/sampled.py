@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.inputs.axes import AxisError, axis_factor, check_record, without_unit
-from beamsim.inputs.csv_table import read_csv
-from beamsim.inputs.headings import split_heading, stated
 from beamsim.inputs.signal import Signal
-from beamsim.inputs.universal_file import units_of_file, units_of_uff
+from beamsim.measurements.read import HDF5, read_file
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column_named
 from beamsim.scenario.driven import spoken
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.units import UnitError, read_level
@@ -108,34 +107,18 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
     path = (folder or Path()) / excitation.file
     if not path.is_file():
         path = Path(excitation.file)
-    if not path.is_file():
-        _reject(f"= {excitation.file} does not exist", "give its path, relative to the folder of the scenario")
-    suffix = path.suffix.lower()
     try:
-        if suffix in (".h5", ".hdf5"):
-            columns = _from_hdf5(path, excitation)
-        elif suffix in (".uff", ".unv"):
-            columns = _from_uff(path, excitation)
-        else:
-            columns = _from_csv(path, excitation)
-    except (OSError, ValueError, UnicodeDecodeError) as error:
-        _reject(f"= {excitation.file} cannot be read: {str(error).splitlines()[0]}", "check the file and its columns")
-    time, values = columns.time, columns.values
-    if values.size < 4:
-        _reject(f"= {excitation.file} has only {values.size} samples", "give a longer record")
-    _refuse_without_units(columns, excitation)
-    if excitation.unit is None:
-        values = values * _factor(columns.unit, excitation)
-    try:
-        if excitation.sample_rate is not None:
-            time = np.arange(values.size) / excitation.sample_rate
-        else:
-            assert time is not None
-            unit = excitation.time_unit or columns.time_unit
-            time = time * axis_factor(unit, "excitation.time_unit", of_frequency=False)
-        check_record(time, values, of_frequency=False)
-    except AxisError as fault:
+        signals = read_file(path)
+        signal = _along_time(_column(signals, excitation), signals, excitation)
+        if signal.y.size < 4:
+            _reject(f"= {excitation.file} has only {signal.y.size} samples", "give a longer record")
+        _refuse_without_units(signal, excitation)
+        signal = signal.on_si_axis(excitation.time_unit, "excitation.time_unit").checked()
+    except MeasurementError as fault:
         _reject(f"= {excitation.file} {fault.message}", fault.remedy)
+    time, values = signal.x, np.asarray(signal.y, dtype=float)
+    if not excitation.unit:
+        values = values * _factor(signal.unit, excitation)
     step = np.diff(time)
     median = float(np.median(step))
     if np.any(step > LARGEST_GAP * median):
@@ -146,6 +129,35 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
             "fill the gap, or use the part before or after it",
         )
     return time, values
+
+
+def _column(signals: list[MeasuredSignal], excitation: SampledInput) -> MeasuredSignal:
+    """The values: by default the first on an axis, and of columns that are sampled evenly the first of all."""
+    if excitation.column is not None:
+        return column_named(signals, excitation.column)
+    if len(signals) > 2 and excitation.file.lower().endswith(HDF5):  # which has no order
+        raise MeasurementError("has several data sets", "name one in excitation.column")
+    evenly = excitation.sample_rate is not None and excitation.time_column is None
+    return next((each for each in signals if each.axis and not evenly), signals[0])
+
+
+def _along_time(signal: MeasuredSignal, signals: list[MeasuredSignal], excitation: SampledInput) -> MeasuredSignal:
+    """The values over the times that are asked for."""
+    if excitation.sample_rate is not None:
+        even = np.arange(signal.y.size) / excitation.sample_rate
+        return replace(signal, x=even, of_frequency=False, axis="time", axis_unit="s")
+    if excitation.time_column is not None:
+        time = column_named(signals, excitation.time_column)
+        if time.y.size != signal.y.size:
+            raise MeasurementError(f"has {time.y.size} times for {signal.y.size} values", "name another column")
+        signal = replace(
+            signal, x=np.asarray(time.y, dtype=float), of_frequency=False, axis=time.name, axis_unit=time.unit
+        )
+    if not signal.axis:
+        _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "sample_rate")
+    if signal.of_frequency or np.iscomplexobj(signal.y):
+        raise MeasurementError(f"has no time history in {signal.name}", "name another one in excitation.column")
+    return signal
 
 
 def _factor(unit: str, excitation: SampledInput) -> float:
@@ -161,86 +173,21 @@ def _factor(unit: str, excitation: SampledInput) -> float:
         )
 
 
-def _refuse_without_units(columns: _Columns, excitation: SampledInput) -> None:
-    """Ask for the times, and for each unit that neither the file nor the scenario states."""
-    if excitation.sample_rate is None and columns.time is None:
-        _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "sample_rate")
+def _refuse_without_units(signal: MeasuredSignal, excitation: SampledInput) -> None:
+    """Ask for each unit that neither the file nor the scenario states."""
     quantity = excitation.quantity or "acceleration"
     problems = []
-    if not (excitation.unit or columns.unit):
+    if not (excitation.unit or signal.unit):
         example = {"acceleration": "g", "displacement": "mm"}.get(quantity, LEVEL_DIMENSIONS[quantity].unit)
         message = f"is missing, and {excitation.file} states no unit of its values"
         remedy = f"give that of the {spoken(quantity)}, for example unit: {example}"
         problems.append(Problem("excitation.unit", message, remedy))
-    if excitation.sample_rate is None and not (excitation.time_unit or columns.time_unit):
-        message = f"is missing, and {excitation.file} {without_unit(of_frequency=False)}"
+    if not (excitation.time_unit or signal.axis_unit):
+        message = f"is missing, and {excitation.file} states no unit of its times"
         problems.append(Problem("excitation.time_unit", message, "give it, for example time_unit: s"))
     if problems:
         raise ScenarioError(problems)
 
 
-class _Columns(NamedTuple):
-    """A record as it is in the file; units are empty where the file states none."""
-
-    time: Floats | None
-    values: Floats
-    time_unit: str
-    unit: str
-
-
 def _reject(message: str, remedy: str, key: str = "file") -> NoReturn:
     raise ScenarioError(Problem(f"excitation.{key}", message, remedy))
-
-
-def _from_csv(path: Path, excitation: SampledInput) -> _Columns:
-    table = read_csv(path)
-    has_times = excitation.time_column is not None or (table.width > 1 and excitation.sample_rate is None)
-    time_at = table.column(excitation.time_column, 0) if has_times else None
-    column = table.column(excitation.column, 0 if time_at is None or table.width == 1 else 1)
-    time_unit = "" if time_at is None else table.units[time_at]
-    times = None if time_at is None else table.values[:, time_at]
-    return _Columns(times, table.values[:, column], time_unit, table.units[column])
-
-
-def _from_hdf5(path: Path, excitation: SampledInput) -> _Columns:
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        if excitation.column is None:
-            raise ValueError("give the name of the dataset in excitation.column")
-
-        def dataset(name: str) -> tuple[Floats, str]:
-            if name not in file or not isinstance(file[name], h5py.Dataset):
-                raise ValueError(f"there is no dataset {name}")
-            unit = stated(str(file[name].attrs.get("units", ""))) or split_heading(name)[1]
-            return np.asarray(file[name][()], dtype=float).ravel(), unit
-
-        time, time_unit = None, ""
-        if excitation.time_column is not None:
-            time, time_unit = dataset(excitation.time_column)
-        elif excitation.sample_rate is None and "time" in file:
-            time, time_unit = dataset("time")
-        values, unit = dataset(excitation.column)
-        if time is not None and time.size != values.size:
-            raise ValueError(f"{time.size} times for {values.size} values")
-        return _Columns(time, values, time_unit, unit)
-
-
-def _from_uff(path: Path, excitation: SampledInput) -> _Columns:
-    import pyuff
-
-    number = 1 if excitation.column is None else int(excitation.column)
-    try:
-        sets = pyuff.UFF(str(path))
-        kinds = [int(kind) for kind in sets.get_set_types()]
-    except Exception as error:  # pyuff raises bare exceptions on damaged files
-        raise ValueError(f"not a universal file ({error})") from None
-    records = [i for i, kind in enumerate(kinds) if kind == 58]
-    if not 1 <= number <= len(records):
-        raise ValueError(f"the file has {len(records)} data sets 58")
-    record = sets.read_sets(records[number - 1])
-    values = np.asarray(record["data"])
-    if np.iscomplexobj(values) or int(record.get("func_type", 1)) not in (0, 1):
-        raise ValueError("this data set 58 is not a time history")
-    time_unit, unit = units_of_uff(record, lambda: units_of_file(sets))
-    return _Columns(np.asarray(record["x"], dtype=float), values.astype(float), time_unit, unit)

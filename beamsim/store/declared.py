@@ -33,8 +33,8 @@ from beamsim.fields import (
     members_of,
     rows_of,
 )
+from beamsim.measurements.hdf5_file import scale_along
 from beamsim.store.outcomes import failures_text, outcome_attributes, read_failures, read_outcome
-from beamsim.store.scales import scale_along
 from beamsim.store.schema import group_name, plain
 from beamsim.store.small_objects import TEXT, create_dataset, set_text
 from beamsim.typing import Bools, Complexes, Floats, Ints

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from beamsim.analyses.compare.analysis import QUANTITIES
-from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import Problem, ScenarioError
-from beamsim.store.measurement import channel_named, holds_name, in_si, read_signals
+from beamsim.measurements.channels import channel_named, holds_name, in_si, read_signals
+from beamsim.measurements.signal import MeasuredSignal
 
 
 def pair_channels(

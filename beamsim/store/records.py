@@ -20,8 +20,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.measurements.hdf5_file import scale_along
 from beamsim.store.declared import ordered
-from beamsim.store.scales import scale_along
 from beamsim.store.tables import datasets, values_of
 from beamsim.store.uff import (
     FREQUENCY_RESPONSE,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +11,10 @@ from pydantic import ValidationError
 
 from beamsim.analyses.compare_modes.measured import ShapesAtPlaces
 from beamsim.errors import Problem, ScenarioError
-from beamsim.files import text_of
-from beamsim.inputs.headings import split_heading
+from beamsim.measurements.csv_table import read_rows
+from beamsim.measurements.headings import split_heading
+from beamsim.measurements.read import TEXT, UFF
+from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario import units
 from beamsim.scenario.place import AtPlace
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 _PLACE = ("body", "position", "x", "y", "mass", "node", "direction")
 _COMPONENTS = {"x": "r1", "y": "r2", "z": "r3", "rx": "r4", "ry": "r5", "rz": "r6"}
 _LAYOUT = "give columns position (and y), mass, or node and direction, then a column a mode, headed by its frequency"
-_UFF = (".uff", ".unv", ".uf", ".55")
 
 
 def read_shapes(path: Path, scenario: Scenario) -> ShapesAtPlaces:
@@ -39,10 +39,14 @@ def read_shapes(path: Path, scenario: Scenario) -> ShapesAtPlaces:
         raise _wrong(path, "does not exist", "check the path")
     if path.stat().st_size == 0:
         raise _wrong(path, "is empty", "export the shapes again")
-    if path.suffix.lower() in _UFF:
-        return _read_uff(path, scenario)
-    if path.suffix.lower() in (".csv", ".txt", ".tsv", ".dat"):
-        return _read_csv(path)
+    suffix = path.suffix.lower()
+    try:
+        if suffix in (*UFF, ".55"):
+            return _read_uff(path, scenario)
+        if suffix in TEXT:
+            return _read_csv(path)
+    except MeasurementError as fault:
+        raise _wrong(path, fault.message, fault.remedy) from None
     raise _wrong(path, "has an unknown format", "use .csv or .uff")
 
 
@@ -51,25 +55,18 @@ def _wrong(path: Path, message: str, remedy: str) -> ScenarioError:
 
 
 def _read_csv(path: Path) -> ShapesAtPlaces:
-    try:
-        text = text_of(path)
-    except UnicodeDecodeError:
-        raise _wrong(path, "is not text", "save it as CSV") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    numbers = [k for k, line in enumerate(text.splitlines(), 1) if line.strip() and not line.lstrip().startswith("#")]
-    if len(lines) < 2:
+    rows, _ = read_rows(path)
+    if len(rows) < 2:
         raise _wrong(path, "has no table", _LAYOUT)
-    separator = max("\t;,", key=lines[0].count)
-    rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=separator)]
-    heading = rows[0]
+    first, heading = rows[0]
     named = [split_heading(cell) for cell in heading]
     of_place = {name.lower(): k for k, (name, _) in enumerate(named) if name.lower() in _PLACE}
     modes = [k for k in range(len(heading)) if k not in of_place.values()]
     if not of_place or not modes:
-        raise _wrong(path, f"line {numbers[0]}: has no {'mode' if of_place else 'place'} among its columns", _LAYOUT)
-    frequencies = [_frequency(path, numbers[0], k, heading[k]) for k in modes]
+        raise _wrong(path, f"line {first}: has no {'mode' if of_place else 'place'} among its columns", _LAYOUT)
+    frequencies = [_frequency(path, first, k, heading[k]) for k in modes]
     places, labels, shapes = [], [], []
-    for number, row in zip(numbers[1:], rows[1:], strict=True):
+    for number, row in rows[1:]:
         if len(row) != len(heading):
             raise _wrong(path, f"line {number}: has {len(row)} columns, its heading {len(heading)}", "complete the row")
         given = {name: (row[k], named[k][1]) for name, k in of_place.items() if row[k]}
@@ -121,21 +118,17 @@ def _whole(text: str) -> Any:
 
 
 def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
-    import pyuff
+    from beamsim.measurements.universal_file import data_sets
 
-    try:
-        sets = pyuff.UFF(str(path)).read_sets()
-    except Exception as error:  # whatever a damaged file makes the reader raise
-        raise _wrong(path, f"cannot be read as UFF: {error}", "export it again as dataset 55") from None
-    sets = sets if isinstance(sets, list) else [sets]
-    modes = [each for each in sets if each.get("type") == 55 and each.get("analysis_type") in (2, 3)]
+    sets = data_sets(path)
+    modes = [each for each in sets if each["type"] == 55 and each.get("analysis_type") in (2, 3)]
     if not modes:
         raise _wrong(path, "has no mode shapes", "export them as dataset 55 (normal or complex modes)")
-    per_metre = next((float(each["length"]) for each in sets if each.get("type") == 164 and each.get("length")), 1.0)
+    per_metre = next((float(each["length"]) for each in sets if each["type"] == 164 and each.get("length")), 1.0)
     coordinates = {
         int(node): (float(x), float(y))
         for each in sets
-        if each.get("type") in (15,)
+        if each["type"] == 15
         for node, x, y in zip(each["node_nums"], each["x"], each["y"], strict=True)
     }
     nodes = [int(node) for node in modes[0]["node_nums"]]
@@ -143,7 +136,7 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
         raise _wrong(path, "has modes at different nodes", "export all modes at the same nodes")
     frequencies = np.array([_uff_frequency(mode) for mode in modes])
     bodies = scenario.all_bodies
-    lines = {str(each["id"]).strip(): each["nodes"] for each in sets if each.get("type") == 82}
+    lines = {str(each["id"]).strip(): each["nodes"] for each in sets if each["type"] == 82}
     owners = {int(node): name for name, numbers in lines.items() if name in bodies for node in numbers if node}
     places, labels, rows = [], [], []
     for k, node in enumerate(nodes):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.dataclass import dataclass
-from beamsim.store.scales import scale_along
+from beamsim.measurements.hdf5_file import scale_along
 
 
 @dataclass(frozen=True)

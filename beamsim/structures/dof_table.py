@@ -12,8 +12,9 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
-from beamsim.files import text_of
 from beamsim.matrix_files.matrix import DIRECTIONS, MODAL, Dof
+from beamsim.measurements.csv_table import read_rows
+from beamsim.measurements.signal import MeasurementError
 from beamsim.typing import Floats, Ints
 
 TRANSLATIONS = DIRECTIONS[:3]
@@ -81,18 +82,19 @@ def read_dof_table(path: Path) -> DofTable:
         About ``dofs``: the file cannot be read, a line is wrong, or two lines name the same.
     """
     try:
-        text = text_of(path)
-    except (OSError, UnicodeDecodeError) as error:
+        rows, _ = read_rows(path)
+    except OSError as error:
         raise MethodError("dofs", f"= {path} cannot be read ({error})", "check the path") from None
-    lines = [(i, [cell.strip() for cell in row]) for i, row in enumerate(csv.reader(text.splitlines()), 1) if any(row)]
-    if not lines or [cell.lower() for cell in lines[0][1][:2]] != ["node", "direction"]:
+    except MeasurementError as fault:
+        raise MethodError("dofs", f"= {path.name} {fault.message}", fault.remedy) from None
+    if [cell.lower() for cell in rows[0].cells[:2]] != ["node", "direction"]:
         raise MethodError(
             "dofs", f"= {path.name} has no heading", "begin the table with node,direction or node,direction,x,y,z"
         )
     dofs: list[Dof] = []
     places: list[list[float]] = []
     first: dict[Dof, int] = {}
-    for number, cells in lines[1:]:
+    for number, cells in rows[1:]:
         direction = cells[1].lower() if len(cells) > 1 else ""
         if direction not in (*DIRECTIONS, MODAL):
             raise MethodError(

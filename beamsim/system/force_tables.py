@@ -14,8 +14,9 @@ from beamsim.contacts.force_curve import ForceCurve, fit_curve
 from beamsim.contacts.hysteresis import fit_branch, loop_width
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
-from beamsim.inputs.csv_table import read_csv
-from beamsim.inputs.headings import TIME_NAMES, split_heading
+from beamsim.measurements.headings import is_time
+from beamsim.measurements.read import read_file
+from beamsim.measurements.signal import MeasurementError, by_dimension
 from beamsim.scenario import units
 from beamsim.scenario.base import counted, path_text
 from beamsim.scenario.force_table import MeasuredForces, check_points
@@ -24,8 +25,7 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
-_UNITS_OF = {"deflection": "length", "force": "force"}
-_DIMENSIONS = {units.LENGTH: "deflection", units.FORCE: "force", units.TIME: "time"}
+_DIMENSIONS = {"length": units.LENGTH, "force": units.FORCE, "time": units.TIME}
 WIDE = 0.02  # of the largest force: loops wider than this are remarked on
 
 
@@ -84,11 +84,13 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
             raise ScenarioError(
                 Problem(path_text(where), _of_file(file, context["at"]) + context["message"], context["remedy"])
             ) from None
-        except (OSError, ValueError) as error:
+        except MeasurementError as fault:
+            raise ScenarioError(Problem(path_text(at), _of_file(file, ()) + fault.message, fault.remedy)) from None
+        except ValueError as error:  # no curve fits the points
+            remedy = "it needs a column of deflections and one of forces, from zero on"
             raise ScenarioError(
-                Problem(path_text(at), f"{_of_file(file, ())}cannot be used: {str(error).splitlines()[0]}",
-                        "it needs a column of deflections and one of forces, from zero on")
-            ) from None  # fmt: skip
+                Problem(path_text(at), f"{_of_file(file, ())}cannot be used: {error}", remedy)
+            ) from None
         segments = measured.curve.slopes.size
         if len(table.segment_factors) not in (0, segments):
             raise ScenarioError(
@@ -134,41 +136,30 @@ def _table(table: MeasuredForces, file: Path | None, changed: int) -> TableOfSto
 def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
     """Deflections, m, forces, N, and times, s, where there is a column of them.
 
-    Columns are told apart by the dimension of the units in their headings. Raises ValueError.
+    Columns are told apart by the dimension of the units in their headings.
+
+    Raises
+    ------
+    MeasurementError
+        If the file cannot be read, lacks a column or has a row that is not complete.
     """
-    table = read_csv(file)
-    names = [split_heading(heading)[0].strip().lower() for heading in table.headings] or [""] * table.width
-    if len(names) != table.width:
-        raise ValueError(f"it has {len(names)} headings for {table.width} columns")
-    kinds: dict[str, int] = {}
-    factors = [1.0] * table.width
-    for column, (name, unit) in enumerate(zip(names, table.units, strict=True)):
-        if name in TIME_NAMES:
-            kinds["time"] = column
-        if not unit:
-            continue
-        try:
-            factors[column], dimension = units.read_level(f"1 {unit}", tuple(_DIMENSIONS))
-        except units.UnitError:
-            problem = f"column {column + 1} is in {unit}, which is not a unit of length, force or time"
-            raise ValueError(problem) from None
-        assert dimension is not None
-        kinds.setdefault(_DIMENSIONS[dimension], column)
-    missing = [kind for kind in ("deflection", "force") if kind not in kinds]
-    if missing or ("time" in kinds and not table.units[kinds["time"]]):
-        what = f"no column has a unit of {_UNITS_OF[missing[0]]}" if missing else "its times have no unit"
-        raise ValueError(f"{what}; name all units in the headings: deflection (mm), force (N), time (s)")
-    deflection, force = kinds["deflection"], kinds["force"]
+    table = read_file(file)
     with np.errstate(over="ignore"):
-        values = table.values * factors
-    used = [deflection, force, *([kinds["time"]] if "time" in kinds else [])]
-    bad = np.flatnonzero(~np.isfinite(values[:, used]).all(axis=1))
-    if bad.size:
-        raise ValueError(f"row {bad[0] + 1} of the numbers is not complete")
-    huge = np.flatnonzero((np.abs(values[:, used]) > units.LARGEST).any(axis=1))
-    if huge.size:
-        raise ValueError(f"row {huge[0] + 1} of the numbers is beyond {units.LARGEST:g} in SI units")
-    return values[:, deflection], values[:, force], values[:, kinds["time"]] if "time" in kinds else None
+        columns = by_dimension(table, _DIMENSIONS)
+    missing = [f"no column has a unit of {kind}" for kind in ("length", "force") if kind not in columns]
+    missing += ["its times have no unit" for each in table if is_time(each.name) and not each.unit]
+    if missing:
+        remedy = "name all units in the headings: deflection (mm), force (N), time (s)"
+        raise MeasurementError(f"cannot be used: {missing[0]}", remedy)
+    values = np.column_stack([*columns.values()])
+    for wrong, how in (
+        (~np.isfinite(values), "is not complete"),
+        (np.abs(values) > units.LARGEST, f"is beyond {units.LARGEST:g} in SI units"),
+    ):
+        if wrong.any():
+            row = np.flatnonzero(wrong.any(axis=1))[0] + 1
+            raise MeasurementError(f"cannot be used: row {row} of the numbers {how}", "correct the table")
+    return columns["length"], columns["force"], columns.get("time")
 
 
 def _remark(deflection: Floats, force: Floats, time: Floats | None, curve: ForceCurve) -> str:

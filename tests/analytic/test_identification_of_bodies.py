@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.contact_point import snubber_point
 from beamsim.analyses.identify.steady import steady_vibration
 from beamsim.errors import ScenarioError
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.structures.point_sensitivity import stiffness_sensitivities

@@ -5,13 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamsim.analyses.compare.measured import MeasuredSignal, best_phase, harmonics_of
+from beamsim.analyses.compare.measured import best_phase, harmonics_of
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.model_updating import inverse_information
 from beamsim.analyses.identify.nonlinear_fit import _NonlinearFit, fit_nonlinear
 from beamsim.analyses.identify.steady import NoSteadyVibrationError, steady_vibration
 from beamsim.analyses.run.analysis import run
 from beamsim.errors import ScenarioError
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 

@@ -7,16 +7,16 @@ import pytest
 import pyuff
 from typer.testing import CliRunner
 
-from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.compare.sweeps import Tracking, assurance, compare_sweep, peaks_of
 from beamsim.analyses.compare.tracking import track
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
-from beamsim.inputs.csv_table import read_csv
+from beamsim.measurements.channels import read_signals
+from beamsim.measurements.read import read_file
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.plots.comparison import comparison_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.measurement import read_signals
 from beamsim.store.results import open_result, write_comparison, write_sweep
 
 G = 9.80665
@@ -222,7 +222,7 @@ def test_csv_files_of_laboratories(swept, tmp_path, kind):
     assert [signal.unit for signal in signals] == ["g", "g"]
     assert all(signal.of_frequency for signal in signals)
     np.testing.assert_allclose(signals[1].y, columns[2], rtol=1e-8)
-    assert read_csv(path).units == ["Hz", "g", "g"]
+    assert [signal.unit for signal in read_file(path)] == ["Hz", "g", "g"]
     write_sweep(swept, tmp_path / "sweep.h5")
     target = str(tmp_path / "sweep_compare.h5")
     done = CliRunner().invoke(app, ["compare", str(tmp_path / "sweep.h5"), str(path), "--no-plots", "-o", target])

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.identify.steady import steady_vibration
 from beamsim.contacts.force_curve import _slopes, fit_curve
 from beamsim.contacts.hysteresis import fit_branch, loop_width, relaxed_part
 from beamsim.contacts.pads import table_law
 from beamsim.errors import ScenarioError
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import force_tables

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.identify.steady import steady_vibration
 from beamsim.analyses.response.stopping_contacts import explained
 from beamsim.contacts.friction import drops
 from beamsim.errors import ScenarioError
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome, OutcomeCode

@@ -4,9 +4,10 @@ import h5py
 import numpy as np
 import pytest
 
-from beamsim.analyses.compare.measured import MeasuredSignal, harmonics_of, settled_from
+from beamsim.analyses.compare.measured import harmonics_of, settled_from
 from beamsim.errors import ScenarioError
-from beamsim.store.measurement import channel_named, in_si, read_signals
+from beamsim.measurements.channels import channel_named, in_si, read_signals
+from beamsim.measurements.signal import MeasuredSignal
 
 TIME = np.arange(4000) / 8000.0
 TRUE = np.array([2.0 * np.exp(0.3j), 0.5 * np.exp(-1.2j), 0.1j])
@@ -136,3 +137,21 @@ def test_damaged_files(tmp_path, name):
     with pytest.raises(ScenarioError) as caught:
         read_signals(tmp_path / name)
     assert name in str(caught.value)
+
+
+def test_faults_are_named_with_their_line_and_column(tmp_path):
+    """Lines were counted without comments and headings, or not at all."""
+    path = tmp_path / "a.csv"
+    path.write_text("# shaker 2\nZeit (ms);Kraft (N)\n\n0;1,5\n1;zwei\n", encoding="utf-16")
+    with pytest.raises(ScenarioError, match=r"a\.csv has 'zwei' in line 5, sample 2 of Kraft \(N\)") as error:
+        read_signals(path)
+    assert error.value.problems[0].remedy
+    path.write_text("time (s),tip (g)\n0,1\n1,2,3\n")
+    with pytest.raises(ScenarioError, match="has 3 columns in line 3 instead of 2"):
+        read_signals(path)
+
+
+def test_blanks_separate_columns_and_not_units_from_their_names(tmp_path):
+    (tmp_path / "a.txt").write_text("time [ms]   tip (m/s^2)\n0   1\n1   2\n")
+    (signal,) = read_signals(tmp_path / "a.txt")
+    assert (signal.name, signal.unit, signal.x.tolist()) == ("tip (m/s^2)", "m/s^2", [0.0, 1e-3])

@@ -8,12 +8,12 @@ from scipy.integrate import quad
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.inputs.csv_table import read_csv
 from beamsim.inputs.excitation import base_motion
 from beamsim.inputs.random_input import density, noise
 from beamsim.inputs.sampled import interpolate, read_samples
+from beamsim.measurements.channels import channel_named, read_signals
+from beamsim.measurements.read import read_file
 from beamsim.scenario import load_scenario
-from beamsim.store.measurement import channel_named, read_signals
 
 G = 9.80665
 SI = {"unit": "m/s^2", "time_unit": "s"}
@@ -220,7 +220,7 @@ def test_decimal_commas_are_read_or_named(tmp_path):
 def test_headings_are_read_in_the_encodings_of_measuring_systems(tmp_path, encoding):
     file = tmp_path / "shaker.csv"
     file.write_text("Zeit (ms);tip Weg (µm);tip Beschleunigung (m/s²)\n0;0,5;1\n1;0,7;2\n2;0,6;3\n", encoding=encoding)
-    assert list(read_csv(file).headings) == ["Zeit (ms)", "tip Weg (µm)", "tip Beschleunigung (m/s²)"]
+    assert [signal.name for signal in read_file(file)] == ["Zeit (ms)", "tip Weg (µm)", "tip Beschleunigung (m/s²)"]
     signals = read_signals(file)
     assert [signal.unit for signal in signals] == ["µm", "m/s²"]
     assert channel_named(signals, "tip Weg", "absolute_acceleration", file, required=True) is signals[0]

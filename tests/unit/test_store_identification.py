@@ -8,9 +8,9 @@ import pytest
 
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.errors import ResultFileError
+from beamsim.measurements.channels import read_tests
 from beamsim.plots.identification import identification_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.measurement import read_tests
 from beamsim.store.results import open_identification, write_identification
 
 CONFIGS = Path(__file__).parents[2] / "configs"

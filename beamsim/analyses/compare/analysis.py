@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of, settled_from
+from beamsim.analyses.compare.measured import Harmonics, best_phase, harmonics_of, settled_from
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.run.result import RunResult, SpectralLine, Spectrum
 from beamsim.analyses.run.spectrum import amplitude_db, spectrum
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import rows_of
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.run import SpectrumSettings
 from beamsim.typing import Floats

@@ -1,4 +1,4 @@
-"""Measured signals and their harmonics."""
+"""Harmonics of measured signals."""
 
 from __future__ import annotations
 
@@ -6,33 +6,12 @@ import numpy as np
 
 from beamsim.analyses.run.records import project
 from beamsim.dataclass import dataclass
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.typing import Complexes, Floats, Ints
 
 REPEATS = 0.01  # of the rms: periods that differ by less are alike
 _PHASES = 720  # grid for the initial guess of Newton's method
 _MOST_HARMONICS = 60  # fitted to a signal; the residual counts as noise
-
-
-@dataclass(frozen=True)
-class MeasuredSignal:
-    """One measured channel: a time history, or a spectrum of single-sided peak amplitudes."""
-
-    name: str
-    x: Floats  # (n,) s or Hz, increasing
-    y: Floats | Complexes  # (n,) in `unit`; complex: amplitude e^{i phase} of A cos(2 pi f t + phase)
-    of_frequency: bool = False
-    unit: str = ""  # as given in the file, or empty
-    source: str = ""  # file
-
-    @property
-    def label(self) -> str:
-        """The channel with its file, as messages name it."""
-        return f"{self.source or self.name}: {self.name}"
-
-    @property
-    def has_phase(self) -> bool:
-        """Whether phases between harmonics are known."""
-        return not self.of_frequency or bool(np.iscomplexobj(self.y))
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison
 from beamsim.analyses.compare.tracking import Followed, beginning, check_beginning, filtered, track
 from beamsim.analyses.sweep.peaks import LEAST_PROMINENCE, prominent_maxima
 from beamsim.analyses.sweep.result import Envelope, SweepCurve, SweepResult
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE
 from beamsim.typing import Bools, Complexes, Floats
 

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from beamsim.analyses.compare.measured import MeasuredSignal
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.typing import Complexes, Floats, Ints
 
 FEWEST_SAMPLES = 5.0  # a cycle of the highest frequency

@@ -40,7 +40,7 @@ from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.analyses.compare.measured import MeasuredSignal
+    from beamsim.measurements.signal import MeasuredSignal
     from beamsim.scenario import Scenario
     from beamsim.scenario.identification import IdentifyStiffness
 

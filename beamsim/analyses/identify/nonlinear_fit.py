@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.compare.measured import Harmonics, MeasuredSignal, best_phase, harmonics_of
+from beamsim.analyses.compare.measured import Harmonics, best_phase, harmonics_of
 from beamsim.analyses.identify.model_updating import Sought, confounded, inverse_information, sought_numbers
 from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, ProfileLikelihood, TestFit
 from beamsim.analyses.identify.steady import NoSteadyVibrationError, SteadyVibration, steady_vibration
@@ -28,6 +28,7 @@ from beamsim.analyses.identify.table_segments import SoughtSegment, segment_warn
 from beamsim.analyses.identify.uncertainty import widening
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.loading import replacing
 from beamsim.system.shared import SharedBuilds

@@ -8,9 +8,10 @@ import numpy as np
 from pydantic_core import PydanticCustomError
 
 from beamsim.analyses.identify.branch_fit import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
+from beamsim.analyses.identify.pad_data import read_pad_data
 from beamsim.analyses.identify.result import PadFit
 from beamsim.errors import Problem, ScenarioError
-from beamsim.inputs.pad_data import read_pad_data
+from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario.base import path_text
 from beamsim.scenario.pad_data import check_data
 from beamsim.typing import Complexes, Floats
@@ -90,9 +91,6 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
         return kind, np.array(getattr(data, kind), dtype=float)
     at = (*AT, "file")
     file = scenario.folder_of(*at) / data.file
-    if not file.is_file():
-        remedy = "give its path, relative to the folder of the scenario"
-        raise ScenarioError(Problem(path_text(at), f"= {data.file} does not exist", remedy))
     per_modulus = None if pad.height is None or pad.area is None else pad.area / pad.height
     try:
         kind, rows = read_pad_data(file, per_modulus)
@@ -103,7 +101,6 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
         raise ScenarioError(
             Problem(path_text(at), f"= {file.name}{row} {context['message']}", context["remedy"])
         ) from None
-    except (OSError, ValueError) as error:
-        message = f"= {file.name} cannot be used: {str(error).splitlines()[0]}"
-        raise ScenarioError(Problem(path_text(at), message, "see identification in the documentation")) from None
+    except MeasurementError as fault:
+        raise ScenarioError(Problem(path_text(at), f"= {data.file} {fault.message}", fault.remedy)) from None
     return kind, rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 TIME_NAMES = ("time", "t", "zeit", "temps")
-FREQUENCY_NAMES = ("frequency", "f", "freq", "frequenz", "fréquence")
+_FREQUENCY_NAMES = ("frequency", "f", "freq", "frequenz", "fréquence")
 
 _BRACKETS = re.compile(r"(.*?)\s*[(\[]([^)\]]*)[)\]]\s*")
 _ENDING = re.compile(r"(.+?)_(m_per_s2|m_per_s|m/s\^2|m/s2|m/s|mm|m|n|g|s|ms|us|hz|khz)", re.IGNORECASE)
@@ -32,6 +32,20 @@ def stated(unit: str) -> str:
     return "" if unit.strip().upper() in ("", "NONE", "1", "-") else unit.strip()
 
 
+def is_time(heading: str) -> bool:
+    """Whether a heading is that of a time axis."""
+    return split_heading(heading)[0].lower() in TIME_NAMES
+
+
 def is_frequency(heading: str) -> bool:
     """Whether a heading is that of a frequency axis."""
-    return split_heading(heading)[0].lower() in FREQUENCY_NAMES
+    return split_heading(heading)[0].lower() in _FREQUENCY_NAMES
+
+
+def label_of(name: str) -> str:
+    """Name of the channel of a data set.
+
+    >>> label_of("probes/tip/velocity")
+    'tip velocity'
+    """
+    return re.sub(r"^(probes|snubbers|spectra)/", "", name.strip("/")).replace("/", " ")

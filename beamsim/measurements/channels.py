@@ -1,0 +1,199 @@
+"""The channel of a file that is meant: by its name, or by where and what it measures; in SI units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamsim.errors import Problem, ScenarioError
+from beamsim.measurements.headings import split_heading
+from beamsim.measurements.read import read_file
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError
+from beamsim.scenario import units
+from beamsim.scenario.driven import spoken
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Scenario
+
+AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
+_EXAMPLES = {"absolute_acceleration": "g", "displacement": "mm", "absolute_displacement": "mm"}
+
+
+def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSignal]:
+    """The signal of every test of ``identify_stiffness.nonlinear``, in SI units; paths are relative to a folder.
+
+    Raises
+    ------
+    ScenarioError
+        For every file that is missing or empty, has non-finite values or lacks the channel.
+    """
+    section = scenario.identify_stiffness
+    if section is None or section.nonlinear is None:
+        return []
+    signals: list[MeasuredSignal] = []
+    problems: list[Problem] = []
+    default = scenario.effective_probes[0].name
+    for index, test in enumerate(section.nonlinear.tests):
+        at = f"identify_stiffness.nonlinear.tests[{index}]"
+        path = Path(folder) / test.file
+        try:
+            name = test.channel or test.probe or default
+            signal = channel_named(
+                read_signals(path, test.axis_unit), name, test.quantity, path, required=test.channel is not None,
+                at=f"{at}.channel",
+            )  # fmt: skip
+            signals.append(in_si(signal, test.unit, test.quantity, f"{at}.unit"))
+        except ScenarioError as error:
+            problems += [
+                p if p.path else Problem(f"{at}.file", f"= {test.file}: {p.message}", p.remedy) for p in error.problems
+            ]
+    if problems:
+        raise scenario.located(ScenarioError(problems))
+    return signals
+
+
+def read_signals(path: Path, axis_unit: str | None = None) -> list[MeasuredSignal]:
+    """All channels of a file that are on an axis, which is in s or Hz then.
+
+    Parameters
+    ----------
+    path : of the file.
+    axis_unit : of times or frequencies; by default the one that the file states.
+
+    Returns
+    -------
+    list
+        Values are in the units of the file.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be read, or has an axis without unit or no channel.
+    """
+    try:
+        signals = [each.on_si_axis(axis_unit, AXIS_UNIT) for each in read_file(path) if each.axis]
+    except MeasurementError as fault:
+        raise _wrong(f"{path} {fault.message}", fault.remedy) from None
+    if not signals:
+        raise _wrong(f"{path} contains no signal", "it needs a time or frequency axis and at least one channel")
+    return signals
+
+
+def channel_named(
+    signals: Sequence[MeasuredSignal],
+    name: str,
+    quantity: str,
+    path: Path,
+    *,
+    required: bool = False,
+    at: str = "",
+) -> MeasuredSignal:
+    """The channel of that name, which may leave out the unit; else that of probe and quantity, or the only one.
+
+    Raises
+    ------
+    ScenarioError
+        If no channel or several match, or values are not finite.
+    """
+    words = spoken(quantity)
+    exact = [s for s in signals if name in (s.name, split_heading(s.name)[0])]
+    named = [s for s in signals if holds_name(s.name, name)]
+    loose = [s for s in named if _is_of(s.name, words)]
+    if not loose and quantity == "absolute_acceleration":  # accelerometers know no other
+        loose = [s for s in named if _is_of(s.name, "acceleration")]
+    loose = loose or ([] if required else named)
+    histories = [s for s in loose if not s.of_frequency] or loose
+    chosen = exact or histories or ([] if required or len(signals) > 1 else list(signals))
+    if len(chosen) > 1 and all(_same(chosen[0], other) for other in chosen[1:]):
+        chosen = chosen[:1]
+    if len(chosen) != 1:
+        names = [s.name for s in signals]
+        close = get_close_matches(name, names, n=1)
+        listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+        verdict = "has no channel" if not chosen else f"has {len(chosen)} channels that could be"
+        remedy = f"did you mean {close[0]}?" if close and not chosen else f"name one: {listed}"
+        raise ScenarioError(Problem(at, f"{path} {verdict} {name} {words}", remedy))
+    return _checked(chosen[0], path)
+
+
+def history_named(path: Path, name: str, axis_unit: str | None = None) -> MeasuredSignal:
+    """The time history of that name.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be used, there is none, or the channel is a function of frequency.
+    """
+    signal = channel_named(read_signals(path, axis_unit), name, "", path, required=True)
+    if signal.of_frequency:
+        raise _wrong(f"{path}: {signal.name} is no time history", "choose the channel of the excitation over time")
+    return signal
+
+
+def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> MeasuredSignal:
+    """The signal converted to SI from the given unit, else from that of the file.
+
+    Raises
+    ------
+    ScenarioError
+        If neither is given, or the unit is not one of the quantity.
+    """
+    named = unit or signal.unit
+    dimension = {"absolute_acceleration": units.ACCELERATION, "velocity": units.VELOCITY}.get(quantity, units.LENGTH)
+    if quantity == "force":
+        dimension = units.FORCE
+    if not named:
+        source = f"{signal.source} states" if signal.source else "there is"
+        raise ScenarioError(
+            Problem(
+                at, f"is missing, and {source} no unit of {signal.name}",
+                f"give the unit of the {spoken(quantity)}, for example {_EXAMPLES.get(quantity, dimension.unit)}",
+            )
+        )  # fmt: skip
+    if named == dimension.unit:
+        return signal
+    try:
+        factor = units.read_quantity(f"1 {named}", dimension)
+    except units.UnitError as error:
+        raise ScenarioError(
+            Problem(at, f"= {named} {error.message}", f"the {spoken(quantity)} of {signal.name} needs its unit")
+        ) from None
+    return replace(signal, y=signal.y * factor, unit=dimension.unit)
+
+
+def _checked(signal: MeasuredSignal, path: Path) -> MeasuredSignal:
+    if signal.x.size < 2:
+        raise _wrong(f"{path}: {signal.name} has {signal.x.size} samples", "export the whole signal")
+    try:
+        return signal.checked()
+    except MeasurementError as fault:
+        raise _wrong(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
+
+
+def _same(a: MeasuredSignal, b: MeasuredSignal) -> bool:
+    return np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y)
+
+
+def holds_name(name: str, part: str) -> bool:
+    """Whether a channel's name holds a word."""
+    return bool(
+        re.search(
+            rf"(?<![a-z0-9]){re.escape(part.lower().replace('_', ' '))}(?![a-z0-9])", name.lower().replace("_", " ")
+        )
+    )
+
+
+def _is_of(name: str, words: str) -> bool:
+    text = name.lower().replace("_", " ")
+    other = {"displacement": "absolute displacement", "acceleration": "relative acceleration"}.get(words)
+    return words in text and (other is None or other not in text)
+
+
+def _wrong(message: str, remedy: str) -> ScenarioError:
+    return ScenarioError(Problem("", message, remedy))
