@@ -19,6 +19,7 @@ from beamsim.analyses.pad.rubber_block import LARGEST_STRAIN, block_modulus, blo
 from beamsim.contacts.force_curve import ForceCurve, fit_curve
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
+from beamsim.measurements.signal import MeasurementError
 from beamsim.system.force_tables import read_forces
 from beamsim.typing import Floats
 
@@ -174,8 +175,8 @@ def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | Non
     try:
         deflection, force, _ = read_forces(file)
         fitted = fit_curve(deflection, force, segments)
-    except OSError as error:
-        raise ScenarioError(Problem("--curve", f"= {file}: {error.strerror}", "give the path of a CSV file")) from None
+    except MeasurementError as fault:
+        raise ScenarioError(Problem("--curve", f"= {file} {fault.message}", fault.remedy)) from None
     except ValueError as error:
         remedy = "it needs a column of deflections and one of forces, from zero on"
         raise ScenarioError(Problem("--curve", f"= {file} cannot be used: {error}", remedy)) from None
