@@ -186,14 +186,12 @@ class LevelControl:
         flow = under_windows(self._latest, self.loads, windows, self._carrier(at, int(ahead[-1])))
         begun, self._latest = self._there.motion.copy(), flow
         flow.enter(begun, self._there.flow)
-        edge = np.append(windows.start, windows.duration)[np.searchsorted(windows.cycle, ahead - at)]
-        parts = [self._carry(flow, begun, float(edge[0]))]
+        parts = [self._carry(flow, begun, float(windows.edge[ahead[0] - at]))]
         there = _Reached(begun.copy(), flow)
         parts.append(self._carry(flow, begun, windows.duration))
         carried = replace(parts[-1], log=Log.join([part.log for part in parts if part.log is not None]))
         motion = motion_of(flow, begun, Log.sized(0, begun.y.size, 0), carried, 0.0)
-        cycles = np.append(windows.start[np.flatnonzero(np.diff(windows.cycle, prepend=-1))], windows.duration)
-        low, high = extremes_of_cycles(motion, self.outputs(flow), cycles)
+        low, high = extremes_of_cycles(motion, self.outputs(flow), windows.edge)
         counted = slice(int(ahead[skipped - 1]) - at if skipped else 0, None)
         share = float(np.max(np.maximum(high, -low)[counted] / self.limits))
         return float(np.log(max(share, 1e-300))), there

@@ -114,23 +114,22 @@ class SweptMotion:
                 progress=None if self.progress is None else partial(self._report, first, last),
             )  # fmt: skip
             trajectory = motion_of(flow, motion, begun, carried, 0.0)
-            self.outcome = _later(trajectory.outcome, float(self.windows.cycle_start[first]))
+            self.outcome = _later(trajectory.outcome, float(self.windows.edge[first]))
             self.events, self.segments = self.events + carried.events, self.segments + carried.segments
             self.evaluations += carried.evaluations
             visited.update(flow.visited[state].tobytes() for state in np.unique(trajectory.state))
             self.states = len(visited)
-            self.end = float(self.windows.cycle_start[first]) + trajectory.end
+            self.end = float(self.windows.edge[first]) + trajectory.end
             self.processor_time_s += clock.process_time() - begin
-            edge = np.append(windows.start[np.flatnonzero(np.diff(windows.cycle, prepend=-1))], windows.duration)
-            yield SweptStretch(trajectory, windows, first, edge)
+            yield SweptStretch(trajectory, windows, first, windows.edge)
             if not self.outcome.complete:
                 return
 
     def _report(self, first: int, last: int, time: float) -> None:
         """Tell the share of the cycles that is done."""
         assert self.progress is not None
-        begin = float(self.windows.cycle_start[first])
-        self.progress(min(float(np.searchsorted(self.windows.cycle_start, begin + time)), last) / self.windows.cycles)
+        begin = float(self.windows.edge[first])
+        self.progress(min(float(np.searchsorted(self.windows.edge, begin + time)), last) / self.windows.cycles)
 
     def _parts(self, carrier: Floats) -> Iterator[tuple[int, int]]:
         """First and last (left out) cycle of the stretches, with one carrier each."""

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
+from math import factorial
 from typing import Any
 
 import numpy as np
@@ -26,11 +28,10 @@ from beamsim.inputs.drift import SAME_TURNS, Correction, leg_pieces, motion_with
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.signal import Signal
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats, Ints
 
 LARGEST_DEGREE = 8
 TOLERANCE = 1e-12  # of the amplitude, for the truncation of the polynomials
-EXACT = 1e-13  # a series is not made longer when the rest of it is below this
 MOST_WINDOWS = 20_000_000
 WINDOWS_AT_A_TIME = 1 << 16
 MOST_HALVINGS = 40
@@ -50,10 +51,9 @@ class SweepWindows:
     fraction: Floats  # (W,) of that cycle at the middle of the window
     coefficient: Complexes  # (W, D + 1) of the sine; of a base, the acceleration with its corrections
     deviation: Floats  # (W, D + 1) of delta, rad
-    frequency_hz: Floats  # (C,) in the middle of each cycle
-    cycle_start: Floats  # (C,) s
+    frequency_hz: Floats  # (C,) in the middle of each cycle of the sweep
     cycle_leg: Ints  # (C,)
-    cycle_complete: Bools  # (C,)
+    complete: bool  # whether the last cycle is whole
     truncation: float  # largest bound on the truncation of the polynomials, over the amplitude
     displacement: Complexes | None = None  # (W, D + 1) of a base, without drift; None for a force
 
@@ -71,6 +71,11 @@ class SweepWindows:
     def duration(self) -> float:
         """Duration of the sweep, s."""
         return float(self.start[-1] + self.length[-1])
+
+    @cached_property
+    def edge(self) -> Floats:
+        """Where the cycles begin, s, and the end."""
+        return np.append(self.start[np.flatnonzero(np.diff(self.cycle, prepend=-1))], self.duration)
 
     def of_cycles(self, first: int, last: int) -> SweepWindows:
         """The windows of the cycles ``first`` to ``last`` - 1, with times from their beginning on."""
@@ -107,9 +112,16 @@ def cut_into_windows(
 
     Parameters
     ----------
+    legs : directions of the sweep, one after the other.
+    profile : level over frequency.
     phase : of the sine at the start, rad.
     corrections : of a base's acceleration, see `beamsim.inputs.drift.jumps`; None for a force.
     tolerance : bound on the truncation of the polynomials on a window, over the amplitude.
+
+    Returns
+    -------
+    SweepWindows
+        W of them, in C cycles.
 
     Raises
     ------
@@ -117,56 +129,54 @@ def cut_into_windows(
         If more than twenty million windows would be needed.
     """
     parts: list[dict[str, NDArray[Any]]] = []
-    turns_before, time_before = 0.0, 0.0
+    turns, time = 0.0, 0.0  # before each leg
+    begins = []
     for leg in legs:
         if leg.cycles > MOST_WINDOWS:
             raise ValueError(f"the sweep has {sum(leg.cycles for leg in legs):.3g} cycles")
-        expansion = _LegExpansion(leg, profile, phase, corrections, turns_before, time_before)
-        parts.append(_windows(expansion, expansion.cuts(), tolerance))
-        turns_before += leg.cycles
-        time_before += leg.duration
+        parts.append(_windows(_LegExpansion(leg, profile, phase, corrections, turns, time), tolerance))
+        begins.append(turns)
+        turns += leg.cycles
+        time += leg.duration
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     bound = columns.pop("bound")
-    cycles = int(columns["cycle"][-1]) + 1
-    frequency, start, cycle_leg = _cycle_table(legs, cycles)
-    complete = np.ones(cycles, dtype=bool)
-    complete[-1] = turns_before >= cycles - SAME_TURNS
+    middle = np.minimum(np.arange(int(columns["cycle"][-1]) + 1) + 0.5, turns)
+    cycle_leg = np.maximum(np.searchsorted(begins, middle, side="right") - 1, 0)
     return SweepWindows(
-        **{name: np.ascontiguousarray(column) for name, column in columns.items()},
-        frequency_hz=frequency,
-        cycle_start=start,
-        cycle_leg=cycle_leg,
-        cycle_complete=complete,
+        **columns,
+        frequency_hz=np.choose(cycle_leg, [leg.frequency(middle - t) for leg, t in zip(legs, begins, strict=True)]),
+        cycle_leg=cycle_leg.astype(np.int64),
+        complete=turns >= middle.size - SAME_TURNS,
         truncation=float(bound.max()),
     )
 
 
 def windows_of_cycles(
-    leg: Leg, profile: Profile, first: int, last: int, *, phase: float, of_base: bool, tolerance: float = TOLERANCE
+    leg: Leg, profile: Profile, first: int, last: int, *, phase: float, of_base: bool
 ) -> SweepWindows:
     """Windows of the whole cycles ``first`` to ``last`` - 1 of a leg, as if it began there.
 
-    The edges of the profile lie between cycles. A base moves without drift on each piece of the profile, and is not
-    corrected where the pieces meet.
+    Parameters
+    ----------
+    leg : the sweep, up or down.
+    profile : level over frequency, with edges between cycles.
+    first, last : numbers of cycles.
+    phase : of the sine at the start, rad.
+    of_base : whether it moves a base: without drift on each piece of the profile, and not corrected where they meet.
+
+    Returns
+    -------
+    SweepWindows
+        With times and cycles from the first on.
     """
-    expansion = _LegExpansion(leg, profile, phase, () if of_base else None, 0.0, 0.0)
-    columns = _windows(expansion, np.arange(first, last + 1, dtype=float), tolerance)
-    bound = columns.pop("bound")
-    columns["start"] = columns["start"] - leg.time_at(np.array(float(first)))
-    columns["cycle"] = columns["cycle"] - first
-    cycles = last - first
-    return SweepWindows(
-        **{name: np.ascontiguousarray(column) for name, column in columns.items()},
-        frequency_hz=leg.frequency(np.arange(first, last, dtype=float) + 0.5),
-        cycle_start=leg.time_between(leg.frequency(np.array(float(first))), np.arange(cycles, dtype=float)),
-        cycle_leg=np.zeros(cycles, dtype=np.int64),
-        cycle_complete=np.ones(cycles, dtype=bool),
-        truncation=float(bound.max()),
-    )
+    begin, end = leg.frequency(np.array([first, last], dtype=float)).tolist()
+    part = Leg(begin, end, leg.rate, leg.logarithmic)
+    return cut_into_windows([part], profile, phase=phase, corrections=() if of_base else None)
 
 
-def _windows(expansion: _LegExpansion, cuts: Floats, tolerance: float) -> dict[str, NDArray[Any]]:
-    """The windows of a leg between cuts, in cycles, halved until the polynomials are exact to the tolerance."""
+def _windows(expansion: _LegExpansion, tolerance: float) -> dict[str, NDArray[Any]]:
+    """The windows of a leg, halved until the polynomials are exact to the tolerance."""
+    cuts = expansion.cuts()
     chunks = [cuts[i : i + WINDOWS_AT_A_TIME + 1] for i in range(0, cuts.size - 1, WINDOWS_AT_A_TIME)]
     pending = [(chunk[:-1], chunk[1:], 0) for chunk in chunks]
     done: list[dict[str, NDArray[Any]]] = []
@@ -212,7 +222,7 @@ class _LegExpansion:
 
     def between(self, first: Floats, last: Floats) -> dict[str, NDArray[Any]]:
         """Columns of `SweepWindows` for windows between turns ``first`` and ``last``, and the bounds."""
-        leg, powers = self.leg, np.arange(LARGEST_DEGREE + 1)
+        leg = self.leg
         f = leg.frequency(first)
         length = leg.time_between(f, last - first)
         start = self.time_before + leg.time_at(first)
@@ -229,26 +239,26 @@ class _LegExpansion:
         series = product * (turn * amplitude)[:, None]
         windows: dict[str, NDArray[Any]] = {
             "start": start, "length": length, "omega": omega, "cycle": cycle, "fraction": fraction,
+            "deviation": deviation,
         }  # fmt: skip
         if self.corrections is None:
-            degree, bound = _shortest(series, None, omega, radius, remainder * amplitude, amplitude)
-            coefficient = np.where(powers > degree[:, None], 0.0, series)
-        else:
-            velocity, displacement = self._without_drift(series[:, 0], middle, piece)
-            pulse = np.zeros((f.size, 9))
-            for correction in self.corrections:
-                if np.any(np.abs(start + radius - correction.time) < correction.half_width):
-                    pulse += correction.displacement_about(start + radius)
-            curvature = pulse[:, 2:] * (np.arange(2, 9) * np.arange(1, 8))
-            pulse_series, pulse_remainder = _modulated(curvature, omega, radius, LARGEST_DEGREE)
-            series = series + pulse_series
-            motion = _twice_integrated(series, omega, displacement + pulse[:, 0], velocity + pulse[:, 1])
-            scale = np.maximum(amplitude, np.sum(np.abs(curvature) * radius[:, None] ** np.arange(7), axis=1))
-            degree, bound = _shortest(series, motion, omega, radius, remainder * amplitude + pulse_remainder, scale)
-            motion = np.where(powers > degree[:, None], 0.0, motion)
-            windows["displacement"] = motion
-            coefficient = _derivative(_derivative(motion, omega), omega)
-        return {**windows, "coefficient": coefficient, "deviation": deviation, "bound": bound}
+            return {**windows, "coefficient": series, "bound": remainder}
+        velocity, displacement = self._without_drift(series[:, 0], middle, piece)
+        pulse = np.zeros((f.size, 9))
+        for correction in self.corrections:
+            if np.any(np.abs(start + radius - correction.time) < correction.half_width):
+                pulse += correction.displacement_about(start + radius)
+        curvature = pulse[:, 2:] * (np.arange(2, 9) * np.arange(1, 8))
+        pulse_series, pulse_remainder = _modulated(curvature, omega, radius, LARGEST_DEGREE)
+        series = series + pulse_series
+        motion = _twice_integrated(series, omega, displacement + pulse[:, 0], velocity + pulse[:, 1])
+        coefficient = _derivative(_derivative(motion, omega), omega)
+        # the motion ends with the highest power, and its second derivative lacks what would be of higher ones
+        power = radius[:, None] ** np.arange(LARGEST_DEGREE + 1)
+        left_out = remainder * amplitude + pulse_remainder + np.sum(np.abs(coefficient - series) * power, axis=1)
+        scale = np.maximum(amplitude, np.sum(np.abs(curvature) * power[:, :7], axis=1))
+        bound = left_out / np.where(scale > 0, scale, 1.0)
+        return {**windows, "coefficient": coefficient, "displacement": motion, "bound": bound}
 
     def _without_drift(self, alpha: Complexes, frequency_hz: Floats, piece: Ints) -> tuple[Complexes, Complexes]:
         """Complex velocity and displacement that belong to an acceleration alpha in the middle of each window."""
@@ -272,7 +282,7 @@ def _series(leg: Leg, middle: Floats, power: Floats, radius: Floats, D: int) -> 
         if leg.logarithmic:
             growth[:, p] = growth[:, p - 1] * (power * rate) / p
             if p > 1:
-                deviation[:, p] = omega * rate ** (p - 1) / _factorial(p)
+                deviation[:, p] = omega * rate ** (p - 1) / factorial(p)
         else:
             growth[:, p] = growth[:, p - 1] * (power - (p - 1)) / p * (rate / middle)
     if not leg.logarithmic:
@@ -324,29 +334,6 @@ def _twice_integrated(series: Complexes, omega: Floats, value: Complexes, slope:
     return out
 
 
-def _shortest(
-    series: Complexes, integral: Complexes | None, omega: Floats, radius: Floats, remainder: Floats, scale: Floats
-) -> tuple[Ints, Floats]:
-    """The lowest degree (W,) that is exact to round-off, or else the highest, and the error (W,) of the signal over
-    ``scale``. Where ``integral`` is given its degree is meant, and the signal is its second derivative."""
-    D = series.shape[1] - 1
-    size = np.abs(series) * radius[:, None] ** np.arange(D + 1)
-    scale = np.where(scale > 0, scale, 1.0)
-    degree = np.full(omega.size, D, dtype=np.int64)
-    error = np.full(omega.size, np.inf)
-    for q in range(2, D + 1):
-        neglected = size[:, q + 1 :].sum(axis=1) + remainder
-        if integral is not None:
-            # the second derivative of the shortened series agrees with the signal up to the power q - 2
-            nu = 1j * omega
-            last = 2 * nu * q * integral[:, q] + nu**2 * integral[:, q - 1] - series[:, q - 1]
-            neglected += np.abs(last) * radius ** (q - 1) + np.abs(nu**2 * integral[:, q] - series[:, q]) * radius**q
-        better = error > EXACT
-        degree = np.where(better, q, degree)
-        error = np.where(better, neglected / scale, error)
-    return degree, error
-
-
 def _product(one: NDArray[Any], two: Floats, D: int) -> NDArray[Any]:
     """Product of power series, one per row, up to the power D."""
     return np.stack([np.sum(one[:, : p + 1] * two[:, p::-1], axis=1) for p in range(D + 1)], axis=1)
@@ -371,28 +358,6 @@ def _deviation_majorant(leg: Leg, omega: Floats, radius: Floats) -> Floats:
         direct = np.expm1(x) - x
     series = x**2 / 2 * (1 + x / 3 * (1 + x / 4 * (1 + x / 5 * (1 + x / 6 * (1 + x / 7)))))
     return np.asarray(omega / leg.rate * np.where(x < 0.1, series, direct))
-
-
-def _factorial(p: int) -> float:
-    return float(np.prod(np.arange(1, p + 1, dtype=float)))
-
-
-def _cycle_table(legs: Sequence[Leg], cycles: int) -> tuple[Floats, Floats, Ints]:
-    """Frequency in the middle, start and leg of every cycle; the last one may be incomplete."""
-    ends = np.cumsum([leg.cycles for leg in legs])
-    times = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])
-    begins = np.concatenate([[0.0], ends[:-1]])
-    middle = np.minimum(np.arange(cycles) + 0.5, ends[-1])
-    of_middle = np.minimum(np.searchsorted(ends, middle, side="right"), len(legs) - 1)
-    edge = np.arange(cycles, dtype=float)
-    of_edge = np.minimum(np.searchsorted(ends, edge, side="right"), len(legs) - 1)
-    frequency, start = np.empty(cycles), np.empty(cycles)
-    for index, leg in enumerate(legs):
-        here = of_middle == index
-        frequency[here] = leg.frequency(middle[here] - begins[index])
-        here = of_edge == index
-        start[here] = times[index] + leg.time_at(edge[here] - begins[index])
-    return frequency, start, of_middle.astype(np.int64)
 
 
 def swept_signals(windows: SweepWindows, carrier: float = 0.0) -> tuple[Signal, ...]:

@@ -93,7 +93,7 @@ class Swept:
         self.events, self.outcome = self.march.events, self.march.outcome
 
     def begin(self, stretch):
-        return float(self.windows.cycle_start[stretch.first])
+        return float(self.windows.edge[stretch.first])
 
     def event_times(self):
         return np.concatenate([self.begin(s) + s.motion.event_time for s in self.stretches])
@@ -357,7 +357,7 @@ def test_envelopes_and_harmonics_of_cycles_against_dense_samples(make_system, ri
     assert swept.events > 0
     node, weight = np.polynomial.legendre.leggauss(12)
     for cycle in (0, 3, windows.cycles // 2, windows.cycles - 2):
-        begin, end = windows.cycle_start[cycle], windows.cycle_start[cycle + 1]
+        begin, end = windows.edge[cycle], windows.edge[cycle + 1]
         dense = np.linspace(begin, end, 20001)
         values = swept.sample(dense[:-1], out)
         extent = np.ptp(values, axis=0) + 1e-12

@@ -48,7 +48,7 @@ def test_the_number_of_cycles_of_the_thesis_sweep():
     assert windows.duration == pytest.approx(129.66, abs=0.01)
     assert windows.count == windows.cycles  # a window a cycle is short enough
     assert windows.frequency_hz[0] == pytest.approx(20.0, abs=0.02)
-    assert np.diff(windows.cycle_start) @ windows.frequency_hz[:-1] == pytest.approx(windows.cycles - 1, rel=1e-6)
+    assert np.diff(windows.edge[:-1]) @ windows.frequency_hz[:-1] == pytest.approx(windows.cycles - 1, rel=1e-6)
 
 
 def test_phase_runs_on_from_up_to_down():
@@ -60,7 +60,7 @@ def test_phase_runs_on_from_up_to_down():
     assert np.all(np.diff(windows.cycle) <= 1)
     assert np.all(np.diff(windows.cycle) >= 0)
     lengths = np.bincount(windows.cycle, windows.length)
-    np.testing.assert_allclose(lengths[:-1], np.diff(windows.cycle_start), rtol=1e-9)
+    np.testing.assert_allclose(lengths[:-1], np.diff(windows.edge[:-1]), rtol=1e-9)
     assert set(windows.cycle_leg) == {0, 1}
 
 
@@ -78,7 +78,7 @@ def test_windows_of_some_cycles_are_those_of_the_sweep():
     """Beside its own frequency a window is one piece, and the phase runs on from cycle to cycle."""
     windows = cut_into_windows([Leg(10.0, 25.0, 0.01, True)], Profile.constant(2.0), corrections=())
     some = windows.of_cycles(30, 40)
-    begin = windows.cycle_start[30]
+    begin = windows.edge[30]
     signal, _, _ = swept_signals(some, some.omega[5])
     assert signal.start.size == some.count == 10
     t = np.linspace(0, some.duration * (1 - 1e-12), 1000)

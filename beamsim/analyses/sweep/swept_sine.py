@@ -122,7 +122,7 @@ def sweep_level(
             parts.append(record.first(stretch.reached))
         sampled = sum(values.shape[0] for values in samples)
         here = times[sampled : int(np.searchsorted(times, march.end * (1 + 1e-12), side="right"))]
-        samples.append(stretch.motion.sample(here - float(windows.cycle_start[stretch.first]), output_of))
+        samples.append(stretch.motion.sample(here - float(windows.edge[stretch.first]), output_of))
     curves = () if not parts else _curves(
         outputs, settings, quantity, level, level_index, profile, windows, CycleRecord.joined(parts)
     )  # fmt: skip
@@ -184,12 +184,12 @@ def _curves(
 ) -> tuple[SweepCurve, ...]:
     """The curves of the legs that were reached."""
     tracked = record.tracked((0.0, *settings.orders))
-    period = np.asarray(np.bincount(windows.cycle, windows.length, minlength=windows.cycles), dtype=float)
+    period = np.diff(windows.edge)
     curves = []
     for index, leg in enumerate(legs_of(settings)):
         direction = "up" if leg.last_hz > leg.first_hz else "down"
         computed = np.flatnonzero(windows.cycle_leg[: record.count] == index)
-        complete = windows.cycle_complete[computed]
+        complete = (computed < windows.cycles - 1) | windows.complete
         cycles = computed[complete]
         if not cycles.size:
             continue
@@ -204,7 +204,7 @@ def _curves(
         curve = outputs.curve(
             values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
             level_unit="" if settings.profile else level_unit(quantity), quantity=quantity, frequency_hz=frequency,
-            time=windows.cycle_start[cycles], excitation_amplitude=profile(frequency), orders=np.array(settings.orders),
+            time=windows.edge[cycles], excitation_amplitude=profile(frequency), orders=np.array(settings.orders),
             energy_error=energy_errors(record.imbalance[computed], record.energy[computed], complete),
         )  # fmt: skip
         curves.append(curve)
