@@ -154,7 +154,7 @@ def build_with_moving_point(
 
 
 def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> StructuralSystem:
-    scenario, basis, damping = parts.scenario, parts.basis, parts.reduced.damping
+    scenario, basis, damping = parts.scenario, parts.basis, parts.damping
     pushing = _pushing(parts)
     free = _checked_for_mechanisms(parts, pushing)
     loads, cubic, snubbers = constant_loads(parts), pushing.cubic, parts.located_snubbers
@@ -168,7 +168,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     corrections = None if motion is None else motion.corrections
     correction = None if corrections is None else CorrectionSize.of(corrections)
     sites = [*parts.snubber_sites, *force_sites(scenario), *output_sites(parts)]
-    recoveries = parts.reduced.recoveries(sites, base_direction(scenario)) if recovered else ()
+    recoveries = parts.structure.recoveries(basis, tuple(sites), base_direction(scenario)) if recovered else ()
     modes = _mode_table(parts, pushing.stops, damping, recoveries, assessed)
     return StructuralSystem(
         dynamics=PiecewiseLinearSystem(parts.stiffness, damping, contacts, loads.sum(axis=0)),

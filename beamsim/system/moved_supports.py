@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.scenario.base import Path
     from beamsim.structures.structure import Structure
-    from beamsim.system.shared import ReducedStructure
+    from beamsim.system.parts import Parts
 
 _CARRIED = 1e-9  # share of a support's motion below which a place does not follow it
 
@@ -47,18 +47,18 @@ class Moved:
         """The load of a unit motion that is held for ever."""
         return LoadPattern(-self.support.on_dofs[0] / structure.stiffness_scale, self.support.motion)
 
-    def static_shape(self, reduced: ReducedStructure) -> Floats:
+    def static_shape(self, parts: Parts) -> Floats:
         """(n,) coordinates of the static shape for a unit motion, sqrt(kg) m."""
-        structure = reduced.structure
+        structure = parts.structure
         momentum = structure.mass @ self.support.shape
-        return np.asarray(reduced.basis.vectors.T @ momentum * np.sqrt(structure.mass_scale))
+        return np.asarray(parts.basis.vectors.T @ momentum * np.sqrt(structure.mass_scale))
 
-    def loads(self, reduced: ReducedStructure) -> tuple[Floats, Floats, Floats]:
+    def loads(self, parts: Parts) -> tuple[Floats, Floats, Floats]:
         """(n,) loads per acceleration, velocity and displacement of the support."""
-        structure = reduced.structure
-        vectors = reduced.basis.vectors / np.sqrt(structure.mass_scale)
-        static = self.static_shape(reduced)
-        of_body = reduced.damping
+        structure = parts.structure
+        vectors = parts.basis.vectors / np.sqrt(structure.mass_scale)
+        static = self.static_shape(parts)
+        of_body = parts.damping
         if structure.damping is not None:
             of_body = of_body - vectors.T @ (structure.damping @ vectors)
         stiffness, mass, damping = self.support.on_dofs @ vectors

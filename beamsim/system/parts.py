@@ -15,10 +15,11 @@ from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
 from beamsim.structures.base_motion import TRANSLATIONS, UPWARDS, BaseDirection
 from beamsim.structures.basis import LoadPattern
+from beamsim.structures.damping import reduced_damping
 from beamsim.structures.places import LoadSite, Place, Site, ends_of
 from beamsim.structures.reduction import reduce_model
 from beamsim.system.moved_supports import Moved, driven_supports, moved_supports
-from beamsim.system.shared import ReducedStructure, SharedBuilds
+from beamsim.system.shared import SharedBuilds
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -42,28 +43,26 @@ class Parts:
     """The structure of a scenario in reduced, mass-normalised coordinates."""
 
     scenario: Scenario
-    reduced: ReducedStructure
+    structure: Structure
+    basis: ReducedBasis
     shared: SharedBuilds
     moved: tuple[Moved, ...] = ()  # supports that move
 
-    @property
-    def structure(self) -> Structure:
-        """The structure."""
-        return self.reduced.structure
-
-    @property
-    def basis(self) -> ReducedBasis:
-        """Its reduced coordinates."""
-        return self.reduced.basis
-
-    @property
+    @cached_property
     def omega(self) -> Floats:
         """(n,) rad/s."""
-        return self.reduced.omega
+        return np.asarray(self.basis.omega * self.structure.frequency_scale)
+
+    @cached_property
+    def damping(self) -> Floats:
+        """(n, n) C, 1/s."""
+        return reduced_damping(self.structure, self.basis, self.omega)
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(n,) modal inertia, sqrt(kg), and force of springs to the ground, of a unit motion of the base."""
-        return self.reduced.base_load(motion)
+        """(n,) modal inertia, sqrt(kg), and force of springs to the ground, N/(m sqrt(kg)), of a unit base motion."""
+        inertia, ground = self.structure.base_load(motion)
+        scale = np.sqrt(self.structure.mass_scale)
+        return np.asarray((inertia @ self.basis.vectors) * scale), np.asarray(ground @ self.basis.vectors) / scale
 
     @property
     def stiffness(self) -> Floats:
@@ -76,7 +75,7 @@ class Parts:
 
     def shapes(self, sites: Sequence[LoadSite]) -> Floats:
         """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
-        return self.reduced.shapes(sites)
+        return np.asarray(self.structure.rows(sites) @ self.basis.vectors / np.sqrt(self.structure.mass_scale))
 
     @cached_property
     def located_snubbers(self) -> tuple[Located, ...]:
@@ -135,17 +134,11 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     gravity = tuple(direction for direction, _ in gravity_loads(scenario))
     # the coordinates are those of the undamped structure
     undamped = tuple((name, body.model_copy(update={"damping": None})) for name, body in bodies)
-    reduction = (scenario.joined_by, nodes, tuple(sites), gravity, driven, tuple(asked.items()))
-
-    def basis() -> ReducedBasis:
-        return reduce_model(structure, _patterns(structure, sites, gravity, moved), **asked)
-
-    reduced = shared.once(
-        "reduced structure",
-        (bodies, *reduction),
-        lambda: ReducedStructure(structure, shared.once("reduction", (undamped, *reduction), basis)),
+    key = (undamped, scenario.joined_by, nodes, tuple(sites), gravity, driven, tuple(asked.items()))
+    basis = shared.once(
+        "reduction", key, lambda: reduce_model(structure, _patterns(structure, sites, gravity, moved), **asked)
     )
-    return Parts(scenario, reduced, shared, tuple(moved))
+    return Parts(scenario, structure, basis, shared, tuple(moved))
 
 
 def _contact_sites(scenario: Scenario) -> list[Site]:

@@ -73,7 +73,7 @@ def truncation(case):
     structure = parts.structure
     loads = np.vstack([structure.rows(parts.snubber_sites), structure.inertia])
     places = np.vstack([loads, structure.rows(parts.probe_sites)])
-    return LeftOut(structure, parts.basis, parts.reduced.damping, places, len(loads))
+    return LeftOut(structure, parts.basis, parts.damping, places, len(loads))
 
 
 def full_receptance(t, s):
@@ -233,7 +233,7 @@ def test_between_two_bodies_errors_add_up():
     between = {**panels, "snubbers": [{"name": "s", "between": ends, "stiffness": 1e5, "gap": 1e-3}]}
     parts = reduced_parts(load_scenario(json.dumps(between)))
     loads = parts.structure.rows(parts.snubber_sites)
-    bound = receptance_bound(parts.structure, parts.basis, parts.reduced.damping, loads, loads[:0]).loads
+    bound = receptance_bound(parts.structure, parts.basis, parts.damping, loads, loads[:0]).loads
     full = reduced_parts(load_scenario(json.dumps({**between, "reduction": {"modes": "all"}})))
     static = float(np.sum((loads @ full.basis.vectors) ** 2 / full.basis.omega**2))
     s = parts.basis.highest_frequency
