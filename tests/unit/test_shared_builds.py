@@ -63,6 +63,9 @@ def test_what_has_no_hash_is_not_kept():
     assert shared.once("structure", [1], object) is not shared.once("structure", [1], object)
 
 
+@pytest.mark.parametrize(
+    "change", [{"beam.damping.ratio": 0.03}, {"beam.damping": {"kind": "rayleigh", "mass": 1.0, "stiffness": 1e-5}}]
+)
 def test_another_damping_shares_the_reduced_coordinates(change):
     """The system is that of a build of its own, without that anything is reduced again."""
     shared = SharedBuilds()
