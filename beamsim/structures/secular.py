@@ -11,8 +11,8 @@ is at g = 0, the frequency of the structure with the point pinned. Solved for k,
 a frequency in closed form (H. Hazim, thesis, 2010, proposition 1.3.1, corrected: :math:`d\lambda/dk = u_r^2` with the
 mass-normalised deflection :math:`u_r` at the spring).
 
-Differences :math:`\lambda - \omega_i^2` are computed as products :math:`(\omega - \omega_i)(\omega + \omega_i)`, and
-the unknown of a root is its distance from the nearest pole, so accuracy is limited only by the conditioning.
+Differences :math:`\lambda - \omega_i^2` are computed as products :math:`(\omega - \omega_i)(\omega + \omega_i)`, so
+accuracy is limited only by the conditioning.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamsim.dataclass import dataclass
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats
 
 # A mode does not load the spring if its squared deflection at the point is below this fraction of the largest.
 _NODE = 1e-26
@@ -141,44 +141,26 @@ class SpringPoint:
 
     def _roots(self, j: int, level: Floats) -> Floats:
         """Angular frequencies where g = level (s,) between poles j and j + 1, or above the last pole."""
+        from scipy.optimize.elementwise import find_root
+
         poles, weights, _ = self._poles
-        last = j + 1 == poles.size
+        lower, last = poles[j], j + 1 == poles.size
+        rest, others = np.delete(poles, [j] if last else [j, j + 1]), np.delete(weights, [j] if last else [j, j + 1])
         with np.errstate(divide="ignore"):
-            reach = weights.sum() / level * (1 + 4 * _EPS)  # no root is further above the last pole
-        width = reach if last else np.full(level.shape, (poles[j + 1] - poles[j]) * (poles[j + 1] + poles[j]))
-        # measured from the nearer pole: g falls between them, so that its value halfway says which one that is
-        halfway = (poles[j] - poles) * (poles[j] + poles) + 0.5 * width[:, None]
-        above = np.sum(weights / halfway, axis=-1) > level if not last else np.zeros(level.shape, dtype=bool)
-        origin = np.where(above, poles[min(j + 1, poles.size - 1)], poles[j])
-        offset = (origin[:, None] - poles) * (origin[:, None] + poles)
-        side = np.where(above, -1.0, 1.0)
-        moved = side * _distances(offset, weights, level, side, width if last else 0.5 * width)
-        squared = np.maximum(origin**2 + moved, 0.0)
-        root = np.where(origin > 0, origin + moved / (origin + np.sqrt(squared)), np.sqrt(squared))
-        return np.asarray(np.where(np.isinf(level), poles[j], np.where(np.isinf(width), np.inf, root)), dtype=float)
+            reach = np.sqrt(lower**2 + weights.sum() / level * (1 + 4 * _EPS))  # no root is further above the last pole
+        upper = reach if last else np.full(level.shape, poles[j + 1])
+        known = np.isfinite(level) & np.isfinite(upper)
 
+        def value(omega: Floats, level: Floats) -> Floats:
+            """(level - g) times the distances from the poles in lambda: negative at the lower end, then positive."""
+            below = (omega - lower) * (omega + lower)
+            g = np.sum(others / ((omega[..., None] - rest) * (omega[..., None] + rest)), axis=-1)
+            least = (level - g) * below - weights[j]
+            if last:
+                return np.asarray(least)
+            return np.asarray(least * (poles[j + 1] - omega) * (poles[j + 1] + omega) + weights[j + 1] * below)
 
-def _distances(offset: Floats, weights: Floats, level: Floats, side: Floats, span: Floats) -> Floats:
-    """(s,) distances x in lambda from a pole at which g = level; (g - level) x is smooth and all but linear near it.
-
-    Parameters
-    ----------
-    offset : (s, p) of the pole from all poles, zero for itself.
-    weights : (p,) of the poles.
-    level : (s,) values of g; what is infinite is not looked for.
-    side : (s,) 1 where lambda is above the pole, -1 below.
-    span : (s,) largest distance.
-    """
-    from scipy.optimize.elementwise import find_root
-
-    known = np.isfinite(level) & np.isfinite(span)
-    highest, c = np.where(known, span, 1.0), np.where(known, level, 0.0)
-    own = offset == 0
-    weight = np.sum(np.where(own, weights, 0.0), axis=-1)
-
-    def value(x: Floats, i: Ints) -> Floats:
-        difference = np.where(own[i], np.inf, offset[i] + (side[i] * x)[:, None])
-        return np.asarray(weight[i] + (np.sum(weights / difference, axis=-1) - c[i]) * side[i] * x)
-
-    found = find_root(value, (np.zeros(level.shape), highest), args=(np.arange(level.size),))
-    return np.asarray(np.where(found.success, found.x, highest))
+        bracket = (np.full(level.shape, lower), np.where(known, upper, lower + 1.0))
+        found = find_root(value, bracket, args=(np.where(known, level, 0.0),))
+        root = np.where(found.success, found.x, upper)
+        return np.asarray(np.where(np.isinf(level), lower, np.where(known, root, np.inf)), dtype=float)
