@@ -7,25 +7,22 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from beamsim.errors import MethodError
 from beamsim.structures.base_motion import BaseDirection
-from beamsim.structures.beam_fields import polynomial_field
-from beamsim.structures.beam_model import BeamModel, place_rows
 from beamsim.structures.dof_table import DofTable, NamedDofs
-from beamsim.structures.given_field import GivenField
+from beamsim.structures.given_field import GivenField, WeightedValues
 from beamsim.structures.hermite import curvature_rows
 from beamsim.structures.mesh import Mesh, build_mesh
 from beamsim.structures.meshed import on_supports
 from beamsim.structures.places import DEFLECTION, SLOPE, Place, Site
-from beamsim.structures.recovery import beam_recovery
-from beamsim.structures.stations import Recovery
-from beamsim.structures.structure import MemberBody
+from beamsim.structures.recovery import BeamModel
 from beamsim.structures.supports import Coupling, Hold
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario.beam import BeamBody
-    from beamsim.structures.basis import ReducedBasis
 
+_DERIVATIVE = {DEFLECTION: 0, SLOPE: 1}
 # What an end holds: (deflection, slope).
 _HELD = {
     "clamped": (True, True),
@@ -33,6 +30,33 @@ _HELD = {
     "guided": (False, True),
     "free": (False, False),
 }
+
+
+def place_rows(mesh: Mesh, length: float, places: Sequence[Place]) -> Floats:
+    """(k, all dofs) deflections or slopes at places of a beam.
+
+    Parameters
+    ----------
+    mesh, length : of the beam, m.
+    places : k of its places.
+
+    Returns
+    -------
+    (k, all dofs) array
+        1 for deflections, 1/m for slopes.
+
+    Raises
+    ------
+    ValueError
+        If a place moves in another direction.
+    """
+    rows = np.zeros((len(places), mesh.size))
+    for row, place in zip(rows, places, strict=True):
+        if place.direction not in _DERIVATIVE:
+            raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
+        derivative = _DERIVATIVE[place.direction]
+        row[:] = mesh.rows(place.coordinate / length, derivative).toarray()[0] / length**derivative
+    return rows
 
 
 def supported_dofs(left: str, right: str, nodes: int) -> Ints:
@@ -54,9 +78,43 @@ def supported_dofs(left: str, right: str, nodes: int) -> Ints:
 
 
 class BeamStructure(BeamModel):
-    """A beam as a structure."""
+    """A beam as a structure; places are metres from its left end."""
 
     sides: ClassVar[tuple[str, ...]] = ("length",)
+
+    @property
+    def most_modes(self) -> int:
+        """One an element: modes with higher numbers are not carried by the mesh."""
+        return self.mesh.elements
+
+    def frequency_count(self, omega: float) -> int:
+        """A bound on the number of modes below the scaled angular frequency omega."""
+        # Free-free bounds every support from above (less is held, more modes below); beta_n ~ (n - 3/2) pi with
+        # both rigid-body modes counted. Segments cut apart bound the beam in the same way, and so does the softest and
+        # heaviest all along. A mass added lowers at most one more frequency past the limit, as does a rotary inertia.
+        beam, physical = self.section, omega * self.frequency_scale
+        stretches = beam.stretches
+        per_length = [
+            (physical**2 * stretch.mass_per_length / stretch.bending_stiffness) ** 0.25 / np.pi for stretch in stretches
+        ]
+        apart = sum(int(np.ceil(n * s.length)) + 2 for n, s in zip(per_length, stretches, strict=True))
+        heaviest = max(stretch.mass_per_length for stretch in stretches)
+        softest = min(stretch.bending_stiffness for stretch in stretches)
+        alike = int(np.ceil((physical**2 * heaviest / softest) ** 0.25 * beam.length / np.pi)) + 2
+        rotary = sum(mass.rotary_inertia > 0.0 for mass in beam.point_masses)
+        return min(apart, alike) + len(beam.point_masses) + rotary
+
+    def point_row(self, place: Place) -> Floats:
+        """(all dofs,) deflection or slope at a place."""
+        return np.asarray(place_rows(self.mesh, self.section.length, [place])[0])
+
+    def base_coefficients(self, motion: BaseDirection) -> Floats:
+        """(2,) the translation and the rotation of the mesh that make up a unit motion of the base."""
+        if motion.direction == "ry":  # z goes down with x
+            return np.array([motion.about[0], -self.section.length])
+        if motion.direction in ("", "z"):
+            return np.array([1.0, 0.0])
+        raise MethodError("direction", f"= {motion.direction} does not deflect a beam", "use z, or ry, a rotation")
 
     def unit_stiffness(self, site: Site) -> float:
         """E I / L^3, N/m, with the largest E I."""
@@ -79,22 +137,6 @@ class BeamStructure(BeamModel):
     def point_of(self, place: Place) -> Floats:
         """(3,) position along the axis, m."""
         return np.array([place.coordinate, 0.0, 0.0])
-
-    def recovery(
-        self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
-    ) -> Recovery:
-        """Deflection, bending moment and stress along the beam.
-
-        Parameters
-        ----------
-        member, basis, sites, base : see `BodyStructure.recovery`.
-
-        Returns
-        -------
-        Recovery
-            At nodes, element midpoints and the sites.
-        """
-        return beam_recovery(self, member, basis, sites, base)
 
     def holds(self, base: BaseDirection) -> Sequence[Hold]:
         """Deflection and slope of each end that is held, or on springs."""
@@ -119,8 +161,26 @@ class BeamStructure(BeamModel):
         return float(np.abs(spline(np.append(self.mesh.nodes, level[np.isfinite(level)]))).max())
 
     def given_field(self, numbers: Sequence[float]) -> GivenField:
-        """A polynomial in x (m) from the left end, by its coefficients."""
-        return polynomial_field(self, numbers)
+        """A polynomial in x (m) from the left end, by its coefficients of x^0, x^1, ..., in SI units."""
+        from scipy.sparse import vstack
+
+        mesh, length, masses = self.mesh, self.section.length, self.section.point_masses
+        polynomial = np.polynomial.Polynomial(np.asarray(numbers, dtype=float) * length ** np.arange(len(numbers)))
+        points, weights = np.polynomial.legendre.leggauss(len(numbers) // 2 + 4)
+        x = (mesh.nodes[:-1, None] + mesh.lengths[:, None] * (points + 1) / 2).ravel()
+        weight = mesh.lengths[:, None] * weights / 2
+        at = np.array([m.position for m in masses]) / length
+        turning = np.array([m.rotary_inertia for m in masses]) / length**2  # of slopes by x / L
+        lumped = np.concatenate([[m.mass for m in masses], turning]) / self.mass_scale
+        rows = vstack([mesh.rows(x), mesh.rows(at), mesh.rows(at, 1)], format="csr")
+        kinetic = WeightedValues(
+            rows[:, self.free],
+            np.concatenate([(weight * self.line_mass[:, None]).ravel(), lumped]),
+            np.concatenate([polynomial(x), polynomial(at), polynomial.deriv()(at)]),
+        )
+        bending = (weight * self.bending[:, None]).ravel()
+        curved = WeightedValues(mesh.rows(x, 2)[:, self.free], bending, polynomial.deriv(2)(x))
+        return GivenField(kinetic, curved)
 
 
 def end_springs(beam: BeamBody, name: str) -> list[Coupling]:

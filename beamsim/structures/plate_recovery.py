@@ -7,70 +7,80 @@ through the next four.
 
 from __future__ import annotations
 
+from abc import ABC
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.structures.base_motion import BaseDirection
+from beamsim.structures.mesh import Mesh
+from beamsim.structures.meshed import MeshedBody
+from beamsim.structures.places import Place
+from beamsim.structures.plate_mesh import PlateMesh
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import IN_PLANE, Recovery
+from beamsim.structures.structure import MemberBody
 from beamsim.structures.supports import UnitMotion
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario.plate import PlateBody
     from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.mesh import Mesh
-    from beamsim.structures.plate_model import PlateModel
-    from beamsim.structures.structure import MemberBody
 
 
-def plate_recovery(
-    structure: PlateModel, member: MemberBody, basis: ReducedBasis, base: BaseDirection | None
-) -> Recovery:
-    """Deflection, moments Mx, My, Mxy per width and stresses at the nodes.
+@dataclass(frozen=True)
+class PlateModel(MeshedBody, ABC):
+    """A plate in bicubic Hermite elements, as far as its moments need it."""
 
-    Parameters
-    ----------
-    structure, member : the plate, and how it lies in its structure.
-    basis : reduced coordinates of the whole structure.
-    base : how the base moves: then the static share of the modes left out is needed.
+    section: PlateBody
+    mesh: PlateMesh
 
-    Returns
-    -------
-    Recovery
-        Three moments at each node of the mesh.
-    """
-    plate, whole = structure.section, member.whole
-    scale = 1 / np.sqrt(whole.mass_scale)
-    operator = moment_operator(structure)
+    def recovery(
+        self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
+    ) -> Recovery:
+        """Deflection, moments Mx, My, Mxy per width and stresses at the nodes.
 
-    def moments(vectors: Floats) -> Floats:
-        return np.asarray(operator @ structure.whole_field(member.field(vectors)))
+        Parameters
+        ----------
+        member, basis, sites, base : see `BodyStructure.recovery`.
 
-    moment = moments(basis.vectors) + operator @ _moved(structure, basis)
-    moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
-    remainder = np.zeros(moment.shape[0])
-    if base is not None:  # modes left out respond statically to the acceleration of the base
-        inertia = whole.base_load(base)[0]
-        flexible = slice(basis.rigid, None)
-        coordinates = basis.vectors[:, flexible].T @ inertia / basis.omega[flexible] ** 2
-        remainder = moments(static_deflections(whole, inertia[:, None]))[:, 0] - moment[:, flexible] @ coordinates
-    per_moment = plate.stress_per_moment
-    points = structure.mesh.node_points * (plate.length, plate.width)
-    return Recovery(
-        body=structure.name,
-        axis=IN_PLANE,
-        position=points[:, 0],
-        across=points[:, 1],
-        deflection=structure.whole_field(member.field(basis.vectors))[structure.mesh.deflections] * scale,
-        bending_moment=moment * scale,
-        stress_per_moment=None if per_moment is None else np.full(moment.shape[0], per_moment),
-        strains_per_moments=_strains_per_moments(plate),
-        base_moment=-remainder * (whole.mass_scale / whole.stiffness_scale),
-        moments=3,
-    )
+        Returns
+        -------
+        Recovery
+            Three moments at each node of the mesh.
+        """
+        plate, whole = self.section, member.whole
+        scale = 1 / np.sqrt(whole.mass_scale)
+        operator = moment_operator(self)
+
+        def moments(vectors: Floats) -> Floats:
+            return np.asarray(operator @ self.whole_field(member.field(vectors)))
+
+        moment = moments(basis.vectors) + operator @ _moved(self, basis)
+        moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
+        remainder = np.zeros(moment.shape[0])
+        if base is not None:  # modes left out respond statically to the acceleration of the base
+            inertia = whole.base_load(base)[0]
+            flexible = slice(basis.rigid, None)
+            coordinates = basis.vectors[:, flexible].T @ inertia / basis.omega[flexible] ** 2
+            remainder = moments(static_deflections(whole, inertia[:, None]))[:, 0] - moment[:, flexible] @ coordinates
+        per_moment = plate.stress_per_moment
+        points = self.mesh.node_points * (plate.length, plate.width)
+        return Recovery(
+            body=self.name,
+            axis=IN_PLANE,
+            position=points[:, 0],
+            across=points[:, 1],
+            deflection=self.whole_field(member.field(basis.vectors))[self.mesh.deflections] * scale,
+            bending_moment=moment * scale,
+            stress_per_moment=None if per_moment is None else np.full(moment.shape[0], per_moment),
+            strains_per_moments=_strains_per_moments(plate),
+            base_moment=-remainder * (whole.mass_scale / whole.stiffness_scale),
+            moments=3,
+        )
 
 
 def _strains_per_moments(plate: PlateBody) -> Floats | None:

@@ -8,6 +8,7 @@ so that a station under a point load shows the peak.
 
 from __future__ import annotations
 
+from abc import ABC
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -18,17 +19,18 @@ from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.basis import LoadPattern
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.hermite import curvature_rows, double_integral, element_rows, shape_functions
+from beamsim.structures.mesh import Mesh
+from beamsim.structures.meshed import MeshedBody
 from beamsim.structures.places import Place
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import ALONG, Recovery
+from beamsim.structures.structure import MemberBody
 from beamsim.structures.supports import UnitMotion
-from beamsim.typing import Floats
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
+    from beamsim.scenario.beam import BeamBody
     from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.beam_model import BeamModel
-    from beamsim.structures.mesh import Mesh
-    from beamsim.structures.structure import MemberBody
 
 
 def stations(mesh: Mesh, extra: list[float]) -> Floats:
@@ -38,38 +40,45 @@ def stations(mesh: Mesh, extra: list[float]) -> Floats:
     return np.unique(np.concatenate([x, distinct]))
 
 
-def beam_recovery(
-    model: BeamModel, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
-) -> Recovery:
-    """Deflection, bending moment and stress along a beam; stations are nodes, element midpoints and the sites.
+@dataclass(frozen=True)
+class BeamModel(MeshedBody, ABC):
+    """An Euler-Bernoulli beam in cubic Hermite elements, as far as its moments need it."""
 
-    Parameters
-    ----------
-    model, member : the beam, and how it lies in its structure.
-    basis : reduced coordinates of the whole structure.
-    sites : where forces act on the beam.
-    base : how the base moves: then the static share of the modes left out is needed.
+    section: BeamBody
+    mesh: Mesh
+    stretch_of: Ints  # (elements,) which of the beam's stretches each element belongs to
+    bending: Floats  # (elements,) bending stiffness, in the largest of the beam
+    line_mass: Floats  # (elements,) mass per length, in the mean of the beam
 
-    Returns
-    -------
-    Recovery
-        For a unit of each coordinate, 1/sqrt(kg).
-    """
-    beam, scale = model.section, 1 / np.sqrt(member.whole.mass_scale)
-    length = beam.length
-    x = stations(model.mesh, [place.coordinate / length for place in sites])
-    moment = moment_rows(model, member, basis, x)
-    remainder = np.zeros(x.size) if base is None else inertia_remainder(model, member, basis, x, moment, base)
-    return Recovery(
-        body=model.name,
-        axis=ALONG,
-        position=x * length,
-        deflection=model.mesh.rows(x) @ model.whole_field(member.field(basis.vectors)) * scale,
-        bending_moment=moment * (scale * beam.bending_stiffness / length**2),
-        stress_per_moment=_per_moment(model, x, lambda bending: bending.stress_per_moment),
-        strain_per_moment=_per_moment(model, x, _strain_per_moment),
-        base_moment=-remainder * (member.whole.mass_scale * length * member.stiffness_ratio),
-    )
+    def recovery(
+        self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
+    ) -> Recovery:
+        """Deflection, bending moment and stress along the beam.
+
+        Parameters
+        ----------
+        member, basis, sites, base : see `BodyStructure.recovery`.
+
+        Returns
+        -------
+        Recovery
+            At nodes, element midpoints and the sites; for a unit of each coordinate, 1/sqrt(kg).
+        """
+        beam, scale = self.section, 1 / np.sqrt(member.whole.mass_scale)
+        length = beam.length
+        x = stations(self.mesh, [place.coordinate / length for place in sites])
+        moment = moment_rows(self, member, basis, x)
+        remainder = np.zeros(x.size) if base is None else inertia_remainder(self, member, basis, x, moment, base)
+        return Recovery(
+            body=self.name,
+            axis=ALONG,
+            position=x * length,
+            deflection=self.mesh.rows(x) @ self.whole_field(member.field(basis.vectors)) * scale,
+            bending_moment=moment * (scale * beam.bending_stiffness / length**2),
+            stress_per_moment=_per_moment(self, x, lambda bending: bending.stress_per_moment),
+            strain_per_moment=_per_moment(self, x, _strain_per_moment),
+            base_moment=-remainder * (member.whole.mass_scale * length * member.stiffness_ratio),
+        )
 
 
 def _strain_per_moment(bending: Any) -> float | None:

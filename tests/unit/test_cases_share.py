@@ -56,7 +56,7 @@ def counted(monkeypatch):
         ("importlib.metadata", "version"),
         ("beamsim.flow.exact", "contact_modes"),
         ("beamsim.analyses.run.motion", "spectra_of_motion"),
-        ("beamsim.structures.beam", "beam_recovery"),
+        ("beamsim.structures.recovery:BeamModel", "recovery"),
         ("beamsim.flow.trajectory:Trajectory", "extrema"),
         ("scipy.sparse.linalg", "splu"),
     ):
@@ -78,10 +78,10 @@ def test_cases_that_differ_in_contact_and_level_share_the_structure(counted, wor
 def test_what_is_not_asked_for_is_not_built(counted):
     scenario = load_scenario(BASE)
     beamsim.ensemble(scenario, {"snubbers.tip.gap": [0.0, 1e-4]}, ["peak_force"], workers=1)
-    assert "beam_recovery" not in counted
+    assert "recovery" not in counted
     assert counted["extrema"] == 2  # one search for all extremes of a case
     beamsim.ensemble(scenario, {"snubbers.tip.gap": [0.0, 1e-4]}, ["bending_stress"], workers=1)
-    assert counted["beam_recovery"] == 2  # of each case
+    assert counted["recovery"] == 2  # of each case
     counted.clear()
     beamsim.ensemble(scenario, {"beam.thickness": [4e-3, 5e-3]}, ["bending_stress"], workers=1)
     assert counted["splu"] == 2  # the stiffness of each beam, for all static deflections
