@@ -109,10 +109,10 @@ def summaries_of_files(scenario: Scenario) -> tuple[FileSummary, ...]:
     ScenarioError
         If a file cannot be read or used.
     """
-    from beamsim.structures.matrices import summarise_files
+    from beamsim.structures.matrices import read_body
 
     return tuple(
-        summarise_files(_with_places_of_files(scenario, name), name)
+        read_body(_with_places_of_files(scenario, name), name)[1]
         for name, body in scenario.all_bodies.items()
         if body.is_read_from_files
     )

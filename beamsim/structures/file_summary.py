@@ -12,7 +12,6 @@ from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario.file_units import FileUnits, UnitSystem
-    from beamsim.scenario.matrices import MatricesBody
     from beamsim.structures.named_matrices import NamedMatrices
 
 # Mass over the cube of the largest dimension, kg/m^3: a wire of 0.2 mm and 10 m has 2e-5, a block of tungsten 2e4, and
@@ -99,21 +98,3 @@ class FileSummary:
             "mass_kg": self.found.mass,
             "extent_m": None if self.found.extent is None else self.found.extent.tolist(),
         }
-
-
-def summary_of(given: NamedMatrices, section: MatricesBody, name: str) -> FileSummary:
-    """Summary of the matrices that were read from the files of a body.
-
-    Parameters
-    ----------
-    given : the matrices, in SI units.
-    section : of the body in the scenario.
-    name : of the body.
-
-    Returns
-    -------
-    FileSummary
-        Sizes, units and remarks.
-    """
-    count = len(given.table.dofs)
-    return FileSummary(name, count, given.units, section.units is None, size_and_mass(given), given.remarks)

@@ -16,7 +16,7 @@ from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.dissection import dissection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
-from beamsim.structures.file_summary import FileSummary, summary_of
+from beamsim.structures.file_summary import FileSummary, size_and_mass
 from beamsim.structures.imported import (
     CONDENSED_UP_TO,
     base_influence,
@@ -175,34 +175,9 @@ class MatricesStructure(BodyStructure):
             )  # fmt: skip
         return forces @ motion
 
-    def recovered_by(self, number: int, field: Floats, order: int = 0) -> float:
-        """A row of the recovery matrix for a field of all rows of the files.
-
-        Parameters
-        ----------
-        number, field, order : see `BodyStructure.recovered_by`.
-
-        Returns
-        -------
-        float
-            In the unit of the row.
-        """
-        return float((self.given.recovery[[number]] @ field)[0]) * self.given.time_unit**order
-
-    def recovered(self, number: int, motion: BaseDirection, order: int = 0) -> tuple[Floats, float]:
-        """A row of the recovery matrix: (N,) for a unit of each degree of freedom, and of the base's motion.
-
-        Parameters
-        ----------
-        number, motion, order : see `BodyStructure.recovered`.
-
-        Returns
-        -------
-        (N,) array, float
-            In the unit of the row.
-        """
-        row = self.given.recovery[[number]].toarray() * self.given.time_unit**order
-        return self.on_free(row)[0], float((row @ self.rigid_motion(motion))[0])
+    def recovery_row(self, number: int, order: int = 0) -> Floats:
+        """(rows of the files,) a row of the recovery matrix."""
+        return np.asarray(self.given.recovery[[number]].toarray()[0] * self.given.time_unit**order)
 
     @property
     def named_dofs(self) -> NamedDofs:
@@ -307,15 +282,14 @@ def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any
         At the key of the body that is wrong.
     """
     with _located(name):
-        given = read_matrices_of(section)
-        found = summary_of(given, section, name)
+        given, found = read_body(section, name)
         if section.base != "free":
             given = replace(given, base=section.base.nodes, direction=section.base.direction)
         return replace(structure_of(given, section.damping, name), file_summary=found)
 
 
-def summarise_files(section: MatricesBody, name: str) -> FileSummary:
-    """Read the files of a body, without assembling it.
+def read_body(section: MatricesBody, name: str) -> tuple[NamedMatrices, FileSummary]:
+    """The matrices in the files of a body, in SI units, and what a user should know of them.
 
     Raises
     ------
@@ -323,7 +297,9 @@ def summarise_files(section: MatricesBody, name: str) -> FileSummary:
         At the key of the body that is wrong.
     """
     with _located(name):
-        return summary_of(read_matrices_of(section), section, name)
+        given = read_matrices_of(section)
+    found, by_default = size_and_mass(given), section.units is None
+    return given, FileSummary(name, len(given.table.dofs), given.units, by_default, found, given.remarks)
 
 
 @contextmanager

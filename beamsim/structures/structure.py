@@ -373,38 +373,12 @@ class BodyStructure(Structure, ABC):
         """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""
         return float(self.unsupported_row(place) @ self.rigid_motion(motion))
 
-    def recovered(self, number: int, motion: BaseDirection, order: int = 0) -> tuple[Floats, float]:
-        """(N,) another quantity that the body gives, by its number, for a unit of each dof, and that of the base.
+    def recovery_row(self, number: int, order: int = 0) -> Floats:
+        """(all dofs,) another quantity that the body gives, by its number from 0, for a unit of each of its dofs.
 
         ``order`` is that of the time derivative of the motion that it takes: 1 of velocity, 2 of acceleration.
-
-        Parameters
-        ----------
-        number : of the quantity, from 0.
-        motion : of the base.
-        order : of the time derivative.
-
-        Returns
-        -------
-        (N,) array, float
-            In the unit of the quantity.
         """
         raise ValueError(f"{self.name} gives no other quantities")  # which the scenario refuses
-
-    def recovered_by(self, number: int, field: Floats, order: int = 0) -> float:
-        """The same for a field of all dofs.
-
-        Parameters
-        ----------
-        number, order : see `recovered`.
-        field : (all dofs,).
-
-        Returns
-        -------
-        float
-            In the unit of the quantity.
-        """
-        raise ValueError(f"{self.name} gives no other quantities")
 
     @abstractmethod
     def recovery(

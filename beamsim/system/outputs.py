@@ -187,17 +187,17 @@ class _Asked:
     def _recovered(self, output: Any) -> OutputRows:
         name = output.body or self.parts.scenario.default_body
         structure, names = self.parts.structure, self.parts.scenario.all_bodies[name].recovered_rows
-        member, order = structure.member(name), _SIGNALS[::-1].index(output.motion)
-        motion = base_direction(self.parts.scenario) or UPWARDS
-        row, of_base = member.body.recovered(names.index(output.row), motion, order)
-        shape = member.on_whole(row) @ self.parts.basis.vectors / np.sqrt(structure.mass_scale)
+        member, motion = structure.member(name), base_direction(self.parts.scenario) or UPWARDS
+        row = member.body.recovery_row(names.index(output.row), _SIGNALS[::-1].index(output.motion))
+        on_dofs = member.on_whole(member.body.on_free(row[None])[0])
+        shape = on_dofs @ self.parts.basis.vectors / np.sqrt(structure.mass_scale)
+        of_base = row @ member.body.rigid_motion(motion)
         base = np.array([of_base if output.motion == "acceleration" else 0.0])
         load = np.zeros((1, len(self.forcing.signal)))
         for signals, each in self.moved_signals:
             field = each.support.motion.fields.get(name)
             if field is not None:
-                moved = member.body.recovered_by(names.index(output.row), field, order)
-                load[0, signals][_SIGNALS.index(output.motion)] = moved
+                load[0, signals][_SIGNALS.index(output.motion)] = row @ field
         return self._zero(output, name, base_acceleration=base, load=load, **{output.motion: shape[None]})
 
     def _bending(self, output: Any, place: Place) -> OutputRows:
