@@ -55,6 +55,11 @@ class Contacts:
         """(m,) displacement of each place for a unit displacement of the base."""
         return np.ones(self.count) if self.lever is None else self.lever
 
+    @property
+    def _presser(self) -> Ints:
+        """(m,) contact whose force presses each, -1 where there is none."""
+        return np.full(self.count, -1) if self.pressed_by is None else self.pressed_by
+
     @cached_property
     def internal_states(self) -> int:
         """r, number of internal states of all contacts; they follow (q, q') in the state vector, contact by contact."""
@@ -139,13 +144,10 @@ class Contacts:
             for j, part in zip(owner.tolist(), parts, strict=True)
         )
         offset = np.array([0.0 if part is None else part.offset for part in parts])
-        pressed_by = None
-        if self.pressed_by is not None:
-            first = np.append(np.searchsorted(owner, np.arange(self.count)), -1)
-            pressed_by = first[self.pressed_by][owner]
+        first = np.append(np.searchsorted(owner, np.arange(self.count)), -1)
         return Contacts(
             self.shape[owner], direction * self.sign[owner], direction * self.gap[owner] + offset,
-            self.on_ground[owner], laws, self.levers[owner], pressed_by,
+            self.on_ground[owner], laws, self.levers[owner], first[self._presser][owner],
         )  # fmt: skip
 
     @cached_property
@@ -171,16 +173,12 @@ class Contacts:
 
     def with_others(self, others: Contacts) -> Contacts:
         """These contacts followed by the others."""
-        pressed_by = None
-        if self.pressed.size or others.pressed.size:
-            pressed_by = np.full(self.count + others.count, -1)
-            pressed_by[self.pressed] = self.pressing
-            pressed_by[self.count + others.pressed] = self.count + others.pressing
+        theirs = np.where(others._presser < 0, -1, others._presser + self.count)
         return Contacts(
             np.concatenate([self.shape, others.shape]), np.concatenate([self.sign, others.sign]),
             np.concatenate([self.gap, others.gap]), np.concatenate([self.on_ground, others.on_ground]),
             self.laws + others.laws, np.concatenate([self.levers, others.levers]),
-            pressed_by,
+            np.concatenate([self._presser, theirs]),
         )  # fmt: skip
 
     def with_numbers(self, contact: int, stiffness: float, dashpot: float) -> Contacts:
@@ -225,12 +223,12 @@ class Contacts:
     @cached_property
     def pressed(self) -> Ints:
         """Contacts that the force of another one presses."""
-        return np.zeros(0, dtype=np.int64) if self.pressed_by is None else np.flatnonzero(self.pressed_by >= 0)
+        return np.flatnonzero(self._presser >= 0)
 
     @cached_property
     def pressing(self) -> Ints:
         """Of each of `pressed` the contact that presses it."""
-        return np.zeros(0, dtype=np.int64) if self.pressed_by is None else self.pressed_by[self.pressed]
+        return self._presser[self.pressed]
 
     def pressing_factors(self, phases: Ints) -> Floats:
         """Of each of `pressed` the factor of the pressing force in its own, in phases (..., m)."""
@@ -442,12 +440,6 @@ class Contacts:
         j, k, g = np.nonzero(a.event_loss.any(axis=-1))
         out[:, j, k, a.next[j, k, g]] = a.event_loss[j, k, g].T
         return out
-
-    def energy_slopes(self, phases: Ints) -> tuple[Floats, Floats]:
-        """Derivatives of the energy at zero penetration by all internal states: (r, r) factors of these, and (r,) at
-        zero."""
-        form = self.arrays.energy[self._owner, phases[self._owner], self._column]
-        return self._of_all_states(form, self._owner), form[:, 2]
 
     def resting_phases(self, penetration: Floats) -> Ints:
         """(m,) phases after a long rest at penetrations (m,), m."""

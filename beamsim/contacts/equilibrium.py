@@ -23,12 +23,7 @@ from beamsim.typing import Bools, Floats, Ints
 # Relative size of what counts as round-off in loads and gaps.
 NODE = 1e-13  # of a contact's shape: a deflection in a rigid-body motion that is zero
 _ROUND_OFF = 1e-10
-_DAMPED = 1e-15  # of a coordinate's stiffness: keeps a step finite where nothing resists it
-_PRESTRESS = 0.01  # share of the forces at rest that counts where they have gone
 _CANCELLED = 1e-13  # of the parts of a sum: what is left where they cancel
-_STEPS = 200  # of Newton's method
-_SETTLED = 3  # of them in which contacts stay as they are: the last ones
-_REFINEMENTS = 6  # steps of the refinement
 
 UNBALANCED = "the loads are not in balance: no support or snubber can hold the structure against them"
 FLOATS = "the structure floats: it has rigid-body motions that no support or closed snubber holds in place"
@@ -135,9 +130,9 @@ def _minimum(energy: _Energy) -> Floats:
     from scipy.optimize import brentq
 
     q, settled = np.zeros_like(energy.stiffness), 0
-    for _ in range(_STEPS):
+    for _ in range(200):
         gradient, size, _ = energy.slope(q)
-        if settled == _SETTLED or np.abs(gradient).max(initial=0.0) <= _CANCELLED * size:
+        if settled == 3 or np.abs(gradient).max(initial=0.0) <= _CANCELLED * size:
             break
         closed = energy.penetration(q) > 0
         step = _Newton(energy, q, closed).step(gradient, np.zeros(int(closed.sum())))[: q.size]
@@ -166,7 +161,8 @@ class _Newton:
         felt = np.diag(tangent)
         damped = np.where(felt > 0, felt, energy.largest_stiffness)
         self.scale = np.concatenate([1.0 / np.sqrt(damped + np.abs(k) @ normal**2), np.sqrt(np.abs(k))])
-        matrix = np.block([[tangent + np.diag(_DAMPED * damped), -normal.T], [normal, np.diag(1.0 / k)]])
+        # the little more stiffness keeps a step finite where nothing resists it
+        matrix = np.block([[tangent + np.diag(1e-15 * damped), -normal.T], [normal, np.diag(1.0 / k)]])
         self.matrix = matrix * self.scale * self.scale[:, None]
 
     def step(self, gradient: Floats, misfit: Floats) -> Floats:
@@ -189,7 +185,7 @@ def _refined(energy: _Energy, q: Floats) -> tuple[Floats, Floats]:
         newton = _Newton(energy, q, closed)
         exact = np.concatenate([q, force[closed]]).astype(np.longdouble)
         k, normal = (x.astype(np.longdouble)[closed] for x in (springs.stiffness, energy.normal))
-        for _ in range(_REFINEMENTS):
+        for _ in range(6):
             moved, pushed = exact[:n], exact[n:]
             pull = bent.T @ (cubic.stiffness * (bent @ moved) ** 3)
             gradient = stiffness * moved + pull - normal.T @ pushed - energy.load
@@ -287,7 +283,7 @@ class _Energy:
         cancelling = np.abs(self.springs.gap) + np.abs(self.normal) @ np.abs(q)
         noise = _CANCELLED * np.abs(self.normal.T) @ np.where(delta > 0, np.abs(k) * cancelling, 0.0)
         at_rest = self.normal.T @ (k * np.maximum(-self.springs.gap, 0.0))  # a prestress that is gone leaves round-off
-        size = float(max(np.abs(t).max(initial=0.0) for t in (*terms, _PRESTRESS * at_rest)))
+        size = float(max(np.abs(t).max(initial=0.0) for t in (*terms, 0.01 * at_rest)))
         return np.asarray(sum(terms)), size, float(noise.max(initial=0.0))
 
     def open_tangent(self, q: Floats) -> Floats:

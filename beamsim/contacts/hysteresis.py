@@ -9,7 +9,6 @@ from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 SEGMENTS = 8  # of the curves that are compared
-TIMES = 60  # relaxation times that are tried
 REACH = 30.0  # beyond the record's longest and shortest times, over which they spread
 
 
@@ -63,9 +62,9 @@ def fit_branch(time: Floats, deflection: Floats, force: Floats, knots: Floats) -
         return float(size), float(numbers[-1] / scale[-1])
 
     longest, shortest = time[-1] - time[0], float(np.median(np.diff(time)))
-    tried = np.linspace(np.log(shortest / REACH), np.log(longest * REACH), TIMES)
+    tried = np.linspace(np.log(shortest / REACH), np.log(longest * REACH), 60)
     k = int(np.argmin([fitted(each)[0] for each in tried]))
-    bounds = (tried[max(k - 1, 0)], tried[min(k + 1, TIMES - 1)])
+    bounds = (tried[max(k - 1, 0)], tried[min(k + 1, tried.size - 1)])
     best = float(minimize_scalar(lambda each: fitted(each)[0], bounds=bounds, method="bounded").x)
     size, stiffness = fitted(best)
     return BranchOfLoop(stiffness, float(np.exp(best)), size / float(np.sqrt(time.size)))

@@ -66,10 +66,7 @@ class SpringInfo:
     def force(self, stretch: Floats) -> Floats:
         """N, positive where it pulls back a positive stretch (any shape); of one that relaxes after a long rest."""
         force = self.linear * stretch + self.cubic * stretch**3
-        for part in () if self.law is None else self.law.static_springs:
-            pressed = np.maximum(part.direction * stretch - part.offset, 0.0)
-            force = force + part.direction * part.stiffness * pressed
-        return np.asarray(force)
+        return np.asarray(force if self.law is None else force + self.law.static_force(stretch))
 
 
 def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) -> tuple[SpringInfo, ...]:
