@@ -18,33 +18,26 @@ from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, at_parameter, follow_orbits, solve_at
 from beamsim.orbits.reversible import BrakeOrbits
-from beamsim.orbits.tongues import Tongues, resonance_between
+from beamsim.orbits.tongues import LEAST_SHARE, Tongues, resonance_between
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Floats
 
 STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
 CLEAR = 0.95  # share of energy above which a motion is outside every tongue
 SAME_TONGUE = 4.0  # steps of the backbone within which a resonance of the same mode and order is the same tongue
-LEAST_SHARE = 0.5  # of the energy in the requested mode, for a motion that is not reached by continuity
 LEAST_PART = 0.7  # the same against the share outside tongues, where the mode holds less
 FORWARD = 0.7  # part of the parameter in the unit tangent of a branch that is not about to turn into a tongue
 GRADUAL = 0.1  # of the energy, that the mode may lose over a unit of the parameter (of a logarithm, or a factor of one)
 BETTER = 0.05  # of the energy, that the mode has more of in a motion which is worth a jump
-LOOKED_BESIDE = (0.8, 0.65)  # shares of the energy; a motion that the mode dominates more is looked for there
-SEARCHED_BELOW = 0.65  # likewise, over periods and shapes
-SMALLEST = 1e-11  # step by arclength: at a grazing of a stiff stop the branch turns within the stop's compliance
-MOST_SHORT = 60  # points followed by arclength over one step
+LOOKED_BESIDE = (0.8, 0.65)  # shares of the energy; a motion that the mode dominates more is looked for there, at the
+# lower one over periods and shapes as well, until it has the higher one
 FURTHEST = 0.25  # from the prediction, in scaled unknowns, for a point to belong to the backbone
 FURTHEST_JUMP = 0.8  # the same beyond a tongue
 FURTHEST_SEARCH = 1.5  # the same where nothing else was found
-SEARCHED_PERIODS = 10
 SEARCHED_PARTS = (-0.3, -0.1, 0.1, 0.3)  # of the speed, in another mode
-CLEAR_ENOUGH = 0.8  # share at which a search may end
-JUMP_ITERATIONS = 12  # of Newton's method there
 STEP_IN_ENERGY = 0.05  # of its logarithm, whatever the range: where the path ends must not change how it gets there
 STEP_IN_FACTOR = 0.01  # likewise; of a factor above one relative to its value
 MOST_POINTS = 3000
-LONGEST_JUMP = 64  # steps
 STRAIGHT = 0.9  # cosine between a step and the tangents at its ends that tells a step from a jump
 
 
@@ -209,7 +202,8 @@ class Backbone:
         """
         low, high = sorted((a.parameter, self.end))
         points: list[BranchPoint] = []
-        for point in follow_orbits(self.orbits, a, low, high, Settings(most_points=MOST_SHORT, smallest_step=SMALLEST)):
+        # at a grazing of a stiff stop the branch turns within the stop's compliance: steps may be that short
+        for point in follow_orbits(self.orbits, a, low, high, Settings(most_points=60, smallest_step=1e-11)):
             if point is a:
                 continue
             along, lost = float(point.tangent[-1]) * self._forward, self.share(a) - self.share(point)
@@ -238,14 +232,15 @@ class Backbone:
         least = self.share(b) + BETTER
         found = self._solved(self._guesses(b.parameter), b.parameter, FURTHEST_JUMP)
         point = next((point for point in found if self.share(point) > least), None)
-        if point is None and min(crossed) <= SEARCHED_BELOW:
+        if point is None and LOOKED_BESIDE[1] in crossed:
             point = self._searched(b.parameter)
         return point if point is not None and self.share(point) > least else None
 
     def _predictions(self, a: BranchPoint, value: float) -> Iterator[Floats]:
         """Guesses close to a: along the tangent where it isn't that of a tongue, along the last chord, and a itself."""
         t = a.tangent
-        if abs(t[-1]) > 0.7 or (abs(t[-1]) > 0.7 * float(np.linalg.norm(t[-2:])) and float(np.abs(t[:-2]).max()) < 0.3):
+        forward = abs(t[-1]) > FORWARD * float(np.linalg.norm(t[-2:])) and float(np.abs(t[:-2]).max()) < 0.3
+        if forward or abs(t[-1]) > FORWARD:
             yield a.u + (value - a.parameter) / (t[-1] * a.scale[-1]) * t * a.scale
         clean = self._clear[-1]
         before = [p for p in self._clear if abs(p.parameter - clean.parameter) > 1e-12]
@@ -256,7 +251,7 @@ class Backbone:
 
     def _solved(self, guesses: Iterable[Floats], value: float, furthest: float) -> Iterator[BranchPoint]:
         """Motions at a parameter, dominated by the mode, that guesses lead to."""
-        settings = self.settings if furthest <= FURTHEST else replace(self.settings, iterations=JUMP_ITERATIONS)
+        settings = self.settings if furthest <= FURTHEST else replace(self.settings, iterations=12)
         for guess in guesses:
             if not self.orbits.split(np.append(guess[:-1], value))[1] > 0:  # a period extrapolated too far
                 continue
@@ -292,7 +287,7 @@ class Backbone:
 
         The motion may lie beyond the end of the path, so that where the path ends does not decide whether there is one.
         """
-        distances = 0.5 * 1.5 ** np.arange(1 + int(np.log(2.0 * LONGEST_JUMP) / np.log(1.5)))
+        distances = 0.5 * 1.5 ** np.arange(12)
         remaining = abs(self.end - a.parameter) / full
         for distance in sorted({remaining, *distances.tolist()}):
             value = self.end if distance == remaining else a.parameter + self._forward * distance * full
@@ -318,7 +313,7 @@ class Backbone:
         omega = float(self.orbits.omega[self.mode])
         size = float(self.orbits.vectors[:, self.mode] @ (pure - still))
         best: BranchPoint | None = None
-        for period in np.geomspace(0.98 * periods.min(), 1.02 * periods.max(), SEARCHED_PERIODS):
+        for period in np.geomspace(0.98 * periods.min(), 1.02 * periods.max(), 10):
             for other in range(min(self.orbits.n, self.mode + 3)):
                 if other == self.mode or self.orbits.omega[other] <= 0:
                     continue
@@ -327,7 +322,7 @@ class Backbone:
                     shape = still + np.sqrt(1.0 - part**2) * (pure - still) + lent
                     for b in self._solved([self.orbits.unknowns(shape, period, value)], value, FURTHEST_SEARCH):
                         best = b if best is None or self.share(b) > self.share(best) else best
-            if best is not None and self.share(best) > CLEAR_ENOUGH:
+            if best is not None and self.share(best) > LOOKED_BESIDE[0]:
                 break
         return best
 

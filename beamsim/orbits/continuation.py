@@ -8,11 +8,14 @@ with unit tangent :math:`t` the predictor is :math:`u + t\\,ds`, the corrector N
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import field
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from scipy.optimize import brentq
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.passage import NotFinite
@@ -22,14 +25,9 @@ from beamsim.typing import Floats
 
 UNTOUCHED = 0.01  # of the tolerance, at which a first guess needs no correction
 SETTLED = 1e-13  # a Newton step shorter than this is round-off
-STIFF = 1e3  # times the tolerance, up to which a residual may then be round-off
-SAME_SCALE = 0.05  # a Newton step shorter than this leaves the residuals' scale as it is
+STIFF = 1e3  # times the tolerance, up to which a residual may then be round-off, and no sign of divergence
 LEAST_ALONG = 0.1  # cosine of a tangent and the chord, below which the tangent is no guess of what lies ahead
-CLOSE = 1e-6  # shares of a chord below which a cubic between two points is a straight line
-ROUND_OFF = 1e-14  # smallest change of a share that means anything
-MOST_BISECTIONS = 60
 MOST_ASTRAY = 0.1  # of a step, outside the span of both tangents: beyond it lies another branch
-FEWEST_IN_A_RING = 5  # points of a closed curve
 RANK_LOST = 1e-5  # smallest singular value of the Jacobian against its largest at a crossing of branches
 RANK_HALVINGS, RANK_FALLS = 8, 0.1  # of a step, within which that value must fall, and to which part at least
 RING = 0.1  # of a step, how far beside it the first point may lie that it passes
@@ -152,21 +150,21 @@ def newton(
             R, J, data = problem.residual(u)
         except (ArithmeticError, np.linalg.LinAlgError):
             return None
-        if moved > SAME_SCALE:
-            rs = problem.scale(u)[1]
+        rs = problem.scale(u)[1]
         Rw = R / rs
         size = float(np.abs(Rw).max()) if Rw.size else 0.0
         if not np.isfinite(size):
             return None
         Jw = J * scale / rs[:, None]
         off = float(row @ (w - start)) - ahead
-        # a guess is taken as it is only where it is as good as a step of Newton's method would make it
+        # a guess is taken as it is only where it is as good as a step of Newton's method would make it; where branches
+        # cross, such a step may lead off the one that is followed
         good = size <= (settings.tolerance if iteration else UNTOUCHED * settings.tolerance)
         # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
         good = good or (moved <= SETTLED and size <= STIFF * settings.tolerance)
         if good and abs(off) <= 1e-9 + settings.tolerance:
             return Converged(u, Jw, size, iteration, data)
-        diverges = iteration > 2 and size > 2.0 * last and size > 1e3 * settings.tolerance
+        diverges = iteration > 2 and size > 2.0 * last and size > STIFF * settings.tolerance
         if iteration == settings.iterations or diverges:
             return None
         try:
@@ -331,8 +329,7 @@ def between(
     target = float(row @ (wa + s * (wb - wa)))
     sl, left, sr, right = (0.0, a, 1.0, b) if known is None else known
     share = (s - sl) / (sr - sl)
-    straight = left.u + share * (right.u - left.u)
-    guesses = [straight] if sr - sl < CLOSE else [interpolated(left, right, share), straight]
+    guesses = [interpolated(left, right, share), left.u + share * (right.u - left.u)]
     nearest_first = (left, right) if share < 0.5 else (right, left)
     for guess in (*guesses, *(_ahead(end, row, target, a.scale) for end in nearest_first)):
         missing = target - float(row @ (guess / a.scale))
@@ -383,8 +380,7 @@ def locate(
 ) -> BranchPoint | None:
     """The point between two neighbours at which a test function vanishes.
 
-    Bracketed inverse quadratic interpolation, or bisection where that is not safe (T. R. Chandrupatla, *Advances in
-    Engineering Software* 28, 1997). Where a test has several zeros, it is this sequence that decides on one.
+    Where a test has several zeros, it is the sequence of Brent's method that decides on one.
 
     Parameters
     ----------
@@ -403,37 +399,26 @@ def locate(
         return None
     if fa == 0.0 or fb == 0.0:
         return a if fa == 0.0 else b
-    # x1 the latest estimate, x2 on the other side of the root, x3 the one before
-    x1, f1, p1, x2, f2, p2 = 1.0, fb, b, 0.0, fa, a
+    known = [(0.0, a), (1.0, b)]  # shares in order, with their points
+    tried: list[tuple[float, BranchPoint]] = []  # sizes of the values, the latest first
     biggest = max(abs(fa), abs(fb))
-    best: BranchPoint | None = None
-    best_value = np.inf
-    share = f1 / (f1 - f2)
-    for _ in range(MOST_BISECTIONS):
-        x = x1 + share * (x2 - x1)
-        bracket = (x1, p1, x2, p2) if x1 < x2 else (x2, p2, x1, p1)
-        point = between(problem, a, b, x, settings, bracket)
-        if point is None:
-            return best
-        f = test(point)
-        if not np.isfinite(f):
-            return best
-        if abs(f) <= best_value:  # of equal ones, such as signs, the latest
-            best, best_value = point, abs(f)
-        if f * f1 > 0:
-            x3, f3 = x1, f1
-        else:
-            x3, f3, x2, f2, p2 = x2, f2, x1, f1, p1
-        x1, f1, p1 = x, f, point
-        smallest = ROUND_OFF / abs(x2 - x1) if x1 != x2 else 1.0
-        if abs(f) <= tolerance * biggest or smallest > 0.5:
-            return best
-        xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
-        share = 0.5
-        if phi * phi < xi and (1.0 - phi) ** 2 < 1.0 - xi:
-            share = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)
-        share = min(max(share, smallest), 1.0 - smallest)
-    return best
+
+    def value(share: float) -> float:
+        if share in (0.0, 1.0):
+            return fb if share else fa
+        at = bisect(known, share, key=lambda each: each[0])
+        point = between(problem, a, b, share, settings, (*known[at - 1], *known[at]))
+        found = np.nan if point is None else test(point)
+        if point is None or not np.isfinite(found):
+            raise ArithmeticError("no point was found")
+        known.insert(at, (share, point))
+        tried.insert(0, (abs(found), point))
+        return found if abs(found) > tolerance * biggest else 0.0
+
+    with suppress(ArithmeticError):
+        brentq(value, 0.0, 1.0, xtol=1e-15, disp=False)
+    # of equal values, such as signs, the latest
+    return min(tried, key=lambda each: each[0])[1] if tried else None
 
 
 def branch_point_between(
@@ -548,7 +533,7 @@ class Branch:
                     yield last
                 self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=edge)
                 return
-            if count > FEWEST_IN_A_RING and _passes(point, new, self.start):
+            if count > 1 and _passes(point, new, self.start):
                 yield self.start
                 self.outcome = Outcome.of(OutcomeCode.CLOSED_CURVE)
                 return

@@ -45,8 +45,6 @@ if TYPE_CHECKING:
 
 NODE = 1e-9  # share of the largest possible work below which a force does none
 TOLERANCE = 1e-8  # of the cosine of the lag: amplitudes are then right to its square
-STEPS = 30  # of the secant
-SAME_PHASE = 1e-15  # rad
 
 
 @dataclass(frozen=True)
@@ -155,7 +153,7 @@ def find_phase_resonance(problem: ForcedOrbits, start: Floats, omega: float) -> 
         speed = float(np.linalg.norm(along)) / omega  # of the unknowns by the phase
         first = cosine(0.0)
         if first != 0.0:  # where the lag is less than a quarter, the motion is to be held back
-            root_scalar(cosine, x0=0.0, x1=-float(np.arcsin(first)), method="secant", xtol=SAME_PHASE, maxiter=STEPS)
+            root_scalar(cosine, x0=0.0, x1=-float(np.arcsin(first)), method="secant", xtol=1e-15)
     except ArithmeticError:
         return None
     return found[-1][2] if abs(found[-1][1]) < TOLERANCE else None

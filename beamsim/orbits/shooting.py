@@ -26,7 +26,6 @@ from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
 EARLY = 30  # periods of a transient before the path of falling damping is tried
-MOST_DAMPED = 400  # points of that path
 RESTS = 1e-7  # change of a slider by a unit of the state, over a period, that is round-off
 GUESSED_RATIO = 0.01  # least damping ratio in a first guess, which must have a bound at resonance
 
@@ -253,7 +252,7 @@ def _from_heavy_damping(
     start = solve_at(damped, np.append(z, path.heavy), settings, path.heavy, -1.0)
     if start is None:
         return None
-    branch = follow_orbits(damped, start, 1.0, 2.0 * path.heavy, Settings(largest_step=0.2, most_points=MOST_DAMPED))
+    branch = follow_orbits(damped, start, 1.0, 2.0 * path.heavy, Settings(largest_step=0.2, most_points=400))
     last = list(branch)[-1]
     if last.parameter != 1.0:
         return None

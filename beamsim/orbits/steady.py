@@ -20,7 +20,6 @@ from beamsim.flow.transient import motion_of
 from beamsim.typing import Floats
 
 CYCLES_A_CALL = 16
-MOST_EVENTS = 2**62  # in a cycle: what bounds the work are the evaluations
 DISTINCT = 100.0  # a longer period counts only where the changes over shorter ones are so many tolerances
 
 
@@ -79,7 +78,8 @@ class CycleStepper:
         motion.time, motion.piece = 0.0, 0
         for k in range(cycles):
             carried = carry(
-                self.flow, motion, ((k + 1) * self.period,), keep=keep, max_events=MOST_EVENTS,
+                self.flow, motion, ((k + 1) * self.period,), keep=keep,
+                max_events=2**62,  # what bounds the work are the evaluations
                 max_evaluations=self.most_evaluations - self.evaluations, stop=self.stop,
             )  # fmt: skip
             self.events, self.segments = self.events + carried.events, self.segments + carried.segments

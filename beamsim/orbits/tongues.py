@@ -24,10 +24,9 @@ STEPS = (1.0, 0.6, 1.7, 0.3)  # of the step, tried in turn: over the thinner ton
 SHORTEST, LONGEST = 1e-3, 0.12  # steps in scaled unknowns
 BACKGROUND = 0.03  # share of third modes beyond what they had, above which a motion belongs to one of their tongues
 TRANSFERRED = 0.02  # share of the energy in the requested mode below which a tongue ends
-LEAST_SHARE = 0.5  # of the energy in the requested mode: a tongue has less somewhere
+LEAST_SHARE = 0.5  # of the energy in the requested mode: a tongue has less somewhere, a jump leads to more
 RIGID = 1e-6  # of the frequency of the requested mode: a slower mode is a rigid-body mode
 MOST_FAILURES = 12  # attempts without a motion, in one tongue
-ITERATIONS = 12  # of Newton's method on the way in
 SAMPLES_A_TURN = 8  # of the fastest coordinate
 MOST_HARMONICS = 1024
 
@@ -142,7 +141,7 @@ class Tongues:
         q, _, factor, _ = self.orbits.split(u)
         shares = self.orbits.share(q, factor)
         most_third = 1.0 - float(shares[self.mode] + shares[other]) + 2 * BACKGROUND
-        settings = replace(self.settings, iterations=ITERATIONS)
+        settings = replace(self.settings, iterations=12)
         direction = np.zeros(u.size)  # in scaled unknowns, of unit amplitude in the other mode alone
         direction[: self.orbits.n] = row[: self.orbits.n] / float(row @ row)
 

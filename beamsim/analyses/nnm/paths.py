@@ -15,11 +15,12 @@ from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
-from beamsim.orbits.backbone import LEAST_SHARE, Backbone
+from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
 from beamsim.orbits.reversible import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
+from beamsim.orbits.tongues import LEAST_SHARE
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats
 
