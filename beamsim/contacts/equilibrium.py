@@ -20,9 +20,7 @@ from beamsim.dataclass import dataclass
 from beamsim.errors import NotTrustedError
 from beamsim.typing import Bools, Floats, Ints
 
-# Relative size of what counts as round-off in loads and gaps.
-NODE = 1e-13  # of a contact's shape: a deflection in a rigid-body motion that is zero
-_ROUND_OFF = 1e-10
+_ROUND_OFF = 1e-10  # relative, of loads and gaps
 _CANCELLED = 1e-13  # of the parts of a sum: what is left where they cancel
 
 UNBALANCED = "the loads are not in balance: no support or snubber can hold the structure against them"
@@ -108,7 +106,8 @@ def find_equilibrium(
     cubic = CubicSprings(np.zeros((0, stiffness.size)), np.zeros(0)) if cubic is None else cubic
     shape, load = springs.shape.copy(), loads.sum(axis=0)
     # a stop on a node of a rigid-body motion does not hold it, whatever round-off says
-    nodes = np.abs(shape) <= NODE * np.linalg.norm(shape, axis=1)[:, None]
+    # so little of a deflection in a rigid-body motion is zero
+    nodes = np.abs(shape) <= 1e-13 * np.linalg.norm(shape, axis=1)[:, None]
     shape[:, :rigid][nodes[:, :rigid]] = 0.0
     load[:rigid][np.abs(load[:rigid]) <= _ROUND_OFF * np.abs(loads[:, :rigid]).sum()] = 0.0
     energy = _Energy(stiffness, replace(springs, shape=shape), cubic, load)

@@ -41,7 +41,6 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-SMALLEST_LOSS = 1e-12  # of the terms it is made of: a smaller loss of energy at a guard is round-off
 OWN, PRESSING, INTERNAL = 3, 3, 6  # columns of its own motion, the force that presses it, first internal state
 
 
@@ -414,7 +413,8 @@ def _event_loss(before: Phase, after: Phase, guard: Guard, internal_states: int)
         at_guard[pivots[0]] -= function / function[pivots[0]]
     lost = at_guard.T @ (old - reset.T @ new @ reset) @ at_guard
     size = np.abs(at_guard).T @ (np.abs(old) + np.abs(reset).T @ np.abs(new) @ np.abs(reset)) @ np.abs(at_guard)
-    lost[np.abs(lost) <= SMALLEST_LOSS * size] = 0.0
+    # a smaller loss of energy is round-off of the terms it is made of
+    lost[np.abs(lost) <= 1e-12 * size] = 0.0
     return np.array([0.5 * lost[2, 2], 0.5 * lost[PRESSING, PRESSING]])
 
 

@@ -14,10 +14,6 @@ if TYPE_CHECKING:
     from beamsim.structures.structure import MemberBody, Structure
 
 
-# Of an estimate that is to become a bound.
-_DOUBLINGS = 6
-
-
 @dataclass(frozen=True)
 class StatedParts:
     """Damping of a full model: a matrix, and ratios of modes that are known by their bounds (scaled units)."""
@@ -41,7 +37,7 @@ class StatedParts:
         norm = (model.factor.T @ model.factor + omega**2 * model.mass).tocsc()
         start = np.linspace(1.0, 2.0, model.size)
         share = 1.01 * float(eigsh(self.known.tocsc(), k=1, M=norm, which="LA", v0=start, tol=1e-3)[0][0])
-        for _ in range(_DOUBLINGS):
+        for _ in range(6):
             if share <= 0 or negative_eigenvalues(share * norm - self.known) == 0:
                 return 2 * max(share, 0.0)  # K + omega^2 M <= 2 K in that motion
             share *= 2

@@ -13,10 +13,7 @@ import numpy as np
 
 from beamsim.typing import Floats, Ints
 
-_LEAF = 30  # rows below which a part is not cut any more
 _SMALL = 5000  # size up to which minimum degree is as good
-# Entries of a row beyond which it comes last of all, as a multiple of the median: it would join everything.
-_DENSE_ROW = 10.0
 
 
 def dissection(matrix: Any, places: Floats | None) -> Ints | None:
@@ -34,7 +31,8 @@ def dissection(matrix: Any, places: Floats | None) -> Ints | None:
     graph = csr_array(matrix)
     graph = csr_array((np.ones(graph.nnz, dtype=np.int32), graph.indices, graph.indptr), shape=graph.shape)
     entries = np.diff(graph.indptr)
-    last = (entries > _DENSE_ROW * np.median(entries)) | ~np.all(np.isfinite(places), axis=1)
+    # a row with many entries would join everything: it comes last of all
+    last = (entries > 10.0 * np.median(entries)) | ~np.all(np.isfinite(places), axis=1)
     if last.sum() > size // 4:
         return None
     mark = np.zeros(size, dtype=np.int32)
@@ -42,7 +40,7 @@ def dissection(matrix: Any, places: Floats | None) -> Ints | None:
     waiting = [np.flatnonzero(~last)]
     while waiting:
         rows = waiting.pop()
-        parts = _cut(graph, places, rows, mark) if rows.size > _LEAF else None
+        parts = _cut(graph, places, rows, mark) if rows.size > 30 else None
         if parts is None:
             order.append(rows)
         else:

@@ -16,7 +16,6 @@ import numpy as np
 from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
-_SMOOTH_POINTS = 12  # a piece, for a sine; exact to round-off below one half wave a piece
 _HERMITE = 3  # degree of the shape functions
 
 
@@ -99,7 +98,8 @@ class Distributed:
         """Gauss points a piece that integrate the shape times a shape function exactly."""
         shape = self.shape
         if shape.kind == "sine":
-            return _SMOOTH_POINTS
+            # exact to round-off below one half wave a piece
+            return 12
         degree = {"uniform": 0, "linear": 1, "table": 1, "mode": _HERMITE}.get(shape.kind)
         if degree is None:
             degree = np.array(shape.coefficients).shape[axis] - 1

@@ -22,7 +22,7 @@ from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.converted import in_si_units
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, read_dof_table
 from beamsim.structures.file_summary import doubtful_units
-from beamsim.structures.named_matrices import NamedMatrices
+from beamsim.structures.named_matrices import NamedMatrices, moves_freely
 from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.typing import Floats, Ints
 
@@ -33,11 +33,6 @@ if TYPE_CHECKING:
 ROUND_OFF = 1e-6
 # Masses below this fraction of those around them are none.
 MASSLESS = 1e-11
-# Forces under a rigid motion, relative to those that the entries would give one by one.
-GROUNDED = 1e-6
-_LARGEST_BLOCK = 800  # of the mass matrix; larger ones are taken to have mass in every motion
-CONDENSED_UP_TO = 4000
-"""Size up to which massless motions are condensed; the modes of a larger model follow them anyhow."""
 
 
 def read_matrices_of(section: MatricesBody) -> NamedMatrices:
@@ -270,7 +265,7 @@ def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
     for block in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
         if block.size == 1:
             massive[block] = diagonal[block[0]] > MASSLESS * diagonal.max()
-        elif block.size <= _LARGEST_BLOCK:
+        elif block.size <= 800:  # larger ones are taken to have mass in every motion
             null = _null_motions(mass[block][:, block].toarray(), table.part(block))
             if null.shape[1]:
                 massive[block] = False
@@ -372,11 +367,6 @@ def rigid_rows(table: DofTable, motion: BaseDirection, held: Ints) -> Floats:
     moved = motion.displacements(np.nan_to_num(table.coordinates))
     along = np.array([table.of_direction(direction) for direction in TRANSLATIONS])
     return np.asarray(np.einsum("ni,in->n", moved, along) + table.of_direction(motion.direction))
-
-
-def moves_freely(stiffness: Any, motion: Floats) -> bool:
-    """Whether the forces of a motion are round-off beside those that the entries of K would give one by one."""
-    return bool(np.abs(stiffness @ motion).max() <= GROUNDED * (abs(stiffness) @ np.abs(motion)).max())
 
 
 def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: BaseDirection, *, firm: bool) -> Floats:

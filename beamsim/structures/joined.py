@@ -19,9 +19,6 @@ from beamsim.structures.structure import BodyStructure
 from beamsim.structures.supports import Coupling
 from beamsim.typing import Floats
 
-# Singular values of constraints below this, beside the largest, come from constraints that say the same twice.
-_DEPENDENT = 1e-10
-
 
 def join(
     bodies: Sequence[BodyStructure], couplings: Sequence[Coupling], origins: Mapping[str, float] | None = None
@@ -94,7 +91,8 @@ def null_space_basis(rows: Floats) -> Any:
         dofs = np.flatnonzero(constrained & (label == group))
         constraints = rows[np.any(rows[:, dofs] != 0, axis=1)][:, dofs]
         _, s, vt = np.linalg.svd(constraints / np.linalg.norm(constraints, axis=1, keepdims=True))
-        null = vt[int(np.sum(s > _DEPENDENT * s[0])) :].T
+        # smaller singular values are those of constraints that say the same twice
+        null = vt[int(np.sum(s > 1e-10 * s[0])) :].T
         i.append(np.repeat(dofs, null.shape[1]))
         j.append(np.tile(count + np.arange(null.shape[1]), dofs.size))
         values.append(null.ravel())

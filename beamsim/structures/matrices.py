@@ -18,15 +18,13 @@ from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
 from beamsim.structures.file_summary import FileSummary, size_and_mass
 from beamsim.structures.imported import (
-    CONDENSED_UP_TO,
     base_influence,
     condensation,
     massless_basis,
-    moves_freely,
     read_matrices_of,
 )
 from beamsim.structures.modes import lowest_eigenpairs
-from beamsim.structures.named_matrices import NamedMatrices
+from beamsim.structures.named_matrices import NamedMatrices, moves_freely
 from beamsim.structures.places import Place, Site
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.rigid_motion import orthonormal_in_mass
@@ -41,8 +39,6 @@ if TYPE_CHECKING:
     from beamsim.scenario.matrices import MatricesBody
     from beamsim.structures.basis import ReducedBasis
 
-_MOST_MODES = 100  # flexible modes that a default reduction keeps
-_MOST_STATIONS = 200
 # A motion is rigid where its forces are below this fraction of those of its entries one by one, and its frequency
 # is far below the next.
 _RIGID, _GAP = 1e-9, 1e-5
@@ -78,7 +74,7 @@ class MatricesStructure(BodyStructure):
     @property
     def most_modes(self) -> int:
         """Static vectors carry what the modes above these do."""
-        return max(1, min(self.size - int(self.rigid.shape[1]), _MOST_MODES))
+        return max(1, min(self.size - int(self.rigid.shape[1]), 100))
 
     def frequency_count(self, omega: float) -> int:
         """A bound on the number of modes below the scaled angular frequency: negative eigenvalues of K - omega^2 M.
@@ -238,7 +234,7 @@ class MatricesStructure(BodyStructure):
         """
         direction = self.given.direction
         numbers = [i for i, (_, each) in enumerate(self.table.dofs) if each == direction]
-        chosen = {numbers[k] for k in np.linspace(0, len(numbers) - 1, min(len(numbers), _MOST_STATIONS)).astype(int)}
+        chosen = {numbers[k] for k in np.linspace(0, len(numbers) - 1, min(len(numbers), 200)).astype(int)}
         at = {self.row_number(place) for place in sites if place.direction == direction} - {None}
         rows = np.array(sorted(chosen | at, key=lambda i: int(self.table.nodes[i])), dtype=np.int64)
         shapes = self.expansion[rows] @ member.field(basis.vectors) / np.sqrt(member.whole.mass_scale)
@@ -335,7 +331,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         raise MethodError("base", "holds every degree of freedom", "name the supported nodes alone")
     mass, stiffness = (matrix[free][:, free].tocsc() for matrix in (given.mass, given.stiffness))
     massive, massless = massless_basis(mass, given.table.part(free))
-    if massless.shape[1] and free.size <= CONDENSED_UP_TO:
+    if massless.shape[1] and free.size <= 4000:  # the modes of a larger model follow them anyhow
         expansion = condensation(stiffness, massive, massless)
         remarks.append(f"{massless.shape[1]} motions without mass follow the others statically")
         share = np.asarray(abs(massless).max(axis=1).toarray()).ravel()

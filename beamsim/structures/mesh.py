@@ -14,9 +14,6 @@ from beamsim.dataclass import dataclass
 from beamsim.structures.hermite import element_rows, shape_functions
 from beamsim.typing import Floats, Ints
 
-# Hard points closer together than this fraction of an element share a node.
-_SLIVER = 1e-3
-
 
 @dataclass(frozen=True)
 class Mesh:
@@ -113,7 +110,7 @@ def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterabl
     size = 1.0 / elements
     ends = list(bounds)
     for x in sorted(hard_points):
-        if all(abs(x - end) > _SLIVER * size for end in ends):
+        if all(abs(x - end) > 1e-3 * size for end in ends):
             ends.append(x)
     ends.sort()
     pieces = [

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.structure import Structure
 
-CHECKED = 41  # positions in the range at which the compliance is compared
 ACCURATE = 3e-5  # of the compliance; the default reduction has an error of this size
 
 
@@ -61,7 +60,7 @@ def places_needed(
     list
         One place or none.
     """
-    places = [replace(first, point=float(x)) for x in np.linspace(first.coordinate, last.coordinate, CHECKED)]
+    places = [replace(first, point=float(x)) for x in np.linspace(first.coordinate, last.coordinate, 41)]
     defect = compliance_defect(structure, basis, places)
     worst = int(np.argmax(defect))
     return [] if defect[worst] <= ACCURATE or places[worst] in known else [places[worst]]

@@ -38,6 +38,22 @@ class NamedMatrices:
     units: str = ""  # of the files that they were read from
 
 
+def moves_freely(stiffness: Any, motion: Floats, within: float = 1e-6) -> bool:
+    """Whether the forces of a motion are round-off beside those that the entries of K would give one by one.
+
+    Parameters
+    ----------
+    stiffness : (N, N) sparse K.
+    motion : (N,).
+    within : what counts as round-off.
+
+    Returns
+    -------
+    bool
+    """
+    return bool(np.abs(stiffness @ motion).max() <= within * (abs(stiffness) @ np.abs(motion)).max())
+
+
 def with_base_node(
     named: NamedDofs, mass: Any, stiffness: Any, damping: Any, inertia: Floats, total_mass: float
 ) -> NamedMatrices:
@@ -63,8 +79,7 @@ def with_base_node(
     damping = None if damping is None else physical @ damping @ physical
     load = inertia / named.scale
     r = named.influence
-    floats = np.abs(stiffness @ r).max() <= _ROUND_OFF * (abs(stiffness) @ np.abs(r)).max()
-    if floats and np.abs(load - mass @ r).max() <= _ROUND_OFF * np.abs(load).max():
+    if moves_freely(stiffness, r, _ROUND_OFF) and np.abs(load - mass @ r).max() <= _ROUND_OFF * np.abs(load).max():
         return NamedMatrices(named.table, mass, stiffness, damping, ())
     base = int(named.table.nodes.max()) + 1
     places = named.table.coordinates

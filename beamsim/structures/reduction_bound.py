@@ -29,10 +29,6 @@ if TYPE_CHECKING:
     from beamsim.structures.damping import StatedParts
     from beamsim.structures.structure import Structure
 
-# A load whose static deflection has less than this of what its size would give moves the structure as a rigid body.
-_NO_DEFLECTION = 1e-24
-_FREQUENCIES = 12
-
 
 @dataclass(frozen=True)
 class ReceptanceBound:
@@ -95,14 +91,15 @@ def receptance_bound(
 def _frequencies(basis: ReducedBasis) -> Floats:
     """Scaled frequencies of the bounds: up to the highest one, which decides without damping, and resonances."""
     highest, kept = basis.highest_frequency, basis.omega[: basis.modes]
-    return np.unique(np.concatenate([kept[kept < highest], np.linspace(0, highest, _FREQUENCIES)]))
+    return np.unique(np.concatenate([kept[kept < highest], np.linspace(0, highest, 12)]))
 
 
 def _compliances(model: Structure, loads: Floats) -> Floats:
     """(m,) scaled static compliance that each load meets, rigid-body motion apart; 0 where it causes only that."""
     strain = np.asarray(model.factor @ static_deflections(model, loads.T))
     compliance = np.sum(strain**2, axis=0)
-    return np.where(compliance > _NO_DEFLECTION * np.sum(loads**2, axis=1), compliance, 0.0)
+    # a load with less of what its size would give moves the structure as a rigid body
+    return np.where(compliance > 1e-24 * np.sum(loads**2, axis=1), compliance, 0.0)
 
 
 @dataclass(frozen=True)

@@ -25,12 +25,6 @@ from numpy.typing import ArrayLike
 from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
-# A mode does not load the spring if its squared deflection at the point is below this fraction of the largest.
-_NODE = 1e-26
-# The same for the deflection itself, to decide whether the point is a node (finite elements give it to 1e-12).
-_NODE_OF_SHAPE = 1e-8
-# Natural frequencies closer together than this count as one pole.
-_SAME_POLE = 1e-13
 _EPS = float(np.finfo(float).eps)
 
 
@@ -63,9 +57,10 @@ class SpringPoint:
         weights: list[float] = []
         fixed: list[float] = []
         for omega, w in zip(self.omega, weight, strict=True):
-            if w <= _NODE * largest:
+            # a mode with a node there does not load the spring
+            if w <= 1e-26 * largest:
                 fixed.append(float(omega))
-            elif poles and omega - poles[-1] <= _SAME_POLE * omega:
+            elif poles and omega - poles[-1] <= 1e-13 * omega:  # natural frequencies closer together count as one pole
                 weights[-1] += float(w)
                 fixed.append(poles[-1])
             else:
@@ -117,7 +112,8 @@ class SpringPoint:
 
     def on_node(self, mode: int) -> bool:
         """Whether the point is a node of free mode number `mode`, so that a spring does not change the mode."""
-        return bool(abs(self.shape[mode - 1]) <= _NODE_OF_SHAPE * np.abs(self.shape).max(initial=0.0))
+        # finite elements give nodes to 1e-12
+        return bool(abs(self.shape[mode - 1]) <= 1e-8 * np.abs(self.shape).max(initial=0.0))
 
     def participation(self, omega: ArrayLike) -> Floats:
         """u_r^2, 1/kg: squared mass-normalised deflection at the spring of the mode raised to omega.

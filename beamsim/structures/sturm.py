@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 _DENSE = 3000
 # Relative distance that a limit is moved by where the matrix is singular at it.
 _ASIDE = 1e-7
-_FEW = 3
 # Where between the last kept frequency and the guess for the next one frequencies are counted, until it is the next.
 _SHARES = (0.97, 0.9, 0.7, 0.4)
 
@@ -74,7 +73,7 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
         if count == known:
             return float(omega)
         undecided |= count is None
-        if model.size > _DENSE and count is not None and count > known + _FEW and omega > last:
+        if model.size > _DENSE and count is not None and count > known + 3 and omega > last:
             # Of a large model counts are dear, and its modes come about evenly: where the next one is expected.
             expected = (omega - last) / (count - known)
             limits = [last + expected / 2, *(limit for limit in limits if limit < last + expected / 2)]
