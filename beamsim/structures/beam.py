@@ -32,31 +32,12 @@ _HELD = {
 }
 
 
-def place_rows(mesh: Mesh, length: float, places: Sequence[Place]) -> Floats:
-    """(k, all dofs) deflections or slopes at places of a beam.
-
-    Parameters
-    ----------
-    mesh, length : of the beam, m.
-    places : k of its places.
-
-    Returns
-    -------
-    (k, all dofs) array
-        1 for deflections, 1/m for slopes.
-
-    Raises
-    ------
-    ValueError
-        If a place moves in another direction.
-    """
-    rows = np.zeros((len(places), mesh.size))
-    for row, place in zip(rows, places, strict=True):
-        if place.direction not in _DERIVATIVE:
-            raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
-        derivative = _DERIVATIVE[place.direction]
-        row[:] = mesh.rows(place.coordinate / length, derivative).toarray()[0] / length**derivative
-    return rows
+def _place_row(mesh: Mesh, length: float, place: Place) -> Floats:
+    """(all dofs,) deflection at a place of a beam, or slope, 1/m."""
+    if place.direction not in _DERIVATIVE:
+        raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
+    derivative = _DERIVATIVE[place.direction]
+    return np.asarray(mesh.rows(place.coordinate / length, derivative).toarray()[0] / length**derivative)
 
 
 def supported_dofs(left: str, right: str, nodes: int) -> Ints:
@@ -106,7 +87,7 @@ class BeamStructure(BeamModel):
 
     def point_row(self, place: Place) -> Floats:
         """(all dofs,) deflection or slope at a place."""
-        return np.asarray(place_rows(self.mesh, self.section.length, [place])[0])
+        return _place_row(self.mesh, self.section.length, place)
 
     def base_coefficients(self, motion: BaseDirection) -> Floats:
         """(2,) the translation and the rotation of the mesh that make up a unit motion of the base."""
@@ -237,7 +218,7 @@ def assemble_beam(
     mass = moving.T @ moving
 
     springs = end_springs(beam, name)
-    at_ends = place_rows(mesh, length, [each.ends[0] for each in springs])
+    at_ends = np.array([_place_row(mesh, length, each.ends[0]) for each in springs]).reshape(-1, mesh.size)
     pulling = np.array([each.stiffness for each in springs], dtype=float)
     dragging = np.array([each.dashpot for each in springs])
     factor = vstack([factor, csr_array(at_ends * np.sqrt(pulling / stiffness_scale)[:, None])], format="csr")

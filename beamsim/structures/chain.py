@@ -15,6 +15,7 @@ from beamsim.structures.places import DEFLECTION, Place, Site
 from beamsim.structures.stations import MASSES, Recovery
 from beamsim.structures.structure import BodyStructure, MemberBody
 from beamsim.structures.supports import Coupling, Hold
+from beamsim.structures.symmetric_lu import blocks_of
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -33,12 +34,9 @@ def floating_groups(rows: Floats) -> list[Ints]:
 
     ``rows`` (springs, masses) are how far a unit displacement of each mass stretches each spring.
     """
-    from scipy.sparse.csgraph import connected_components
-
     joined = (rows != 0).astype(float)
-    _, label = connected_components(joined.T @ joined, directed=False)
-    held = label[joined[joined.sum(axis=1) == 1].any(axis=0)]
-    return [np.flatnonzero(label == group) for group in np.setdiff1d(label, held)]
+    held = joined[joined.sum(axis=1) == 1].any(axis=0)
+    return [group for group in blocks_of(joined.T @ joined) if not held[group].any()]
 
 
 def linear_stiffness(spring: Any) -> float:

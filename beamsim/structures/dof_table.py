@@ -50,7 +50,7 @@ class DofTable:
         coordinates = None if self.coordinates is None else self.coordinates[rows]
         return DofTable(tuple(self.dofs[i] for i in rows), coordinates)
 
-    def remedy(self, node: int, direction: str = "") -> str:
+    def remedy(self, node: int) -> str:
         """What there is instead of an unknown node, or direction of a node."""
         directions = [each for number, each in self.dofs if number == node]
         if directions:

@@ -26,7 +26,7 @@ from beamsim.structures.modes import lowest_eigenpairs
 from beamsim.structures.named_matrices import NamedMatrices, with_base_node
 from beamsim.structures.places import Place
 from beamsim.structures.structure import BodyStructure, Structure
-from beamsim.structures.symmetric_lu import symmetric_lu
+from beamsim.structures.symmetric_lu import blocks_of, symmetric_lu
 from beamsim.typing import Floats, Ints
 
 _ROUND_OFF = 1e-9
@@ -100,20 +100,13 @@ def _part(named: NamedDofs, rows: Ints) -> NamedDofs:
 def _independent_rows(expansion: Any) -> Ints:
     """As many independent rows as there are columns; of rows that joints tie together those with the largest pivots."""
     from scipy.linalg import qr
-    from scipy.sparse.csgraph import connected_components
 
-    by_row = expansion.tocsr()
-    pattern = abs(by_row.T) @ abs(by_row)
-    _, group = connected_components(pattern, directed=False)
-    entries = by_row.tocoo()
-    group_of_row = np.full(by_row.shape[0], -1)
-    group_of_row[entries.row] = group[entries.col]
+    by_column = expansion.tocsc()
     kept = []
-    order = np.argsort(group, kind="stable")
-    for columns in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
-        rows = np.flatnonzero(group_of_row == group[columns[0]])
-        block = by_row[rows][:, columns].toarray()
-        kept.append(rows[qr(block.T, pivoting=True, mode="r")[1][: columns.size]])
+    for columns in blocks_of(abs(by_column.T) @ abs(by_column)):
+        block = by_column[:, columns]
+        rows = np.unique(block.indices)
+        kept.append(rows[qr(block.tocsr()[rows].toarray().T, pivoting=True, mode="r")[1][: columns.size]])
     return np.sort(np.concatenate(kept))
 
 

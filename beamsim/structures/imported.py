@@ -23,7 +23,7 @@ from beamsim.structures.converted import in_si_units
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, read_dof_table
 from beamsim.structures.file_summary import doubtful_units
 from beamsim.structures.named_matrices import NamedMatrices, moves_freely
-from beamsim.structures.symmetric_lu import symmetric_lu
+from beamsim.structures.symmetric_lu import blocks_of, symmetric_lu
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
@@ -254,15 +254,12 @@ def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
         If a motion has a negative mass beyond round-off.
     """
     from scipy.sparse import block_diag, csc_array, hstack, identity
-    from scipy.sparse.csgraph import connected_components
 
     size, diagonal = mass.shape[0], mass.diagonal()
-    _, label = connected_components(mass, directed=False)
-    order = np.argsort(label, kind="stable")
     massive = np.ones(size, dtype=bool)  # rows that are kept as they are
     bases: tuple[list[Floats], list[Floats]] = ([], [])
     mixed = []
-    for block in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
+    for block in blocks_of(mass):
         if block.size == 1:
             massive[block] = diagonal[block[0]] > MASSLESS * diagonal.max()
         elif block.size <= 800:  # larger ones are taken to have mass in every motion

@@ -17,6 +17,7 @@ from beamsim.structures.rigid_motion import orthonormal_in_mass, unstretched
 from beamsim.structures.several import SeveralBodies, assemble_side_by_side
 from beamsim.structures.structure import BodyStructure
 from beamsim.structures.supports import Coupling
+from beamsim.structures.symmetric_lu import blocks_of
 from beamsim.typing import Floats
 
 
@@ -78,17 +79,16 @@ def null_space_basis(rows: Floats) -> Any:
     all constraints is a unit vector.
     """
     from scipy.sparse import coo_array, csr_array
-    from scipy.sparse.csgraph import connected_components
 
     size = rows.shape[1]
     pattern = csr_array(rows != 0, dtype=float)
-    _, label = connected_components(pattern.T @ pattern, directed=False)
     constrained = np.any(rows != 0, axis=0)
     free = np.flatnonzero(~constrained)
     i, j, values = [free], [np.arange(free.size)], [np.ones(free.size)]
     count = free.size
-    for group in np.unique(label[constrained]):
-        dofs = np.flatnonzero(constrained & (label == group))
+    for dofs in blocks_of(pattern.T @ pattern):
+        if not constrained[dofs[0]]:
+            continue
         constraints = rows[np.any(rows[:, dofs] != 0, axis=1)][:, dofs]
         _, s, vt = np.linalg.svd(constraints / np.linalg.norm(constraints, axis=1, keepdims=True))
         # smaller singular values are those of constraints that say the same twice

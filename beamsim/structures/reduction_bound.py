@@ -94,14 +94,6 @@ def _frequencies(basis: ReducedBasis) -> Floats:
     return np.unique(np.concatenate([kept[kept < highest], np.linspace(0, highest, 12)]))
 
 
-def _compliances(model: Structure, loads: Floats) -> Floats:
-    """(m,) scaled static compliance that each load meets, rigid-body motion apart; 0 where it causes only that."""
-    strain = np.asarray(model.factor @ static_deflections(model, loads.T))
-    compliance = np.sum(strain**2, axis=0)
-    # a load with less of what its size would give moves the structure as a rigid body
-    return np.where(compliance > 1e-24 * np.sum(loads**2, axis=1), compliance, 0.0)
-
-
 @dataclass(frozen=True)
 class LeftOut:
     """What a reduced basis leaves out of the response to m loads, in scaled units."""
@@ -119,8 +111,11 @@ class LeftOut:
 
     @cached_property
     def compliances(self) -> Floats:
-        """(m,) static compliance that each load meets."""
-        return _compliances(self.model, self.loads)
+        """(m,) static compliance that each load meets, rigid-body motion apart; 0 where it causes only that."""
+        strain = np.asarray(self.model.factor @ static_deflections(self.model, self.loads.T))
+        compliance = np.sum(strain**2, axis=0)
+        # a load with less of what its size would give moves the structure as a rigid body
+        return np.where(compliance > 1e-24 * np.sum(self.loads**2, axis=1), compliance, 0.0)
 
     @cached_property
     def stated(self) -> StatedParts:

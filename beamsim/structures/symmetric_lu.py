@@ -101,6 +101,15 @@ def symmetric_lu(matrix: Any, order: Ints | None = None) -> SymmetricLU:
     return SymmetricLU(lu, scale, scaled, np.arange(scale.size) if order is None else order)
 
 
+def blocks_of(matrix: Any) -> list[Ints]:
+    """Rows of every block of a sparse symmetric matrix; no entry couples one block to another."""
+    from scipy.sparse.csgraph import connected_components
+
+    _, label = connected_components(matrix, directed=False)
+    order = np.argsort(label, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+
+
 def pinned_rows(rigid: Floats) -> Ints:
     """(r,) degrees of freedom that hold rigid-body motions (N, r): those in which they differ most."""
     from scipy.linalg import qr
