@@ -45,10 +45,7 @@ from beamsim.typing import Complexes, Floats, Ints
 if TYPE_CHECKING:
     from numpy.polynomial import Polynomial
 
-STEEP = 0.5  # change of the logarithm of the level in a radian, from which a line is integrated from its quieter end
 SAME_TURNS = 1e-9  # cycles that are not told apart
-WORTH_SAYING = 0.01  # share of the level
-HALF_WIDTH = 2.0  # of a correction, in cycles
 
 
 @cache
@@ -145,7 +142,7 @@ def motion_without_drift(
         low = max(low, float(profile.edge[piece]))
     if piece + 1 < profile.edge.size:
         high = min(high, float(profile.edge[piece + 1]))
-    if abs(power * leg.change_per_radian(np.array(low))) > STEEP:
+    if abs(power * leg.change_per_radian(np.array(low))) > 0.5:  # of the logarithm of the level in a radian
         factors = _along_steep_line(leg, power, low if power > 0 else high, frequency_hz)
     else:
         factors = drift_free(leg, power, frequency_hz)
@@ -235,7 +232,7 @@ class CorrectionSize:
 
     def warnings(self) -> list[str]:
         """What to say about it: nothing where it is small."""
-        if self.share <= WORTH_SAYING:
+        if self.share <= 0.01:
             return []
         return [
             f"the base's acceleration is corrected by up to {self.acceleration:.3g} m/s^2 ({self.share:.1%} of the "
@@ -311,6 +308,5 @@ def _correction(
         levels.append(level)
         velocities.append(float(velocity[0].real))
         displacements.append(float(displacement[0].real))
-    return Correction(
-        time, HALF_WIDTH / frequency_hz, velocities[1] - velocities[0], displacements[1] - displacements[0], max(levels)
-    )
+    half_width = 2.0 / frequency_hz  # two cycles
+    return Correction(time, half_width, velocities[1] - velocities[0], displacements[1] - displacements[0], max(levels))

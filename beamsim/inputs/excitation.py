@@ -17,7 +17,7 @@ from beamsim.inputs.legs import Leg, make_leg
 from beamsim.inputs.profiles import make_profile, phase_of_acceleration, power_of
 from beamsim.inputs.random_input import random_signals
 from beamsim.inputs.sampled import sampled_signal
-from beamsim.inputs.signal import Signal
+from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from beamsim.scenario.excitation import Sawtooth, Trapezoid
 
     Driven = Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth | SweptSineInput | SampledInput | RandomInput
-
-MOST_PIECES = 4_000_000  # of a swept sine
 
 
 @dataclass(frozen=True)

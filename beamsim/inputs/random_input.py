@@ -23,12 +23,9 @@ from beamsim.typing import Complexes, Floats, Ints
 if TYPE_CHECKING:
     from beamsim.scenario.broadband import RandomInput
 
-SAMPLES_PER_CYCLE = 20  # of the highest frequency
-MOST_SAMPLES = 50_000_000  # of a period, made by one Fourier transform
 MOST_OF_ANY_SIZE = (
     4_000_000  # of a period; more are rounded up, as else the transform may need several times the memory
 )
-MOST_PIECES = 1_000_000_000
 
 
 def density(frequency_hz: Floats, at_hz: Floats, value: Floats) -> Floats:
@@ -102,11 +99,11 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
     at = np.array([p.frequency for p in excitation.psd])
     value = np.array([p.density for p in excitation.psd])
     period = excitation.period or duration or 1.0
-    rate = excitation.sample_rate or SAMPLES_PER_CYCLE * float(at[-1])
+    rate = excitation.sample_rate or 20 * float(at[-1])  # samples in a cycle of the highest frequency
     total = duration if duration is not None else period
     for samples, most, remedy in (
-        (period * rate, MOST_SAMPLES, "give a shorter excitation.period, after which the noise repeats"),
-        (total * rate, MOST_PIECES, "shorten run.duration, or give a lower excitation.sample_rate"),
+        (period * rate, 50_000_000, "give a shorter excitation.period, after which the noise repeats"),
+        (total * rate, 1_000_000_000, "shorten run.duration, or give a lower excitation.sample_rate"),
     ):
         if samples > most:
             raise ScenarioError(Problem("excitation", f"needs {samples:.3g} samples (at most {most:.0e})", remedy))

@@ -9,19 +9,14 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.inputs.signal import Signal
+from beamsim.inputs.signal import MOST_PIECES, Signal
+from beamsim.measurements.channels import in_si
 from beamsim.measurements.read import HDF5, read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column_named
-from beamsim.scenario.driven import spoken
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS
-from beamsim.scenario.units import UnitError, read_level
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario.broadband import SampledInput
-
-MOST_SAMPLES = 4_000_000
-LARGEST_GAP = 1.5  # in median steps of the time axis; a longer step is a gap
 
 
 def interpolate(time: Floats, samples: Floats, kind: str) -> Signal:
@@ -84,19 +79,17 @@ def sampled_signal(excitation: SampledInput, duration: float | None, folder: Pat
         time = even
     # the whole record is interpolated: the input must not depend on where the run ends
     pieces = time.size if duration is None else int(np.searchsorted(time, duration, side="left")) + 1
-    if pieces > MOST_SAMPLES:
+    if pieces > MOST_PIECES:
         _reject(
-            f"has {pieces:.3g} samples for this run (at most {MOST_SAMPLES:.0e})",
+            f"has {pieces:.3g} samples for this run (at most {MOST_PIECES:.0e})",
             "shorten the run, or set excitation.resample to a lower rate",
         )
-    signal = interpolate(time, samples * excitation.factor_to_si, excitation.interpolation)
+    signal = interpolate(time, samples * excitation.factor, excitation.interpolation)
     return Signal(signal.start[:pieces], signal.exponent, signal.coefficient[:pieces])
 
 
 def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[Floats, Floats]:
-    """Times, s, and values from the file, checked. The path is relative to ``folder`` or else the current folder.
-
-    Values of an excitation with a ``unit`` are in that unit, others are converted to SI from the unit of the file.
+    """Times, s, and values in SI units from the file, checked; its path is relative to a folder, else the current one.
 
     Raises
     ------
@@ -112,17 +105,15 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
         signal = _along_time(_column(signals, excitation), signals, excitation)
         if signal.y.size < 4:
             _reject(f"= {excitation.file} has only {signal.y.size} samples", "give a longer record")
-        _refuse_without_units(signal, excitation)
-        signal = signal.on_si_axis(excitation.time_unit, "excitation.time_unit").checked()
+        signal = _in_si(signal, excitation).checked()
     except MeasurementError as fault:
         _reject(f"= {excitation.file} {fault.message}", fault.remedy)
     time, values = signal.x, np.asarray(signal.y, dtype=float)
-    if not excitation.unit:
-        values = values * _factor(signal.unit, excitation)
     step = np.diff(time)
     median = float(np.median(step))
-    if np.any(step > LARGEST_GAP * median):
-        where = int(np.flatnonzero(step > LARGEST_GAP * median)[0])
+    gaps = np.flatnonzero(step > 1.5 * median)
+    if gaps.size:
+        where = int(gaps[0])
         _reject(
             f"= {excitation.file} has a gap after sample {where + 1}: {time[where]:g} s to {time[where + 1]:g} s "
             f"while the sampling interval is {median:g} s",
@@ -160,33 +151,19 @@ def _along_time(signal: MeasuredSignal, signals: list[MeasuredSignal], excitatio
     return signal
 
 
-def _factor(unit: str, excitation: SampledInput) -> float:
-    """SI value of one in the file, by the unit that the file states."""
-    quantity = excitation.quantity or "acceleration"
+def _in_si(signal: MeasuredSignal, excitation: SampledInput) -> MeasuredSignal:
+    """The values in SI units over times in s; asks for each unit that neither the file nor the scenario states."""
+    problems: list[Problem] = []
     try:
-        return read_level(f"1 {unit}", (LEVEL_DIMENSIONS[quantity],))[0]
-    except UnitError as error:
-        _reject(
-            f"is missing, and {excitation.file} has values in {unit}, which {error.message}",
-            f"give the unit of the values, a unit of {quantity}, or another quantity",
-            "unit",
-        )
-
-
-def _refuse_without_units(signal: MeasuredSignal, excitation: SampledInput) -> None:
-    """Ask for each unit that neither the file nor the scenario states."""
-    quantity = excitation.quantity or "acceleration"
-    problems = []
-    if not (excitation.unit or signal.unit):
-        example = {"acceleration": "g", "displacement": "mm"}.get(quantity, LEVEL_DIMENSIONS[quantity].unit)
-        message = f"is missing, and {excitation.file} states no unit of its values"
-        remedy = f"give that of the {spoken(quantity)}, for example unit: {example}"
-        problems.append(Problem("excitation.unit", message, remedy))
+        signal = in_si(signal, excitation.unit, excitation.quantity or "acceleration", "excitation.unit")
+    except ScenarioError as error:
+        problems += error.problems
     if not (excitation.time_unit or signal.axis_unit):
         message = f"is missing, and {excitation.file} states no unit of its times"
         problems.append(Problem("excitation.time_unit", message, "give it, for example time_unit: s"))
     if problems:
         raise ScenarioError(problems)
+    return signal.on_si_axis(excitation.time_unit, "excitation.time_unit")
 
 
 def _reject(message: str, remedy: str, key: str = "file") -> NoReturn:

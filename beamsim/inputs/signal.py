@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike
 from beamsim.dataclass import dataclass
 from beamsim.typing import Complexes, Floats, Ints
 
+MOST_PIECES = 4_000_000  # of a signal that is made as a whole
+
 
 @dataclass(frozen=True)
 class Signal:

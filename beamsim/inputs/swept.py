@@ -31,13 +31,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.typing import Complexes, Floats, Ints
 
 LARGEST_DEGREE = 8
-TOLERANCE = 1e-12  # of the amplitude, for the truncation of the polynomials
 MOST_WINDOWS = 20_000_000
-WINDOWS_AT_A_TIME = 1 << 16
-MOST_HALVINGS = 40
-PIECES_PER_TURN = 8  # of what a window turns beside the exponential of its signal
-ROUND_OFF = 1e-15  # of a series that stands for such a turn
-LONGEST_PIECE = 8.0  # times the shortest: responses to the powers of time are in the scale of the longest
 
 
 @dataclass(frozen=True)
@@ -106,7 +100,7 @@ def cut_into_windows(
     *,
     phase: float = 0.0,
     corrections: Sequence[Correction] | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = 1e-12,
 ) -> SweepWindows:
     """Windows of a swept sine with continuous phase from leg to leg.
 
@@ -177,13 +171,14 @@ def windows_of_cycles(
 def _windows(expansion: _LegExpansion, tolerance: float) -> dict[str, NDArray[Any]]:
     """The windows of a leg, halved until the polynomials are exact to the tolerance."""
     cuts = expansion.cuts()
-    chunks = [cuts[i : i + WINDOWS_AT_A_TIME + 1] for i in range(0, cuts.size - 1, WINDOWS_AT_A_TIME)]
+    at_a_time = 1 << 16  # windows, for the memory of what is intermediate
+    chunks = [cuts[i : i + at_a_time + 1] for i in range(0, cuts.size - 1, at_a_time)]
     pending = [(chunk[:-1], chunk[1:], 0) for chunk in chunks]
     done: list[dict[str, NDArray[Any]]] = []
     while pending:
         first, last, times = pending.pop()
         windows = expansion.between(first, last)
-        fine = (windows["bound"] <= tolerance) | (times == MOST_HALVINGS)
+        fine = (windows["bound"] <= tolerance) | (times == 40)
         done.append({name: column[fine] for name, column in windows.items()})
         if not fine.all():
             middle = 0.5 * (first + last)[~fine]
@@ -377,9 +372,10 @@ def swept_signals(windows: SweepWindows, carrier: float = 0.0) -> tuple[Signal, 
         One signal, or three of a base: m/s^2, m/s and m.
     """
     beside = windows.omega - carrier
-    fine = np.abs(beside) * windows.length * (PIECES_PER_TURN / (2 * np.pi))
+    fine = np.abs(beside) * windows.length * (8 / (2 * np.pi))
     shortest = (windows.length / np.maximum(fine, 1.0)).min()
-    fine = np.maximum(fine, np.where(fine > 1.0, windows.length / (LONGEST_PIECE * shortest), 1.0))
+    # none is longer than 8 times the shortest: responses to powers of time are in the scale of the longest
+    fine = np.maximum(fine, np.where(fine > 1.0, windows.length / (8.0 * shortest), 1.0))
     pieces = np.maximum(np.ceil(fine - 1e-9).astype(int), 1)
     window = np.repeat(np.arange(windows.count), pieces)
     within = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
@@ -389,7 +385,7 @@ def swept_signals(windows: SweepWindows, carrier: float = 0.0) -> tuple[Signal, 
     half = 0.5 * windows.length[window] / pieces[window]
     sigma = offset + half - 0.5 * windows.length[window]  # of the middle of the piece
     turn, degree, rest = float(np.max(np.abs(beside[window]) * half)), 0, 1.0
-    while degree < LARGEST_DEGREE or rest * turn > ROUND_OFF * (degree + 1):
+    while degree < LARGEST_DEGREE or rest * turn > 1e-15 * (degree + 1):
         degree += 1
         rest *= turn / degree
     turning = np.ones((window.size, degree + 1), dtype=complex)

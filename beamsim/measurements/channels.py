@@ -17,12 +17,12 @@ from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.scenario import units
 from beamsim.scenario.driven import spoken
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
-_EXAMPLES = {"absolute_acceleration": "g", "displacement": "mm", "absolute_displacement": "mm"}
 
 
 def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSignal]:
@@ -139,31 +139,33 @@ def history_named(path: Path, name: str, axis_unit: str | None = None) -> Measur
 def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> MeasuredSignal:
     """The signal converted to SI from the given unit, else from that of the file.
 
+    Parameters
+    ----------
+    signal : as read.
+    unit : of the values; by default the one that the file states.
+    quantity : that is measured, as levels of an excitation or motions of a probe are named.
+    at : key of the scenario, or option, with which a user gives the unit.
+
+    Returns
+    -------
+    MeasuredSignal
+
     Raises
     ------
     ScenarioError
         If neither is given, or the unit is not one of the quantity.
     """
-    named = unit or signal.unit
-    dimension = {"absolute_acceleration": units.ACCELERATION, "velocity": units.VELOCITY}.get(quantity, units.LENGTH)
-    if quantity == "force":
-        dimension = units.FORCE
+    dimension = LEVEL_DIMENSIONS[quantity.removeprefix("absolute_")]
+    named, source = unit or signal.unit, signal.source or signal.name
+    example = {units.ACCELERATION.unit: "g", units.LENGTH.unit: "mm"}.get(dimension.unit, dimension.unit)
+    remedy = f"give the unit of the {spoken(quantity)}, for example {example}"
     if not named:
-        source = f"{signal.source} states" if signal.source else "there is"
-        raise ScenarioError(
-            Problem(
-                at, f"is missing, and {source} no unit of {signal.name}",
-                f"give the unit of the {spoken(quantity)}, for example {_EXAMPLES.get(quantity, dimension.unit)}",
-            )
-        )  # fmt: skip
-    if named == dimension.unit:
-        return signal
+        raise ScenarioError(Problem(at, f"is missing, and {source} states no unit of {signal.name}", remedy))
     try:
         factor = units.read_quantity(f"1 {named}", dimension)
     except units.UnitError as error:
-        raise ScenarioError(
-            Problem(at, f"= {named} {error.message}", f"the {spoken(quantity)} of {signal.name} needs its unit")
-        ) from None
+        given = f"= {named}" if unit else f"is missing, and {source} has values in {named}, which"
+        raise ScenarioError(Problem(at, f"{given} {error.message}", remedy)) from None
     return replace(signal, y=signal.y * factor, unit=dimension.unit)
 
 

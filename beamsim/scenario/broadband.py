@@ -129,16 +129,6 @@ class SampledInput(Driven):
             )
         self.resolve("quantity", quantity)
 
-    @property
-    def factor_to_si(self) -> float:
-        """SI value of one in the file."""
-        if self.unit is None:
-            return self.factor
-        from beamsim.scenario.quantities import LEVEL_DIMENSIONS
-        from beamsim.scenario.units import read_level
-
-        return self.factor * read_level(f"1 {self.unit}", tuple(LEVEL_DIMENSIONS.values()))[0]
-
 
 class PsdPoint(Schema):
     """A point in a table of power spectral density."""

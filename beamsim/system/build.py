@@ -59,11 +59,6 @@ if TYPE_CHECKING:
     from beamsim.structures.structure import Structure
 
 
-DOUBTFUL_REDUCTION = 0.01
-"""Bound of the error of the reduced receptance, over its size, above which results carry a warning."""
-_ROUND_OFF = 1e-9
-
-
 def build_system(
     scenario: Scenario, shared: SharedBuilds | None = None, *, assessed: bool = True, recovered: bool = True
 ) -> StructuralSystem:
@@ -262,7 +257,7 @@ def _remarks(snubbers: Sequence[Located], tables: Sequence[TableOfStop | None]) 
 
 def _doubts(modes: ModeTable) -> list[str]:
     """Warnings of a reduced model that may not be accurate."""
-    if not modes.reduction_bound > DOUBTFUL_REDUCTION:
+    if not modes.reduction_bound > 0.01:
         return []
     return [
         f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz and at the frequencies "
@@ -294,7 +289,7 @@ def _levers(parts: Parts, sites: Sequence[Site]) -> Floats:
     for k, site in enumerate(sites):
         if motion is not None and isinstance(site, Place):
             lever = parts.structure.base_motion_at(site, motion)
-            levers[k] = 1.0 if abs(lever - 1.0) < _ROUND_OFF else lever
+            levers[k] = 1.0 if abs(lever - 1.0) < 1e-9 else lever
     return levers
 
 

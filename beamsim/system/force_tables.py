@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 _DIMENSIONS = {"length": units.LENGTH, "force": units.FORCE, "time": units.TIME}
-WIDE = 0.02  # of the largest force: loops wider than this are remarked on
 
 
 @dataclass(frozen=True)
@@ -165,7 +164,7 @@ def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
 def _remark(deflection: Floats, force: Floats, time: Floats | None, curve: ForceCurve) -> str:
     """What to say about a loop: the curve goes through its middle."""
     width = loop_width(deflection, force)
-    if width <= WIDE:
+    if width <= 0.02:
         return ""
     remark = f"loading and unloading differ by {width:.2g} of the largest force, and the curve runs between them"
     if time is None or np.any(np.diff(time) <= 0):

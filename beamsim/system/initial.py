@@ -15,8 +15,6 @@ from beamsim.system.mechanisms import floating_motions
 from beamsim.system.parts import Parts, start_of
 from beamsim.typing import Floats
 
-# A projected initial shape further off than this is worth a warning.
-_PROJECTION_TOLERANCE = 1e-6
 _FIELDS = ("displacement", "velocity")
 
 
@@ -99,7 +97,7 @@ def _given_field(parts: Parts, given: Mapping[str, PolynomialStart], quantity: s
     numbers = {name: getattr(start, quantity) for name, start in given.items()}
     field, errors = parts.structure.project(parts.basis, numbers, quantity)
     for name, error in errors.items():
-        if error > _PROJECTION_TOLERANCE:
+        if error > 1e-6:
             where = f"bodies.{name}.{quantity}" if len(parts.structure.members) > 1 else quantity
             warnings.append(
                 f"run.start.{where} is met by the reduced model to a relative error of {error:.2g} only: "

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from beamsim.structures.structure import Structure
     from beamsim.system.parts import Parts
 
-_CARRIED = 1e-9  # share of a support's motion below which a place does not follow it
-
 
 @dataclass(frozen=True)
 class Moved:
@@ -133,7 +131,7 @@ def check_places(moved: Sequence[Moved], places: Sequence[tuple[Path, Site]]) ->
     for path, site in places:
         ends = (site.first, site.second) if isinstance(site, Link) else (site,)
         for each in moved:
-            if any(abs(each.support.direct(end)) > _CARRIED for end in ends):
+            if any(abs(each.support.direct(end)) > 1e-9 for end in ends):
                 where = path_text((*each.path, "applied_to"))
                 problems.append(
                     Problem(

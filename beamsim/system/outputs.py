@@ -33,7 +33,6 @@ UNITS = {
     "joint_moment": "N m", "kinetic_energy": "J", "strain_energy": "J",
 }  # fmt: skip
 """By kind of output."""
-NEGLIGIBLE = 1e-14  # of the largest eigenvalue of a body's mass or stiffness in reduced coordinates
 
 
 @dataclass(frozen=True)
@@ -323,7 +322,7 @@ class _Asked:
         scale[n:] = np.sqrt(np.diag(form)[n:] / max(np.diag(form)[:n].max(), np.finfo(float).tiny))
         scale[scale == 0.0] = 1.0
         values, vectors = np.linalg.eigh((form + form.T) / (2 * np.outer(scale, scale)))
-        kept = values > NEGLIGIBLE * values[-1]
+        kept = values > 1e-14 * values[-1]  # others are round-off
         rows = np.sqrt(values[kept])[:, None] * vectors[:, kept].T * scale
         quantity = "velocity" if kinetic else "displacement"
         load = np.zeros((rows.shape[0], len(self.forcing.signal)))

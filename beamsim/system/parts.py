@@ -32,10 +32,6 @@ if TYPE_CHECKING:
 
 # First quantities of what moves supports and the base, and is no force.
 MOTIONS = (TRANSLATION_TAKES[0], ROTATION_TAKES[0])
-# Modes that a default reduction keeps at least, whatever the frequency of interest.
-_LEAST_FLEXIBLE_MODES = 6
-# Superharmonics that a default reduction provides for.
-_LEAST_HARMONICS = 10
 
 
 @dataclass(frozen=True)
@@ -245,7 +241,7 @@ def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]
     if asked is not None and asked.highest_frequency is not None:
         return {"highest_frequency": asked.highest_frequency * hz}
     of_run = 0.0 if scenario.run is None else scenario.frequency_of_interest_hz
-    highest = max(of_run, _LEAST_HARMONICS * scenario.excitation.highest_frequency_hz)
+    highest = max(of_run, 10 * scenario.excitation.highest_frequency_hz)
     start = start_of(scenario)
     mode = start.mode if isinstance(start, ModeStart) else 0
-    return {"highest_frequency": highest * hz, "default": True, "least": _LEAST_FLEXIBLE_MODES, "mode": mode}
+    return {"highest_frequency": highest * hz, "default": True, "least": 6, "mode": mode}
