@@ -42,7 +42,7 @@ def exported(
     matrices = {"mass": given.mass, "stiff": given.stiffness}
     if given.damping is not None:
         matrices["viscous"] = given.damping
-    written = write_matrices(target, matrices, binary=binary, replacing=replacing)
+    written = write_matrices(target, matrices, binary=binary)
     table = target.with_name(f"{target.stem}_dofs.csv")
     with replacing(table) as temporary:
         write_dof_table(temporary, given.table)

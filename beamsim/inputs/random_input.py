@@ -118,7 +118,7 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
     pieces = int(np.ceil(total / step)) + 1
     velocity_0 = displacement_0 = 0.0
     if excitation.ramp == 0:
-        used = slice(1, None) if count <= MOST_OF_ANY_SIZE else np.flatnonzero(amplitude)
+        used = np.flatnonzero(amplitude)
         omega = 2 * np.pi * frequency[used]
         velocity_0 = float(np.sum(amplitude[used] / (1j * omega)).real)
         displacement_0 = float(np.sum(-amplitude[used] / omega**2).real)

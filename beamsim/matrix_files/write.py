@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from beamsim.files import replacing
 from beamsim.matrix_files.nastran import write_op4
 
 ENDINGS = (".op4", ".mat", ".mtx", ".npz")
 """OP4, MATLAB, MatrixMarket, NumPy; the first two hold several matrices, of the others each has a file."""
 
 
-def write_matrices(
-    path: Path, matrices: dict[str, Any], *, binary: bool, replacing: Callable[[Path], Any]
-) -> dict[str, tuple[Path, str]]:
+def write_matrices(path: Path, matrices: dict[str, Any], *, binary: bool) -> dict[str, tuple[Path, str]]:
     """Write sparse matrices by name; where each is, and its name in the file.
 
     Parameters
     ----------
     path : its ending is one of `ENDINGS`; where a file holds one matrix its name is appended to the stem.
-    binary : of OP4 files.
-    replacing : context manager that yields a temporary path, which takes the place of the given one.
+    matrices : (rows, columns) sparse, by name.
+    binary : whether OP4 files hold the bytes of numbers.
+
+    Returns
+    -------
+    dict
+        Path, and name in that file, by name.
+
+    Raises
+    ------
+    MethodError
+        If pyYeti, which writes OP4, is not installed.
     """
     from scipy.io import mmwrite, savemat
     from scipy.sparse import save_npz

@@ -96,6 +96,19 @@ def channel_named(
 ) -> MeasuredSignal:
     """The channel of that name, which may leave out the unit; else that of probe and quantity, or the only one.
 
+    Parameters
+    ----------
+    signals : channels of the file.
+    name : of the channel, or of the probe where it was measured.
+    quantity : that is measured.
+    path : of the file, for messages.
+    required : whether the name is that of a channel, so that no other will do.
+    at : key of the scenario that names it, for messages.
+
+    Returns
+    -------
+    MeasuredSignal
+
     Raises
     ------
     ScenarioError
@@ -124,6 +137,17 @@ def channel_named(
 
 def history_named(path: Path, name: str, axis_unit: str | None = None) -> MeasuredSignal:
     """The time history of that name.
+
+    Parameters
+    ----------
+    path : of the file.
+    name : of the channel.
+    axis_unit : of its times; by default the one that the file states.
+
+    Returns
+    -------
+    MeasuredSignal
+        Over times in s, in the unit of the file.
 
     Raises
     ------

@@ -36,7 +36,7 @@ def carried_start(parts: Parts, forcing: Forcing) -> Floats:
     first = len(forcing.signal) - 3 * len(parts.moved)
     for k, moved in enumerate(parts.moved):
         _, velocity, displacement = forcing.signal[first + 3 * k : first + 3 * k + 3]
-        shape = moved.static_shape(parts)
+        shape = moved.static_shape(parts.structure, parts.basis)
         start += np.concatenate([shape * float(displacement(0.0)), shape * float(velocity(0.0))])
     return start
 
@@ -85,7 +85,7 @@ def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, F
         for moved in parts.moved:
             support = signal_of(moved.driven, moved.path, base_motion)
             signals = (support.acceleration, support.velocity, support.displacement)
-            loads += zip(moved.loads(parts), signals, strict=True)
+            loads += zip(moved.loads(structure, parts.basis, parts.damping), signals, strict=True)
         return None, Forcing(np.array([vector for vector, _ in loads]), tuple(signal for _, signal in loads))
     assert excitation.kind != "forces"  # which move no base
     motion = signal_of(excitation, ("excitation",), base_motion)

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from beamsim.inputs.excitation import Driven
     from beamsim.scenario import Scenario
     from beamsim.scenario.base import Path
+    from beamsim.structures.basis import ReducedBasis
     from beamsim.structures.structure import Structure
-    from beamsim.system.parts import Parts
 
 
 @dataclass(frozen=True)
@@ -45,22 +45,29 @@ class Moved:
         """The load of a unit motion that is held for ever."""
         return LoadPattern(-self.support.on_dofs[0] / structure.stiffness_scale, self.support.motion)
 
-    def static_shape(self, parts: Parts) -> Floats:
+    def static_shape(self, structure: Structure, basis: ReducedBasis) -> Floats:
         """(n,) coordinates of the static shape for a unit motion, sqrt(kg) m."""
-        structure = parts.structure
         momentum = structure.mass @ self.support.shape
-        return np.asarray(parts.basis.vectors.T @ momentum * np.sqrt(structure.mass_scale))
+        return np.asarray(basis.vectors.T @ momentum * np.sqrt(structure.mass_scale))
 
-    def loads(self, parts: Parts) -> tuple[Floats, Floats, Floats]:
-        """(n,) loads per acceleration, velocity and displacement of the support."""
-        structure = parts.structure
-        vectors = parts.basis.vectors / np.sqrt(structure.mass_scale)
-        static = self.static_shape(parts)
-        of_body = parts.damping
+    def loads(self, structure: Structure, basis: ReducedBasis, damping: Floats) -> tuple[Floats, Floats, Floats]:
+        """The loads on the reduced structure.
+
+        Parameters
+        ----------
+        structure, basis : that the support belongs to, and its reduced coordinates.
+        damping : (n, n) C, 1/s.
+
+        Returns
+        -------
+        tuple
+            (n,) per acceleration, velocity and displacement of the support.
+        """
+        vectors = basis.vectors / np.sqrt(structure.mass_scale)
         if structure.damping is not None:
-            of_body = of_body - vectors.T @ (structure.damping @ vectors)
-        stiffness, mass, damping = self.support.on_dofs @ vectors
-        return -mass, of_body @ static - damping, -stiffness
+            damping = damping - vectors.T @ (structure.damping @ vectors)
+        stiffness, mass, viscous = self.support.on_dofs @ vectors
+        return -mass, damping @ self.static_shape(structure, basis) - viscous, -stiffness
 
 
 def driven_supports(scenario: Scenario) -> Iterator[tuple[Path, Driven]]:
