@@ -24,6 +24,10 @@ class Watched:
     following: Ints  # (g,) phase of the guard's contact after its event
     reset: Ints  # (g,) first of the rows that give the internal states after the event, -1 without a reset
 
+    def guard_of(self, contact: int, following: int) -> int:
+        """The guard whose event takes a contact to a phase."""
+        return int(np.flatnonzero((self.contact[: self.guards] == contact) & (self.following == following))[0])
+
 
 @dataclass(frozen=True)
 class Contacts:

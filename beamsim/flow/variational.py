@@ -34,7 +34,7 @@ from beamsim.flow.passage import (
     moved_system,
 )
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.flow.sensitivity import Change, FlowOutputs, SourceRates, StructureRates, by_contacts, sensitivity
+from beamsim.flow.sensitivity import Change, FlowOutputs, OutputRates, SourceRates, StructureRates, sensitivity
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import COMPLETE
 from beamsim.system.equations import PiecewiseLinearSystem
@@ -111,7 +111,7 @@ class VariationalFlow(PeriodicFlow):
         phases, _, begun = exact.begin(start, t)
         if self.system.contacts.jointly_acting:
             inputs = exact.inputs_at(np.array([t]))[0, 0]
-            begun = self._outputs.ends(phases)[0] @ np.concatenate([begun, inputs])
+            begun = self._outputs.begun(phases) @ np.concatenate([begun, inputs])
         else:
             begun = start
         motion = Motion(begun.copy(), exact.state_index(phases), time=t)
@@ -133,16 +133,14 @@ class VariationalFlow(PeriodicFlow):
     def _change(self, parameter: Parameter) -> Change:
         """What a parameter changes."""
         if isinstance(parameter, ContactDirection):
-            return by_contacts(self.exact, parameter)
+            return OutputRates(self.exact, parameter)
         if isinstance(parameter, StructureDirection):
             return StructureRates(self.exact, parameter)
         if not isinstance(parameter, Frequency | Level):
             raise TypeError(f"no derivative by {type(parameter).__name__}")
         amplitude, exponent = self.loads.rates_of_signals(self.omega, self.level, parameter)
-        out = np.zeros((2, self.exact.sources.count), dtype=complex)
-        count = out.shape[1] - 1  # without the base where no contact feels it
-        out[:, 1:] = amplitude[:count], exponent[:count]
-        return SourceRates(out[0], out[1])
+        count = self.exact.sources.count - 1  # without the base where no contact feels it
+        return SourceRates(self.exact, amplitude[:count], exponent[:count])
 
     def motion(self, passage: Passage) -> Trajectory:
         """The motion of a passage, of which every output is known in closed form."""
