@@ -186,6 +186,12 @@ class ContactState:
             basis *= powers[:, self.power]
         return zeta.take(self.term_source, axis=1) * basis.take(self.term_basis, axis=1)
 
+    def transition(self, tau: float) -> Floats:
+        """(N, N) state transition matrix over a time, s."""
+        count = self.basis_of_source.size
+        unit = np.concatenate([np.zeros((count, self.term_vector.shape[1])), self.projector]).T
+        return np.asarray((self.terms_after(unit, np.array([tau])) @ self.term_vector).real.T)
+
     def amplitude_map(self) -> Complexes:
         """(2 F + N, F + Z) amplitudes of the inputs and of the free motions, for a unit of the real and the imaginary
         part of each input in turn, and of each number of the state."""

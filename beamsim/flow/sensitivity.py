@@ -25,8 +25,9 @@ from beamsim.flow.contact_state import GROWTH, ContactState, LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.held import held_contacts
 from beamsim.flow.march import Log
-from beamsim.flow.moments import exponential_moments
+from beamsim.flow.moments import blocks, exponential_moments
 from beamsim.flow.passage import ContactDirection, StructureDirection, moved_system
+from beamsim.flow.state_tables import visited_states
 from beamsim.typing import Complexes, Floats, Ints
 
 DIFFERENCE = 1e-5  # relative step of the differences
@@ -148,9 +149,9 @@ class Change:
         """(N, V) change of `FlowOutputs.kept`."""
         return self._none
 
-    def inputs(self, t: float) -> Floats:
-        """(2 F,) change of the inputs and of their slopes at a time."""
-        sources = self.flow.sources
+    def inputs(self, times: Floats) -> Floats:
+        """(nt, 2 F) change of the inputs and of their slopes."""
+        sources, t = self.flow.sources, times[:, None]
         turned = np.exp(t * sources.exponent)
         rising = sources.amplitude[0] * self.exponent
         value = (self.amplitude + rising * t) * turned
@@ -260,59 +261,79 @@ def sensitivity(
     end : (N,) its last state.
     changes : (P,) what each parameter changes.
     """
-    N, contacts = flow.size, flow.system.contacts
-    times = np.append(log.time, log.time[-1] + log.length[-1])
-    inputs = flow.inputs_at(times, 2)  # and their time derivatives
-    given = flow.sources.amplitudes_at(log.time, log.piece)
+    N, contacts, passed = flow.size, flow.system.contacts, _along(flow, outputs, log, changes)
     phases = [flow.states[number].phases for number in log.state]
     S, event = np.eye(N, N + len(changes)), 0
     dt = np.zeros(S.shape[1])
     if contacts.jointly_acting:
-        v, whole = np.append(log.y[0], inputs[0, 0]), _with_inputs(S, changes, times[0])
-        S = _factors_derivative(outputs.begun(phases[0]), [each.begun(phases[0]) for each in changes], v, whole)
+        at_start = log.time[:1]
+        begun, v = [each.begun(phases[0]) for each in changes], np.append(log.y[0], flow.inputs_at(at_start)[0, 0])
+        S = _derivative(outputs.begun(phases[0]), begun, v, _above(S, [each.inputs(at_start)[0] for each in changes]))
     for g, number in enumerate(log.state):
-        state, tau = flow.states[number], float(log.length[g])
-        known = np.vstack([given[g], np.zeros((S.shape[1], given.shape[1]))])
-        zeta = state.amplitudes(known, np.vstack([log.y[g], S.T]))
-        both = (state.terms_after(zeta, np.array([tau])) @ state.term_vector).real
-        y, S = both[0], both[1:].T
-        if changes:
-            load = [_load(state, outputs.rates(phases[g]), each, zeta[0], times[g]) for each in changes]
-            S[:, N:] += _response(state, flow.sources.exponent, np.array(load), tau).T
+        S = flow.states[number].transition(float(log.length[g])) @ S
+        S[:, N:] += passed.response[g].T
         if g + 1 == log.time.size or log.state[g + 1] == number:
             continue
         key = phases[g], int(log.event_contact[event]), int(log.event_phase[event])
         event += 1
         of, by = outputs.event(key), [each.event(key) for each in changes]
-        v, whole = np.append(y, inputs[g + 1, 0]), _with_inputs(S, changes, times[g + 1])
+        v, whole = passed.v[g], _above(S, passed.moved[:, g])
         rates = outputs.rates(phases[g]), outputs.rates(phases[g + 1])
-        moving = np.append(rates[0] @ v, inputs[g + 1, 1])
         # what follows at the same instant, since a phase does not last, moves with the event before
-        if g == 0 or tau > 0.0:
-            pace = float(of.guard @ moving)  # zero of a contact that begins at rest
-            change = _factors_derivative(of.guard, [each.guard for each in by], v, whole)
+        if g == 0 or log.length[g] > 0.0:
+            pace = float(of.guard @ passed.moving[g])  # zero of a contact that begins at rest
+            change = _derivative(of.guard, [each.guard for each in by], v, whole)
             dt = -change / pace if pace else np.zeros_like(change)
-        S = _factors_derivative(of.reset, [each.reset for each in by], v, whole)
-        S += np.multiply.outer(_jump(of.reset, rates, v, moving), dt)
-    last, v = phases[-1], np.append(end, inputs[-1, 0])
-    slope = outputs.rates(last) @ v
+        S = _derivative(of.reset, [each.reset for each in by], v, whole)
+        S += np.multiply.outer(_jump(of.reset, rates, v, passed.moving[g]), dt)
+    last, v, moving = phases[-1], passed.v[-1].copy(), passed.moving[-1].copy()
+    v[:N] = end
+    moving[:N] = outputs.rates(last) @ v
     if not contacts.kept(last)[0].size:
-        return MotionDerivative(end, slope, S)
-    kept, moving = outputs.kept(last), np.append(slope, inputs[-1, 1])
-    S = _factors_derivative(kept, [each.kept(last) for each in changes], v, _with_inputs(S, changes, times[-1]))
+        return MotionDerivative(end, moving[:N], S)
+    kept = outputs.kept(last)
+    S = _derivative(kept, [each.kept(last) for each in changes], v, _above(S, passed.moved[:, -1]))
     return MotionDerivative(kept @ v, kept @ moving, S)
 
 
-def _with_inputs(S: Floats, changes: Sequence[Change], t: float) -> Floats:
-    """(V, N + P) change of the state, where it has S (N, N + P), and of the inputs and their slopes at a time."""
-    N = S.shape[0]
-    moved = [change.inputs(t) for change in changes]
-    if not moved:
+class _Along(NamedTuple):
+    """What the G segments of a motion add to its derivatives, and where they end."""
+
+    v: Floats  # (G, V) state, inputs and their slopes at the ends, before events
+    moving: Floats  # (G, V) time derivatives
+    moved: Floats  # (P, G, 2 F) change of the inputs and their slopes by the parameters
+    response: Floats  # (G, P, N) of the state to what the parameters change along the segment
+
+
+def _along(flow: ExactFlow, outputs: FlowOutputs, log: Log, changes: Sequence[Change]) -> _Along:
+    N, ends, given = flow.size, log.time + log.length, flow.sources.amplitudes_at(log.time, log.piece)
+    inputs = flow.inputs_at(ends, 2)
+    v, moving = (np.hstack([np.empty((ends.size, N)), inputs[:, order]]) for order in (0, 1))
+    moved = np.array([change.inputs(ends) for change in changes]).reshape(-1, *inputs[:, 0].shape)
+    response = np.empty((ends.size, len(changes), N))
+    for number in visited_states(log.state):
+        state, some = flow.states[number], np.flatnonzero(log.state == number)
+        rates, zeta = outputs.rates(state.phases), state.amplitudes(given[some], log.y[some])
+        v[some, :N] = (state.terms_after(zeta, log.length[some]) @ state.term_vector).real
+        moving[some, :N] = v[some] @ rates.T
+        for p, change in enumerate(changes):
+            for part in blocks(some.size, 4 * state.exponent.size * (state.exponent.size + flow.sources.count)):
+                load = _load(state, rates, change, zeta[part], log.time[some[part]])
+                response[some[part], p] = _response(state, flow.sources.exponent, load, log.length[some[part]])
+    return _Along(v, moving, moved, response)
+
+
+def _above(S: Floats, moved: Sequence[Floats] | Floats) -> Floats:
+    """(V, N + P) change of the state, S (N, N + P), above that of the inputs and their slopes by P parameters."""
+    N, P = S.shape[0], len(moved)
+    if not P:
         return S
-    return np.vstack([S, np.hstack([np.zeros((moved[0].size, N)), np.transpose(moved)])])
+    out = np.zeros((N + moved[0].size, N + P))
+    out[:N], out[N:, N:] = S, np.transpose(moved)
+    return out
 
 
-def _factors_derivative(of: Floats, by: Sequence[Floats], v: Floats, whole: Floats) -> Floats:
+def _derivative(of: Floats, by: Sequence[Floats], v: Floats, whole: Floats) -> Floats:
     """Change of ``of @ v``.
 
     Parameters
@@ -349,59 +370,59 @@ def _jump(reset: Floats, rates: tuple[Floats, Floats], v: Floats, moving: Floats
     return np.where(np.abs(change) > ROUND_OFF * size, change, 0.0)
 
 
-def _load(state: ContactState, rates: Floats, change: Change, zeta: Complexes, t: float) -> Complexes:
-    """(B + 2 F, N) the load that a change is over a segment.
+def _load(state: ContactState, rates: Floats, change: Change, zeta: Complexes, times: Floats) -> Complexes:
+    """(G, B + 2 F, N) the loads that a change is over segments of one contact state.
 
     Parameters
     ----------
-    state : the contact state, of B basis functions.
-    rates : (N, V) of the state in it.
+    state : of B basis functions.
+    rates : (N, V) of the state.
     change : of a parameter.
-    zeta : (F + Z,) amplitudes where the segment begins.
-    t : s, when it begins.
+    zeta : (G, F + Z) amplitudes where the segments begin.
+    times : (G,) s, when they begin.
 
     Returns
     -------
-    Factors of the state's basis functions, of the sources, and of these times the time since the segment began.
+    Factors of the basis functions, of the sources, and of these times the time since the segment began.
     """
-    (N, V), B = rates.shape, state.exponent.size
-    F = (V - N) // 2
-    own, sources = change.rates(state.phases), change.flow.sources
-    load = np.zeros((B + 2 * F, N), dtype=complex)
+    (N, V), B, sources, own = rates.shape, state.exponent.size, change.flow.sources, change.rates(state.phases)
+    F, slope = (V - N) // 2, rates[:, (V + N) // 2 :]
+    load = np.zeros((times.size, B + 2 * F, N), dtype=complex)
     if own.any():
-        np.add.at(load, state.term_basis, (zeta[state.term_source, None] * state.term_vector) @ own[:, :N].T)
-        load[B : B + F] = (zeta[:F] * (own[:, N : N + F] + sources.exponent * own[:, N + F :])).T
-    turned = np.exp(t * sources.exponent)
+        driven = np.zeros((state.amplitude_count, B, N), dtype=complex)
+        np.add.at(driven, (state.term_source, state.term_basis), state.term_vector @ own[:, :N].T)
+        load[:, :B] = np.tensordot(zeta, driven, 1)
+        load[:, B : B + F] = zeta[:, :F, None] * (own[:, N : N + F] + sources.exponent * own[:, N + F :]).T
+    turned = np.exp(np.multiply.outer(times, sources.exponent))
     rising = turned * sources.amplitude[0] * change.exponent
-    steady = turned * change.amplitude + rising * t
-    direct, slope = rates[:, N : N + F] + sources.exponent * rates[:, N + F :], rates[:, N + F :]
-    load[B : B + F] += (steady * direct + rising * slope).T
-    load[B + F :] = (rising * direct).T
+    steady = turned * change.amplitude + rising * times[:, None]
+    direct = rates[:, N : N + F] + sources.exponent * slope
+    load[:, B : B + F] += steady[:, :, None] * direct.T + rising[:, :, None] * slope.T
+    load[:, B + F :] = rising[:, :, None] * direct.T
     return load
 
 
-def _response(state: ContactState, nu: Complexes, load: Complexes, tau: float) -> Floats:
-    """(P, N) the responses at the end of a segment to loads.
+def _response(state: ContactState, nu: Complexes, load: Complexes, tau: Floats) -> Floats:
+    """(G, N) the responses at the ends of segments to loads.
 
     Parameters
     ----------
     state : the contact state.
     nu : (F,) exponents of the sources, 1/s.
-    load : (P, B + 2 F, N) see `_load`.
-    tau : s, length of the segment.
+    load : (G, B + 2 F, N) see `_load`.
+    tau : (G,) s, lengths of the segments.
     """
-    F, free = nu.size, state.term_source >= nu.size
-    acts = load.any(axis=(0, 2))
+    F, free, acts = nu.size, state.term_source >= nu.size, load.any(axis=(0, 2))
     mu = np.concatenate([state.exponent, nu, nu])[acts]
     power = np.concatenate([state.power, np.zeros(F, dtype=np.int64), np.ones(F, dtype=np.int64)])[acts]
-    load, basis = 0.5 * load[:, acts], state.term_basis[free]
-    pushes = np.concatenate([load, load.conj()], axis=1) @ state.projector.T  # real loads
+    real = np.concatenate([0.5 * load[:, acts], 0.5 * load[:, acts].conj()], axis=1)
+    pushes = (real @ state.projector.T)[:, :, state.term_source[free] - F]
     integral = convolutions(state.exponent, state.power, np.append(mu, mu.conj()), np.tile(power, 2), tau)
-    grown = np.einsum("pcq,qc->pq", pushes[:, :, state.term_source[free] - F], integral[basis])
+    grown = np.einsum("gcq,gqc->gq", pushes, integral[:, state.term_basis[free]])
     return np.asarray((grown @ state.term_vector[free]).real)
 
 
-def convolutions(a: Complexes, q: Ints, b: Complexes, p: Ints, tau: float) -> Complexes:
+def convolutions(a: Complexes, q: Ints, b: Complexes, p: Ints, tau: Floats) -> Complexes:
     r"""Integrals :math:`\int_0^\tau (\tau - s)^q e^{a (\tau - s)} s^p e^{b s} ds` for all pairs.
 
     With x = (b - a) tau they are :math:`\tau^{p + q + 1} e^{a \tau} \int_0^1 (1 - s)^q s^p e^{x s} ds`; where
@@ -411,20 +432,20 @@ def convolutions(a: Complexes, q: Ints, b: Complexes, p: Ints, tau: float) -> Co
     ----------
     a, q : (A,) exponents, 1/s, and powers.
     b, p : (B,) the same of the other factors.
-    tau : s.
+    tau : (G,) s.
 
     Returns
     -------
-    (A, B).
+    (G, A, B).
     """
-    x = tau * (b - a[:, None])
-    swapped = x.real > 0.0
-    moments = exponential_moments(np.where(swapped, -x, x), int(q.max(initial=0) + p.max(initial=0)))
-    q, p = np.broadcast_arrays(q[:, None], p)
-    falling, rising = np.where(swapped, p, q), np.where(swapped, q, p)
-    total = np.zeros_like(x)
+    swapped = (b - a[:, None]).real > 0.0
+    x = np.multiply.outer(tau, np.where(swapped, a[:, None] - b, b - a[:, None]))
+    falling, rising = np.where(swapped, p, q[:, None]), np.where(swapped, q[:, None], p)
+    total, moments = np.zeros_like(x), exponential_moments(x, int(q.max(initial=0) + p.max(initial=0)))
+    row, column = np.arange(a.size)[:, None], np.arange(b.size)
     for k in range(int(falling.max(initial=0)) + 1):  # of the powers of 1 - s
-        moment = np.take_along_axis(moments, np.where(k <= falling, rising + k, 0)[:, :, None], axis=2)[:, :, 0]
-        total += (-1.0) ** k * binom(falling, k) * moment
-    turned = tau * np.where(swapped, b, a[:, None])
-    return np.asarray(tau ** (p + q + 1) * np.exp(np.where(turned.real < GROWTH, turned, 0.0)) * total)
+        chosen = np.where(k <= falling, rising + k, 0)
+        total += (-1.0) ** k * binom(falling, k) * moments[:, row, column, chosen]
+    turned = np.multiply.outer(tau, np.where(swapped, b, a[:, None]))
+    total *= np.exp(np.where(turned.real < GROWTH, turned, 0.0))
+    return np.asarray(total * tau[:, None, None] ** (q[:, None] + p + 1))
