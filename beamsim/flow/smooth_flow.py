@@ -94,31 +94,30 @@ class SmoothFlow(PeriodicFlow):
     def _arrays(self, parameters: Sequence[Parameter]) -> Any:
         from beamsim.flow.taylor_kernels import SmoothSystem
 
-        s, c = self.system, self.system.contacts
-        n, m, H, P, nc = s.size, c.count, self.loads.count, len(parameters), self.cubic.size
-        force, base, d_force, d_base = self.loads.at(self.omega, self.level)
-        by_force, by_base = np.zeros((P, H, n), dtype=complex), np.zeros((P, H), dtype=complex)
-        by_frequency, by_cubic = np.zeros((P, H)), np.zeros((P, nc))
-        by_stiffness, by_gap = np.zeros((P, m)), np.zeros((P, m))
-        for i, p in enumerate(parameters):
+        s, c, loads = self.system, self.system.contacts, self.loads
+        P, (force, base, d_force, d_base) = len(parameters), loads.at(self.omega, self.level)
+        # the numbers, and below them their derivatives by each parameter
+        forces, rising = np.zeros((2, 1 + P, *force.shape), dtype=complex)
+        bases, base_rising = np.zeros((2, 1 + P, base.size), dtype=complex)
+        cubic, stiffness, gap = (np.zeros((1 + P, of.size)) for of in (self.cubic, c.stiffness, c.gap))
+        forces[0], bases[0], cubic[0], stiffness[0], gap[0] = force, base, self.cubic, c.stiffness, c.gap
+        for i, p in enumerate(parameters, 1):
             if isinstance(p, Frequency):
-                by_force[i], by_base[i], by_frequency[i] = d_force, d_base, self.loads.multiple
+                forces[i], bases[i] = d_force, d_base
+                rising[i], base_rising[i] = 1j * loads.multiple[:, None] * force, 1j * loads.multiple * base
             elif isinstance(p, Level):
-                by_force[i], by_base[i] = self.loads.at(self.omega, 1.0)[:2]
+                forces[i], bases[i] = loads.at(self.omega, 1.0)[:2]
             elif isinstance(p, SpringFactor):
-                by_cubic[i], by_stiffness[i] = p.cubic, p.stiffness
+                cubic[i], stiffness[i] = p.cubic, p.stiffness
             elif isinstance(p, ContactDirection) and not (np.any(p.dashpot) or np.any(p.shape)):
-                by_stiffness[i], by_gap[i] = p.stiffness, p.gap
+                stiffness[i], gap[i] = p.stiffness, p.gap
             else:
                 raise ValueError("with cubic springs only stiffness and gap of the contacts can be followed")
         return SmoothSystem(
             s.stiffness.astype(float), np.ascontiguousarray(s.damping), bool(np.any(s.damping)),
-            s.constant_load.astype(float),
-            np.ascontiguousarray(self.cubic_shape).reshape(nc, n), self.cubic.astype(float),
-            np.ones(nc) if self.on_ground is None else self.on_ground.astype(float),
-            np.ascontiguousarray(c.shape), c.sign, c.stiffness, c.dashpot, c.gap, c.felt,
-            self.loads.multiple * self.omega, np.ascontiguousarray(force).reshape(H, n), base.astype(complex),
-            by_force, by_base, by_frequency, by_cubic, by_stiffness, by_gap, self._longest,
+            s.constant_load.astype(float), np.ascontiguousarray(self.cubic_shape).reshape(cubic.shape[1], s.size),
+            cubic, self.felt, np.ascontiguousarray(c.shape), c.sign, stiffness, c.dashpot, gap, c.felt,
+            loads.multiple * self.omega, forces, rising, bases, base_rising, self._longest,
         )  # fmt: skip
 
     def _closed_at(self, arrays: Any, z: Floats, t: float) -> Bools:
@@ -131,9 +130,9 @@ class SmoothFlow(PeriodicFlow):
 
         c, n, orders = self.system.contacts, self.system.size, np.arange(HIGHEST_DERIVATIVE + 1)[:, None]
         d, _ = self.base_motion(t)
-        series = make_series(arrays)
-        series_at(arrays, -c.gap - c.sign * (c.shape @ z[:n] + c.felt * d) > 0, t, z, series)
-        q, base = series.q[orders[:, 0]], series.d[orders]
+        series = make_series(arrays, 1)
+        series_at(arrays, -c.gap - c.sign * (c.shape @ z[:n] + c.felt * d) > 0, t, z[:, None], series)
+        q, base = series.q[orders[:, 0], :, 0], series.d[orders[:, 0]]
         omega = np.sqrt(np.abs(self.system.stiffness))
         size = np.abs(z[:n]) * omega**orders + np.abs(z[n:]) * omega ** np.maximum(orders - 1, 0) * (orders > 0)
         gap = np.where(orders == 0, c.gap, 0.0)
@@ -146,12 +145,11 @@ class SmoothFlow(PeriodicFlow):
         from beamsim.flow.event_kernels import BEGINNING
         from beamsim.flow.taylor_kernels import DONE, FULL, SmoothMotion, Steps, carry_smooth
 
-        N, m, room = self.size, self.system.contacts.count, STEPS_A_CALL
+        N, m, P, room = self.size, self.system.contacts.count, len(parameters), STEPS_A_CALL
         self._carried[0] += 1
         arrays = self._arrays(parameters)
-        motion = SmoothMotion(
-            start.copy(), self._closed_at(arrays, start, t), np.eye(N, N + len(parameters)), np.zeros(N)
-        )
+        columns = np.hstack([start[:, None], np.zeros((N, P)), np.eye(N)])  # the motion, and its derivatives
+        motion = SmoothMotion(columns, self._closed_at(arrays, start, t), np.zeros(N))
         end, begins, steps = t + duration, BEGINNING, 0
         parts: list[tuple[NDArray[np.generic], ...]] = []
         log = Steps(
@@ -164,15 +162,16 @@ class SmoothFlow(PeriodicFlow):
             rows = [count] * 4 + [events] * 3
             parts.append(tuple(column[:used].copy() for column, used in zip(log, rows, strict=True)))
             steps += count
-            if code != FULL or steps >= MOST_STEPS or not np.all(np.isfinite(motion.y)):
+            if code != FULL or steps >= MOST_STEPS or not np.all(np.isfinite(columns[:, 0])):
                 break
         time, length, touching, states, *event = (np.concatenate(column) for column in zip(*parts, strict=True))
-        check_finite(motion.y)
+        check_finite(columns[:, 0])
         if code != DONE:
             raise WorkExceeded(f"no end after {steps} steps and {event[0].size} contact events")
+        end, by_start, by_parameters = columns[:, 0], columns[:, 1 + P :], columns[:, 1 : 1 + P]
         return Passage(
-            start, motion.y, motion.by[:, :N].copy(), motion.by[:, N:].copy(), motion.slope, duration,
-            time, length, touching.astype(np.int64), states, event[0], event[1], event[2].astype(np.int64),
+            start, end.copy(), by_start.copy(), by_parameters.copy(), motion.slope, duration, time, length,
+            touching.astype(np.int64), states, event[0], event[1], event[2].astype(np.int64),
         )  # fmt: skip
 
     def cubic_stretch(self, y: Floats, times: Floats) -> Floats:

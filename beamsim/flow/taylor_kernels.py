@@ -6,9 +6,11 @@
 (:math:`g_c = 1` for a spring or contact on the ground, which feels the base's displacement d, else 0)
 
 is polynomial, so that the Taylor coefficients of q and of every derivative of q follow from recursions (products of
-series are Cauchy sums). Steps are as long as the last coefficients allow at round-off (À. Jorba and M. Zou,
-*Experimental Mathematics* 14, 2005). Between the ends of a step the series itself is the dense output. A penetration is
-a polynomial there, so that contacts are found by the search of all flows (:mod:`beamsim.flow.event_kernels`).
+series are Cauchy sums). The motion and its derivatives are C columns of one array and obey the same recursion: first
+the motion, then what it is by P parameters, then by the start. Steps are as long as the last coefficients allow at
+round-off (À. Jorba and M. Zou, *Experimental Mathematics* 14, 2005). Between the ends of a step the series itself is the
+dense output. A penetration is a polynomial there, so that contacts are found by the search of all flows
+(:mod:`beamsim.flow.event_kernels`).
 
 n is the number of coordinates, nc that of cubic springs, m of contacts, H of harmonics, P of parameters.
 """
@@ -31,51 +33,50 @@ DONE, FULL, STUCK = 0, 1, 2
 
 
 class SmoothSystem(NamedTuple):
-    """Arrays of the structure, its cubic springs, contacts and periodic loads."""
+    """Arrays of the structure, its cubic springs, contacts and periodic loads.
+
+    Those with 1 + P rows hold the number itself first, then its derivative by each parameter. The load of a harmonic is
+    ``Re((force + t rising) e^{i frequency t})``, where what rises is the derivative by its frequency.
+    """
 
     omega2: Any  # (n,)
     damping: Any  # (n, n)
     damped: Any  # whether it is not zero
     load: Any  # (n,) constant
     cubic_shape: Any  # (nc, n)
-    cubic: Any  # (nc,) N/m^3
+    cubic: Any  # (1 + P, nc) N/m^3
     cubic_ground: Any  # (nc,) 1 where the base's displacement is felt
     shape: Any  # (m, n)
     sign: Any  # (m,)
-    stiffness: Any  # (m,)
+    stiffness: Any  # (1 + P, m)
     dashpot: Any  # (m,)
-    gap: Any  # (m,)
+    gap: Any  # (1 + P, m)
     ground: Any  # (m,) 1 where the base's displacement is felt
     frequency: Any  # (H,) rad/s
-    force: Any  # (H, n) complex
-    base: Any  # (H,) complex, displacement of the base
-    d_force: Any  # (P, H, n) derivative by each parameter
-    d_base: Any  # (P, H)
-    d_frequency: Any  # (P, H) derivative of the frequencies by each parameter
-    d_cubic: Any  # (P, nc)
-    d_stiffness: Any  # (P, m)
-    d_gap: Any  # (P, m)
+    force: Any  # (1 + P, H, n) complex
+    rising: Any  # (1 + P, H, n)
+    base: Any  # (1 + P, H) complex, displacement of the base
+    base_rising: Any  # (1 + P, H)
     longest: Any  # s, of a step
 
 
 class Series(NamedTuple):
-    """Taylor coefficients of a motion in a step, or of a derivative of it; x2, x3 are those of the motion."""
+    """Taylor coefficients of a motion and its derivatives in a step."""
 
-    q: Any  # (ORDER + 1, n)
-    v: Any  # (ORDER + 1, n)
-    x: Any  # (nc, ORDER + 1) stretch of the cubic springs
-    x2: Any  # (nc, ORDER + 1) its square
-    x3: Any  # (nc, ORDER + 1) its cube
-    d: Any  # (ORDER + 1,) displacement of the base
+    q: Any  # (ORDER + 1, n, C)
+    v: Any  # (ORDER + 1, n, C)
+    x: Any  # (ORDER + 1, nc, C) stretch of the cubic springs
+    x2: Any  # (ORDER + 1, nc) square of that of the motion
+    x3: Any  # (ORDER + 1, nc, C) its cube
+    d: Any  # (ORDER + 1, C) displacement of the base
 
 
 class SmoothMotion(NamedTuple):
     """What is carried on, in place."""
 
-    y: Any  # (2n,)
+    y: Any  # (2n, C) state and its derivatives
     closed: Any  # (m,)
-    by: Any  # (2n, columns) derivatives by the start, then by P parameters
-    slope: Any  # (2n,) time derivative of y
+    slope: Any  # (2n,) time derivative of the state
 
 
 class Steps(NamedTuple):
@@ -91,12 +92,12 @@ class Steps(NamedTuple):
 
 
 @kernel
-def make_series(s):  # type: ignore[no-untyped-def]
-    """Room for the series of a system."""
-    n, nc, terms = s.omega2.size, s.cubic.size, ORDER + 1
+def make_series(s, columns):  # type: ignore[no-untyped-def]
+    """Room for the series of a system, with C columns."""
+    n, nc, terms = s.omega2.size, s.cubic.shape[1], ORDER + 1
     return Series(
-        np.zeros((terms, n)), np.zeros((terms, n)), np.zeros((nc, terms)), np.zeros((nc, terms)), np.zeros((nc, terms)),
-        np.zeros(terms),
+        np.zeros((terms, n, columns)), np.zeros((terms, n, columns)), np.zeros((terms, nc, columns)),
+        np.zeros((terms, nc)), np.zeros((terms, nc, columns)), np.zeros((terms, columns)),
     )  # fmt: skip
 
 
@@ -107,166 +108,112 @@ def _turned(angle: float) -> complex:
 
 
 @kernel
-def _base_series(s, t, d):  # type: ignore[no-untyped-def]
-    """Taylor coefficients (ORDER + 1,) of the base's displacement."""
+def _fill_base(s, t, d):  # type: ignore[no-untyped-def]
+    """Taylor coefficients (ORDER + 1, C) of the base's displacement; ``t e^{i w t}`` has ``t e_k + e_{k-1}``."""
     d[:] = 0.0
     for h in range(s.frequency.size):
-        term = s.base[h] * _turned(s.frequency[h] * t)
+        term, before = _turned(s.frequency[h] * t), complex(0.0, 0.0)
         for k in range(ORDER + 1):
-            d[k] += term.real
-            term *= complex(0.0, s.frequency[h] / (k + 1))
-
-
-@kernel
-def _varied_base_series(s, t, p, dd):  # type: ignore[no-untyped-def]
-    """The same of its derivative by a parameter (zero by the start, p = -1)."""
-    dd[:] = 0.0
-    if p < 0:
-        return
-    for h in range(s.frequency.size):
-        term = _turned(s.frequency[h] * t)
-        before = complex(0.0, 0.0)
-        for k in range(ORDER + 1):
-            timed = complex(0.0, s.d_frequency[p, h]) * (t * term + before)
-            dd[k] += (s.d_base[p, h] * term + timed * s.base[h]).real
+            for p in range(min(s.base.shape[0], d.shape[1])):
+                d[k, p] += (s.base[p, h] * term + s.base_rising[p, h] * (t * term + before)).real
             before = term
             term *= complex(0.0, s.frequency[h] / (k + 1))
 
 
 @kernel
-def _penetration_coefficient(s, j, series, k):  # type: ignore[no-untyped-def]
-    """Taylor coefficient k of contact j's penetration."""
-    q, d = series.q, series.d
-    value = -s.gap[j] if k == 0 else 0.0
-    value -= s.sign[j] * s.ground[j] * d[k]
+def _penetration_coefficient(s, j, series, k, p):  # type: ignore[no-untyped-def]
+    """Taylor coefficient k of contact j's penetration in column p."""
+    value = -s.gap[p, j] if k == 0 and p < s.gap.shape[0] else 0.0
+    value -= s.sign[j] * s.ground[j] * series.d[k, p]
     for i in range(s.omega2.size):
-        value -= s.sign[j] * s.shape[j, i] * q[k, i]
+        value -= s.sign[j] * s.shape[j, i] * series.q[k, i, p]
     return value
 
 
 @kernel
+def _add_cubic(s, series, k):  # type: ignore[no-untyped-def]
+    """Take the pull of the cubic springs from the rates of order k + 1, and fill in their series of order k."""
+    q, v, x, x2, x3, d = series
+    n, C = s.omega2.size, d.shape[1]
+    for c in range(x2.shape[1]):
+        for p in range(C):
+            x[k, c, p] = s.cubic_ground[c] * d[k, p]
+            x3[k, c, p] = 0.0
+        for i in range(n):
+            for p in range(C):
+                x[k, c, p] += s.cubic_shape[c, i] * q[k, i, p]
+        x2[k, c] = 0.0
+        for a in range(k + 1):
+            x2[k, c] += x[a, c, 0] * x[k - a, c, 0]
+        for a in range(k + 1):
+            for p in range(C):
+                x3[k, c, p] += 3.0 * x2[a, c] * x[k - a, c, p]
+        x3[k, c, 0] /= 3.0
+        for p in range(C):
+            pull = s.cubic[0, c] * x3[k, c, p]
+            if 0 < p < s.cubic.shape[0]:
+                pull += s.cubic[p, c] * x3[k, c, 0]
+            for i in range(n):
+                v[k + 1, i, p] -= s.cubic_shape[c, i] * pull
+
+
+@kernel
+def _add_contact(s, j, series, k):  # type: ignore[no-untyped-def]
+    """Add the push of a closed contact to the rates of order k + 1."""
+    n, v, d = s.omega2.size, series.v, series.d
+    for p in range(d.shape[1]):
+        delta = _penetration_coefficient(s, j, series, k, p)
+        rate = -s.sign[j] * s.ground[j] * (k + 1) * d[k + 1, p]
+        for i in range(n):
+            rate -= s.sign[j] * s.shape[j, i] * v[k, i, p]
+        push = s.stiffness[0, j] * delta + s.dashpot[j] * rate
+        if 0 < p < s.stiffness.shape[0]:
+            push += s.stiffness[p, j] * _penetration_coefficient(s, j, series, k, 0)
+        for i in range(n):
+            v[k + 1, i, p] += s.sign[j] * push * s.shape[j, i]
+
+
+@kernel
 def series_at(s, closed, t, y, series):  # type: ignore[no-untyped-def]
-    """Fill in the series of a motion.
+    """Fill in the series of a motion and its derivatives.
 
     Parameters
     ----------
     s : SmoothSystem.
     closed : (m,) which contacts are.
     t : s.
-    y : (2n,) state.
+    y : (2n, C) state and its derivatives.
     series : Series, written.
     """
-    q, v, x, x2, x3, d = series
-    for i in range(s.omega2.size):
-        q[0, i], v[0, i] = y[i], y[s.omega2.size + i]
-    _base_series(s, t, d)
-    n = s.omega2.size
-    nc = s.cubic.size
-    m = s.sign.size
-    H = s.frequency.size
-    phase = np.empty(H, dtype=np.complex128)
+    q, v = series.q, series.v
+    n, H, C = s.omega2.size, s.frequency.size, y.shape[1]
+    q[0], v[0] = y[:n], y[n:]
+    _fill_base(s, t, series.d)
+    phase, before = np.empty(H, dtype=np.complex128), np.zeros(H, dtype=np.complex128)
     for h in range(H):
         phase[h] = _turned(s.frequency[h] * t)
     for k in range(ORDER):
-        for c in range(nc):
-            total = s.cubic_ground[c] * d[k]
-            for i in range(n):
-                total += s.cubic_shape[c, i] * q[k, i]
-            x[c, k] = total
-            total = 0.0
-            for a in range(k + 1):
-                total += x[c, a] * x[c, k - a]
-            x2[c, k] = total
-            total = 0.0
-            for a in range(k + 1):
-                total += x[c, a] * x2[c, k - a]
-            x3[c, k] = total
         for i in range(n):
-            a = -s.omega2[i] * q[k, i]
+            for p in range(C):
+                v[k + 1, i, p] = -s.omega2[i] * q[k, i, p]
             if k == 0:
-                a += s.load[i]
+                v[1, i, 0] += s.load[i]
+            for h in range(H):
+                for p in range(min(s.force.shape[0], C)):
+                    timed = s.rising[p, h, i] * (t * phase[h] + before[h])
+                    v[k + 1, i, p] += (s.force[p, h, i] * phase[h] + timed).real
             if s.damped:
                 for j in range(n):
-                    a -= s.damping[i, j] * v[k, j]
-            for h in range(H):
-                a += (s.force[h, i] * phase[h]).real
-            for c in range(nc):
-                a -= s.cubic_shape[c, i] * s.cubic[c] * x3[c, k]
-            v[k + 1, i] = a
-        for j in range(m):
+                    for p in range(C):
+                        v[k + 1, i, p] -= s.damping[i, j] * v[k, j, p]
+        _add_cubic(s, series, k)
+        for j in range(s.sign.size):
             if closed[j]:
-                delta = _penetration_coefficient(s, j, series, k)
-                rate = -s.sign[j] * s.ground[j] * (k + 1) * d[k + 1]
-                for i in range(n):
-                    rate -= s.sign[j] * s.shape[j, i] * v[k, i]
-                push = s.sign[j] * (s.stiffness[j] * delta + s.dashpot[j] * rate)
-                for i in range(n):
-                    v[k + 1, i] += push * s.shape[j, i]
+                _add_contact(s, j, series, k)
         for i in range(n):
-            v[k + 1, i] /= k + 1
-            q[k + 1, i] = v[k, i] / (k + 1)
-        for h in range(H):
-            phase[h] *= complex(0.0, s.frequency[h] / (k + 1))
-
-
-@kernel
-def _varied(s, closed, t, series, p, varied):  # type: ignore[no-untyped-def]
-    """The same of a derivative, from its values in row 0; p is the parameter's number, -1 for one by the start."""
-    x2, x3 = series.x2, series.x3
-    dq, dv, dx, dd = varied.q, varied.v, varied.x, varied.d
-    _varied_base_series(s, t, p, dd)
-    n = s.omega2.size
-    nc = s.cubic.size
-    m = s.sign.size
-    H = s.frequency.size
-    phase = np.empty(H, dtype=np.complex128)
-    before = np.zeros(H, dtype=np.complex128)
-    for h in range(H):
-        phase[h] = _turned(s.frequency[h] * t)
-    for k in range(ORDER):
-        for c in range(nc):
-            total = s.cubic_ground[c] * dd[k]
-            for i in range(n):
-                total += s.cubic_shape[c, i] * dq[k, i]
-            dx[c, k] = total
-        for i in range(n):
-            a = -s.omega2[i] * dq[k, i]
-            if s.damped:
-                for j in range(n):
-                    a -= s.damping[i, j] * dv[k, j]
-            dv[k + 1, i] = a
-        for c in range(nc):
-            total = 0.0
-            for a in range(k + 1):
-                total += x2[c, a] * dx[c, k - a]
-            push = 3.0 * s.cubic[c] * total
-            if p >= 0:
-                push += s.d_cubic[p, c] * x3[c, k]
-            for i in range(n):
-                dv[k + 1, i] -= s.cubic_shape[c, i] * push
-        for j in range(m):
-            if closed[j]:
-                delta = -s.sign[j] * s.ground[j] * dd[k]
-                rate = -s.sign[j] * s.ground[j] * (k + 1) * dd[k + 1]
-                for i in range(n):
-                    delta -= s.sign[j] * s.shape[j, i] * dq[k, i]
-                    rate -= s.sign[j] * s.shape[j, i] * dv[k, i]
-                push = s.stiffness[j] * delta + s.dashpot[j] * rate
-                if p >= 0:
-                    push += s.d_stiffness[p, j] * _penetration_coefficient(s, j, series, k)
-                    if k == 0:
-                        push -= s.stiffness[j] * s.d_gap[p, j]
-                for i in range(n):
-                    dv[k + 1, i] += s.sign[j] * push * s.shape[j, i]
-        if p >= 0:
-            for h in range(H):
-                # d/dp (f e^{i w t}) = (df + i dw t f) e^{i w t}; t e^{i w t} has the coefficients t e_k + e_{k-1}
-                timed = complex(0.0, s.d_frequency[p, h]) * (t * phase[h] + before[h])
-                for i in range(n):
-                    dv[k + 1, i] += (s.d_force[p, h, i] * phase[h] + timed * s.force[h, i]).real
-        for i in range(n):
-            dv[k + 1, i] /= k + 1
-            dq[k + 1, i] = dv[k, i] / (k + 1)
+            for p in range(C):
+                v[k + 1, i, p] /= k + 1
+                q[k + 1, i, p] = v[k, i, p] / (k + 1)
         for h in range(H):
             before[h] = phase[h]
             phase[h] *= complex(0.0, s.frequency[h] / (k + 1))
@@ -279,11 +226,11 @@ def _fill_guards(s, closed, series, H, guards):  # type: ignore[no-untyped-def]
         side = 1.0 if closed[j] else -1.0
         guards.least[j] = 0.0
         for k in range(guards.basis):
-            value = side * _penetration_coefficient(s, j, series, k)
+            value = side * _penetration_coefficient(s, j, series, k, 0)
             guards.coefficient[k, j], guards.size[k, j] = value, abs(value)
-            parts = abs(s.ground[j] * series.d[k]) + (abs(s.gap[j]) if k == 0 else 0.0)
+            parts = abs(s.ground[j] * series.d[k, 0]) + (abs(s.gap[0, j]) if k == 0 else 0.0)
             for i in range(s.omega2.size):
-                parts += abs(s.shape[j, i] * series.q[k, i])
+                parts += abs(s.shape[j, i] * series.q[k, i, 0])
             guards.least[j] += 4.0 * EPS * parts * H**k
 
 
@@ -296,76 +243,52 @@ def _length(s, series):  # type: ignore[no-untyped-def]
         scale = max(scale, math.sqrt(abs(s.omega2[i])))
     first = 0.0
     for i in range(n):
-        first = max(first, abs(q[0, i]) * scale, abs(v[0, i]))
+        first = max(first, abs(q[0, i, 0]) * scale, abs(v[0, i, 0]))
     if first == 0.0:
         first = 1e-300
     h = np.inf
     for k in (ORDER - 1, ORDER):
         size = 0.0
         for i in range(n):
-            size = max(size, abs(q[k, i]) * scale, abs(v[k, i]))
+            size = max(size, abs(q[k, i, 0]) * scale, abs(v[k, i, 0]))
         if size > 0.0:
             h = min(h, (1e-17 * first / size) ** (1.0 / k))
     return h
 
 
 @kernel
-def _add_up(c, h, out):  # type: ignore[no-untyped-def]
-    n = out.size
-    for i in range(n):
-        total = c[ORDER, i]
-        for k in range(ORDER - 1, -1, -1):
-            total = total * h + c[k, i]
-        out[i] = total
-
-
-@kernel
-def _add_up_both(series, h, out):  # type: ignore[no-untyped-def]
-    """(2n,) coordinates and rates at h into a step."""
-    n = series.q.shape[1]
-    _add_up(series.q, h, out[:n])
-    _add_up(series.v, h, out[n:])
-
-
-@kernel
-def _vary(s, motion, t, h, series, varied):  # type: ignore[no-untyped-def]
-    """Carry the derivatives of a motion over a step, and fill in its slope at the end."""
-    n, by, P = s.omega2.size, motion.by, s.d_force.shape[0]
-    out = np.empty(2 * n)
-    for k in range(by.shape[1]):
+def _add_up(series, h, y, slope):  # type: ignore[no-untyped-def]
+    """State and its derivatives (2n, C), and the time derivative of the state (2n,), at h into a step."""
+    n, C = series.q.shape[1:]
+    y[:n], y[n:], slope[:] = series.q[ORDER], series.v[ORDER], 0.0
+    for k in range(ORDER - 1, -1, -1):
         for i in range(n):
-            varied.q[0, i], varied.v[0, i] = by[i, k], by[n + i, k]
-        _varied(s, motion.closed, t, series, max(k - (by.shape[1] - P), -1), varied)
-        _add_up_both(varied, h, out)
-        for i in range(2 * n):
-            by[i, k] = out[i]
-    for i in range(n):
-        total = 0.0
-        for k in range(ORDER, 0, -1):
-            total = total * h + k * series.v[k, i]
-        motion.slope[i], motion.slope[n + i] = motion.y[n + i], total
+            slope[n + i] = slope[n + i] * h + (k + 1) * series.v[k + 1, i, 0]
+            for p in range(C):
+                y[i, p] = y[i, p] * h + series.q[k, i, p]
+                y[n + i, p] = y[n + i, p] * h + series.v[k, i, p]
+    slope[:n] = y[n:, 0]
 
 
 @kernel
-def _cross(s, motion, t, j, rate, dd):  # type: ignore[no-untyped-def]
-    """Take the derivatives across an event of contact j at time t, whose dashpot makes the acceleration jump there.
+def _cross(s, motion, series, h, j):  # type: ignore[no-untyped-def]
+    """Take the derivatives across an event of contact j, whose dashpot makes the acceleration jump there.
 
-    ``rate`` is that of the penetration; ``dd`` (ORDER + 1,) is for work.
+    It lies at h into the step.
     """
-    n, by, P = s.omega2.size, motion.by, s.d_force.shape[0]
+    n, y = s.omega2.size, motion.y
     factor = (-1.0 if motion.closed[j] else 1.0) * s.dashpot[j] * s.sign[j]
+    rate = 0.0
+    for k in range(ORDER, 0, -1):
+        rate = rate * h + k * _penetration_coefficient(s, j, series, k, 0)
     if factor * rate == 0.0:
         return
-    for k in range(by.shape[1]):
+    for p in range(1, y.shape[1]):
         change = 0.0
+        for k in range(ORDER, -1, -1):
+            change = change * h + _penetration_coefficient(s, j, series, k, p)
         for i in range(n):
-            change -= s.sign[j] * s.shape[j, i] * by[i, k]
-        p = k - (by.shape[1] - P)
-        if p >= 0:
-            _varied_base_series(s, t, p, dd)
-            change -= s.d_gap[p, j] + s.sign[j] * s.ground[j] * dd[0]
-        for i in range(n):
-            by[n + i, k] += s.shape[j, i] * factor * change
+            y[n + i, p] += s.shape[j, i] * factor * change
 
 
 @kernel
@@ -386,8 +309,7 @@ def carry_smooth(s, t, t_end, begins, motion, log):  # type: ignore[no-untyped-d
     t, begins : where it came.
     steps, events : how many are logged.
     """
-    m, y, closed = s.sign.size, motion.y, motion.closed
-    series, varied, dd = make_series(s), make_series(s), np.zeros(ORDER + 1)
+    m, y, closed, series = s.sign.size, motion.y, motion.closed, make_series(s, motion.y.shape[1])
     powers, exponents = np.arange(ORDER + 1), np.zeros(ORDER + 1, dtype=np.complex128)
     coefficient, size = np.zeros((ORDER + 1, m), dtype=np.complex128), np.zeros((ORDER + 1, m))
     guards = Guards(ORDER + 1, m, exponents, powers, coefficient, size, np.zeros(m))
@@ -407,13 +329,9 @@ def carry_smooth(s, t, t_end, begins, motion, log):  # type: ignore[no-untyped-d
             if hit == NO_STEP:
                 return STUCK, t, begins, steps, events
         log.time[steps], log.length[steps] = t, h
-        for i in range(y.size):
-            log.y[steps, i] = y[i]
-        for j in range(m):
-            log.closed[steps, j] = closed[j]
+        log.y[steps], log.closed[steps] = y[:, 0], closed
         steps += 1
-        _add_up_both(series, h, y)
-        _vary(s, motion, t, h, series, varied)
+        _add_up(series, h, y, motion.slope)
         begins = hit
         if hit < 0:
             t = t_end if ends else t + h
@@ -424,10 +342,7 @@ def carry_smooth(s, t, t_end, begins, motion, log):  # type: ignore[no-untyped-d
             return STUCK, t, begins, steps, events
         log.event_time[events], log.event_contact[events], log.event_closing[events] = t, hit, not closed[hit]
         events += 1
-        rate = 0.0
-        for k in range(ORDER, 0, -1):
-            rate = rate * h + k * coefficient[k, hit].real
-        _cross(s, motion, t, hit, rate, dd)
+        _cross(s, motion, series, h, hit)
         closed[hit] = not closed[hit]
     return DONE, t, begins, steps, events
 
@@ -443,13 +358,14 @@ def sample_smooth(s, log_time, log_closed, log_y, times, out):  # type: ignore[n
     times : (nt,) s, increasing.
     out : (nt, 2n) receives the states.
     """
-    series = make_series(s)
+    series, y, slope = make_series(s, 1), np.empty((out.shape[1], 1)), np.empty(out.shape[1])
     g = 0
     current = -1
     for i in range(times.size):
         while g < log_time.size - 1 and log_time[g + 1] <= times[i]:
             g += 1
         if g != current:
-            series_at(s, log_closed[g], log_time[g], log_y[g], series)
+            series_at(s, log_closed[g], log_time[g], log_y[g].reshape(-1, 1), series)
             current = g
-        _add_up_both(series, times[i] - log_time[g], out[i])
+        _add_up(series, times[i] - log_time[g], y, slope)
+        out[i] = y[:, 0]
