@@ -8,7 +8,7 @@
 is polynomial, so that the Taylor coefficients of q and of every derivative of q follow from recursions (products of
 series are Cauchy sums). The motion and its derivatives are C columns of one array and obey the same recursion: first
 the motion, then what it is by P parameters, then by the start. Steps are as long as the last coefficients allow at
-round-off (À. Jorba and M. Zou, *Experimental Mathematics* 14, 2005). Between the ends of a step the series itself is the
+round-off (À. Jorba and M. Zou, *Experimental Mathematics* 14, 2005). Between the ends of a step the series is the
 dense output. A penetration is a polynomial there, so that contacts are found by the search of all flows
 (:mod:`beamsim.flow.event_kernels`).
 
