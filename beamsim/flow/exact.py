@@ -42,7 +42,6 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
-    from beamsim.flow.march import Motion
     from beamsim.flow.march_kernels import PieceSteps
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
@@ -188,11 +187,6 @@ class ExactFlow:
             flow._known = OrderedDict()
         flow._clear()
         return flow
-
-    def enter(self, motion: Motion, before: ExactFlow) -> None:
-        """Let a motion that was under other loads go on in this flow, from its own time 0."""
-        motion.state = self.state_index(before.states[motion.state].phases)
-        motion.time, motion.piece = 0.0, 0
 
     def with_system(self, system: PiecewiseLinearSystem) -> ExactFlow:
         """The flow of another structure, or of other contacts with as many phases, under the same loads."""

@@ -12,7 +12,7 @@ at every cycle by itself would overshoot from one to the next, since a response 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.cycle_extremes import extremes_of_cycles
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import Carried, Log, Motion, carry
+from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.stopping import never
 from beamsim.flow.swept_motion import SweptLoads, carriers, under_windows
 from beamsim.flow.transient import motion_of, start
@@ -185,12 +185,12 @@ class LevelControl:
         windows = windows_of_cycles(self.leg, profile, at, int(ahead[-1]), phase=self.phase, of_base=self.of_base)
         flow = under_windows(self._latest, self.loads, windows, self._carrier(at, int(ahead[-1])))
         begun, self._latest = self._there.motion.copy(), flow
-        flow.enter(begun, self._there.flow)
-        parts = [self._carry(flow, begun, float(windows.edge[ahead[0] - at]))]
+        begun.enter(flow, self._there.flow)
+        march = March(max_evaluations=100_000_000, stop=self.stop)
+        parts = [march.on(flow, begun, float(windows.edge[ahead[0] - at]))]
         there = _Reached(begun.copy(), flow)
-        parts.append(self._carry(flow, begun, windows.duration))
-        carried = replace(parts[-1], log=Log.join([part.log for part in parts if part.log is not None]))
-        motion = motion_of(flow, begun, Log.sized(0, begun.y.size, 0), carried, 0.0)
+        parts.append(march.on(flow, begun, windows.duration))
+        motion = motion_of(flow, begun, Log.join(parts), march)
         low, high = extremes_of_cycles(motion, self.outputs(flow), windows.edge)
         counted = slice(int(ahead[skipped - 1]) - at if skipped else 0, None)
         share = float(np.max(np.maximum(high, -low)[counted] / self.limits))
@@ -198,9 +198,6 @@ class LevelControl:
 
     def _carrier(self, first: int, last: int) -> float:
         return float(carriers(self.leg.frequency(np.array(0.5 * (first + last)))))
-
-    def _carry(self, flow: ExactFlow, motion: Motion, end: float) -> Carried:
-        return carry(flow, motion, (end,), keep=True, max_events=1_000_000, max_evaluations=100_000_000, stop=self.stop)
 
     def _profile(self, frequency: Floats, gain: Floats) -> Profile:
         """The level between frequencies, in the order of the leg, at which the gains are given."""

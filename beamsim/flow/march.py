@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from collections.abc import Callable
+from dataclasses import field, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
-    from beamsim.flow.kernels import Inputs, Tables
-    from beamsim.flow.march_kernels import PieceSteps
+    from beamsim.flow.exact import ExactFlow
 
 FIRST_LOG = 64
 LONGEST_LOG = 2048  # segments between two reports of progress
@@ -64,22 +63,6 @@ class Log(NamedTuple):
         return parts[0] if len(parts) == 1 else cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-class Marched(Protocol):
-    """What the march needs of a flow."""
-
-    def kernel_arguments(self) -> tuple[Tables, Inputs]:
-        """Tables of the contact states so far, and sources."""
-
-    def equal_steps(self) -> PieceSteps | None:
-        """What carries the motion over pieces of the sources that are equally long, where they are many."""
-
-    def follow(self, state: int, guard: int) -> int:
-        """Number of the state after the event of a guard, built where it is not there yet."""
-
-    def visits(self, states: Ints) -> Ints:
-        """Numbers for the log of the states of the last segments."""
-
-
 @dataclass
 class Motion:
     """A state that is carried along in place."""
@@ -102,7 +85,12 @@ class Motion:
         """A copy that continues from here."""
         return replace(self, y=self.y.copy())
 
-    def advance(self, flow: Marched, end: float, log: Log, most_evaluations: int) -> tuple[int, int, int, int]:
+    def enter(self, flow: ExactFlow, before: ExactFlow) -> None:
+        """Go on in a flow under other loads, from its own time 0."""
+        self.state = flow.state_index(before.states[self.state].phases)
+        self.time, self.piece = 0.0, 0
+
+    def advance(self, flow: ExactFlow, end: float, log: Log, most_evaluations: int) -> tuple[int, int, int, int]:
         """One call of the compiled march.
 
         Parameters
@@ -126,66 +114,63 @@ class Motion:
         return code, segments, events, evaluations
 
 
-@dataclass(frozen=True)
-class Carried:
-    """Work done to carry a motion on."""
-
-    log: Log | None
-    segments: int
-    events: int
-    evaluations: int
-    outcome: Outcome
-
-
-def carry(
-    flow: Marched,
-    motion: Motion,
-    stops: Iterable[float],
-    *,
-    keep: bool,
-    max_events: int,
-    max_evaluations: int,
-    progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool] = never,
-) -> Carried:
-    """Carry a motion on, with contact states built as they are visited.
+@dataclass
+class March:
+    """The host loop around the compiled march: what it may take, and what it took.
 
     Parameters
     ----------
-    flow, motion : the motion is changed in place.
-    stops : s, times at which progress is reported; the last one ends it.
-    keep : whether segments and events are logged.
-    max_events, max_evaluations : numbers of events and of evaluations of the guards, beyond which it ends early with an
-        outcome that says so.
-    progress : called with the time reached, now and then and at every stop.
+    max_events, max_evaluations : numbers of events and of evaluations of the guards, beyond which a motion ends early,
+        with an outcome that says so.
+    progress : called with the time reached, now and then and where a motion ends.
     stop : says whether to end, several times a second.
     """
-    from beamsim.flow.march_kernels import BUDGET, DONE, STUCK
 
-    size, parts = FIRST_LOG if keep else 0, []
-    segments = events = evaluations = 0
-    outcome, code = COMPLETE, DONE
-    for end in stops:
-        while outcome.complete:
-            log = Log.sized(size, motion.y.size, max_events + 1 - events)
-            most = min(max_evaluations - evaluations, EVALUATIONS_A_CALL)
+    max_events: int = field(default=1_000_000, kw_only=True)
+    max_evaluations: int = field(default=2_000_000_000, kw_only=True)
+    progress: Callable[[float], None] | None = field(default=None, kw_only=True)
+    stop: Callable[[], bool] = field(default=never, kw_only=True)
+    segments: int = field(init=False, default=0)
+    events: int = field(init=False, default=0)
+    evaluations: int = field(init=False, default=0)
+    outcome: Outcome = field(init=False, default=COMPLETE)
+    processor_time_s: float = field(init=False, default=0.0)
+
+    def on(self, flow: ExactFlow, motion: Motion, end: float) -> Log:
+        """Carry a motion on, in place, with contact states built as they are visited.
+
+        Parameters
+        ----------
+        flow, motion : the motion goes on in it.
+        end : s.
+
+        Returns
+        -------
+        Segments and events since; ``outcome`` says whether the end was reached.
+        """
+        from beamsim.flow.march_kernels import BUDGET, DONE, STUCK
+
+        size, parts, code = FIRST_LOG, [Log.sized(0, motion.y.size, 0)], None
+        while self.outcome.complete and code != DONE:
+            log = Log.sized(size, motion.y.size, max(self.max_events + 1 - self.events, 0))
+            most = min(self.max_evaluations - self.evaluations, EVALUATIONS_A_CALL)
             check_stop()
             code, n_seg, n_ev, n_eval = motion.advance(flow, end, log, most)
-            segments, events, evaluations = segments + n_seg, events + n_ev, evaluations + n_eval
-            if keep:
-                part = log.first(n_seg, n_ev)
-                parts.append(part._replace(state=flow.visits(part.state)))
-                size = min(2 * size, LONGEST_LOG)
+            self.segments, self.events = self.segments + n_seg, self.events + n_ev
+            self.evaluations += n_eval
+            part = log.first(n_seg, n_ev)
+            parts.append(part._replace(state=flow.visits(part.state)))
+            size = min(2 * size, LONGEST_LOG)
             if motion.waits:
                 flow.follow(motion.state, motion.guard)
-            if code == STUCK or (code == BUDGET and evaluations >= max_evaluations):
-                outcome = Outcome.of(OutcomeCode.EVALUATION_LIMIT, time=motion.time, evaluations=evaluations)
-            elif events > max_events:
-                outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=motion.time, events=events)
-            elif stop():
-                outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=motion.time, unit="s")
-            elif progress is not None:
-                progress(motion.time)
-            if code == DONE:
-                break
-    return Carried(Log.join(parts) if parts else None, segments, events, evaluations, outcome)
+            if code == STUCK or (code == BUDGET and self.evaluations >= self.max_evaluations):
+                self.outcome = Outcome.of(
+                    OutcomeCode.EVALUATION_LIMIT, time=motion.time, evaluations=self.evaluations
+                )  # fmt: skip
+            elif self.events > self.max_events:
+                self.outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=motion.time, events=self.events)
+            elif self.stop():
+                self.outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=motion.time, unit="s")
+            elif self.progress is not None:
+                self.progress(motion.time)
+        return Log.join(parts)

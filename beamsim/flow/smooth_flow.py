@@ -168,9 +168,9 @@ class SmoothFlow(PeriodicFlow):
         check_finite(columns[:, 0])
         if code != DONE:
             raise WorkExceeded(f"no end after {steps} steps and {event[0].size} contact events")
-        end, by_start, by_parameters = columns[:, 0], columns[:, 1 + P :], columns[:, 1 : 1 + P]
+        reached, by_start, by_parameters = columns[:, 0], columns[:, 1 + P :], columns[:, 1 : 1 + P]
         return Passage(
-            start, end.copy(), by_start.copy(), by_parameters.copy(), motion.slope, duration, time, length,
+            start, reached.copy(), by_start.copy(), by_parameters.copy(), motion.slope, duration, time, length,
             touching.astype(np.int64), states, event[0], event[1], event[2].astype(np.int64),
         )  # fmt: skip
 

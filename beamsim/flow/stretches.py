@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.march import Carried, Log, carry
+from beamsim.flow.march import Log, March
 from beamsim.flow.stopping import never
 from beamsim.flow.transient import motion_of, start
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 CHECKPOINT_PIECES = 4096  # between two checkpoints
 
 
-class MotionInStretches:
+class MotionInStretches(March):
     """A motion from a state at t = 0 to the end of its flow.
 
     Parameters
@@ -50,7 +49,9 @@ class MotionInStretches:
         stop: Callable[[], bool] = never,
     ) -> None:
         begin = clock.process_time()
-        self.flow, self.outcome, self.one_stretch = flow, COMPLETE, pieces_at_once is None
+        told = None if progress is None else lambda time: progress(time / flow.duration)
+        super().__init__(max_events=max_events, progress=told, stop=stop)
+        self.flow, self.one_stretch = flow, pieces_at_once is None
         self._step, self._pieces, self._at_once = flow.duration, 1, 1  # a motion of one stretch is one piece
         if pieces_at_once is not None:
             assert flow.record is not None
@@ -60,11 +61,9 @@ class MotionInStretches:
         motion, self._begun = start(flow, initial_state)
         self._first_phases = flow.visited[int(flow.visits(np.array([motion.state]))[0])]
         self._checkpoints, self._motion = [motion.copy()], motion
-        self._max_events, self._progress, self._stop = max_events, progress, stop
         self._durations: list[tuple[float, Floats]] = []  # of each stretch its end and, (visited,), s in contact states
         self._events: list[Log] = []
         self._latest: Trajectory | None = None
-        self.evaluations = self.segments = self._marched_events = 0
         self.processor_time_s = clock.process_time() - begin
 
     @property
@@ -95,27 +94,15 @@ class MotionInStretches:
         stops = [k * self._step for k in range(first + CHECKPOINT_PIECES, last + 1, CHECKPOINT_PIECES)]
         if last == self._pieces:
             stops = [*(t for t in stops if t < duration), duration]
-        parts, carried = [], Carried(None, 0, 0, 0, COMPLETE)
+        parts = [self._begun] if first == 0 else []
         for end in stops:
-            carried = carry(
-                flow, motion, (end,), keep=True, max_events=self._max_events - self._marched_events,
-                max_evaluations=2_000_000_000, stop=self._stop,
-                progress=None if self._progress is None else self._report,
-            )  # fmt: skip
-            assert carried.log is not None
-            parts.append(carried.log)
-            self._marched_events += carried.events
-            self.evaluations += carried.evaluations
-            self.segments += carried.segments
-            if not carried.outcome.complete or not np.all(np.isfinite(motion.y)):
+            parts.append(self.on(flow, motion, end))
+            if not self.outcome.complete or not np.all(np.isfinite(motion.y)):
                 break
             self._checkpoints.append(motion.copy())
-        begun = self._begun if first == 0 else Log.sized(0, motion.y.size, 0)
-        stretch = motion_of(flow, motion.copy(), begun, replace(carried, log=Log.join(parts)), 0.0)
+        stretch = motion_of(flow, motion.copy(), Log.join(parts), self)
         if not stretch.outcome.complete:
             motion.time = stretch.end
-        if stretch.outcome.code is OutcomeCode.EVENT_LIMIT:
-            stretch = replace(stretch, outcome=stretch.outcome.but(events=self._marched_events))
         self._events.append(_events_of(stretch))
         self._durations.append((stretch.end, np.bincount(stretch.state, stretch.length).astype(float)))
         return stretch
@@ -126,10 +113,6 @@ class MotionInStretches:
             return self.flow
         self._motion.piece = 0
         return self.flow.on_pieces(first, last + 1)
-
-    def _report(self, time: float) -> None:
-        assert self._progress is not None
-        self._progress(time / self.flow.duration)
 
     def cut(self, end: float) -> None:
         """Forget what is after a checkpoint's time, where the evaluation was interrupted."""
@@ -167,10 +150,8 @@ class MotionInStretches:
         last = min(max(int(np.ceil(end / self._step - 1e-9)) + 1, first + 1), self._pieces)
         flow, motion = self.flow.on_pieces(first, last + 1), self._checkpoints[at].copy()
         motion.piece = 0
-        carried = carry(
-            flow, motion, (min(last * self._step, self.end),), keep=True, max_events=10**9, max_evaluations=10**12
-        )
-        return motion_of(flow, motion, Log.sized(0, motion.y.size, 0), carried, 0.0)
+        march = March(max_events=10**9, max_evaluations=10**12)
+        return motion_of(flow, motion, march.on(flow, motion, min(last * self._step, self.end)), march)
 
     def sample(self, times: Floats, output_of: OutputOf) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""
@@ -188,30 +169,30 @@ class MotionInStretches:
         return np.concatenate([self.within(t, t).states_at(np.array([t])) for t in times])
 
     @property
-    def events(self) -> Log:
+    def log_of_events(self) -> Log:
         """All events, no segments."""
         return Log.join(self._events)
 
     @property
     def touch_changes(self) -> Ints:
         """(E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase."""
-        log, contacts = self.events, self.flow.system.contacts
+        log, contacts = self.log_of_events, self.flow.system.contacts
         return contacts.touch_changes(self._first_phases, log.event_time, log.event_contact, log.event_phase)
 
     @property
     def event_time(self) -> Floats:
         """(E,) s."""
-        return self.events.event_time
+        return self.log_of_events.event_time
 
     @property
     def event_contact(self) -> Ints:
         """(E,)."""
-        return self.events.event_contact
+        return self.log_of_events.event_contact
 
     @property
     def event_phase(self) -> Ints:
         """(E,) of the contact after the event."""
-        return self.events.event_phase
+        return self.log_of_events.event_phase
 
     @property
     def event_closing(self) -> Bools:

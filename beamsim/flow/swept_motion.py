@@ -15,13 +15,12 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import Log, Motion, carry
-from beamsim.flow.stopping import never
+from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import motion_of, start
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows
-from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.outcomes import Outcome
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Floats, Ints
 
@@ -63,7 +62,7 @@ class SweptStretch:
 
 
 @dataclass
-class SweptMotion:
+class SweptMotion(March):
     """The motion through a whole sweep.
 
     Parameters
@@ -72,32 +71,24 @@ class SweptMotion:
     loads : on it, under given windows.
     windows : of the sweep.
     initial_state : (N,) at t = 0; internal states of the contacts that are left out are zero.
-    max_events, max_evaluations, progress, stop : see `beamsim.flow.transient.simulate`.
+    progress : called with the share of the cycles that is done.
     """
 
     system: PiecewiseLinearSystem
     loads: SweptLoads
     windows: SweepWindows
     initial_state: Floats
-    max_events: int = 20_000_000
-    max_evaluations: int = 2_000_000_000
-    progress: Callable[[float], None] | None = None
-    stop: Callable[[], bool] = never
-    events: int = field(init=False, default=0)
-    segments: int = field(init=False, default=0)
-    evaluations: int = field(init=False, default=0)
+    max_events: int = field(default=20_000_000, kw_only=True)
     states: int = field(init=False, default=0)  # contact states visited
     end: float = field(init=False, default=0.0)  # s, reached
-    outcome: Outcome = field(init=False, default=COMPLETE)
-    processor_time_s: float = field(init=False, default=0.0)
 
     def stretches(self) -> Iterator[SweptStretch]:
         """March, stretch by stretch, until the end of the sweep or of the work that is allowed."""
-        carrier = carriers(self.windows.frequency_hz)
+        carrier, told = carriers(self.windows.frequency_hz), self.progress
         flow, motion, begun = None, Motion(np.zeros(0), -1), Log.sized(0, 0)
         visited: set[bytes] = set()
         for first, last in self._parts(carrier):
-            begin = clock.process_time()
+            begin, since = clock.process_time(), float(self.windows.edge[first])
             windows = self.windows.of_cycles(first, last)
             if flow is None:
                 forcing, observers = self.loads(windows, carrier[first])
@@ -106,30 +97,25 @@ class SweptMotion:
                 self.events = begun.event_time.size
             else:
                 before, flow = flow, under_windows(flow, self.loads, windows, carrier[first])
-                flow.enter(motion, before)
+                motion.enter(flow, before)
                 begun = Log.sized(0, motion.y.size, 0)
-            carried = carry(
-                flow, motion, (windows.duration,), keep=True, max_events=self.max_events - self.events,
-                max_evaluations=self.max_evaluations - self.evaluations, stop=self.stop,
-                progress=None if self.progress is None else partial(self._report, first, last),
-            )  # fmt: skip
-            trajectory = motion_of(flow, motion, begun, carried, 0.0)
-            self.outcome = _later(trajectory.outcome, float(self.windows.edge[first]))
-            self.events, self.segments = self.events + carried.events, self.segments + carried.segments
-            self.evaluations += carried.evaluations
+            if told is not None:
+                self.progress = partial(self._report, told, since, last)
+            log = Log.join([begun, self.on(flow, motion, windows.duration)])
+            trajectory = motion_of(flow, motion, log, self)
+            self.outcome = _later(trajectory.outcome, since)
             visited.update(flow.visited[state].tobytes() for state in np.unique(trajectory.state))
             self.states = len(visited)
-            self.end = float(self.windows.edge[first]) + trajectory.end
+            self.end = since + trajectory.end
             self.processor_time_s += clock.process_time() - begin
             yield SweptStretch(trajectory, windows, first, windows.edge)
             if not self.outcome.complete:
                 return
 
-    def _report(self, first: int, last: int, time: float) -> None:
-        """Tell the share of the cycles that is done."""
-        assert self.progress is not None
-        begin = float(self.windows.edge[first])
-        self.progress(min(float(np.searchsorted(self.windows.edge, begin + time)), last) / self.windows.cycles)
+    def _report(self, told: Callable[[float], None], since: float, last: int, time: float) -> None:
+        """Tell the share of the cycles that is done, at most that of the last one of the stretch."""
+        reached = float(np.searchsorted(self.windows.edge, since + time))
+        told(min(reached, last) / self.windows.cycles)
 
     def _parts(self, carrier: Floats) -> Iterator[tuple[int, int]]:
         """First and last (left out) cycle of the stretches, with one carrier each."""

@@ -46,9 +46,8 @@ class Trajectory:
     event_contact: Ints  # (E,)
     event_phase: Ints  # (E,) of the contact after the event
     final_y: Floats  # (N,)
-    evaluations: int
+    evaluations: int  # of the guards
     outcome: Outcome
-    processor_time_s: float
 
     @property
     def segments(self) -> int:

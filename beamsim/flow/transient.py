@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable
 
 import numpy as np
 
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import Carried, Log, Motion, carry
+from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.stopping import never
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Floats
@@ -44,16 +43,15 @@ def simulate(
 
     Returns
     -------
-    Trajectory : segments, events and counters; sample it for outputs.
+    Trajectory : segments and events; sample it for outputs.
     """
-    begin = clock.process_time()
     end = float(flow.duration if duration is None else duration)
-    motion, begun = start(flow, initial_state)
-    carried = carry(
-        flow, motion, (end,), keep=True, max_events=max_events, max_evaluations=max_evaluations,
-        progress=None if progress is None else lambda t: progress(t / end), stop=stop,
+    march = March(
+        max_events=max_events, max_evaluations=max_evaluations, stop=stop,
+        progress=None if progress is None else lambda t: progress(t / end),
     )  # fmt: skip
-    return motion_of(flow, motion, begun, carried, clock.process_time() - begin)
+    motion, begun = start(flow, initial_state)
+    return motion_of(flow, motion, Log.join([begun, march.on(flow, motion, end)]), march)
 
 
 def start(flow: ExactFlow, initial_state: Floats) -> tuple[Motion, Log]:
@@ -67,28 +65,20 @@ def start(flow: ExactFlow, initial_state: Floats) -> tuple[Motion, Log]:
     return Motion.beginning(y, flow.state_index(phases)), begun
 
 
-def motion_of(flow: ExactFlow, motion: Motion, begun: Log, carried: Carried, processor_time_s: float) -> Trajectory:
+def motion_of(flow: ExactFlow, motion: Motion, log: Log, march: March) -> Trajectory:
     """The trajectory of a motion up to where it got.
 
     Parameters
     ----------
-    flow, motion : the motion after `carry`.
-    begun : events at its start, see `start`.
-    carried : what was logged since.
-    processor_time_s : s, that it took.
+    flow, motion : the motion after the march.
+    log : its segments and events.
+    march : how it ended, and what it took.
     """
-    assert carried.log is not None
-    log = carried.log
-    if begun.event_time.size:
-        log = log._replace(**{
-            name: np.concatenate([getattr(begun, name), getattr(log, name)])
-            for name in ("event_time", "event_contact", "event_phase")
-        })  # fmt: skip
     if not log.time.size:  # out of budget within the first segment: at least the start is known
         one = np.zeros(1, dtype=np.int64)
         log = log._replace(
             time=np.array([motion.time]), length=np.zeros(1), state=flow.visits(one + motion.state), piece=one,
             y=motion.y[None, :].copy(),
         )  # fmt: skip
-    trajectory = Trajectory(flow, motion.time, *log, motion.y, carried.evaluations, carried.outcome, processor_time_s)
+    trajectory = Trajectory(flow, motion.time, *log, motion.y, march.evaluations, march.outcome)
     return trajectory if np.all(np.isfinite(motion.y)) else trajectory.up_to_finite()

@@ -18,7 +18,7 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.dataclass import dataclass
 from beamsim.flow.exact import LONGEST_WINDOW_RADIANS, ExactFlow
-from beamsim.flow.march import Log, Motion, carry
+from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.passage import (
     LARGEST_LOG,
     MOST_EVALUATIONS,
@@ -115,13 +115,11 @@ class VariationalFlow(PeriodicFlow):
         else:
             begun = start
         motion = Motion(begun.copy(), exact.state_index(phases), time=t)
-        carried = carry(
-            exact, motion, (t + duration,), keep=True, max_events=LARGEST_LOG, max_evaluations=MOST_EVALUATIONS
-        )
+        march = March(max_events=LARGEST_LOG, max_evaluations=MOST_EVALUATIONS)
+        log = march.on(exact, motion, t + duration)
         check_finite(motion.y)
-        log = carried.log
-        if not carried.outcome.complete or log is None:
-            raise WorkExceeded(carried.outcome.message)
+        if not march.outcome.complete:
+            raise WorkExceeded(march.outcome.message)
         found = sensitivity(exact, self._outputs, log, motion.y, [self._change(p) for p in parameters])
         of_segment = np.array([exact.states[k].phases for k in log.state], dtype=np.int64)
         return Passage(
@@ -153,7 +151,7 @@ class VariationalFlow(PeriodicFlow):
             passage.event_contact, passage.event_phase,
         )  # fmt: skip
         end = float(passage.time[0] + passage.duration)
-        return Trajectory(self.exact, end, *log, passage.end, 0, COMPLETE, 0.0)
+        return Trajectory(self.exact, end, *log, passage.end, 0, COMPLETE)
 
     @property
     def fastest(self) -> float:

@@ -6,15 +6,14 @@ after p cycles to a tolerance, with the remaining change estimated from the rate
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import field, replace
+from collections.abc import Iterator
+from dataclasses import field
 
 import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import Carried, Log, Motion, carry
-from beamsim.flow.stopping import never
+from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import motion_of
 from beamsim.typing import Floats
@@ -28,23 +27,19 @@ class MotionStopped(Exception):
 
 
 @dataclass
-class CycleStepper:
+class CycleStepper(March):
     """Carries a state cycle by cycle through a flow whose loads may change between calls.
 
     Parameters
     ----------
     flow : under loads of one frequency.
     period : of the loads, s.
-    stop : asked several times a second whether to end.
     """
 
     flow: ExactFlow
     period: float
-    most_evaluations: int = 200_000_000
-    stop: Callable[[], bool] = never
-    events: int = field(init=False, default=0)
-    segments: int = field(init=False, default=0)
-    evaluations: int = field(init=False, default=0)
+    max_events: int = field(default=2**62, kw_only=True)  # what bounds the work are the evaluations
+    max_evaluations: int = field(default=200_000_000, kw_only=True)
     cycles: int = field(init=False, default=0)
 
     @property
@@ -54,7 +49,7 @@ class CycleStepper:
 
     def use(self, flow: ExactFlow, period: float, motion: Motion) -> None:
         """Let a motion go on under loads of another frequency."""
-        flow.enter(motion, self.flow)
+        motion.enter(flow, self.flow)
         self.flow, self.period = flow, period
 
     def carry(self, motion: Motion, cycles: int) -> Floats:
@@ -62,36 +57,26 @@ class CycleStepper:
 
         Raises
         ------
-        ArithmeticError : when the work exceeds ``most_evaluations``.
+        ArithmeticError : when the work exceeds ``max_evaluations``.
         MotionStopped : when ``stop`` says so.
         """
-        return self._carried(motion, cycles, keep=False)[0]
+        return np.array([motion.y.copy() for _ in self._logs(motion, cycles)])
 
     def trajectory(self, motion: Motion, cycles: int) -> Trajectory:
         """The same; returns the motion over these cycles, from t = 0 on."""
-        _, parts = self._carried(motion, cycles, keep=True)
-        carried = replace(parts[-1], log=Log.join([part.log for part in parts if part.log is not None]))
-        return motion_of(self.flow, motion, Log.sized(0, motion.y.size, 0), carried, 0.0)
+        return motion_of(self.flow, motion, Log.join(list(self._logs(motion, cycles))), self)
 
-    def _carried(self, motion: Motion, cycles: int, *, keep: bool) -> tuple[Floats, list[Carried]]:
-        states, parts = np.empty((cycles, motion.y.size)), []
+    def _logs(self, motion: Motion, cycles: int) -> Iterator[Log]:
+        """Of one cycle after the other."""
         motion.time, motion.piece = 0.0, 0
         for k in range(cycles):
-            carried = carry(
-                self.flow, motion, ((k + 1) * self.period,), keep=keep,
-                max_events=2**62,  # what bounds the work are the evaluations
-                max_evaluations=self.most_evaluations - self.evaluations, stop=self.stop,
-            )  # fmt: skip
-            self.events, self.segments = self.events + carried.events, self.segments + carried.segments
-            self.evaluations += carried.evaluations
-            if carried.outcome.interrupted:
+            log = self.on(self.flow, motion, (k + 1) * self.period)
+            if self.outcome.interrupted:
                 raise MotionStopped
-            if not carried.outcome.complete:
+            if not self.outcome.complete:
                 raise ArithmeticError(f"{self.evaluations} evaluations of the contact gaps were not enough")
-            states[k] = motion.y
-            parts.append(carried)
-        self.cycles += cycles
-        return states, parts
+            self.cycles += 1
+            yield log
 
 
 @dataclass(frozen=True)

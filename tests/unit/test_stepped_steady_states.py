@@ -119,7 +119,7 @@ def test_chaos_is_told_from_a_period(make_system):
 
 def test_work_is_bounded(make_system):
     stepper, motion = bouncing(make_system, 0.3, 1.0, 0.0)
-    stepper.most_evaluations = 20
+    stepper.max_evaluations = 20
     with pytest.raises(ArithmeticError, match="evaluations"):
         settle(stepper, motion, tolerance=1e-8, longest_period=2, most_cycles=100)
 
