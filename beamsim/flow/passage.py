@@ -17,9 +17,6 @@ from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
 
-MOST_EVALUATIONS = 20_000_000
-LARGEST_LOG = 65536  # segments of a passage
-
 
 class WorkExceeded(ArithmeticError):
     """A passage needed more events or evaluations than allowed (chattering)."""
@@ -199,6 +196,7 @@ class ContactDirection:
     gap: Floats  # (m,)
     shape: Floats  # (m, n)
     along: Contacts | None = None  # contacts whose laws' forces are added
+    cubic: Floats | None = None  # (nc,) stiffness of cubic springs beside the contacts
 
     @classmethod
     def of(
@@ -209,6 +207,7 @@ class ContactDirection:
         gap: Any = 0.0,
         shape: Any = 0.0,
         along: Contacts | None = None,
+        cubic: Floats | None = None,
     ) -> ContactDirection:
         """A direction from numbers that are broadcast to all contacts.
 
@@ -218,6 +217,7 @@ class ContactDirection:
         stiffness, dashpot, gap : N/m, N s/m and m per unit of the parameter; (m,), or one for all.
         shape : (m, n) per unit of the parameter.
         along : contacts whose laws' forces are added.
+        cubic : (nc,) stiffness of cubic springs beside the contacts, N/m^3 per unit of the parameter.
         """
 
         def spread(value: Any, like: Floats) -> Floats:
@@ -229,6 +229,7 @@ class ContactDirection:
             spread(gap, contacts.gap),
             spread(shape, contacts.shape),
             along,
+            cubic,
         )
 
 
@@ -272,16 +273,8 @@ class StructureDirection:
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class SpringFactor:
-    """The parameter that multiplies the cubic springs' and the contacts' stiffness: its derivatives."""
-
-    cubic: Floats  # (nc,)
-    stiffness: Floats  # (m,)
-
-
 Direction = ContactDirection | StructureDirection
-Parameter = Frequency | Level | Direction | SpringFactor
+Parameter = Frequency | Level | Direction
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from copy import copy
+from dataclasses import field, replace
 from typing import ClassVar, Self
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.dataclass import dataclass
 from beamsim.flow.passage import (
     ContactDirection,
     Level,
@@ -26,25 +29,65 @@ from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Floats, Ints
 
 
+@dataclass
 class PeriodicFlow(ABC):
-    """A structure under periodic loads, ready to be carried over a time with all derivatives."""
+    """A structure under periodic loads, ready to be carried over a time with all derivatives.
+
+    Parameters
+    ----------
+    system : the structure.
+    forcing : its periodic loads (default: none).
+    omega, level : frequency, rad/s, and factor of the loads; `under` gives the flow at others.
+    """
 
     differentiates: ClassVar[tuple[type[Parameter], ...]]  # kinds of parameters that `carry` takes derivatives by
 
     system: PiecewiseLinearSystem
-    loads: PeriodicForcing
-    omega: float  # rad/s, of the loads
-    level: float  # factor of the loads
-    size: int  # N, of the state
+    forcing: PeriodicForcing | None = None
+    omega: float = 1.0
+    level: float = 1.0
+    _carried: list[int] = field(init=False, repr=False)  # shared by all flows that come from this one
+
+    def __post_init__(self) -> None:
+        self.loads = PeriodicForcing.none(self.system.size) if self.forcing is None else self.forcing
+        self._carried = [0]
+        self._prepare()
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """What follows from the system."""
 
     @property
-    @abstractmethod
+    def size(self) -> int:
+        """N, of the state."""
+        return 2 * self.system.size + self.system.contacts.internal_states
+
+    @property
     def passages(self) -> int:
         """Motions computed so far, of this flow and of those that come from it."""
+        return self._carried[0]
 
-    @abstractmethod
     def under(self, omega: float | None = None, level: float | None = None) -> Self:
         """The flow of the same structure at another frequency and level."""
+        flow = copy(self)
+        flow.omega = self.omega if omega is None else float(omega)
+        flow.level = self.level if level is None else float(level)
+        return flow
+
+    def with_system(self, system: PiecewiseLinearSystem) -> Self:
+        """The flow of another structure, or of other contacts with as many phases, under the same loads."""
+        flow = copy(self)
+        flow.system = system
+        flow._prepare()
+        return flow
+
+    def with_contacts(self, contacts: Contacts) -> Self:
+        """The flow of the same structure with other contacts of as many phases."""
+        return self.with_system(replace(self.system, contacts=contacts))
+
+    def with_damping(self, damping: Floats) -> Self:
+        """The flow of the same structure with another damping matrix (n, n)."""
+        return self.with_system(replace(self.system, damping=damping))
 
     @abstractmethod
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
@@ -67,14 +110,6 @@ class PeriodicFlow(ABC):
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state at increasing times within a passage."""
 
-    @abstractmethod
-    def with_contacts(self, contacts: Contacts) -> Self:
-        """The flow of the same structure with other contacts of as many phases."""
-
-    @abstractmethod
-    def with_damping(self, damping: Floats) -> Self:
-        """The flow of the same structure with another damping matrix (n, n)."""
-
     @property
     @abstractmethod
     def fastest(self) -> float:
@@ -90,17 +125,8 @@ class PeriodicFlow(ABC):
         """Whether a contact feels the motion of the base."""
         return self.loads.count > 0 and bool(np.any(self.system.contacts.felt))
 
-    def base_motion(self, t: float) -> tuple[float, float]:
-        """Displacement and velocity of the base."""
-        d, v = self.loads.base_motion(self.omega, self.level, np.array([t]))
-        return float(d[0]), float(v[0])
-
-    def penetration(self, passage: Passage, times: Floats) -> tuple[Floats, Floats]:
-        """Penetration and penetration rate of every contact, (nt, m) each, at times of a passage."""
-        return self.penetration_of(self.states_at(passage, times), times)
-
     def penetration_of(self, y: Floats, times: Floats) -> tuple[Floats, Floats]:
-        """The same of states (nt, N) that are known."""
+        """Penetration and penetration rate of every contact, (nt, m) each, of states (nt, N) at times."""
         base = self.loads.base_motion(self.omega, self.level, times) if self.base_moves else None
         return penetration_of_states(self.system.contacts, y, base)
 

@@ -8,14 +8,13 @@ a step the series is a polynomial, on which the search of the exact flow misses 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.dataclass import dataclass
 from beamsim.flow.first_derivatives import HIGHEST_DERIVATIVE, ROUND_OFF, decisive
 from beamsim.flow.passage import (
@@ -24,14 +23,11 @@ from beamsim.flow.passage import (
     Level,
     Parameter,
     Passage,
-    PeriodicForcing,
-    SpringFactor,
     WorkExceeded,
     check_finite,
 )
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.stopping import check_stop
-from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Bools, Floats
 
 STEPS_A_CALL = 128  # of the compiled integration, between which signals are handled
@@ -42,54 +38,29 @@ _FACTORIAL = np.cumprod(np.maximum(np.arange(HIGHEST_DERIVATIVE + 1.0), 1.0))
 
 @dataclass
 class SmoothFlow(PeriodicFlow):
-    """A structure with cubic springs (and contacts) under periodic loads.
+    """The flow of a structure with cubic springs, and contacts, by power series.
+
+    The contacts are sums of one-sided springs (no ``no_tension`` dashpots); each part is a contact here.
 
     Parameters
     ----------
-    system : the structure and its contacts, sums of one-sided springs (no ``no_tension`` dashpots); each part is a
-        contact here.
-    cubic_shape, cubic : (nc, n) and (nc,) N/m^3, springs ``force = cubic (shape @ q + d)^3``.
-    forcing, omega, level : periodic loads.
-    on_ground : (nc,) how much of the base's displacement each spring feels (none of those between masses); all of it by
-        default.
+    springs : the cubic springs.
     """
 
-    differentiates = (Frequency, Level, ContactDirection, SpringFactor)
+    differentiates = (Frequency, Level, ContactDirection)
 
-    system: PiecewiseLinearSystem
-    cubic_shape: Floats
-    cubic: Floats
-    forcing: PeriodicForcing | None = None
-    omega: float = 1.0
-    level: float = 1.0
-    on_ground: Bools | Floats | None = None
+    springs: CubicSprings = field(kw_only=True)
 
-    def __post_init__(self) -> None:
-        n = self.system.size
-        self._carried = [0]  # shared by all flows that come from this one
+    def _prepare(self) -> None:
         if not self.system.contacts.one_sided:
             raise ValueError(
                 "a no_tension snubber with a dashpot cannot be combined with cubic springs; use kelvin_voigt"
             )
         contacts = self.system.contacts.one_sided_parts()
         self.system = replace(self.system, contacts=contacts)
-        self.loads = PeriodicForcing.none(n) if self.forcing is None else self.forcing
-        self.size = 2 * n
         added = float(np.abs(contacts.stiffness) @ (contacts.shape**2).sum(axis=1))
         fastest = float(np.sqrt(self.system.stiffness.max(initial=0.0) + added))
         self._longest = RADIANS / fastest if fastest > 0 else np.inf
-
-    @property
-    def passages(self) -> int:
-        """Motions computed so far, of this flow and of those that come from it."""
-        return self._carried[0]
-
-    def under(self, omega: float | None = None, level: float | None = None) -> SmoothFlow:
-        """The flow of the same structure at another frequency and level."""
-        flow = copy(self)
-        flow.omega = self.omega if omega is None else float(omega)
-        flow.level = self.level if level is None else float(level)
-        return flow
 
     def _arrays(self, parameters: Sequence[Parameter]) -> Any:
         from beamsim.flow.taylor_kernels import SmoothSystem
@@ -99,24 +70,23 @@ class SmoothFlow(PeriodicFlow):
         # the numbers, and below them their derivatives by each parameter
         forces, rising = np.zeros((2, 1 + P, *force.shape), dtype=complex)
         bases, base_rising = np.zeros((2, 1 + P, base.size), dtype=complex)
-        cubic, stiffness, gap = (np.zeros((1 + P, of.size)) for of in (self.cubic, c.stiffness, c.gap))
-        forces[0], bases[0], cubic[0], stiffness[0], gap[0] = force, base, self.cubic, c.stiffness, c.gap
+        cubic, stiffness, gap = (np.zeros((1 + P, of.size)) for of in (self.springs.stiffness, c.stiffness, c.gap))
+        forces[0], bases[0], cubic[0], stiffness[0], gap[0] = force, base, self.springs.stiffness, c.stiffness, c.gap
         for i, p in enumerate(parameters, 1):
             if isinstance(p, Frequency):
                 forces[i], bases[i] = d_force, d_base
                 rising[i], base_rising[i] = 1j * loads.multiple[:, None] * force, 1j * loads.multiple * base
             elif isinstance(p, Level):
                 forces[i], bases[i] = loads.at(self.omega, 1.0)[:2]
-            elif isinstance(p, SpringFactor):
-                cubic[i], stiffness[i] = p.cubic, p.stiffness
             elif isinstance(p, ContactDirection) and not (np.any(p.dashpot) or np.any(p.shape)):
                 stiffness[i], gap[i] = p.stiffness, p.gap
+                cubic[i] = 0.0 if p.cubic is None else p.cubic
             else:
                 raise ValueError("with cubic springs only stiffness and gap of the contacts can be followed")
         return SmoothSystem(
             s.stiffness.astype(float), np.ascontiguousarray(s.damping), bool(np.any(s.damping)),
-            s.constant_load.astype(float), np.ascontiguousarray(self.cubic_shape).reshape(cubic.shape[1], s.size),
-            cubic, self.felt, np.ascontiguousarray(c.shape), c.sign, stiffness, c.dashpot, gap, c.felt,
+            s.constant_load.astype(float), np.ascontiguousarray(self.springs.shape).reshape(cubic.shape[1], s.size),
+            cubic, self.springs.felt, np.ascontiguousarray(c.shape), c.sign, stiffness, c.dashpot, gap, c.felt,
             loads.multiple * self.omega, forces, rising, bases, base_rising, self._longest,
         )  # fmt: skip
 
@@ -129,7 +99,7 @@ class SmoothFlow(PeriodicFlow):
         from beamsim.flow.taylor_kernels import make_series, series_at
 
         c, n, orders = self.system.contacts, self.system.size, np.arange(HIGHEST_DERIVATIVE + 1)[:, None]
-        d, _ = self.base_motion(t)
+        (d,), _ = self.loads.base_motion(self.omega, self.level, np.array([t]))
         series = make_series(arrays, 1)
         series_at(arrays, -c.gap - c.sign * (c.shape @ z[:n] + c.felt * d) > 0, t, z[:, None], series)
         q, base = series.q[orders[:, 0], :, 0], series.d[orders[:, 0]]
@@ -177,12 +147,7 @@ class SmoothFlow(PeriodicFlow):
     def cubic_stretch(self, y: Floats, times: Floats) -> Floats:
         """(nt, nc) stretch of the cubic springs at states (nt, N)."""
         d, _ = self.loads.base_motion(self.omega, self.level, times)
-        return np.asarray(y[:, : self.system.size] @ self.cubic_shape.T + np.multiply.outer(d, self.felt))
-
-    @property
-    def felt(self) -> Floats:
-        """(nc,) share of the base's displacement in each cubic spring's stretch."""
-        return np.ones(self.cubic.size) if self.on_ground is None else self.on_ground.astype(float)
+        return np.asarray(y[:, : self.system.size] @ self.springs.shape.T + np.multiply.outer(d, self.springs.felt))
 
     @property
     def fastest(self) -> float:
@@ -196,11 +161,3 @@ class SmoothFlow(PeriodicFlow):
         out = np.empty((times.size, 2 * self.system.size))
         sample_smooth(self._arrays(()), passage.time, passage.phases > 0, passage.y, np.ascontiguousarray(times), out)
         return out
-
-    def with_contacts(self, contacts: Contacts) -> SmoothFlow:
-        """The flow of the same structure with other contacts."""
-        return replace(self, system=replace(self.system, contacts=contacts))
-
-    def with_damping(self, damping: Floats) -> SmoothFlow:
-        """The flow of the same structure with another damping matrix (n, n)."""
-        return replace(self, system=replace(self.system, damping=damping))

@@ -11,27 +11,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import field, replace
+from dataclasses import field
 
 import numpy as np
 
-from beamsim.contacts.contacts import Contacts
 from beamsim.dataclass import dataclass
 from beamsim.flow.exact import LONGEST_WINDOW_RADIANS, ExactFlow
 from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.passage import (
-    LARGEST_LOG,
-    MOST_EVALUATIONS,
     ContactDirection,
     Frequency,
     Level,
     Parameter,
     Passage,
-    PeriodicForcing,
     StructureDirection,
     WorkExceeded,
     check_finite,
-    moved_system,
 )
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.sensitivity import Change, FlowOutputs, OutputRates, SourceRates, StructureRates, sensitivity
@@ -43,46 +38,24 @@ from beamsim.typing import Complexes, Floats, Ints
 
 @dataclass
 class VariationalFlow(PeriodicFlow):
-    """A structure under periodic loads, ready to be carried over a time with all derivatives.
-
-    Parameters
-    ----------
-    system : the structure.
-    forcing : its periodic loads (default: none).
-    omega, level : frequency, rad/s, and factor of the loads; `under` gives the flow at others.
-    """
+    """The flow in closed form; flows that come from it share the contact states' modes."""
 
     differentiates = (Frequency, Level, ContactDirection, StructureDirection)
 
-    system: PiecewiseLinearSystem
-    forcing: PeriodicForcing | None = None
-    omega: float = 1.0
-    level: float = 1.0
-    exact: ExactFlow = field(init=False)
+    exact: ExactFlow = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        self.loads = PeriodicForcing.none(self.system.size) if self.forcing is None else self.forcing
+    def _prepare(self) -> None:
         window = LONGEST_WINDOW_RADIANS / self.omega  # for structures without a stiffness: others have their own
         longest = np.inf if self.system.stiffness.any() else window
         self.exact = ExactFlow(self.system, self.loads.signals(self.omega, self.level), longest)
-        self.size = self.exact.size
         self._outputs = FlowOutputs(self.exact)
-        self._carried = [0]  # shared by all flows that come from this one
-
-    @property
-    def passages(self) -> int:
-        """Motions computed so far, of this flow and of those that come from it."""
-        return self._carried[0]
 
     def under(self, omega: float | None = None, level: float | None = None) -> VariationalFlow:
         """The flow of the same structure at another frequency and level, which shares the contact states' modes."""
-        omega = self.omega if omega is None else float(omega)
-        level = self.level if level is None else float(level)
-        if omega == self.omega and level == self.level:
+        flow = super().under(omega, level)
+        if (flow.omega, flow.level) == (self.omega, self.level):
             return self
-        flow = copy(self)
-        flow.omega, flow.level = omega, level
-        flow.exact = self.exact.under(self.loads.signals(omega, level))
+        flow.exact = self.exact.under(self.loads.signals(flow.omega, flow.level))
         return flow
 
     def with_system(self, system: PiecewiseLinearSystem) -> VariationalFlow:
@@ -91,18 +64,6 @@ class VariationalFlow(PeriodicFlow):
         flow.system, flow.exact = system, self.exact.with_system(system)
         flow._outputs = FlowOutputs(flow.exact)
         return flow
-
-    def with_contacts(self, contacts: Contacts) -> VariationalFlow:
-        """The flow of the same structure with other contacts of as many phases."""
-        return self.with_system(replace(self.system, contacts=contacts))
-
-    def with_damping(self, damping: Floats) -> VariationalFlow:
-        """The flow of the same structure with another damping matrix (n, n)."""
-        return self.with_system(replace(self.system, damping=damping))
-
-    def moved(self, direction: ContactDirection, amount: float) -> VariationalFlow:
-        """A flow of the same structure with its contacts moved along a direction."""
-        return self.with_system(moved_system(self.system, direction, amount))
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
         """The state after ``duration``, with its derivatives; see :class:`beamsim.flow.periodic_flow.PeriodicFlow`."""
@@ -115,7 +76,7 @@ class VariationalFlow(PeriodicFlow):
         else:
             begun = start
         motion = Motion(begun.copy(), exact.state_index(phases), time=t)
-        march = March(max_events=LARGEST_LOG, max_evaluations=MOST_EVALUATIONS)
+        march = March(max_events=65_536, max_evaluations=20_000_000)
         log = march.on(exact, motion, t + duration)
         check_finite(motion.y)
         if not march.outcome.complete:
@@ -165,10 +126,6 @@ class VariationalFlow(PeriodicFlow):
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state at increasing times within a passage."""
         return self.motion(passage).states_at(times)
-
-    def exact_flow(self, duration: float) -> ExactFlow:
-        """The same structure and loads for long runs and outputs."""
-        return ExactFlow(self.system, self.loads.signals(self.omega, self.level), duration)
 
 
 def floquet_multipliers(monodromy: Floats) -> Complexes:

@@ -259,10 +259,8 @@ class ForcedBalance:
     def flow_at(self, value: float) -> SmoothFlow:
         """The flow of the same structure at a value of the parameter, each spring a contact of its own."""
         omega, level = self.at(value)
-        shape, stiffness, felt = np.zeros((0, self.system.size)), np.zeros(0), np.zeros(0)
-        if self.cubic is not None:
-            shape, stiffness, felt = self.cubic.shape, self.cubic.stiffness, self.cubic.felt
-        return SmoothFlow(self.system, shape, stiffness, self.forcing, omega, level, felt)
+        none = CubicSprings(np.zeros((0, self.system.size)), np.zeros(0))
+        return SmoothFlow(self.system, self.forcing, omega, level, springs=self.cubic or none)
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Deflections by the size of each spring's motion, or its gap."""

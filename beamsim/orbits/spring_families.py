@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.dataclass import dataclass
-from beamsim.flow.passage import ContactDirection, Parameter, SpringFactor, moved_system
+from beamsim.flow.passage import ContactDirection, Parameter, moved_system
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
@@ -43,7 +43,8 @@ class SpringFamily:
         self._along = ContactDirection.of(contacts, along=contacts)
         self._direction: Parameter = self._along
         if self.cubic is not None:
-            self._direction = SpringFactor(self.cubic.stiffness, self.springs.stiffness)
+            springs = self.springs
+            self._direction = ContactDirection.of(springs, stiffness=springs.stiffness, cubic=self.cubic.stiffness)
 
     @property
     def omega(self) -> Floats:
@@ -71,7 +72,8 @@ class SpringFamily:
             rest = np.zeros(system.size) if self.equilibrium is None else self.equilibrium(system)
             flow: PeriodicFlow
             if self.cubic is not None:
-                flow = SmoothFlow(system, self.cubic.shape, factor * self.cubic.stiffness)
+                springs = replace(self.cubic, stiffness=factor * self.cubic.stiffness)
+                flow = SmoothFlow(system, springs=springs)
             elif self._current is not None:
                 flow = self._current[1].with_contacts(system.contacts)
             else:

@@ -152,7 +152,7 @@ def test_cubic_spring_converges_exponentially(make_system):
     system = make_system(np.sqrt(W2), V.T @ (0.1 * K) @ V, shape=np.zeros((0, 2)), stiffness=[])
     springs = CubicSprings(V[:1], np.array([0.8]))
     load = PeriodicForcing.harmonic(0.3 * V[1])
-    orbits = ForcedOrbits(SmoothFlow(system, V[:1], np.array([0.8]), load, 0.9))
+    orbits = ForcedOrbits(SmoothFlow(system, load, 0.9, springs=CubicSprings(V[:1], np.array([0.8]))))
     errors = []
     for H in (1, 3, 5, 7, 9, 19):
         problem = ForcedBalance(system, load, H, omega=0.9, cubic=springs)

@@ -1,5 +1,7 @@
 """Piecewise-linear springs, softening ones among them: equivalence, statics, energy, steady motions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -271,7 +273,7 @@ def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
     start = 0.3 * rng.normal(size=2 * n)
 
     def flow(w=omega, level=1.4):
-        return SmoothFlow(system, shape, cubic, loads, w, level, on_ground)
+        return SmoothFlow(system, loads, w, level, springs=CubicSprings(shape, cubic, on_ground))
 
     def rhs(t, y, felt=on_ground):
         q, v = y[:n], y[n:]
@@ -296,7 +298,8 @@ def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
         np.testing.assert_allclose(
             passage.parameters[: 2 * n, column], slope[: 2 * n], atol=2e-7 * (1 + abs(slope).max())
         )
-    delta, rate = flow().penetration(passage, np.array([1.0, 1.0 + 1e-6]))
+    times = np.array([1.0, 1.0 + 1e-6])
+    delta, rate = flow().penetration_of(flow().states_at(passage, times), times)
     np.testing.assert_allclose(np.diff(delta, axis=0)[0] / 1e-6, rate[0], atol=1e-5)
 
 
@@ -316,7 +319,7 @@ def test_cubic_springs_on_a_moving_base_by_shooting_and_harmonic_balance():
     np.testing.assert_array_equal(cubic.on_ground, [True, False])
     found = {}
     for name, on_ground in (("right", cubic.on_ground), ("twin", np.array([True, True]))):
-        flow = SmoothFlow(system.dynamics, cubic.shape, cubic.stiffness, loads, omega, 1.0, on_ground)
+        flow = SmoothFlow(system.dynamics, loads, omega, springs=replace(cubic, on_ground=on_ground))
         found[name] = find_orbit(ForcedOrbits(flow)).u[:4]
     balance = ForcedBalance(system.dynamics, loads, 25, omega=omega, cubic=cubic)
     motion = solve_at(balance, balance.linear_guess(omega), Settings(iterations=60), omega)

@@ -108,7 +108,7 @@ def test_stable_motions_attract(curve, index):
     flow, _ = problem.flow_at(point.parameter)
     long = 300 * orbit.period
     near = orbit.state[:4] * (1 + 1e-3)
-    end = simulate(flow.exact_flow(long), near, duration=long)
+    end = simulate(flow.exact, near, duration=long)
     np.testing.assert_allclose(end.final_y[:4], orbit.state[:4], atol=1e-6)
 
 
@@ -155,7 +155,7 @@ def test_branch_of_doubled_period(curve):
     half = flow.carry(orbit.state, orbit.period / 2).end
     assert np.linalg.norm(half - orbit.state) > 1e-2
     long = 300 * orbit.period
-    end = simulate(flow.exact_flow(long), orbit.state[:4] * (1 + 1e-5), duration=long)
+    end = simulate(flow.exact, orbit.state[:4] * (1 + 1e-5), duration=long)
     np.testing.assert_allclose(end.final_y[:4], orbit.state[:4], atol=1e-6)
 
 
@@ -252,7 +252,7 @@ def test_with_a_dashpot(flow_of, law, turns):
     orbit = problem.orbit(contacting[len(contacting) // 2])
     problem.flow = problem.flow.under(omega=orbit.parameter)
     long = 300 * orbit.period
-    end = simulate(problem.flow.exact_flow(long), orbit.state[:4] * (1 + 1e-4), duration=long)
+    end = simulate(problem.flow.exact, orbit.state[:4] * (1 + 1e-4), duration=long)
     np.testing.assert_allclose(end.final_y[:4], orbit.state[:4], atol=1e-6)
 
 

@@ -124,8 +124,7 @@ def test_folds_bound_the_motion(orbits, ring):
         ends = []
         for _ in range(2):
             periods = 300 if not ends else 3
-            flow = orbits.flow.exact_flow(2 * np.pi / omega * periods)
-            z = simulate(flow, z, duration=2 * np.pi / omega * periods).final_y
+            z = simulate(orbits.flow.exact, z, duration=2 * np.pi / omega * periods).final_y
             ends.append(z)
         return ends[0], np.linalg.norm((ends[1] - ends[0])[:n]) / orbits.scale(near.u)[0][0]
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.system.equations import PiecewiseLinearSystem
@@ -17,9 +18,8 @@ def motion(place, count):
         np.ones((count, 1)), -np.ones(count), gap, np.zeros(count, dtype=bool),
         tuple(kelvin_voigt(10.0 + 10.0 * (j == place)) for j in range(count)),
     )  # fmt: skip
-    flow = SmoothFlow(
-        PiecewiseLinearSystem(np.ones(1), np.zeros((1, 1)), contacts, np.zeros(1)), np.ones((1, 1)), np.array([0.5])
-    )
+    system = PiecewiseLinearSystem(np.ones(1), np.zeros((1, 1)), contacts, np.zeros(1))
+    flow = SmoothFlow(system, springs=CubicSprings(np.ones((1, 1)), np.array([0.5])))
     passage = flow.carry(np.array([0.0, 1.0]), 8.0)
     return passage.phases, flow.states_at(passage, np.linspace(0.0, 8.0, 50))
 

@@ -130,7 +130,7 @@ def orbit_motion(
     time = np.linspace(0.0, period, SAMPLES + 1)
     states = flow.states_at(whole, time)
     q, v = states[:, :n], states[:, n : 2 * n]
-    delta = flow.penetration(whole, time)[0]
+    delta = flow.penetration_of(states, time)[0]
     probes = {p.name: p.shape for p in system.probes}
     harmonics = {}
     for name, shape in probes.items():

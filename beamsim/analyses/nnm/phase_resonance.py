@@ -193,8 +193,8 @@ class _Levels:
         weaker = replace(system, contacts=system.contacts.scaled(factor))
         flow: PeriodicFlow
         if self.damped.cubic.count:
-            cubic = self.damped.cubic
-            flow = SmoothFlow(weaker, cubic.shape, factor * cubic.stiffness, self.loads, omega, level, cubic.felt)
+            springs = replace(self.damped.cubic, stiffness=factor * self.damped.cubic.stiffness)
+            flow = SmoothFlow(weaker, self.loads, omega, level, springs=springs)
         else:
             flow = VariationalFlow(weaker, self.loads, omega, level)
         return ForcedOrbits(flow)

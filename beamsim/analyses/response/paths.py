@@ -112,10 +112,7 @@ class ResponseModel:
         if self.system.cubic.count == 0:
             return VariationalFlow(self.system.dynamics, self.loads, omega, level)
         try:
-            return SmoothFlow(
-                self.system.dynamics, self.system.cubic.shape, self.system.cubic.stiffness, self.loads, omega, level,
-                self.system.cubic.felt,
-            )  # fmt: skip
+            return SmoothFlow(self.system.dynamics, self.loads, omega, level, springs=self.system.cubic)
         except ValueError as error:
             raise ScenarioError(
                 Problem("chain.snubbers", f"cannot be followed: {error}", "use method: harmonic_balance")

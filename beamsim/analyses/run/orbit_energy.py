@@ -110,7 +110,7 @@ def _stored(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Float
     energy = 0.5 * (y[:, n : 2 * n] ** 2).sum(axis=1) + 0.5 * (y[:, :n] ** 2) @ system.stiffness
     energy += system.contacts.stored_energy(phases, delta, y[:, 2 * n :])
     if isinstance(flow, SmoothFlow):
-        energy += 0.25 * flow.cubic_stretch(y, times) ** 4 @ flow.cubic
+        energy += 0.25 * flow.cubic_stretch(y, times) ** 4 @ flow.springs.stiffness
     return np.asarray(energy)
 
 
@@ -144,6 +144,6 @@ def _by_quadrature(flow: PeriodicFlow, motion: _Known, fastest: float) -> tuple[
     _, base_rate = loads.base_motion(flow.omega, flow.level, times)
     power = (outside * v).sum(axis=1) - push * base_rate
     if isinstance(flow, SmoothFlow):
-        power += (flow.cubic * flow.cubic_stretch(y, times) ** 3) @ flow.felt * base_rate
+        power += (flow.springs.stiffness * flow.cubic_stretch(y, times) ** 3) @ flow.springs.felt * base_rate
     loss = ((v @ flow.system.damping) * v).sum(axis=1) + (dashpots[each] * rate**2).sum(axis=1)
     return float(share @ power), float(share @ loss)
