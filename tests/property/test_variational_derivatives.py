@@ -7,7 +7,14 @@ import pytest
 from sampling import slow_after
 
 from beamsim.flow.contact_state import state_matrices
-from beamsim.flow.passage import ContactDirection, Frequency, Level, PeriodicForcing, StructureDirection
+from beamsim.flow.passage import (
+    ContactDirection,
+    Frequency,
+    Level,
+    PeriodicForcing,
+    StructureDirection,
+    moved_system,
+)
 from beamsim.flow.variational import VariationalFlow
 
 OMEGA = np.array([1.0, 6.3, 17.5])
@@ -79,7 +86,7 @@ def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, se
             passage.transition[:, k], central(lambda h, step=step: at(start=h * step)), atol=1e-6 * scale
         )
     checks = [central(lambda h: at(omega=h)), central(lambda h: at(level=h))]
-    checks += [central(lambda h, d=d: flow.moved(d, h).carry(z, duration).end) for d in directions]
+    checks += [central(lambda h, d=d: flow.with_system(moved_system(flow.system, d, h)).carry(z, duration).end) for d in directions]
     for column, expected in zip(passage.parameters.T, checks, strict=True):
         np.testing.assert_allclose(column, expected, atol=3e-6 * max(1.0, scale))
     np.testing.assert_allclose(passage.slope, central(lambda h: at(more=h)), atol=1e-5 * np.abs(passage.slope).max())
@@ -152,7 +159,7 @@ def test_derivative_by_contacts_where_the_motion_has_powers_of_time(make_system)
     d = ContactDirection.of(system.contacts, stiffness=2.0, gap=0.1)
     passage = flow.carry(z, 4.0, [d])
     assert passage.event_time.size >= 2
-    expected = central(lambda h: flow.moved(d, h).carry(z, 4.0).end, 1e-5)
+    expected = central(lambda h: flow.with_system(moved_system(flow.system, d, h)).carry(z, 4.0).end, 1e-5)
     np.testing.assert_allclose(passage.parameters[:, 0], expected, rtol=1e-5, atol=1e-7)
 
 

@@ -281,7 +281,7 @@ def test_followed_in_a_contact_parameter(flow_of, what):
     problem.omega = 0.7
     last = list(branch)[-1]
     assert branch.outcome.complete
-    moved = flow.moved(direction, last.parameter).under(omega=0.7)
+    moved = flow.with_system(moved_system(flow.system, direction, last.parameter)).under(omega=0.7)
     z = last.u[:-1]
     np.testing.assert_allclose(moved.carry(z, 2 * np.pi / 0.7).end, z, atol=1e-10)
 
