@@ -54,7 +54,9 @@ def test_across_contacts_against_integration(make_system, law, detuning):
     c = flow.system.contacts
 
     def penetration(t, y):
-        d, v = flow.base_motion(t) if c.on_ground[0] else (0.0, 0.0)
+        (d,), (v,) = (
+            flow.loads.base_motion(flow.omega, flow.level, np.array([t])) if c.on_ground[0] else ((0.0,), (0.0,))
+        )
         return y[:2] @ c.shape[0] + d - 1.0, y[2:] @ c.shape[0] + v
 
     def rhs(t, y, closed):

@@ -65,7 +65,7 @@ def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, se
     flow = VariationalFlow(system, loads, omega=1.3, level=2.0)
     z = np.concatenate([rng.normal(size=3) * [0.5, 0.1, 0.02], rng.normal(size=3) * 0.4, np.zeros(flow.size - 6)])
     if "face" in case:  # a snubber's face still on its way back
-        z[6] = 0.1 + max(0.0, flow.penetration(flow.carry(z, 1e-9), np.zeros(1))[0][0, 0])
+        z[6] = 0.1 + max(0.0, flow.penetration_of(z[None], np.zeros(1))[0][0, 0])
     duration = 5.3
     directions = [
         ContactDirection.of(system.contacts, stiffness=rng.normal(size=2)),
@@ -86,7 +86,8 @@ def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, se
             passage.transition[:, k], central(lambda h, step=step: at(start=h * step)), atol=1e-6 * scale
         )
     checks = [central(lambda h: at(omega=h)), central(lambda h: at(level=h))]
-    checks += [central(lambda h, d=d: flow.with_system(moved_system(flow.system, d, h)).carry(z, duration).end) for d in directions]
+    moved = [lambda h, d=d: flow.with_system(moved_system(flow.system, d, h)) for d in directions]
+    checks += [central(lambda h, at_step=at_step: at_step(h).carry(z, duration).end) for at_step in moved]
     for column, expected in zip(passage.parameters.T, checks, strict=True):
         np.testing.assert_allclose(column, expected, atol=3e-6 * max(1.0, scale))
     np.testing.assert_allclose(passage.slope, central(lambda h: at(more=h)), atol=1e-5 * np.abs(passage.slope).max())

@@ -183,7 +183,7 @@ def test_a_stalled_branch_says_what_a_stop_that_yields_has_to_do_with_it(share, 
 
     problem, point = stalled(50.0)
     times = np.linspace(0.0, point.data.duration, 4000)
-    penetration, _ = problem.flow.penetration(point.data, times)
+    penetration, _ = problem.flow.penetration_of(problem.flow.states_at(point.data, times), times)
     reason = Outcome.of(OutcomeCode.NOT_SMOOTH, parameter=3.0, steps=150, step=0.1)
     outcome = explained(reason, *stalled(share * 300.0 * penetration.max()))
     assert outcome.code is said
