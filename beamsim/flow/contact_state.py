@@ -20,7 +20,7 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.held import held_contacts
-from beamsim.flow.invariant_blocks import Block, SimpleModes, block_diagonalise, second_order_blocks
+from beamsim.flow.invariant_blocks import Block, BlockForm, SimpleModes, block_diagonalise, second_order_blocks
 from beamsim.flow.moments import SegmentOutputs
 from beamsim.flow.neighbouring_modes import can_update, neighbouring_modes
 from beamsim.flow.sources import Sources
@@ -62,11 +62,6 @@ class LinearOutput:
         """(k,) whether each output is not always zero, as the force of an open contact is."""
         parts = self.row, self.direct, self.direct_slope
         return np.asarray(np.logical_or.reduce([part.any(axis=1) for part in parts]))
-
-    def equal(self, other: LinearOutput) -> Bools:
-        """(k,) whether each output is the other's of the same number."""
-        pairs = (self.row, other.row), (self.direct, other.direct), (self.direct_slope, other.direct_slope)
-        return np.asarray(np.logical_and.reduce([(one == two).all(axis=1) for one, two in pairs]))
 
     def values(self, y: Floats, inputs: Floats, slopes: Floats) -> Floats:
         """Outputs of motions.
@@ -139,17 +134,7 @@ class ContactState:
         """
         if table is None:
             table = np.empty((self.term_vector.shape[0], output.row.shape[0]), dtype=complex)
-        count, n = table.shape[0], (self.term_vector.shape[1] - self.modes.internal_states) // 2
-        vectors = np.concatenate([self.term_vector.real, self.term_vector.imag])
-        placed, moving = output.row[:, :n].any(axis=1), output.row[:, n:].any(axis=1)
-        if placed.all() and moving.all():
-            parts = vectors @ output.row.T
-        else:
-            parts = np.zeros((2 * count, placed.size))
-            parts[:, placed] = vectors[:, :n] @ output.row[placed, :n].T
-            if moving.any():
-                parts[:, moving] += vectors[:, n:] @ output.row[moving, n:].T
-        table.real, table.imag = parts[:count], parts[count:]
+        table.real, table.imag = self.term_vector.real @ output.row.T, self.term_vector.imag @ output.row.T
         driven, lowered = self.terms_of_sources
         table[driven] += (output.direct + sources.exponent * output.direct_slope).T
         if sources.power.any():
@@ -192,42 +177,10 @@ class ContactState:
         unit = np.concatenate([np.zeros((count, self.term_vector.shape[1])), self.projector]).T
         return np.asarray((self.terms_after(unit, np.array([tau])) @ self.term_vector).real.T)
 
-    def amplitude_map(self) -> Complexes:
-        """(2 F + N, F + Z) amplitudes of the inputs and of the free motions, for a unit of the real and the imaginary
-        part of each input in turn, and of each number of the state."""
-        F, N = self.basis_of_source.size, self.term_vector.shape[1]
-        forced = self.forced_at_start
-        state = -np.stack([forced.real, -forced.imag], axis=1).reshape(2 * F, N)
-        out = np.zeros((2 * F + N, F + self.projector.shape[0]), dtype=complex)
-        out[np.arange(2 * F), np.arange(2 * F) // 2] = np.tile([1.0, 1j], F)
-        out[: 2 * F, F:], out[2 * F :, F:] = state @ self.projector.T, self.projector.T
-        return out
-
     def amplitudes(self, given: Complexes, y: Floats) -> Complexes:
         """(n, F + Z) amplitudes of the inputs, given (n, F) at states (n, N), then of the free motions."""
-        forced, count = self.forced_at_start, given.shape[1]
-        free = y - given.real @ forced.real
-        if given.imag.any():
-            free += given.imag @ forced.imag
-        out = np.empty((y.shape[0], count + self.projector.shape[0]), dtype=complex)
-        out[:, :count] = given
-        out.view(float)[:, 2 * count :] = free @ np.ascontiguousarray(self.projector.T).view(float)
-        return out
-
-    def of_amplitudes(self, of_terms: Complexes) -> Floats:
-        """(..., 2 (F + Z), k) outputs of terms (..., T, k), for a unit of the real and of the imaginary part of each
-        amplitude."""
-        count = self.basis_of_source.size + self.projector.shape[0]
-        *many, _, outputs = of_terms.shape
-        out = np.empty((*many, count, 2, outputs))
-        out[..., 0, :], out[..., 1, :] = self._of_source @ of_terms.real, -(self._of_source @ of_terms.imag)
-        return out.reshape(*many, 2 * count, outputs)
-
-    @cached_property
-    def _of_source(self) -> Floats:
-        """(F + Z, T) 1 where a term is one of an amplitude's."""
-        amplitudes = np.arange(self.basis_of_source.size + self.projector.shape[0])
-        return np.asarray(self.term_source == amplitudes[:, None], dtype=float)
+        free = y - (given @ self.forced_at_start).real
+        return np.concatenate([given, free @ self.projector.T], axis=1)
 
     def roughness(self, output: LinearOutput, coefficients: Complexes) -> Floats:
         """(T, k) bound on the parts of each term's coefficient before they cancel.
@@ -472,138 +425,106 @@ def _acting(system: PiecewiseLinearSystem, phases: Ints) -> _Acting:
 
 def _diagonalise(
     system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, window: float, known: ContactModes | None
-) -> tuple[SimpleModes, list[Block]]:
+) -> BlockForm:
     """Simple modes, one of each conjugate pair, and blocks of the others: from a neighbour's, or anew."""
     n, contacts = system.size, system.contacts
-    inside = contacts.internal_states
-    together = contacts.coupled(phases)
-    modes = None
+    N = 2 * n + contacts.internal_states
+    neighbour = None
     if known is not None and can_update(system, known.phases, phases):
-        modes = neighbouring_modes(system, known.simple, known.phases, phases)
-    if modes is None:
-        modes, blocks = _solved_modes(system, phases, acting, window)
+        neighbour = neighbouring_modes(system, known.simple, known.phases, phases)
+    if neighbour is None:
+        modes = _solved_modes(system, phases, acting, window)
     else:
-        blocks = []
-        if inside:
-            modes = modes.embedded(2 * n + inside)
-    if inside and not together:
-        internal, internal_blocks = block_diagonalise(contacts.internal_rates(phases)[0], window)
-        eye = np.eye(2 * n + inside)
-        modes, blocks = _with_part(modes, blocks, internal, internal_blocks, eye[:, 2 * n :], eye[2 * n :])
-    return modes.upper(), blocks
+        modes = BlockForm(neighbour, [])
+        modes = modes if 2 * n == N else modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
+    if 2 * n < N and not contacts.coupled(phases):
+        internal = block_diagonalise(contacts.internal_rates(phases)[0], window)
+        modes = modes.joined(internal.placed(np.eye(N)[:, 2 * n :], np.eye(N)[2 * n :]))
+    return BlockForm(modes.simple.upper(), modes.blocks)
 
 
-def _with_part(
-    modes: SimpleModes, blocks: list[Block], part: SimpleModes, part_blocks: list[Block], out: Floats, back: Floats
-) -> tuple[SimpleModes, list[Block]]:
-    """Modes and blocks with those of a part of the state, which ``out`` (N, a) and ``back`` (a, N) put into it and take
-    out of it."""
-    return SimpleModes(
-        np.concatenate([modes.right, out @ part.right], axis=1), np.concatenate([modes.left, part.left @ back]),
-        np.append(modes.eigenvalue, part.eigenvalue),
-    ), blocks + [Block(out @ b.right, b.left @ back, b.matrix, b.centre, b.weight) for b in part_blocks]  # fmt: skip
-
-
-def _solved_modes(
-    system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, window: float
-) -> tuple[SimpleModes, list[Block]]:
+def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, window: float) -> BlockForm:
     """Undamped modes first; those that damping or internal states couple go through the general form, the others stay
     exact. Internal states are included where they are coupled with the structure."""
-    n, contacts = system.size, system.contacts
-    N = 2 * n + contacts.internal_states
-    together = contacts.coupled(phases)
-    shape, spring, dashpot, along, contact = acting
+    n, N = system.size, 2 * system.size + system.contacts.internal_states
     held = held_contacts(system, phases)
     across = None if held is None else held.across
-    omega2, psi, felt = _undamped_modes(system, shape, spring, across)
-    d = psi.T @ system.damping @ psi + (felt.T * dashpot) @ felt
+    omega2, psi, felt = undamped = _undamped_modes(system, acting.shape, acting.stiffness, across)
+    d = psi.T @ system.damping @ psi + (felt.T * acting.dashpot) @ felt
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
-    if together or acting.crossed:
+    if system.contacts.coupled(phases) or acting.crossed:
         coupled[:] = True
-    free = np.flatnonzero(~coupled)
-    modes, blocks = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
+    free, together = np.flatnonzero(~coupled), np.flatnonzero(coupled)
+    modes = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
     if 2 * n < N:
-        modes, blocks = modes.embedded(N), [_embedded(b, N) for b in blocks]
-    if coupled.any():
-        g = np.flatnonzero(coupled)
-        scale = np.sqrt(np.maximum(omega2[g], 1e-6 * omega2[g].max() + 1e-300))
-        r, inside = g.size, N - 2 * n if together else 0
-        A = np.zeros((2 * r + inside, 2 * r + inside))
-        A[:r, r : 2 * r] = np.diag(scale)
-        A[r : 2 * r, :r] = -np.diag(omega2[g] / scale)
-        A[r : 2 * r, r : 2 * r] = -d[np.ix_(g, g)]
-        if acting.crossed:
-            aside = psi[:, g].T @ (along - shape).T
-            A[r : 2 * r, :r] -= (aside * spring) @ felt[:, g] / scale
-            A[r : 2 * r, r : 2 * r] -= (aside * dashpot) @ felt[:, g]
-        out = np.zeros((N, 2 * r + inside))
-        out[:n, :r] = psi[:, g] / scale
-        out[n : 2 * n, r : 2 * r] = psi[:, g]
-        back = np.zeros((2 * r + inside, N))
-        back[:r, :n] = psi[:, g].T * scale[:, None]
-        back[r : 2 * r, n : 2 * n] = psi[:, g].T
-        if together:
-            unit = float(np.median(scale)) / max(float(np.abs(contacts.shape).max()), 1e-300)  # metres to velocities
-            _, h = contacts.force_rows(phases)
-            internal, drive = contacts.internal_rates(phases)
-            moved = contacts.shape @ psi
-            moved[contact] = felt  # of stiff ones in slow motions, and exactly none in motions that they do not feel
-            pushed = contacts.sign[:, None] * moved
-            penetration = -pushed
-            if acting.crossed:
-                pushed = contacts.pushes(phases) @ psi
-            A[r : 2 * r, 2 * r :] = pushed.T @ h / unit
-            A[2 * r :, :r] = unit * (drive[:, :, 0] @ penetration) / scale
-            A[2 * r :, r : 2 * r] = unit * (drive[:, :, 1] @ penetration)
-            A[2 * r :, 2 * r :] = internal
-            out[2 * n :, 2 * r :] = np.eye(inside) / unit
-            back[2 * r :, 2 * n :] = np.eye(inside) * unit
-
-        def inverse() -> Floats:
-            compliance = scale / omega2[g]
-            return np.block([
-                [-compliance[:, None] * d[np.ix_(g, g)] / scale, -np.diag(compliance)],
-                [np.diag(1.0 / scale), np.zeros((r, r))],
-            ])  # fmt: skip
-
-        known = inverse if not together and not acting.crossed and omega2[g].min() > 0.0 else None
-        modes, blocks = _with_part(modes, blocks, *block_diagonalise(A, window, known), out, back)
-    if across is not None:
-        pushed = system.stiffness[:, None] * across + (shape.T * spring) @ (shape @ across)
+        modes = modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
+    if together.size:
+        modes = modes.joined(_coupled_modes(system, phases, acting, undamped, d, together, window))
+    if across is not None:  # at rest, whatever their values; a unit of them leaves the others in equilibrium
+        pushed = system.stiffness[:, None] * across + (acting.shape.T * acting.stiffness) @ (acting.shape @ across)
         compliance = np.divide(1.0, omega2, out=np.zeros_like(omega2), where=omega2 > 0.0)
-        modes, blocks = _with_held(modes, blocks, across, (psi * compliance) @ (psi.T @ pushed))
-    return modes, blocks
+        moved = (psi * compliance) @ (psi.T @ pushed)
+        about, rest = np.eye(N), np.eye(N, n) @ across
+        about[:n, :n] += moved @ across.T
+        right, left = np.eye(N, n) @ (across - moved), rest.T
+        at_rest = SimpleModes(right.astype(complex), left.astype(complex), np.zeros(across.shape[1], complex))
+        modes = modes.placed(np.eye(N), about).joined(BlockForm(at_rest, []))
+    return modes
 
 
-def _with_held(
-    modes: SimpleModes, blocks: list[Block], across: Floats, pushed: Floats
-) -> tuple[SimpleModes, list[Block]]:
-    """Modes and blocks with the coordinates that are held where they are.
+def _coupled_modes(
+    system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, undamped: tuple[Floats, Floats, Floats], d: Floats,
+    g: Ints, window: float,
+) -> BlockForm:  # fmt: skip
+    """Those of the general form.
 
-    They rest, whatever their values. A unit of them leaves the others in equilibrium at ``-pushed`` (n, r).
+    Parameters
+    ----------
+    system, phases, acting : the structure and its contacts.
+    undamped, d : see `_undamped_modes`, and the damping (e, e) between these modes.
+    g : the modes that are coupled.
+    window : s, longest time for which the blocks will be used.
     """
-    n, r = across.shape
-    size = modes.right.shape[0]
+    n, contacts = system.size, system.contacts
+    together = contacts.coupled(phases)
+    N, inside = 2 * n + contacts.internal_states, contacts.internal_states if together else 0
+    omega2, psi, felt = (part[..., g] for part in undamped)
+    d, r = d[np.ix_(g, g)], g.size
+    scale = np.sqrt(np.maximum(omega2, 1e-6 * omega2.max() + 1e-300))
+    A = np.zeros((2 * r + inside, 2 * r + inside))
+    A[:r, r : 2 * r] = np.diag(scale)
+    A[r : 2 * r, :r] = -np.diag(omega2 / scale)
+    A[r : 2 * r, r : 2 * r] = -d
+    if acting.crossed:
+        aside = psi.T @ (acting.along - acting.shape).T
+        A[r : 2 * r, :r] -= (aside * acting.stiffness) @ felt / scale
+        A[r : 2 * r, r : 2 * r] -= (aside * acting.dashpot) @ felt
+    out, back = np.zeros((N, 2 * r + inside)), np.zeros((2 * r + inside, N))
+    out[:n, :r], out[n : 2 * n, r : 2 * r] = psi / scale, psi
+    back[:r, :n], back[r : 2 * r, n : 2 * n] = psi.T * scale[:, None], psi.T
+    if together:
+        unit = float(np.median(scale)) / max(float(np.abs(contacts.shape).max()), 1e-300)  # metres to velocities
+        _, h = contacts.force_rows(phases)
+        internal, drive = contacts.internal_rates(phases)
+        moved = contacts.shape @ psi
+        moved[acting.contact] = felt  # of stiff ones in slow motions, and exactly none in motions that they do not feel
+        penetration = -contacts.sign[:, None] * moved
+        pushed = contacts.pushes(phases) @ psi if acting.crossed else -penetration
+        A[r : 2 * r, 2 * r :] = pushed.T @ h / unit
+        A[2 * r :, :r] = unit * (drive[:, :, 0] @ penetration) / scale
+        A[2 * r :, r : 2 * r] = unit * (drive[:, :, 1] @ penetration)
+        A[2 * r :, 2 * r :] = internal
+        out[2 * n :, 2 * r :] = np.eye(inside) / unit
+        back[2 * r :, 2 * n :] = np.eye(inside) * unit
 
-    def about(left: Complexes) -> Complexes:
-        moved = left.copy()
-        moved[:, :n] += (left[:, :n] @ pushed) @ across.T
-        return moved
+    def inverse() -> Floats:
+        compliance = scale / omega2
+        left = -compliance[:, None] * d / scale
+        return np.block([[left, -np.diag(compliance)], [np.diag(1.0 / scale), np.zeros((r, r))]])
 
-    right, left = np.zeros((size, r)), np.zeros((r, size))
-    right[:n], left[:, :n] = across - pushed, across.T
-    return SimpleModes(
-        np.hstack([modes.right, right]), np.vstack([about(modes.left), left]), np.append(modes.eigenvalue, np.zeros(r))
-    ), [Block(b.right, about(b.left), b.matrix, b.centre, b.weight) for b in blocks]  # fmt: skip
-
-
-def _embedded(block: Block, size: int) -> Block:
-    """A block of (q, q') in a state that has internal states as well."""
-    right = np.zeros((size, block.right.shape[1]), dtype=complex)
-    left = np.zeros((block.left.shape[0], size), dtype=complex)
-    right[: block.right.shape[0]], left[:, : block.left.shape[1]] = block.right, block.left
-    return Block(right, left, block.matrix, block.centre, block.weight)
+    known = inverse if not together and not acting.crossed and omega2.min() > 0.0 else None
+    return block_diagonalise(A, window, known).placed(out, back)
 
 
 def _undamped_modes(

@@ -29,7 +29,7 @@ from beamsim.flow.kernels import EPS, _exp
 AT_EVENT, AT_ONCE, AT_START = 1e-9, 1e-10, 1e3  # floors, see above
 BELOW = 10.0  # noises below zero, from which the lowest of several guards comes first
 TAYLOR = 8  # order of the derivative that is bounded where bounds on the curvature allow short steps only
-CLOSE, PATIENCE = 1e6, 8  # a guard within so many noises is close to zero; steps there before TAYLOR
+PATIENCE = 20  # steps on a segment, of which the last is such a longer one
 ONWARDS, BEGINNING = -1, -2  # how a segment starts that does not start with the event of a guard
 NO_EVENT, NO_STEP = -1, -2
 
@@ -80,24 +80,19 @@ def first_event(guards, work, H, begins, most):  # type: ignore[no-untyped-def]
     out, floors, slopes = work.out, work.floors, work.slopes
     for j in range(guards.count):
         floors[j] = 0.0
-    tau, close, evaluations = 0.0, 0, 0
+    tau, evaluations = 0.0, 0
     while tau < H and evaluations <= most:
         reach = _evaluate(guards, tau, H, out)
         evaluations += 1
         if tau == 0.0 and begins != ONWARDS:
             _fill_floors(guards, out, H, begins, floors)
-        step, hit = _next_step(guards, out, floors, reach - tau)
+        step, hit = _next_step(guards, out, floors, tau, reach, evaluations % PATIENCE == 0)
         if begins < 0:
             step *= _follow_zeros(guards, out, tau, slopes, floors)
         if hit >= 0:
             if begins < 0 and slopes[hit] * tau > -0.5 * _noise(guards, out, hit):
                 return 0.0, hit, evaluations
             return _crossing(out, hit, tau), hit, evaluations
-        close = close + 1 if _is_close(guards, out, floors) else 0
-        if close > PATIENCE and step < reach - tau:
-            further = _long_step(guards, out, floors, tau, reach)
-            close = close if further > 4.0 * step else 0
-            step = further
         if tau + step == tau:
             return tau, NO_STEP, evaluations
         tau += step
@@ -192,13 +187,14 @@ def safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _next_step(guards, out, floors, longest):  # type: ignore[no-untyped-def]
+def _next_step(guards, out, floors, tau, reach, longer):  # type: ignore[no-untyped-def]
     """(step, hit): a step over which no guard can reach zero; the guard at zero already (`NO_EVENT`: none).
 
     A guard is lifted by twice its tolerance: a contact that stays at zero to round-off is ignored, and every step has a
-    smallest length. Of guards that an event has put below zero the lowest comes first.
+    smallest length. Of guards that an event has put below zero the lowest comes first. A ``longer`` step takes higher
+    derivatives of the guards whose curvature stops it before ``reach``.
     """
-    step, hit = longest, NO_EVENT
+    step, hit = reach - tau, NO_EVENT
     for j in range(guards.count):
         tolerance = _tolerance(guards, out, floors, j)
         lifted = out[0, j] + 2.0 * tolerance
@@ -206,7 +202,10 @@ def _next_step(guards, out, floors, longest):  # type: ignore[no-untyped-def]
             if hit < 0 or (lifted < -BELOW * tolerance and out[0, j] < out[0, hit]):
                 hit = j
         elif hit < 0:
-            step = min(step, safe_step(lifted, out[1, j], out[2, j]))
+            h = safe_step(lifted, out[1, j], out[2, j])
+            if longer and h < step:
+                h = max(h, _taylor_step(guards, j, tau, reach, lifted))
+            step = min(step, h)
     return step, hit
 
 
@@ -251,27 +250,6 @@ def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
     if slope < 0.0 and -g * bound <= 0.1 * slope * slope:
         return max(0.0, tau - g / slope)
     return tau
-
-
-@kernel
-def _is_close(guards, out, floors):  # type: ignore[no-untyped-def]
-    """Whether some guard is zero within a multiple of its tolerance."""
-    close = False
-    for j in range(guards.count):
-        close = close or out[0, j] < CLOSE * _tolerance(guards, out, floors, j)
-    return close
-
-
-@kernel
-def _long_step(guards, out, floors, tau, reach):  # type: ignore[no-untyped-def]
-    """As `_next_step` where no guard is at zero, by higher derivatives for those whose curvature stops it early."""
-    step = reach - tau
-    for j in range(guards.count):
-        lifted = out[0, j] + 2.0 * _tolerance(guards, out, floors, j)
-        h = safe_step(lifted, out[1, j], out[2, j])
-        if h < step:
-            step = min(step, max(h, _taylor_step(guards, j, tau, reach, lifted)))
-    return step
 
 
 @kernel

@@ -12,9 +12,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Watched
 from beamsim.dataclass import dataclass
-from beamsim.flow.basis import basis_derivatives
 from beamsim.flow.contact_state import (
-    ContactModes,
     ContactState,
     LinearOutput,
     OutputOf,
@@ -23,7 +21,6 @@ from beamsim.flow.contact_state import (
     state_matrices,
     tabulated,
 )
-from beamsim.flow.equal_steps import PieceStep, as_arrays, common_length, step_of
 from beamsim.flow.first_derivatives import (
     HIGHEST_DERIVATIVE,
     ROUND_OFF,
@@ -33,37 +30,25 @@ from beamsim.flow.first_derivatives import (
 )
 from beamsim.flow.held import held_contacts
 from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
-from beamsim.flow.state_tables import StateTables
+from beamsim.flow.state_tables import KnownState, StateTables
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.streamed import CubicRecord, common_record
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-from beamsim.system.shared import SharedBuilds
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Inputs, Tables
-    from beamsim.flow.march_kernels import PieceSteps
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 FIRST = 1e6  # factor of functions that are looked at before others
-AT_REST = 1e-12  # of the parts of a penetration rate: a smaller one is none
 DEGREE_OF_FITS = 6  # of polynomials that are fitted to inputs, at least
-FEWEST_STATES = 8  # that are kept in any case
 MOST_MODES = 64  # contact states whose modes flows under other loads share; the one not used for longest is dropped
 
 
 def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
     """Number of contact states whose tables fit into ``memory`` bytes."""
     N, watched = 2 * system.size + system.contacts.internal_states, 2 * system.contacts.count
-    return max(FEWEST_STATES, int(memory / (48.0 * N * N + 24.0 * N * watched)))
-
-
-class KnownState(NamedTuple):
-    """What a contact state is under all loads that differ in their signals alone."""
-
-    modes: ContactModes
-    watched: Watched
-    functions: LinearOutput  # that are watched
+    return max(8, int(memory / (48.0 * N * N + 24.0 * N * watched)))
 
 
 class StartOfMotion(NamedTuple):
@@ -87,7 +72,6 @@ class ExactFlow:
     system, forcing : the structure and its loads.
     duration : longest time the flow will be asked for, s.
     observers : further signals (the base's motion) that outputs may contain; they load nothing.
-    shared : keeps the modes that flows with other contacts or levels have in common; by default those of copies.
     most_states : states kept at once, 2 at least; by default all.
     pieces : first and last (left out) of those of a record of which all signals are made; by default all pieces of
         the signals. Others follow with `on_pieces`.
@@ -97,15 +81,12 @@ class ExactFlow:
     forcing: Forcing
     duration: float
     observers: tuple[Signal, ...] = ()
-    shared: SharedBuilds | None = None
     most_states: int | None = None
     pieces: tuple[int, int] | None = None
     sources: Sources = field(init=False)
     base_channel: int = field(init=False)
-    states: list[ContactState] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
-        self._free = self.shared or SharedBuilds()
         self._most_known = min(MOST_MODES, self.most_states or MOST_MODES)
         self._known: OrderedDict[bytes, KnownState] = OrderedDict()  # shared with flows under other loads
         self._load()
@@ -129,23 +110,24 @@ class ExactFlow:
             self.sources = compile_sources(self._channels, self.duration)
         else:
             self.sources = sources_of_pieces(self._channels, *(self.pieces or (0, record.pieces)), self.duration)
-        self._length = common_length(self.sources) if record is None else record.step
         self._inputs: Inputs | None = None
 
     def _clear(self) -> None:
         """Remove all states."""
-        self.states = []
-        self._kept: list[KnownState] = []  # of each of them
-        self.visited: list[Ints] = []  # phases of all states visited
         self.built = 0  # states, those built again included
         self.largest_exponent = 0.0  # 1/s, of all states visited
         self.highest_frequency = 0.0  # rad/s, of all states visited
-        self._visit: list[int] = []  # number among them of each state that is kept
-        self._visits: dict[bytes, int] = {}
         self._tables = StateTables(self.system.contacts, self.most_states)
-        self._at_start: dict[bytes, FunctionsAtStart] = {}  # of some phases, guards and rates
-        self._step: list[PieceStep] = []  # of each state that is kept, over an equal piece
-        self._steps: PieceSteps | None = None
+
+    @property
+    def states(self) -> list[ContactState]:
+        """Those that are kept."""
+        return self._tables.states
+
+    @property
+    def visited(self) -> list[Ints]:
+        """Phases of all states visited."""
+        return self._tables.visited
 
     @property
     def record(self) -> CubicRecord | None:
@@ -157,7 +139,7 @@ class ExactFlow:
         flow = copy(self)
         flow.pieces = first, last
         flow.sources = sources_of_pieces(self._channels, first, last, self.duration)
-        flow._inputs = flow._steps = None
+        flow._inputs = None
         return flow
 
     def under(
@@ -188,16 +170,6 @@ class ExactFlow:
         flow._clear()
         return flow
 
-    def with_system(self, system: PiecewiseLinearSystem) -> ExactFlow:
-        """The flow of another structure, or of other contacts with as many phases, under the same loads."""
-        flow = copy(self)
-        flow.system = system
-        flow.__dict__.pop("penetrations", None)
-        flow._load()
-        flow._known = OrderedDict()
-        flow._clear()
-        return flow
-
     @property
     def dropped(self) -> bool:
         """Whether states were visited that are not kept any more."""
@@ -205,16 +177,14 @@ class ExactFlow:
 
     def visits(self, states: Ints) -> Ints:
         """Numbers, among all states visited, of states that are kept and were used in this order."""
-        if len(self.states) == self.most_states:
-            self._tables.use(states)
-        return np.array(self._visit, dtype=np.int64)[states]
+        return self._tables.visits(states)
 
     def holding(self, visited: Ints) -> ExactFlow:
         """The same flow with some of the visited states alone, in their order."""
         flow = copy(self)
         flow.most_states = None
         flow._clear()
-        kept = {known.modes.phases.tobytes(): known for known in self._kept}
+        kept = {known.modes.phases.tobytes(): known for known in self._tables.known}
         for phases in (self.visited[k] for k in visited):
             flow._append(phases, kept.get(phases.tobytes()) or flow._known_state(phases))
         return flow
@@ -229,19 +199,10 @@ class ExactFlow:
         state, watched = tabulated(known.modes, self.sources), known.watched
         watch = state.coefficients(known.functions, self.sources)
         roughness = np.ascontiguousarray(state.roughness(known.functions, watch)[:, : watched.guards])
-        index = self._tables.append(state, watched, watch, roughness)
+        index = self._tables.append(state, known, watch, roughness)
         self.built += 1
         self.largest_exponent = max(self.largest_exponent, float(np.abs(state.exponent).max()))
         self.highest_frequency = max(self.highest_frequency, float(np.abs(state.exponent.imag).max()))
-        visit = self._visits.setdefault(phases.tobytes(), len(self.visited))
-        if visit == len(self.visited):
-            self.visited.append(state.phases)
-        here = slice(index, index + 1)  # a new place, or that of a state that was dropped
-        self.states[here], self._visit[here], self._kept[here] = [state], [visit], [known]
-        if self._length is not None:
-            guards = np.ascontiguousarray(watch[:, : watched.guards])
-            self._step[here] = [step_of(state, guards, roughness, self.sources, self._length)]
-            self._steps = None
         return index
 
     def _known_state(self, phases: Ints) -> KnownState:
@@ -249,29 +210,16 @@ class ExactFlow:
         key = phases.tobytes()
         if key not in self._known:
             watched = self.system.contacts.watched(phases)
-            self._known[key] = KnownState(self._modes(phases), watched, self.watched(watched, phases))
+            nearest = self._tables.nearest(phases) if self.system.acts(phases) else None
+            modes = contact_modes(
+                self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window,
+                None if nearest is None else nearest.modes,
+            )  # fmt: skip
+            self._known[key] = KnownState(modes, watched, self.watched(watched, phases))
             if len(self._known) > self._most_known:
                 self._known.popitem(last=False)
         self._known.move_to_end(key)
         return self._known[key]
-
-    def _modes(self, phases: Ints) -> ContactModes:
-        """Those of a contact state; where no contact acts they are those of all flows of the same structure."""
-
-        def build(known: ContactModes | None = None) -> ContactModes:
-            return contact_modes(
-                self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window, known
-            )  # fmt: skip
-
-        if self.system.acts(phases):
-            nearest = self._tables.nearest(phases)
-            return build(None if nearest is None else self._kept[nearest].modes)
-        parts = (
-            self.system.stiffness, self.system.damping, self.system.constant_load, self.forcing.load,
-            self.sources.channel, phases,
-        )  # fmt: skip
-        numbers = (self.system.contacts.count, self.longest_window, self.base_channel)
-        return self._free.once("contact state", (*(part.tobytes() for part in parts), *numbers), build)
 
     def following(self, state: int, guard: int) -> Ints:
         """Phases of the contacts after the event of a guard."""
@@ -284,16 +232,6 @@ class ExactFlow:
         index = self.state_index(phases)
         self._tables.lead(state, guard, index)
         return index
-
-    def kernel_arguments(self) -> tuple[Tables, Inputs]:
-        """The contact states so far and the sources, as the kernels take them."""
-        return self.tables(), self.inputs()
-
-    def equal_steps(self) -> PieceSteps | None:
-        """What carries a motion over equal pieces of the sources; None where they are not many."""
-        if self._steps is None and self._length is not None:
-            self._steps = as_arrays(self._step, self.sources, self._length)
-        return self._steps
 
     def tables(self) -> Tables:
         """The states' tables for the kernels."""
@@ -476,7 +414,7 @@ class ExactFlow:
         """
         contacts, n = self.system.contacts, self.system.size
         rate = self.penetrations[1].row[:, n : 2 * n]
-        start = contacts.starting_at(rate @ state[n : 2 * n], AT_REST * np.abs(rate) @ np.abs(state[n : 2 * n]))
+        start = contacts.starting_at(rate @ state[n : 2 * n], 1e-12 * np.abs(rate) @ np.abs(state[n : 2 * n]))
         phases, entered = contacts.pressed_at_start(start, start), np.zeros(contacts.count, dtype=bool)
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)[0]
@@ -491,7 +429,7 @@ class ExactFlow:
 
         while True:
             index = self.state_index(phases)
-            watched = self._tables.watched[index]
+            watched = self._tables.known[index].watched
             signs, orders = self._first_signs(index, phases, given, state)
             acting = [g for g in range(watched.guards) if signs[g] < 0 and hands_over(watched, g, int(orders[g]))]
             if not acting:
@@ -525,18 +463,13 @@ class ExactFlow:
         A sign is 0 where all derivatives are within round-off. The derivatives of the state follow from the equation of
         motion: in a sum over the modes of a stiff contact the round-off of the highest would hide them.
         """
-        key = phases.tobytes()
-        functions = self._at_start.get(key)
-        if functions is None:
-            count = self._tables.watched[index].guards
-            guards = self._kept[index].functions.some(slice(0, count))
-            signs, orders = FunctionsAtStart.of(guards, count).signs(self._inputs_at_start(given, 0), state, 0)
-            if signs.all():
-                return signs, orders
-            if len(self._at_start) == FEWEST_STATES:
-                self._at_start.clear()
-            functions = FunctionsAtStart.of(self._above_rates(guards, phases), count)
-            self._at_start[key] = functions
+        known = self._tables.known[index]
+        count = known.watched.guards
+        guards = known.functions.some(slice(0, count))
+        signs, orders = FunctionsAtStart.of(guards, count).signs(self._inputs_at_start(given, 0), state, 0)
+        if signs.all():
+            return signs, orders
+        functions = FunctionsAtStart.of(self._above_rates(guards, phases), count)
         inputs = self._inputs_at_start(given, HIGHEST_DERIVATIVE)
         for highest in (USUAL_DERIVATIVE, HIGHEST_DERIVATIVE):
             signs, orders = functions.signs(inputs, state, highest)
@@ -546,42 +479,47 @@ class ExactFlow:
 
     def _inputs_at_start(self, given: Complexes, highest: int) -> InputsAtStart:
         """The inputs with amplitudes (F,) at the start of a piece, with derivatives up to the highest."""
-        inputs = given * basis_derivatives(self.sources.exponent, self.sources.power, 0.0, highest + 2)
+        inputs = given * self.sources.derivatives_at_start(highest + 2)
         pairs = np.hstack([inputs[:-1], inputs[1:]])
         fit = self._round_off_of_fits(given)[: highest + 1]
         return InputsAtStart(pairs.real, np.abs(pairs), np.hstack([fit, np.zeros_like(fit)]))
 
-    def inputs_at(self, times: Floats, orders: int = 1) -> Floats:
+    def inputs_at(self, times: Floats, orders: int = 1, since: Floats | None = None) -> Floats:
         """(nt, orders, 2 F) derivatives of the inputs at times, from order 0 on, and beside them those of their slopes:
-        the columns of a `LinearOutput`'s two kinds of direct factors."""
+        the columns of a `LinearOutput`'s two kinds of direct factors. The pieces at times ``since`` (nt,) count."""
         sources = self.sources
-        piece = np.maximum(np.searchsorted(sources.start, times, side="right") - 1, 0)
+        piece = np.maximum(np.searchsorted(sources.start, times if since is None else since, side="right") - 1, 0)
         given = sources.amplitudes_at(times, piece)[:, None, :]
-        inputs = (given * basis_derivatives(sources.exponent, sources.power, 0.0, orders + 1)).real
+        inputs = (given * sources.derivatives_at_start(orders + 1)).real
         return np.concatenate([inputs[:, :-1], inputs[:, 1:]], axis=2)
 
     def rates(self, phases: Ints) -> LinearOutput:
         """(N,) time derivative of the state in given phases."""
         return self._above_rates(self.empty_output(0), phases)
 
-    def forces_at(self, phases: Ints, y: Floats, times: Floats) -> Floats:
-        """Forces of the contacts along a motion.
+    def outputs_of_states(
+        self, times: Floats, y: Floats, phases: Ints, output_of: OutputOf, since: float | None = None
+    ) -> Floats:
+        """Outputs where the states are known.
 
         Parameters
         ----------
-        phases : (nt, m) of the contacts.
-        y : (nt, N) states.
         times : (nt,) s.
+        y : (nt, N) states then.
+        phases : (nt, m) of the contacts.
+        output_of : k outputs in given phases.
+        since : s, time whose piece of the inputs counts; by default those at the times themselves.
 
         Returns
         -------
-        forces : (nt, m) N.
+        values : (nt, k).
         """
+        F, out = self.sources.count, np.empty((times.size, output_of(self.system.contacts.start).row.shape[0]))
+        inputs = self.inputs_at(times, since=None if since is None else np.full(times.size, since))[:, 0]
         known, which = np.unique(phases, axis=0, return_inverse=True)
-        F, inputs, out = self.sources.count, self.inputs_at(times)[:, 0], np.empty(phases.shape)
         for k, row in enumerate(known):
             here = np.flatnonzero(which.reshape(-1) == k)
-            out[here] = self.contact_forces(row).values(y[here], inputs[here, :F], inputs[here, F:])
+            out[here] = output_of(row).values(y[here], inputs[here, :F], inputs[here, F:])
         return out
 
     def _round_off_of_fits(self, given: Complexes) -> Floats:

@@ -17,20 +17,6 @@ from beamsim.typing import Complexes, Floats
 EXPONENTIALS_AT_ONCE = 2_000_000  # which bounds the memory
 
 
-def part_of(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
-    """The motion from ``begin`` to ``end`` (s, within the trajectory), its segments cut there; events are left out."""
-    inside = (trajectory.time + trajectory.length > begin) & (trajectory.time < end)
-    time, y = trajectory.time[inside].copy(), trajectory.y[inside].copy()
-    stop = np.minimum(trajectory.time[inside] + trajectory.length[inside], end)
-    if time.size and time[0] < begin:
-        time[0], y[0] = begin, trajectory.states_at(np.array([begin]))[0]
-    none = np.zeros(0, dtype=np.int64)
-    return replace(
-        trajectory, end=end, time=time, length=stop - time, state=trajectory.state[inside],
-        piece=trajectory.piece[inside], y=y, event_time=np.zeros(0), event_contact=none, event_phase=none,
-    )  # fmt: skip
-
-
 @dataclass(frozen=True)
 class MotionPart:
     """K outputs on a part of a motion.
@@ -40,7 +26,7 @@ class MotionPart:
 
     Parameters
     ----------
-    motion : cut to the part, see `part_of`.
+    motion : cut to the part.
     output_of : the outputs, nothing left out.
     table : (S, T, K) their coefficients but for what is left out.
     known : (K,) Fourier integrals so far, by frequency in rad/s.
@@ -61,7 +47,7 @@ class MotionPart:
         begin, end : s, within the motion.
         cut : rad/s.
         """
-        part = part_of(trajectory, begin, end).held()
+        part = trajectory.between(begin, end).held()
         table = part.flow.output_table(output_of)
         for s, state in enumerate(part.flow.states):
             free = state.term_source >= part.flow.sources.count
@@ -102,7 +88,7 @@ class MotionPart:
         """Both halves of the time."""
         begin, end = float(self.motion.time[0]), self.motion.end
         middle = begin + 0.5 * (end - begin)
-        first, second = part_of(self.motion, begin, middle), part_of(self.motion, middle, end)
+        first, second = self.motion.between(begin, middle), self.motion.between(middle, end)
         return replace(self, motion=first, known={}), replace(self, motion=second, known={})
 
     def integrals(self, omega: Floats, column: int) -> Complexes:

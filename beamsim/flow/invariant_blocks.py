@@ -12,6 +12,7 @@ over a bounded time. Method after Bavely and Stewart, SIAM J. Numer. Anal. 16 (1
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -62,14 +63,6 @@ class SimpleModes(NamedTuple):
             return self
         return SimpleModes(self.right[:, kept], self.left[kept], self.eigenvalue[kept])
 
-    def embedded(self, size: int) -> SimpleModes:
-        """The same in a longer state, whose further numbers are zero."""
-        count, more = self.eigenvalue.size, size - self.right.shape[0]
-        return SimpleModes(
-            np.vstack([self.right, np.zeros((more, count))]), np.hstack([self.left, np.zeros((count, more))]),
-            self.eigenvalue,
-        )  # fmt: skip
-
     def whole(self) -> SimpleModes:
         """Both of each pair, from what `upper` returns."""
         pair = np.flatnonzero(self.eigenvalue.imag > 0.0)
@@ -79,9 +72,31 @@ class SimpleModes(NamedTuple):
         )  # fmt: skip
 
 
-def second_order_blocks(
-    shapes: Floats, omega_squared: Floats, damping: Floats, window: float = np.inf
-) -> tuple[SimpleModes, list[Block]]:
+class BlockForm(NamedTuple):
+    """All invariant subspaces of a matrix, or of a part of it."""
+
+    simple: SimpleModes
+    blocks: list[Block]  # the others
+
+    def placed(self, out: Floats, back: Floats) -> BlockForm:
+        """Those of a state of which this one is a part, or the same in other coordinates: ``out`` (N', N) puts this
+        state into it, ``back`` (N, N') takes it out."""
+        right, left, eigenvalue = self.simple
+        blocks = [replace(b, right=out @ b.right, left=b.left @ back) for b in self.blocks]
+        return BlockForm(SimpleModes(out @ right, left @ back, eigenvalue), blocks)
+
+    def joined(self, other: BlockForm) -> BlockForm:
+        """These subspaces and others of the same state."""
+        one, two = self.simple, other.simple
+        return BlockForm(
+            SimpleModes(
+                np.hstack([one.right, two.right]), np.vstack([one.left, two.left]),
+                np.append(one.eigenvalue, two.eigenvalue),
+            ), self.blocks + other.blocks,
+        )  # fmt: skip
+
+
+def second_order_blocks(shapes: Floats, omega_squared: Floats, damping: Floats, window: float = np.inf) -> BlockForm:
     """Blocks of uncoupled modes ``eta'' + d eta' + omega^2 eta = 0`` in the state (q, q').
 
     Parameters
@@ -98,7 +113,9 @@ def second_order_blocks(
     """
     n = shapes.shape[0]
     if not omega_squared.size:
-        return SimpleModes(np.zeros((2 * n, 0), complex), np.zeros((0, 2 * n), complex), np.zeros(0, complex)), []
+        return BlockForm(
+            SimpleModes(np.zeros((2 * n, 0), complex), np.zeros((0, 2 * n), complex), np.zeros(0, complex)), []
+        )
     half = 0.5 * damping
     discriminant = half**2 - omega_squared
     root = np.sqrt(discriminant.astype(complex))
@@ -129,12 +146,10 @@ def second_order_blocks(
         left[1, n:] = shapes[:, i]
         matrix = np.array([[0.0, unit], [-omega_squared[i] / unit, -damping[i]]], dtype=complex)
         blocks.append(Block(right, left, matrix, complex(-half[i]), 1.0))
-    return SimpleModes(X, Xi, lam), blocks
+    return BlockForm(SimpleModes(X, Xi, lam), blocks)
 
 
-def block_diagonalise(
-    A: Floats, window: float = np.inf, inverse: Callable[[], Floats] | None = None
-) -> tuple[SimpleModes, list[Block]]:
+def block_diagonalise(A: Floats, window: float = np.inf, inverse: Callable[[], Floats] | None = None) -> BlockForm:
     """Blocks of a general real matrix, as small as conditioning allows.
 
     Parameters
@@ -157,26 +172,24 @@ def block_diagonalise(
     of A between them is measured in the given coordinates, see `refined`.
     """
     simple, balanced, scale = _separate(A, inverse), A, np.ones(A.shape[0])
-    blocks: list[Block] = []
-    if simple is None:
+    modes = None if simple is None else BlockForm(simple, [])
+    if modes is None:
         from scipy.linalg import matrix_balance
 
         scale = np.asarray(matrix_balance(A, permute=False, separate=True)[1][0], dtype=float)  # powers of two
         balanced = A / scale[:, None] * scale
         simple = _separate(balanced, None if inverse is None else lambda: inverse() / scale[:, None] * scale)
-        if simple is None:
-            simple, blocks = _clusters(balanced, window)
+        modes = _clusters(balanced, window) if simple is None else BlockForm(simple, [])
     if inverse is None and A.shape[0] > 1:  # round-off of the largest eigenvalue in the others
-        simple, blocks = _refined(balanced, simple, blocks, scale)
-    return SimpleModes(scale[:, None] * simple.right, simple.left / scale, simple.eigenvalue), [
-        Block(scale[:, None] * b.right, b.left / scale, b.matrix, b.centre, b.weight) for b in blocks
-    ]
+        modes = _refined(balanced, modes, scale)
+    return modes if np.all(scale == 1.0) else modes.placed(np.diag(scale), np.diag(1.0 / scale))
 
 
-def _refined(A: Floats, simple: SimpleModes, blocks: list[Block], scale: Floats) -> tuple[SimpleModes, list[Block]]:
-    """Modes, both of each conjugate pair, and blocks without the couplings that round-off has left between them."""
+def _refined(A: Floats, modes: BlockForm, scale: Floats) -> BlockForm:
+    """BlockForm, both of each conjugate pair, and blocks without the couplings that round-off has left between them."""
     from beamsim.flow.refined_blocks import refined
 
+    simple, blocks = modes
     whole = [*blocks, *(b.conjugate() for b in blocks if b.weight == 2.0)]
     count = simple.eigenvalue.size
     ends = count + np.cumsum([0, *(b.matrix.shape[0] for b in whole)])
@@ -186,15 +199,15 @@ def _refined(A: Floats, simple: SimpleModes, blocks: list[Block], scale: Floats)
         np.concatenate([simple.left, *(b.left for b in whole)]), groups, scale,
     )  # fmt: skip
     if found is None:
-        return simple, blocks
+        return modes
     right, left, matrix = found
-    modes = SimpleModes(right[:, :count], left[:count], np.diag(matrix)[:count].copy())
+    better = SimpleModes(right[:, :count], left[:count], np.diag(matrix)[:count].copy())
     real = simple.eigenvalue.imag == 0.0
-    modes.right.imag[:, real] = modes.left.imag[real] = modes.eigenvalue.imag[real] = 0.0
-    return modes, [
-        Block(right[:, g], left[g], matrix[np.ix_(g, g)], b.centre, b.weight)
+    better.right.imag[:, real] = better.left.imag[real] = better.eigenvalue.imag[real] = 0.0
+    return BlockForm(better, [
+        replace(b, right=right[:, g], left=left[g], matrix=matrix[np.ix_(g, g)])
         for b, g in zip(blocks, groups, strict=False)
-    ]
+    ])  # fmt: skip
 
 
 def _separate(A: Floats, inverse: Callable[[], Floats] | None) -> SimpleModes | None:
@@ -226,7 +239,7 @@ def _eigenpairs(A: Floats, inverse: Callable[[], Floats] | None) -> tuple[Comple
     return np.concatenate([lam[fast], 1.0 / mu[slow]]), np.concatenate([X[:, fast], Y[:, slow]], axis=1)
 
 
-def _clusters(A: Floats, window: float) -> tuple[SimpleModes, list[Block]]:
+def _clusters(A: Floats, window: float) -> BlockForm:
     """Merge neighbouring eigenvalues until every spectral projector is well-conditioned."""
     size = A.shape[0]
     lam = np.linalg.eigvals(A).astype(complex)
@@ -242,7 +255,7 @@ def _clusters(A: Floats, window: float) -> tuple[SimpleModes, list[Block]]:
         if worst < best and np.abs(identity - np.eye(size)).max() < 1e-9:
             blocks, best = candidate, worst
     none = np.zeros((size, 0), dtype=complex)
-    return SimpleModes(none, none.T, none[0]), blocks
+    return BlockForm(SimpleModes(none, none.T, none[0]), blocks)
 
 
 def _groups(lam: Complexes, tolerance: float, window: float) -> list[Ints]:

@@ -12,8 +12,6 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from beamsim.flow.compiled import kernel, summing
 
 EPS = 2.220446049250313e-16
@@ -153,18 +151,6 @@ def _first_internal(tables, contact, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _parts(table):  # type: ignore[no-untyped-def]
-    """Real and imaginary parts of a table; loops compile in a fraction of the time that array functions take."""
-    real, imag = np.empty(table.shape), np.empty(table.shape)
-    for s in range(table.shape[0]):
-        for q in range(table.shape[1]):
-            for j in range(table.shape[2]):
-                real[s, q, j] = table[s, q, j].real
-                imag[s, q, j] = table[s, q, j].imag
-    return real, imag
-
-
-@kernel
 def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
     """Write the internal states after a guard's event into y; ``basis`` is evaluated at the event."""
     column = tables.reset[s, guard]
@@ -178,35 +164,3 @@ def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
             w = tables.watch[s, q, column + i]
             total += (w * zeta[tables.term_source[s, q]] * basis[tables.term_basis[s, q]]).real
         y[first + i] = total
-
-
-@kernel
-def _rows(tables, s, real, imag, zeta, rows_real, rows_imag):  # type: ignore[no-untyped-def]
-    """Coefficients (B, k) of the basis functions, from a table in two parts; the loop over outputs is the inner one."""
-    k = real.shape[2]
-    for b in range(tables.n_basis[s]):
-        for j in range(k):
-            rows_real[b, j] = 0.0
-            rows_imag[b, j] = 0.0
-    for q in range(tables.n_terms[s]):
-        b = tables.term_basis[s, q]
-        z = zeta[tables.term_source[s, q]]
-        if z != 0.0:
-            for j in range(k):
-                rows_real[b, j] += real[s, q, j] * z.real - imag[s, q, j] * z.imag
-                rows_imag[b, j] += real[s, q, j] * z.imag + imag[s, q, j] * z.real
-
-
-@kernel
-def _outputs(rows_real, rows_imag, basis, nb, out):  # type: ignore[no-untyped-def]
-    """Real part of every function, from `_rows`."""
-    for j in range(out.size):
-        out[j] = 0.0
-    for b in range(nb):
-        re, im = basis[b].real, basis[b].imag
-        if im == 0.0:
-            for j in range(out.size):
-                out[j] += rows_real[b, j] * re
-        else:
-            for j in range(out.size):
-                out[j] += rows_real[b, j] * re - rows_imag[b, j] * im

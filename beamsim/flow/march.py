@@ -16,8 +16,7 @@ from beamsim.typing import Floats, Ints
 if TYPE_CHECKING:
     from beamsim.flow.exact import ExactFlow
 
-FIRST_LOG = 64
-LONGEST_LOG = 2048  # segments between two reports of progress
+SEGMENTS_A_CALL = 2048  # between two reports of progress
 EVALUATIONS_A_CALL = 50_000  # of the compiled march, between which signals are handled: less than half a second
 
 
@@ -107,7 +106,7 @@ class Motion:
         from beamsim.flow.march_kernels import NEED_STATE, Position, march
 
         code, self.time, self.piece, self.state, self.guard, segments, events, evaluations = march(
-            *flow.kernel_arguments(), flow.equal_steps(),
+            flow.tables(), flow.inputs(),
             Position(self.time, self.piece, self.state, self.guard, self.waits), end, self.y, log, most_evaluations,
         )  # fmt: skip
         self.waits = code == NEED_STATE
@@ -150,9 +149,9 @@ class March:
         """
         from beamsim.flow.march_kernels import BUDGET, DONE, STUCK
 
-        size, parts, code = FIRST_LOG, [Log.sized(0, motion.y.size, 0)], None
+        parts, code = [Log.sized(0, motion.y.size, 0)], None
         while self.outcome.complete and code != DONE:
-            log = Log.sized(size, motion.y.size, max(self.max_events + 1 - self.events, 0))
+            log = Log.sized(SEGMENTS_A_CALL, motion.y.size, max(self.max_events + 1 - self.events, 0))
             most = min(self.max_evaluations - self.evaluations, EVALUATIONS_A_CALL)
             check_stop()
             code, n_seg, n_ev, n_eval = motion.advance(flow, end, log, most)
@@ -160,7 +159,6 @@ class March:
             self.evaluations += n_eval
             part = log.first(n_seg, n_ev)
             parts.append(part._replace(state=flow.visits(part.state)))
-            size = min(2 * size, LONGEST_LOG)
             if motion.waits:
                 flow.follow(motion.state, motion.guard)
             if code == STUCK or (code == BUDGET and self.evaluations >= self.max_evaluations):

@@ -5,13 +5,12 @@ Positions are a time and a piece of the sources.
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.flow.compiled import kernel
-from beamsim.flow.event_kernels import NO_STEP, Guards, first_event, make_search, safe_step
+from beamsim.flow.event_kernels import NO_STEP, Guards, first_event, make_search
 from beamsim.flow.kernels import (
     EPS,
     _coefficients,
@@ -24,19 +23,6 @@ from beamsim.flow.kernels import (
 DONE, NEED_STATE, BUDGET, FULL, STUCK = 0, 1, 2, 3, 4
 
 
-class PieceSteps(NamedTuple):
-    """S contact states over a piece of the inputs (see `beamsim.flow.equal_steps`), padded."""
-
-    matrix: Any  # (S, X, R)
-    curvature: Any  # (S, F + Z, g)
-    doubt: Any  # (S, F + Z, g)
-    valid: Any  # (S,)
-    rows: Any  # (S,) of R
-    guards: Any  # (S,) of g
-    length: float  # s
-    round_off: float  # s, within which a piece has that length
-
-
 class Position(NamedTuple):
     """Where a motion is."""
 
@@ -45,59 +31,6 @@ class Position(NamedTuple):
     state: Any  # contact state
     guard: Any  # whose event is here, or ONWARDS, or BEGINNING of the motion
     waits: Any  # whether the state after that event was not built
-
-
-@kernel
-def _walk(inputs, steps, position, end, most, y, log, n_seg):  # type: ignore[no-untyped-def]
-    """Carry y over whole pieces, at most so many, until one may hold an event; returns their number."""
-    s, piece = position.state, position.piece
-    F, N, g, R = inputs.exponent.size, y.size, steps.guards[s], steps.rows[s]
-    H, Z = steps.length, (R - N - 3 * g) // 2
-    out = np.empty(R)
-    size = np.empty(F + Z)
-    done = 0
-    while done < most and piece + 1 < inputs.start.size:
-        t = inputs.start[piece]
-        length = inputs.start[piece + 1] - t
-        if inputs.start[piece + 1] > end or abs(length - H) > steps.round_off:
-            break
-        for r in range(R):
-            out[r] = 0.0
-        for f in range(F):
-            a = inputs.amplitude[piece, f].real
-            size[f] = abs(a)
-            for r in range(R):
-                out[r] += steps.matrix[s, f, r] * a
-        for k in range(N):
-            a = y[k]
-            for r in range(R):
-                out[r] += steps.matrix[s, F + k, r] * a
-        for i in range(Z):
-            re, im = out[N + i], out[N + Z + i]
-            size[F + i] = math.sqrt(re * re + im * im)
-        clear = True
-        first = N + 2 * Z
-        for j in range(g):
-            doubt, curvature = 0.0, 0.0
-            for i in range(F + Z):
-                doubt += size[i] * steps.doubt[s, i, j]
-                curvature += size[i] * steps.curvature[s, i, j]
-            value, slope, last = out[first + j], out[first + g + j], out[first + 2 * g + j]
-            # above the straight line between its ends but for an eighth of the curvature, or by the slope at its start
-            above = min(value, last) - curvature * H * H / 8.0 > doubt
-            clear = clear and value > doubt and (above or safe_step(value, slope, curvature) >= H)
-        if not clear:
-            break
-        if log.time.size > 0:
-            n = n_seg + done
-            log.time[n], log.length[n], log.state[n], log.piece[n] = t, length, s, piece
-            for k in range(N):
-                log.y[n, k] = y[k]
-        for k in range(N):
-            y[k] = out[k]
-        piece += 1
-        done += 1
-    return done
 
 
 @kernel
@@ -118,13 +51,12 @@ def _fill_guards(tables, s, zeta, H, guards):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def march(tables, inputs, steps, position, end, y, log, most_evaluations):  # type: ignore[no-untyped-def]
+def march(tables, inputs, position, end, y, log, most_evaluations):  # type: ignore[no-untyped-def]
     """Carry a motion on from event to event.
 
     Parameters
     ----------
     tables, inputs : Tables of the contact states, Inputs.
-    steps : PieceSteps, or None.
     position : Position of the motion.
     end : s.
     y : (N,) state, updated in place.
@@ -167,18 +99,6 @@ def march(tables, inputs, steps, position, end, y, log, most_evaluations):  # ty
                 return FULL, t, piece, state, guard, n_seg, n_ev, n_eval
             if n_eval > most_evaluations:
                 return BUDGET, t, piece, state, guard, n_seg, n_ev, n_eval
-            if steps is not None and guard < 0 and steps.valid[state] and t == inputs.start[piece]:
-                most_pieces = most_evaluations - n_eval + 1
-                if logging:
-                    most_pieces = min(most_pieces, log.time.size - n_seg)
-                here = Position(t, piece, state, guard, False)
-                walked = _walk(inputs, steps, here, end, most_pieces, y, log, n_seg)
-                if walked > 0:
-                    n_seg += walked
-                    n_eval += walked
-                    piece += walked
-                    t = inputs.start[piece]
-                    continue
             H = stop - t
             whole = tables.horizon[state] >= H
             if not whole:

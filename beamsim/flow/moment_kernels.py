@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from beamsim.flow.compiled import kernel
 
 LEAST = 1.0  # size of an exponent from which (e^x - 1) / x keeps its digits
@@ -42,23 +40,3 @@ def fill_moments(x, out):  # type: ignore[no-untyped-def]
     """Moments (n, top + 1) of exponents (n,)."""
     for i in range(x.size):
         _moments(x[i], out.shape[1] - 1, out[i])
-
-
-@kernel
-def fill_weighted(rate, highest, number, power, length, nu, polynomial, out):  # type: ignore[no-untyped-def]
-    """Integrals (n, B) of basis functions times weights, see `beamsim.flow.moments.weighted_moments`.
-
-    The functions have the exponents ``rate[number]``, with powers up to ``highest`` (E,) of each.
-    """
-    degree = polynomial.shape[1] - 1
-    moment = np.zeros((rate.size, highest.max() + degree + 1), dtype=np.complex128)
-    for i in range(length.size):
-        L = length[i]
-        for e in range(rate.size):
-            _moments((rate[e] + nu[i]) * L, highest[e] + degree, moment[e])
-        for b in range(number.size):
-            total, scale = 0.0j, L ** (power[b] + 1)
-            for q in range(degree + 1):
-                total += polynomial[i, q] * scale * moment[number[b], power[b] + q]
-                scale *= L
-            out[i, b] = total

@@ -58,14 +58,15 @@ def weighted_moments(
     -------
     (n, B) integrals.
     """
-    from beamsim.flow.moment_kernels import fill_weighted
-
     rates, number = np.unique(exponent, return_inverse=True)
-    highest = np.zeros(rates.size, dtype=np.int64)
-    np.maximum.at(highest, number, power)
+    highest, degrees = int(power.max(initial=0)), np.arange(polynomial.shape[1])
     out = np.empty((length.size, exponent.size), dtype=complex)
-    given = (np.ascontiguousarray(part) for part in (length, weight_exponent, polynomial))
-    fill_weighted(rates, highest, number, power, *given, out)
+    for part in blocks(length.size, (rates.size + exponent.size) * (highest + degrees.size)):
+        L = length[part, None]
+        moments = exponential_moments((rates + weight_exponent[part, None]) * L, highest + degrees[-1])
+        moments *= L[:, :, None] ** np.arange(1, moments.shape[2] + 1)
+        of_powers = moments[:, number[:, None], power[:, None] + degrees]
+        out[part] = np.einsum("nbd,nd->nb", of_powers, polynomial[part])
     return out
 
 

@@ -1,11 +1,24 @@
-"""Modes of a contact state from those of a state that differs in few contacts.
+r"""Modes of a contact state from those of a state that differs in few contacts.
 
-A spring and a dashpot change the matrices by one dyad each, and the modes by :mod:`beamsim.flow.secular_kernels`: n^2
-operations for the eigenvalues and one product of matrices for the vectors, against some 25 n^3 for the eigenvalue
+A spring and a dashpot change the matrices by one dyad each. With the modes of
+:math:`Q(\lambda) = \lambda^2 + C\lambda + K`, scaled such that
+:math:`Q^{-1} = \sum_j u_j u_j^T / (\lambda - \mu_j)` over all 2n eigenvalues, those of
+:math:`Q + z \phi\phi^T`, :math:`z = k + c\lambda`, are the zeros of the secular function
+
+.. math:: f(\lambda) = 1 + z(\lambda) \sum_j \frac{p_j^2}{\lambda - \mu_j}, \qquad p_j = \phi^T u_j,
+          \qquad u' = \sum_j \frac{p_j u_j}{\lambda - \mu_j} \Big/ \sqrt{\sum_j
+          \frac{p_j^2}{(\lambda - \mu_j)^2} + \frac{c}{z^2}} .
+
+All zeros are searched for at once (O. Aberth, Math. Comp. 27, 1973). A zero is held as the distance from its nearest
+pole, and the vectors take the p of which the zeros found are exact (M. Gu and S. C. Eisenstat, SIAM J. Matrix Anal.
+Appl. 15, 1994): so they stay orthogonal where zeros crowd or hardly move. Conjugate poles are added as one fraction,
+without cancellation. That takes some n^2 operations and one product of matrices, against some 25 n^3 for the eigenvalue
 problem of order 2n. The result is checked with two motions and discarded where it is not exact.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +28,8 @@ from beamsim.typing import Complexes, Floats, Ints
 
 SMALLEST = 24  # coordinates, below which a fresh eigenvalue problem is as fast
 MOST_CHANGES = 4  # contacts by which two states may differ
+CONVERGED = 4e-16  # of a zero's distance from its pole
+SETTLED = 1e-12  # of the same: below it a step that no longer shrinks is round-off
 INEXACT = 1e-11  # relative error of a motion and its rate, at which the eigenvalue problem is solved anew
 
 
@@ -54,8 +69,6 @@ def neighbouring_modes(
     -------
     modes : one of each conjugate pair; None where they have to be computed anew.
     """
-    from beamsim.flow.secular_kernels import update
-
     n, contacts = system.size, system.contacts
     upper = np.flatnonzero(known.eigenvalue.imag > 0.0)
     if upper.size < n:
@@ -64,67 +77,113 @@ def neighbouring_modes(
     change = (new - old)[:, :2]
     upper = upper[np.argsort(known.eigenvalue[upper].imag)]
     pole, rows = known.eigenvalue[upper], known.left[upper, n : 2 * n]  # vectors, one a row
-    largest = np.argmax(_squares(rows), axis=1)
+    largest = np.argmax(np.abs(rows), axis=1)
     rows *= np.sqrt(known.right[largest, upper] / rows[np.arange(n), largest])[:, None]
-    zero, weight, parts = np.empty(n, dtype=complex), np.empty((2 * n, 2 * n)), np.empty((2 * n, n))
     for j in np.flatnonzero(change.any(axis=1)):
         p = rows @ contacts.shape[j]
-        if not update(pole, p, float(change[j, 0]), float(change[j, 1]), zero, weight):
+        some = np.flatnonzero(p)
+        found = _with_dyad(pole[some], rows[some], p[some], *change[j].tolist())
+        if found is None:
             return None
-        scaled = p[:, None] * rows
-        parts[:n] = scaled.real
-        parts[n:] = pole.real[:, None] * scaled.real + pole.imag[:, None] * scaled.imag
-        moved = weight @ parts
-        still = p == 0.0
-        moved[:n][still], moved[n:][still] = rows.real[still], rows.imag[still]
-        rows.real, rows.imag = moved[:n], moved[n:]
-        pole, order = zero.copy(), np.argsort(zero.imag)
-        if np.any(np.diff(order) < 0):
-            pole, rows = pole[order], rows[order]
+        pole[some], rows[some] = found
+        order = np.argsort(pole.imag)
+        pole, rows = pole[order], rows[order]
     acting = np.flatnonzero(new[:, :2].any(axis=1))
     k, c, shape = new[acting, 0], new[acting, 1], contacts.shape[acting]
-    damping = np.diag(system.damping)
-    _refine_stiff(system.stiffness, damping, k, c, shape, pole, rows)
-    modes = SimpleModes(np.empty((n, 2 * n), dtype=complex).T, np.empty((n, 2 * n), dtype=complex), pole)
-    right = modes.right.T
-    right[:, :n], modes.left[:, n:] = rows, rows
-    np.multiply(pole[:, None], rows, out=right[:, n:])
-    np.multiply(damping, rows, out=modes.left[:, :n])
-    modes.left[:, :n] += right[:, n:]
-    modes.left[:, :n] += _combined(_combined(rows, shape.T) * c, shape)
+    left = (pole[:, None] + np.diag(system.damping)) * rows + ((rows @ shape.T) * c) @ shape
+    modes = SimpleModes(np.hstack([rows, pole[:, None] * rows]).T, np.hstack([left, rows]), pole)
     return modes if _error(system, k, c, shape, modes) < INEXACT else None
 
 
-def _refine_stiff(
-    stiffness: Floats, damping: Floats, k: Floats, c: Floats, shape: Floats, pole: Complexes, rows: Complexes
-) -> None:
-    """Small components of the stiff modes' vectors, one a row, in place, from the contacts' forces on them.
+def _with_dyad(
+    pole: Complexes, rows: Complexes, p: Complexes, k: float, c: float
+) -> tuple[Complexes, Complexes] | None:
+    """Modes after a spring k and a dashpot c were added along one direction.
 
-    They are sums in which a pair of conjugate poles cancels. ``u_i = -sum_j phi_ji z_j (phi_j u) / (lambda^2 + d_i
-    lambda + omega_i^2)`` gives them without, where no contact is stiff against lambda^2 and errors don't grow.
+    Parameters
+    ----------
+    pole : (n,) eigenvalues in the upper half-plane, sorted by their imaginary parts.
+    rows, p : (n, n') their vectors u, and (n,) what these have of the direction.
+    k, c : N/m and N s/m.
+
+    Returns
+    -------
+    pole, rows : the same after the change; None where not all were found.
     """
-    z = k + c * pole[:, None]
-    divisor = (pole[:, None] + damping) * pole[:, None] + stiffness
-    square = _squares(divisor)
-    far = square >= (0.5 * (_squares(pole)[:, None] + stiffness)) ** 2
-    compliance = np.divide(1.0, np.sqrt(square), out=np.zeros_like(square), where=far) @ (shape**2).T
-    stiff = np.flatnonzero(np.sum(np.abs(z) * compliance, axis=1) < 0.5)
-    refined = _combined(-z[stiff] * _combined(rows[stiff], shape.T), shape)
-    rows[stiff] = np.divide(refined, divisor[stiff], out=rows[stiff], where=far[stiff])
+    found = _zeros(pole, p * p, k, c)
+    if found is None:
+        return None
+    near, offset = found
+    zero, pairs = pole[near] + offset, _Pairs.of(pole[near], offset, pole)
+    apart = pole[:, None] - pole
+    np.fill_diagonal(apart, 1.0)
+    squares = np.prod(pairs.to * pairs.other.conj() / (apart.T * (pole - pole.conj()[:, None])), axis=0)
+    exact = np.sqrt(squares / (k + c * pole))
+    exact *= np.where((exact * p.conj()).real < 0.0, -1.0, 1.0)
+    total = c / (k + c * zero) ** 2 + np.sum((exact / pairs.to) ** 2 + (exact.conj() / pairs.other) ** 2, axis=1)
+    moved = exact[:, None] * rows
+    parts = np.concatenate([moved.real, (moved * pole.conj()[:, None]).real])
+    factors = pairs.both / np.sqrt(total)[:, None]
+    return zero, np.hstack([factors * zero[:, None], -factors]) @ parts
 
 
-def _combined(vectors: Complexes, matrix: Floats) -> Complexes:
-    """Products of vectors, one a row, with a real matrix: that of their real and of their imaginary parts."""
-    count = vectors.shape[0]
-    both = np.concatenate([vectors.real, vectors.imag]) @ matrix
-    out = np.empty((count, matrix.shape[1]), dtype=complex)
-    out.real, out.imag = both[:count], both[count:]
-    return out
+class _Pairs(NamedTuple):
+    """Differences of numbers (m,) from poles (n,) and from their conjugates."""
+
+    to: Complexes  # (m, n)
+    other: Complexes  # (m, n)
+    both: Complexes  # (m, n) 2 over their products
+
+    @classmethod
+    def of(cls, near: Complexes, offset: Complexes, pole: Complexes) -> _Pairs:
+        """Of the numbers ``near + offset``, which stand apart because the differences are to keep their digits."""
+        to = (near[:, None] - pole) + offset[:, None]
+        other = (near[:, None] - pole.conj()) + offset[:, None]
+        return cls(to, other, 2.0 / (to * other))
 
 
-def _squares(z: Complexes) -> Floats:
-    """Squared sizes."""
-    return np.asarray(z.real**2 + z.imag**2)
+def _zeros(pole: Complexes, residue: Complexes, k: float, c: float) -> tuple[Ints, Complexes] | None:
+    """Zeros of the secular function in the upper half-plane, as offsets from poles; None where not all were found.
+
+    The poles (n,) are sorted by their imaginary parts.
+    """
+    n = pole.size
+    if np.any(np.abs(np.diff(pole)) < 1e-10 * np.abs(pole[:-1])):
+        return None  # two count as one
+    offset = -(k + c * pole) * residue
+    space = np.diff(pole.imag, prepend=0.0, append=np.inf)
+    offset *= np.minimum(1.0, 0.4 * np.where(offset.imag > 0.0, space[1:], space[:-1]) / np.abs(offset))
+    near, last, turned = np.arange(n), np.full(n, np.inf), (residue * pole.conj()).real
+    busy = np.arange(n)
+    for _ in range(60):
+        zeros = pole[near] + offset
+        zero = zeros[busy]
+        pairs = _Pairs.of(pole[near[busy]], offset[busy], pole)
+        part = (zero[:, None] * residue.real - turned) * pairs.both
+        inverse = (pairs.to.real + 1j * zero.imag[:, None]) * pairs.both
+        apart = zero[:, None] - zeros
+        apart[np.arange(busy.size), busy] = np.inf
+        others = (inverse - 1.0 / apart - 1.0 / (zero[:, None] - zeros.conj())).sum(axis=1)
+        total, z = part.sum(axis=1), k + c * zero
+        value = 1.0 + z * total
+        step = -value / (c * total + z * (residue.real * pairs.both - part * inverse).sum(axis=1) + value * others)
+        if not np.all(np.isfinite(step)):
+            return None
+        new = offset[busy] + step
+        below = (pole[near[busy]] + new).imag < 0.0  # its conjugate is the one that is still missing
+        new = np.where(below, (pole[near[busy]] + new).conj() - pole[near[busy]], new)
+        size = np.where(below, np.inf, np.abs(step))
+        beside = np.clip(near[busy] + np.array([[0], [-1], [1]]), 0, n - 1)
+        offsets = (pole[near[busy]] - pole[beside]) + new
+        nearest = np.argmin(np.abs(offsets), axis=0), np.arange(busy.size)  # from which the distance is known best
+        near[busy], offset[busy] = beside[nearest], offsets[nearest]
+        scale = np.abs(offset[busy])
+        done = (size <= CONVERGED * scale) | ((size <= SETTLED * scale) & (size >= 0.5 * last[busy]))
+        last[busy] = size
+        busy = busy[~done]
+        if not busy.size:
+            return (near, offset) if np.all((pole[near] + offset).imag > 0.0) else None
+    return None
 
 
 def _error(system: PiecewiseLinearSystem, k: Floats, c: Floats, shape: Floats, modes: SimpleModes) -> float:

@@ -16,6 +16,7 @@ the contacts' numbers are central differences of them, in which these are linear
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -181,7 +182,7 @@ class OutputRates(Change):
         relative = max((rate / value if value else 1.0 for rate, value in sizes if rate), default=1.0)
         self._step = DIFFERENCE / relative
         self._sides = [
-            FlowOutputs(flow.with_system(moved_system(flow.system, direction, amount)))
+            FlowOutputs(replace(flow, system=moved_system(flow.system, direction, amount)))
             for amount in (self._step, -self._step)
         ]  # fmt: skip
 

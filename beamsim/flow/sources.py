@@ -17,7 +17,6 @@ from beamsim.inputs.signal import Signal
 from beamsim.inputs.streamed import StreamedSignal, common_record
 from beamsim.typing import Complexes, Floats, Ints
 
-MANY_PIECES = 512  # of the inputs, from which equal ones are worth looking for
 RESONANCE = 0.02  # |nu - lambda| times a piece, below which the response to an exponential is a power series
 LEAST_LIMIT = 0.5  # ... to an exponential times a power of time, in any case
 LONGER, FASTER = 1.1, 1.25  # than the pieces for which responses were written down: hold for these, too
@@ -55,12 +54,12 @@ class Sources:
             out *= np.exp(self.exponent * shift)
         return out
 
-    def values_after(self, amplitude: Complexes, tau: Floats) -> tuple[Floats, Floats]:
-        """(n, F) inputs and their time derivatives at times tau (n,) after those of the amplitudes (n, F)."""
-        grown = amplitude * np.exp(tau[:, None] * self.exponent)
-        basis = tau[:, None] ** self.power
-        lowered = self.power * tau[:, None] ** np.maximum(self.power - 1, 0)
-        return (grown * basis).real, (grown * (self.exponent * basis + lowered)).real
+    def derivatives_at_start(self, orders: int) -> Complexes:
+        """(orders, F) derivatives of each input of unit amplitude where its piece starts, from order 0 on."""
+        factorial = np.cumprod(np.maximum(np.arange(orders), 1.0))
+        rest = np.arange(orders)[:, None] - self.power  # what is left is the term whose power is differentiated away
+        scale = factorial[:, None] / factorial[np.maximum(rest, 0)]
+        return np.asarray(np.where(rest >= 0, scale * self.exponent ** np.maximum(rest, 0), 0.0))
 
     def serve(self, other: Sources) -> bool:
         """Whether responses that were written down for these sources hold for others, on other pieces."""

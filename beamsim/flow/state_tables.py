@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from operator import lt
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts, Watched
-from beamsim.flow.contact_state import ContactState
+from beamsim.flow.contact_state import ContactModes, ContactState, LinearOutput
 from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.flow.kernels import Tables
 
-GROWTH = 4  # of the rows that there is room for; memory is taken when a row is written
-FEWEST = 8  # rows that there is room for
 Number = TypeVar("Number", bound=np.generic)
 
 
+class KnownState(NamedTuple):
+    """What a contact state is under all loads that differ in their signals alone."""
+
+    modes: ContactModes
+    watched: Watched
+    functions: LinearOutput  # that are watched
+
+
 class StateTables:
-    """Padded arrays with spare rows, so that a new state seldom moves the others.
+    """The contact states that were built, with padded arrays of them; spare rows, so that a new one seldom moves all.
 
     Of all combinations of the contacts' phases few are visited; a state is built when it is first visited.
     ``follower[s, g]`` is the state after the event of guard g in state s, -1 until a motion asks for it, and where it
@@ -29,48 +36,50 @@ class StateTables:
     """
 
     def __init__(self, contacts: Contacts, most: int | None = None) -> None:
-        self.contacts = contacts
-        self.most = most
-        self._used: list[int] = []
-        self._uses = 0
-        self.watched: list[Watched] = []
-        self._phases: list[Ints] = []
-        self._index: dict[bytes, int] = {}
+        self.contacts, self.most = contacts, most
+        self.states: list[ContactState] = []
+        self.known: list[KnownState] = []  # of each of them
+        self.visited: list[Ints] = []  # phases of all states so far, those that were dropped included
+        self._visit: list[int] = []  # number among these of each state that is there
+        self._visits: dict[bytes, int] = {}
+        self._index: OrderedDict[bytes, int] = OrderedDict()  # of states, the least recently used first
         self._arrays: dict[str, NDArray[np.generic]] = {}
-        self._tables: Tables | None = None  # of the arrays as they are now
-
-    @property
-    def count(self) -> int:
-        """States so far."""
-        return len(self.watched)
 
     def index(self, phases: Ints) -> int | None:
         """Number of a state, None where it is not built."""
         return self._index.get(phases.tobytes())
 
-    def nearest(self, phases: Ints) -> int | None:
-        """Number of a state that differs in fewest contacts, None where there is none yet."""
-        if self.count < 2:
-            return 0 if self.count else None
-        return int(np.argmin(np.count_nonzero(self._arrays["phase"][: self.count] != phases, axis=1)))
+    def nearest(self, phases: Ints) -> KnownState | None:
+        """A state that differs in fewest contacts, None where there is none yet."""
+        if not self.states:
+            return None
+        differing = np.count_nonzero(self._arrays["phase"][: len(self.states)] != phases, axis=1)
+        return self.known[int(np.argmin(differing))]
 
     def following(self, state: int, guard: int) -> Ints:
         """Phases after the event of a guard."""
-        watched = self.watched[state]
-        return self.contacts.after(self._phases[state], int(watched.contact[guard]), int(watched.following[guard]))
+        watched = self.known[state].watched
+        return self.contacts.after(
+            self.states[state].phases, int(watched.contact[guard]), int(watched.following[guard])
+        )
 
     def use(self, states: Ints) -> None:
         """Note that these were used, the last one last."""
         for state in states:
-            self._uses += 1
-            self._used[state] = self._uses
+            self._index.move_to_end(self.states[state].phases.tobytes())
 
-    def append(self, state: ContactState, watched: Watched, watch: Complexes, roughness: Floats) -> int:
+    def visits(self, states: Ints) -> Ints:
+        """Numbers, among all states visited, of states that were used in this order."""
+        if len(self.states) == self.most:
+            self.use(states)
+        return np.array(self._visit, dtype=np.int64)[states]
+
+    def append(self, state: ContactState, known: KnownState, watch: Complexes, roughness: Floats) -> int:
         """Add a state; its number may be that of one that is dropped for it.
 
         Parameters
         ----------
-        state, watched : the state, and the functions that are watched in it.
+        state, known : the state, with its modes and the functions that are watched in it.
         watch : (T, w) coefficients of these.
         roughness : (T, g) round-off scale of the guards.
 
@@ -78,18 +87,15 @@ class StateTables:
         -------
         index : of the state.
         """
-        guards = watched.guards
-        if self.most is not None and self.count >= self.most:
-            index = int(np.argmin(self._used))
-            self._drop(index)
-            self.watched[index], self._phases[index] = watched, state.phases
-        else:
-            index = self.count
-            self.watched.append(watched)
-            self._phases.append(state.phases)
-            self._used.append(0)
-        self.use(np.array([index]))
-        self._index[state.phases.tobytes()] = index
+        watched, guards, key = known.watched, known.watched.guards, state.phases.tobytes()
+        full = self.most is not None and len(self.states) >= self.most
+        index = self._drop() if full else len(self.states)
+        visit = self._visits.setdefault(key, len(self.visited))
+        if visit == len(self.visited):
+            self.visited.append(state.phases)
+        here = slice(index, index + 1)  # a new place, or that of a state that was dropped
+        self.states[here], self.known[here], self._visit[here] = [state], [known], [visit]
+        self._index[key] = index
         rows: dict[str, NDArray[np.generic]] = {
             "n_basis": np.array(state.exponent.size),
             "exponent": state.exponent,
@@ -115,7 +121,6 @@ class StateTables:
             need = (index + 1, *row.shape)
             if any(map(lt, old.shape, need)):
                 self._arrays[name] = old = self._grown(old, need)
-                self._tables = None
             if row.shape != old.shape[1:]:
                 old[index] = 0
             place: tuple[int | slice, ...] = (index, *map(slice, row.shape))
@@ -124,13 +129,12 @@ class StateTables:
 
     def _grown(self, old: NDArray[Number], need: tuple[int, ...]) -> NDArray[Number]:
         """An array with more rows, or wider ones; rows that no state has yet are zeros."""
-        rows = old.shape[0]
+        most, rows = self.most or np.inf, old.shape[0]
         if rows < need[0]:
-            rows = max(GROWTH * need[0], FEWEST)
-            if self.most is not None and GROWTH * rows >= self.most:
-                rows = self.most  # the next growth would move all for few more
+            rows = 4 * need[0] + 4  # memory is taken when a row is written
+            rows = rows if 4 * rows < most else int(most)  # the next growth would move all for few more
         grown = np.zeros(tuple(map(max, old.shape, (rows, *need[1:]))), dtype=old.dtype)
-        known = (slice(min(old.shape[0], self.count)), *map(slice, old.shape[1:]))
+        known = (slice(min(old.shape[0], len(self.states))), *map(slice, old.shape[1:]))
         grown[known] = old[known]
         return grown
 
@@ -144,20 +148,20 @@ class StateTables:
         """
         self._arrays["follower"][state, guard] = follower
 
-    def _drop(self, index: int) -> None:
-        del self._index[self._phases[index].tobytes()]
+    def _drop(self) -> int:
+        """Remove the least recently used state; returns its number."""
+        index = self._index.popitem(last=False)[1]
         for array in self._arrays.values():
             array[index] = 0
         follower = self._arrays["follower"]
         follower[follower == index] = -1
+        return index
 
     def arrays(self) -> Tables:
-        """The tables as the kernels take them; rows beyond ``count`` are unused."""
+        """The tables as the kernels take them; rows beyond the states are unused."""
         from beamsim.flow.kernels import Tables
 
-        if self._tables is None:
-            self._tables = Tables(first=self.contacts.first, states=self.contacts.states, **self._arrays)
-        return self._tables
+        return Tables(first=self.contacts.first, states=self.contacts.states, **self._arrays)
 
 
 def visited_states(states: Ints) -> list[int]:

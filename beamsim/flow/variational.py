@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -61,7 +61,7 @@ class VariationalFlow(PeriodicFlow):
     def with_system(self, system: PiecewiseLinearSystem) -> VariationalFlow:
         """The flow of another structure, or of other contacts with as many phases, under the same loads."""
         flow = copy(self)
-        flow.system, flow.exact = system, self.exact.with_system(system)
+        flow.system, flow.exact = system, replace(self.exact, system=system)
         flow._outputs = FlowOutputs(flow.exact)
         return flow
 
@@ -121,7 +121,7 @@ class VariationalFlow(PeriodicFlow):
 
     def contact_forces(self, phases: Ints, y: Floats, times: Floats) -> Floats:
         """See `PeriodicFlow.contact_forces`; forces of contacts that hold or rub are included."""
-        return self.exact.forces_at(phases, y, times)
+        return self.exact.outputs_of_states(times, y, phases, self.exact.contact_forces)
 
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state at increasing times within a passage."""

@@ -8,7 +8,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run.energy import energy_of_segments, power_factors
 from beamsim.analyses.run.outputs import exact_flow, output_groups
-from beamsim.flow import exact, moments
+from beamsim.flow import moments
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
@@ -90,46 +90,3 @@ def test_equal_pieces_share_their_moments(motion, monkeypatch):
     assert balance.error < 1e-11
     assert balance.history.stored.size == trajectory.time.size + 1  # the balance is looked at in every piece
     assert 0 < sum(asked) <= trajectory.time.size / 8
-
-
-@pytest.fixture
-def searched(monkeypatch) -> Trajectory:
-    """The motion with every piece searched for contact."""
-    monkeypatch.setattr(exact, "as_arrays", lambda *of: None)
-    return of_case()
-
-
-def test_steps_over_equal_pieces_give_the_motion_of_the_search(motion, searched):
-    stepped = motion[0]
-    assert stepped.flow.equal_steps() is not None
-    assert searched.flow.equal_steps() is None
-    np.testing.assert_array_equal(stepped.event_contact, searched.event_contact)
-    np.testing.assert_allclose(stepped.event_time, searched.event_time, rtol=0, atol=1e-12 * DURATION)
-    assert stepped.time.size == searched.time.size
-    assert largest_difference(stepped.y, searched.y) < 1e-9
-
-
-def test_most_pieces_are_stepped_over(motion, searched, monkeypatch):
-    """The search, at a hundred times the cost, is left with those in which a contact may open or close."""
-    stepped, entered = motion[0], []
-    walk = exact.step_of
-
-    def with_doubt(*of):
-        step = walk(*of)
-        entered.append(step)
-        return step._replace(doubt=np.full(step.doubt.shape, np.inf))
-
-    assert stepped.evaluations <= searched.evaluations  # a piece counts as one
-    monkeypatch.undo()
-    monkeypatch.setattr(exact, "step_of", with_doubt)
-    never = of_case()
-    assert len(entered) == len(never.flow.states)  # one matrix for each contact state
-    assert never.evaluations == searched.evaluations  # twin: a step of doubt leaves all to the search
-
-
-def test_a_wrong_step_shows(motion, monkeypatch):
-    right = exact.step_of
-    monkeypatch.setattr(exact, "step_of", lambda *of: right(*of)._replace(matrix=1.00001 * right(*of).matrix))
-    wrong = of_case()
-    common = min(wrong.y.shape[0], motion[0].y.shape[0])
-    assert largest_difference(motion[0].y[:common], wrong.y[:common]) > 1e-6

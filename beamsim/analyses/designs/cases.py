@@ -145,7 +145,7 @@ def _solve_run(scenario: Scenario, solver: CaseSolver) -> tuple[Responses, Outco
     if gives_figures(scenario):
         asked = entries_of(solver.study.asked, scenario.excitation.kind)
         system = build_system(scenario, solver.shared, assessed=False, recovered=needs_recovery(asked))
-        figures, outcome = asked_figures(system, settings, asked, solver.shared, solver.stop)
+        figures, outcome = asked_figures(system, settings, asked, solver.stop)
         return run_responses(figures), outcome
     result = run(scenario, stop=solver.stop)
     return run_responses(entries_of_result(result)), result.outcome

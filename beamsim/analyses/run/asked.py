@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from beamsim.flow.exact import ExactFlow
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run, Scenario
-    from beamsim.system.shared import SharedBuilds
     from beamsim.system.structural import StructuralSystem
 
 SAMPLES_A_PART = 100_000  # of those whose squares are added up
@@ -80,7 +79,6 @@ def asked_figures(
     system: StructuralSystem,
     settings: Run,
     asked: Collection[str],
-    shared: SharedBuilds | None = None,
     stop: Callable[[], bool] = never,
 ) -> tuple[dict[str, Any], Outcome]:
     """Some entries of the summary of a run, and its outcome.
@@ -91,7 +89,6 @@ def asked_figures(
     ----------
     system : of a scenario for which `gives_figures`.
     asked : among `ENTRIES`; what the system does not have (a stress, snubbers) is left out.
-    shared : keeps what the motions of several systems have in common.
     stop : asked several times a second whether to give up.
 
     Raises
@@ -99,7 +96,7 @@ def asked_figures(
     NotTrustedError
         Once ``stop`` says so.
     """
-    motion, _ = motion_in_stretches(system, settings, shared=shared, most_events=settings.max_events, stop=stop)
+    motion, _ = motion_in_stretches(system, settings, most_events=settings.max_events, stop=stop)
     groups = output_groups(system, motion.flow)
     searched = _searched(system, motion.flow, groups, {_SEARCHED[entry] for entry in asked if entry in _SEARCHED})
     figures, squares = StretchFigures(searched), MeanSquares(groups, settings, asked)

@@ -36,7 +36,6 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run
-    from beamsim.system.shared import SharedBuilds
 
 EVALUATION = "the evaluation of the motion"
 BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
@@ -49,7 +48,6 @@ def motion_in_stretches(
     system: StructuralSystem,
     settings: Run,
     *,
-    shared: SharedBuilds | None = None,
     most_events: int | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool],
@@ -61,7 +59,6 @@ def motion_in_stretches(
     Parameters
     ----------
     system, settings : of the run.
-    shared : keeps what the motions of several systems have in common.
     most_events : by default as many as the settings allow and the memory has room for.
     progress, stop : see `beamsim.flow.transient.simulate`.
     """
@@ -69,7 +66,7 @@ def motion_in_stretches(
     if pieces * BYTES_A_PIECE > MOTION_SHARE * settings.memory:
         at_once = max(int(STRETCH_SHARE * settings.memory / BYTES_A_PIECE), CHECKPOINT_PIECES)
     flow = exact_flow(
-        system, settings.duration, settings.most_contact_states, shared, settings.memory,
+        system, settings.duration, settings.most_contact_states, settings.memory,
         None if at_once is None else (0, min(at_once, pieces)),
     )  # fmt: skip
     room = events_in_memory(flow, settings.memory)

@@ -14,7 +14,6 @@ from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.inputs.streamed import StreamedSignal, common_record
 from beamsim.structures.stations import StressRows
 from beamsim.system.outputs import OutputRows
-from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
@@ -132,11 +131,10 @@ class OutputSet:
 
 
 def exact_flow(
-    system: StructuralSystem, duration: float, most_states: int | None = None, shared: SharedBuilds | None = None,
-    memory: float = MEMORY, pieces: tuple[int, int] | None = None,
+    system: StructuralSystem, duration: float, most_states: int | None = None, memory: float = MEMORY,
+    pieces: tuple[int, int] | None = None,
 ) -> ExactFlow:  # fmt: skip
-    """The exact flow of a built system; its first observer is the base's acceleration. ``shared``, ``pieces``: see
-    `ExactFlow`.
+    """The exact flow of a built system; its first observer is the base's acceleration. ``pieces``: see `ExactFlow`.
 
     ``most_states`` contact states are kept at once, by default those that fit into their share of ``memory``, bytes.
 
@@ -159,7 +157,7 @@ def exact_flow(
                         "excitation and method: exact takes any number",
                     )
                 )
-    return ExactFlow(system.dynamics, system.forcing, duration, observers, shared, most, pieces)
+    return ExactFlow(system.dynamics, system.forcing, duration, observers, most, pieces)
 
 
 def pieces_of(system: StructuralSystem) -> int:

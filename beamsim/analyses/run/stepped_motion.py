@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.run.energy import EnergyBalance, stored_energy
+from beamsim.analyses.run.energy import EnergyBalance, power_factors, stored_energy
 from beamsim.analyses.run.histories import SampledHistories
 from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, with_limit
 from beamsim.analyses.run.output_times import OutputTimes
@@ -56,8 +56,8 @@ def stepped_motion_of(
     outputs = SteppedOutputs(system, flow, times.all, settings.low_pass)
     trajectory = integrate(
         flow, system.initial_state, times.all, integrator=integrator, rtol=rtol, atol=settings.atol,
-        max_step=longest, cubic=system.cubic, max_events=settings.max_events, progress=progress, stop=stop,
-        observe=outputs.observe,
+        max_step=longest, cubic=system.cubic, powers=power_factors(flow), max_events=settings.max_events,
+        progress=progress, stop=stop, observe=outputs.observe,
     )  # fmt: skip
     at = trajectory.time
     values = outputs.at(at, trajectory.y, trajectory.phases)
@@ -65,7 +65,7 @@ def stepped_motion_of(
     if system.cubic.count:
         stored = stored + 0.25 * outputs.cubic_stretch(at, trajectory.y) ** 4 @ system.cubic.stiffness
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
-    exchanged = float(np.trapezoid(np.abs(trajectory.power_in), at))
+    exchanged = float(np.abs(np.diff(trajectory.work_in)).sum())
     balance = EnergyBalance.of(at, energy, exchanged)
     extremes = outputs.extremes(trajectory)
     return RunMotion(

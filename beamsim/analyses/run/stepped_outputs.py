@@ -11,7 +11,7 @@ from beamsim.analyses.run.low_pass import LowPassFilter
 from beamsim.analyses.run.outputs import SEARCHED, bending_stress, energies_of_rows, in_every_state, output_groups
 from beamsim.flow.dense_extremes import DenseExtremes
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.reference import ReferenceTrajectory, sampled
+from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
@@ -55,9 +55,11 @@ class SteppedOutputs:
         return np.asarray(pull @ shares.T)
 
     def at(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> dict[str, Floats]:
-        """Values (nt, k) by group; see :func:`beamsim.flow.reference.sampled`."""
+        """Values (nt, k) by group; see `ExactFlow.outputs_of_states`."""
         system, flow = self.system, self.flow
-        values = self.groups.split(sampled(flow, times, y, phases, self.groups, since), flow.system.contacts.start)
+        values = self.groups.split(
+            flow.outputs_of_states(times, y, phases, self.groups, since), flow.system.contacts.start
+        )
         if system.cubic.count:
             values["acceleration"] = values["acceleration"] - self._cubic_acceleration(times, y)
             if system.linear_outputs:
@@ -74,7 +76,7 @@ class SteppedOutputs:
             self._keep_energies(times, known["energy"])
         values = {name: x for name, x in known.items() if name in SEARCHED}
         if self.stress is not None:
-            values["stress"] = sampled(self.flow, times, y, phases, self.stress, since)
+            values["stress"] = self.flow.outputs_of_states(times, y, phases, self.stress, since)
         return values
 
     def observe(self, solution: Any, phases: Ints) -> None:
@@ -103,7 +105,7 @@ class SteppedOutputs:
         def acceleration(times: Floats) -> Floats:
             y = solution.sol(times)[: self.flow.size].T
             each = np.broadcast_to(phases, (times.size, phases.size))
-            values = sampled(self.flow, times, y, each, output_of, begin)
+            values = self.flow.outputs_of_states(times, y, each, output_of, begin)
             return values - self._cubic_acceleration(times, y) if self.system.cubic.count else values
 
         here = (self.times >= begin) & (self.times <= end)
