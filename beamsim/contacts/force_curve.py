@@ -4,7 +4,8 @@ The curve of segments with slopes :math:`s_i \ge 0` between knots :math:`0 = b_0
 :math:`N(x) = \sum_i s_i \min(\max(x - b_i, 0), b_{i+1} - b_i)`, the last slope going on. For given knots the slopes
 that fit best follow from non-negative least squares. The knots begin as those of a dynamic programme (independent
 straight lines on stretches of the points) or evenly among the points, and move together to where the squared misfit is
-least near there.
+least near there. Up to `MOST_SEARCHED` segments every knot then looks for a better place between its neighbours, until
+none finds one.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
+
+MOST_SEARCHED = 10  # segments whose knots are also moved one by one
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,8 @@ def _best_knots(x: Floats, y: Floats, segments: int) -> Floats:
         return np.concatenate([[0.0], places[:-1]])
     even = np.concatenate([[0.0], places[np.arange(1, segments) * places.size // segments]])
     starts = [_moved_together(x, y, knots) for knots in (_starting_knots(x, y, segments), even)]
-    return min(starts, key=lambda knots: _slopes(x, y, knots)[1])
+    knots = min(starts, key=lambda knots: _slopes(x, y, knots)[1])
+    return _moved_one_by_one(x, y, knots) if knots.size <= MOST_SEARCHED else knots
 
 
 def _merged(curve: ForceCurve) -> ForceCurve:
@@ -169,16 +173,36 @@ def _moved_together(x: Floats, y: Floats, knots: Floats) -> Floats:
     slopes, square = _slopes(x, y, knots)
     start = np.concatenate([np.diff(knots) / reach, slopes * reach / top])
     low = np.concatenate([np.full(count, 1e-9), np.zeros(count + 1)])
-    fit = least_squares(
-        residual,
-        np.maximum(start, low + 1e-12),
-        jacobian,
-        bounds=(low, np.inf),
-        xtol=1e-15,
-        ftol=1e-15,
-        gtol=1e-15,
-        max_nfev=200,
-    )
+    fit = least_squares(residual, np.maximum(start, low + 1e-12), jacobian, bounds=(low, np.inf), max_nfev=200)
     moved = parts(fit.x)[0] * reach
     moved = moved[moved < reach]
     return moved if _slopes(x, y, moved)[1] < square else knots
+
+
+def _moved_one_by_one(x: Floats, y: Floats, knots: Floats) -> Floats:
+    """Knots moved between their neighbours until the misfit no longer becomes less."""
+    from scipy.optimize import minimize_scalar
+
+    square = _slopes(x, y, knots)[1]
+    floor = 1e-24 * float(y @ y)
+    for _ in range(20):
+        before = square
+        for i in range(1, knots.size):
+            low = knots[i - 1]
+            high = knots[i + 1] if i + 1 < knots.size else x[-1]
+
+            def misfit(at: float, below: Floats = knots[:i], above: Floats = knots[i + 1 :]) -> float:
+                return _slopes(x, y, np.concatenate([below, [at], above]))[1]
+
+            # the misfit has a minimum for each gap between points: look at a few places before going downhill
+            places = np.linspace(low, high, 12)[1:-1]
+            values = [misfit(place) for place in places]
+            k = int(np.argmin(values))
+            bounds = (low if k == 0 else places[k - 1], high if k == places.size - 1 else places[k + 1])
+            lowest = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-9 * x[-1]})
+            for at, value in ((places[k], values[k]), (float(lowest.x), float(lowest.fun))):
+                if value < square and low < at < high:
+                    knots, square = np.concatenate([knots[:i], [at], knots[i + 1 :]]), value
+        if square <= floor or before - square <= 1e-7 * before:
+            break
+    return knots
