@@ -41,6 +41,10 @@ class Log(NamedTuple):
         segments : room for them.
         size : N, of the state.
         most_events : room for events, at most one more than segments.
+
+        Returns
+        -------
+        Arrays that are not filled in.
         """
         whole = np.int64
         events = segments + 1 if most_events is None else min(segments + 1, most_events)

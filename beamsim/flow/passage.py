@@ -218,6 +218,10 @@ class ContactDirection:
         shape : (m, n) per unit of the parameter.
         along : contacts whose laws' forces are added.
         cubic : (nc,) stiffness of cubic springs beside the contacts, N/m^3 per unit of the parameter.
+
+        Returns
+        -------
+        The direction, with an entry for each contact.
         """
 
         def spread(value: Any, like: Floats) -> Floats:
@@ -261,6 +265,10 @@ class StructureDirection:
         size : n.
         stiffness, damping, mass : (n, n), or their diagonals (n,), per unit of the parameter.
         load : (n,) constant loads per unit of the parameter.
+
+        Returns
+        -------
+        The direction, with whole matrices.
         """
 
         def matrix(value: Any) -> Floats:
@@ -309,6 +317,10 @@ def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amo
     system : stays as it is.
     direction : derivatives of the numbers by a parameter.
     amount : change of the parameter.
+
+    Returns
+    -------
+    The other system.
     """
     c = system.contacts
     moved = replace(c, gap=c.gap + amount * direction.gap, shape=c.shape + amount * direction.shape)

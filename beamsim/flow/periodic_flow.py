@@ -100,6 +100,10 @@ class PeriodicFlow(ABC):
         parameters : what to take derivatives by, besides the start; of the kinds in ``differentiates``.
         t : time at the start, s (the periodic loads' phase).
 
+        Returns
+        -------
+        The motion with the derivatives of its end.
+
         Raises
         ------
         WorkExceeded : too many events (chattering).

@@ -261,6 +261,10 @@ def sensitivity(
     log : the motion's segments and events.
     end : (N,) its last state.
     changes : (P,) what each parameter changes.
+
+    Returns
+    -------
+    The end, its time derivative, and its derivatives.
     """
     N, contacts, passed = flow.size, flow.system.contacts, _along(flow, outputs, log, changes)
     phases = [flow.states[number].phases for number in log.state]

@@ -39,7 +39,18 @@ def carriers(frequency_hz: Floats) -> Floats:
 
 
 def under_windows(flow: ExactFlow, loads: SweptLoads, windows: SweepWindows, carrier: float) -> ExactFlow:
-    """A flow under other windows of the sweep; what is known of its contact states is kept."""
+    """A flow under other windows of the sweep; what is known of its contact states is kept.
+
+    Parameters
+    ----------
+    flow : under some windows.
+    loads : under given windows.
+    windows, carrier : the others, and their carrier, rad/s.
+
+    Returns
+    -------
+    The flow over the duration of the windows.
+    """
     forcing, observers = loads(windows, carrier)
     return flow.under(forcing, observers, windows.duration)
 

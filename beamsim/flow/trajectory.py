@@ -72,18 +72,15 @@ class Trajectory:
         kept = max(int(np.argmin(finite)) - 1, 0)  # its end is where the next one starts
         if finite[-1] and finite.all():
             return self
-        end = float(self.time[kept])
-        before = self.event_time < end
-        kept_segments = slice(0, max(kept, 1))
+        end, outcome = float(self.time[kept]), Outcome.of(OutcomeCode.NOT_FINITE, time=float(self.time[kept]))
+        part = self.only(slice(0, max(kept, 1)))._with_events_before(end)
+        return replace(part, end=end, length=part.length * (kept > 0), final_y=self.y[kept], outcome=outcome)
+
+    def _with_events_before(self, end: float) -> Trajectory:
+        early = self.event_time < end
         return replace(
-            self,
-            end=end,
-            time=self.time[kept_segments], length=self.length[kept_segments] * (kept > 0),
-            state=self.state[kept_segments], piece=self.piece[kept_segments], y=self.y[kept_segments],
-            event_time=self.event_time[before], event_contact=self.event_contact[before],
-            event_phase=self.event_phase[before],
-            final_y=self.y[kept],
-            outcome=Outcome.of(OutcomeCode.NOT_FINITE, time=end),
+            self, event_time=self.event_time[early], event_contact=self.event_contact[early],
+            event_phase=self.event_phase[early],
         )  # fmt: skip
 
     def sample(self, times: Floats, output_of: OutputOf) -> Floats:
@@ -162,26 +159,20 @@ class Trajectory:
 
     def until(self, end: float) -> Trajectory:
         """The motion up to a time."""
-        kept = max(1, int(np.searchsorted(self.time, end)))
-        early = self.event_time < end
+        part = self.only(slice(0, max(1, int(np.searchsorted(self.time, end)))))._with_events_before(end)
         return replace(
-            self, end=min(end, self.end), time=self.time[:kept], state=self.state[:kept], piece=self.piece[:kept],
-            length=np.clip(end - self.time[:kept], 0.0, self.length[:kept]), y=self.y[:kept],
-            event_time=self.event_time[early], event_contact=self.event_contact[early],
-            event_phase=self.event_phase[early], final_y=self.states_at(np.array([min(end, self.end)]))[0],
+            part, end=min(end, self.end), length=np.clip(end - part.time, 0.0, part.length),
+            final_y=self.states_at(np.array([min(end, self.end)]))[0],
         )  # fmt: skip
 
     def within(self, begin: float, end: float) -> Trajectory:
         """The segments of a part of the motion; the first begins at or before ``begin``, the last ends at ``end``."""
         first = max(int(np.searchsorted(self.time, begin, side="right")) - 1, 0)
         last = max(int(np.searchsorted(self.time, end, side="right")), first + 1)
-        part = slice(first, last)
-        length = self.length[part].copy()
-        length[-1] = min(length[-1], max(end - float(self.time[last - 1]), 0.0))
-        return replace(
-            self, end=min(end, self.end), time=self.time[part], length=length, state=self.state[part],
-            piece=self.piece[part], y=self.y[part],
-        )  # fmt: skip
+        part = self.only(slice(first, last))
+        length = part.length.copy()
+        length[-1] = min(length[-1], max(end - float(part.time[-1]), 0.0))
+        return replace(part, end=min(end, self.end), length=length)
 
     def between(self, begin: float, end: float) -> Trajectory:
         """The same, whose first segment begins at ``begin``."""
@@ -219,12 +210,12 @@ class Trajectory:
         visited, state = np.unique(self.state[segments], return_inverse=True)
         last = segments.stop >= self.state.size
         return replace(
-            self, flow=self.flow.holding(visited), state=state, time=self.time[segments], length=self.length[segments],
-            piece=self.piece[segments], y=self.y[segments], end=self.end if last else float(self.time[segments.stop]),
+            self.only(segments), flow=self.flow.holding(visited), state=state,
+            end=self.end if last else float(self.time[segments.stop]),
             final_y=self.final_y if last else self.y[segments.stop],
         )  # fmt: skip
 
-    def only(self, segments: Ints) -> Trajectory:
+    def only(self, segments: Ints | slice) -> Trajectory:
         """Some of the segments, in order; times are those of the whole motion."""
         return replace(
             self, time=self.time[segments], length=self.length[segments], state=self.state[segments],
@@ -392,7 +383,17 @@ class Trajectory:
         return np.asarray(values[1:] - values[0], dtype=float)
 
     def segment_integrals(self, left_of: OutputOf, right_of: OutputOf, weight: Floats) -> Floats:
-        """(S, Q) integrals over each segment of sums of products of outputs, see `product_integrals`."""
+        """Integrals over each segment of sums of products of K outputs.
+
+        Parameters
+        ----------
+        left_of, right_of : the factors.
+        weight : (K, Q) of the products in the sums.
+
+        Returns
+        -------
+        (S, Q) integrals of ``sum_k weight[k, q] left_k right_k``.
+        """
         return np.concatenate([
             part._products(np.arange(part.time.size), part.length, left_of, right_of, weight) for part in self.parts()
         ])  # fmt: skip
@@ -447,9 +448,18 @@ class Trajectory:
         return 4.0 * float(np.finfo(float).eps) * abs(self.end)
 
     def outputs(self, state: ContactState, segments: Ints, table: Complexes) -> SegmentOutputs:
-        """Outputs of coefficients (T, K) on segments of one contact state.
+        """Outputs on segments of one contact state.
 
         Powers of time have far more terms than basis functions, which are summed; else the terms are as few.
+
+        Parameters
+        ----------
+        state, segments : the contact state, and numbers (n,) of segments in it.
+        table : (T, K) coefficients of the terms in the outputs.
+
+        Returns
+        -------
+        K outputs on n segments.
         """
         if not state.exponential:
             return state.unit_outputs(table).combined(self._sources(state, segments))

@@ -73,6 +73,10 @@ def motion_of(flow: ExactFlow, motion: Motion, log: Log, march: March) -> Trajec
     flow, motion : the motion after the march.
     log : its segments and events.
     march : how it ended, and what it took.
+
+    Returns
+    -------
+    The motion up to its end, or up to where it leaves the range of floating-point numbers.
     """
     if not log.time.size:  # out of budget within the first segment: at least the start is known
         one = np.zeros(1, dtype=np.int64)
