@@ -266,14 +266,13 @@ def sensitivity(
     -------
     The end, its time derivative, and its derivatives.
     """
-    N, contacts, passed = flow.size, flow.system.contacts, _along(flow, outputs, log, changes)
+    N, passed = flow.size, _along(flow, outputs, log, changes)
     phases = [flow.states[number].phases for number in log.state]
-    S, event = np.eye(N, N + len(changes)), 0
-    dt = np.zeros(S.shape[1])
-    if contacts.jointly_acting:
-        at_start = log.time[:1]
-        begun, v = [each.begun(phases[0]) for each in changes], np.append(log.y[0], flow.inputs_at(at_start)[0, 0])
-        S = _derivative(outputs.begun(phases[0]), begun, v, _above(S, [each.inputs(at_start)[0] for each in changes]))
+    first, start = phases[0], log.time[:1]
+    begun, v = [each.begun(first) for each in changes], np.append(log.y[0], flow.inputs_at(start)[0, 0])
+    S = _above(np.eye(N, N + len(changes)), [each.inputs(start)[0] for each in changes])
+    S = _derivative(outputs.begun(first), begun, v, S)
+    dt, event = np.zeros(S.shape[1]), 0
     for g, number in enumerate(log.state):
         S = flow.states[number].transition(float(log.length[g])) @ S
         S[:, N:] += passed.response[g].T
@@ -294,8 +293,6 @@ def sensitivity(
     last, v, moving = phases[-1], passed.v[-1].copy(), passed.moving[-1].copy()
     v[:N] = end
     moving[:N] = outputs.rates(last) @ v
-    if not contacts.kept(last)[0].size:
-        return MotionDerivative(end, moving[:N], S)
     kept = outputs.kept(last)
     S = _derivative(kept, [each.kept(last) for each in changes], v, _above(S, passed.moved[:, -1]))
     return MotionDerivative(kept @ v, kept @ moving, S)

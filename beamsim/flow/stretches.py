@@ -61,7 +61,8 @@ class MotionInStretches(March):
         motion, self._begun = start(flow, initial_state)
         self._first_phases = flow.visited[int(flow.visits(np.array([motion.state]))[0])]
         self._checkpoints, self._motion = [motion.copy()], motion
-        self._durations: list[tuple[float, Floats]] = []  # of each stretch its end and, (visited,), s in contact states
+        none = np.zeros(flow.system.contacts.count)
+        self._shares: list[tuple[float, float, Floats]] = [(0.0, 0.0, none)]  # end, s, length, s, and (m,) in contact
         self._events: list[Log] = []
         self._latest: Trajectory | None = None
         self.processor_time_s = clock.process_time() - begin
@@ -104,7 +105,7 @@ class MotionInStretches(March):
         if not stretch.outcome.complete:
             motion.time = stretch.end
         self._events.append(_events_of(stretch))
-        self._durations.append((stretch.end, np.bincount(stretch.state, stretch.length).astype(float)))
+        self._shares.append((stretch.end, float(stretch.length.sum()), stretch.contact_share()))
         return stretch
 
     def _on_pieces(self, first: int, last: int) -> ExactFlow:
@@ -119,7 +120,7 @@ class MotionInStretches(March):
         kept = [point for point in self._checkpoints if point.time <= end]
         self._checkpoints, self._motion = kept, kept[-1].copy()
         self._events = [_before(part, end) for part in self._events]
-        self._durations = [(at, durations) for at, durations in self._durations if at <= end]
+        self._shares = [part for part in self._shares if part[0] <= end]
         self._latest = None
         self.outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=self.end, unit="s")
 
@@ -201,12 +202,8 @@ class MotionInStretches(March):
 
     def contact_share(self) -> Floats:
         """(m,) share of the time during which each contact touches."""
-        flags = self.flow.system.contacts.touching(np.array(self.flow.visited, dtype=np.int64)).astype(float)
-        total = sum((float(durations.sum()) for _, durations in self._durations), 0.0)
-        in_contact = np.zeros(flags.shape[1])
-        for _, durations in self._durations:
-            in_contact += durations @ flags[: durations.size]
-        return in_contact / total if total > 0 else in_contact
+        _, length, share = (np.array(column) for column in zip(*self._shares, strict=True))
+        return np.asarray(length @ share / max(length.sum(), np.finfo(float).tiny))
 
 
 def _events_of(stretch: Trajectory) -> Log:

@@ -69,13 +69,9 @@ class VariationalFlow(PeriodicFlow):
         """The state after ``duration``, with its derivatives; see :class:`beamsim.flow.periodic_flow.PeriodicFlow`."""
         self._carried[0] += 1
         exact = self.exact
-        phases, _, begun = exact.begin(start, t)
-        if self.system.contacts.jointly_acting:
-            inputs = exact.inputs_at(np.array([t]))[0, 0]
-            begun = self._outputs.begun(phases) @ np.concatenate([begun, inputs])
-        else:
-            begun = start
-        motion = Motion(begun.copy(), exact.state_index(phases), time=t)
+        phases = exact.begin(start, t).phases
+        begun = self._outputs.begun(phases) @ np.append(start, exact.inputs_at(np.array([t]))[0, 0])
+        motion = Motion(begun, exact.state_index(phases), time=t)
         march = March(max_events=65_536, max_evaluations=20_000_000)
         log = march.on(exact, motion, t + duration)
         check_finite(motion.y)
