@@ -20,11 +20,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, MutableMapping
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.flow.passage import Passage, PeriodicForcing
@@ -40,9 +41,6 @@ from beamsim.orbits.harmonic_motion import HarmonicMotion
 from beamsim.orbits.shooting import STABLE, ForcedOrbits
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.contacts.equilibrium import CubicSprings
 
 Finder = Callable[[ForcedOrbits], BranchPoint | None]
 
