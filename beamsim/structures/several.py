@@ -134,7 +134,10 @@ def _carried(body: BodyStructure) -> float:
         if count >= body.size:
             return np.inf
         high *= 2
-    carried = bisect(lambda omega: body.frequency_count(omega) - most - 0.5, 0.0, high, xtol=1e-12 * high)
+    # the count is a bound: at zero it may be above the number of modes there, none
+    carried = bisect(
+        lambda omega: (body.frequency_count(omega) if omega > 0.0 else 0) - most - 0.5, 0.0, high, xtol=1e-12 * high
+    )
     return float(carried) * (1 - 1e-11) * body.frequency_scale
 
 

@@ -48,6 +48,14 @@ def span_frequencies(roots, length):
     return np.asarray(roots) ** 2 * np.sqrt(EI / MASS) / (2 * np.pi * length**2)
 
 
+def test_modes_that_beams_of_one_element_carry():
+    """The bound on the modes of such a beam is above their number even at a frequency of zero."""
+    bodies = {"one": beam(0.5, 1, "clamped"), "two": beam(0.5, 1)}
+    joints = [{"kind": "rigid", "between": [at("one", "100 %"), at("two", "0 %")]}]
+    structure = assemble(load_scenario(joined(bodies, joints)))
+    assert structure.most_modes >= structure.size // 2
+
+
 @pytest.mark.parametrize("modes", ["all", 6])
 def test_beam_cut_in_two_and_joined_rigidly_is_the_same(modes):
     damping = {"damping": {"kind": "modal", "ratio": [0.02, 0.01]}}
