@@ -182,6 +182,12 @@ class ContactState:
         free = y - (given @ self.forced_at_start).real
         return np.concatenate([given, free @ self.projector.T], axis=1)
 
+    def amplitude_noise(self, given: Complexes, y: Floats) -> Floats:
+        """(n, F + Z) round-off of the amplitudes, given (n, F) at states (n, N): that of the free motions counts."""
+        parts = np.abs(y) + np.abs(given) @ np.abs(self.forced_at_start)
+        of_free = np.finfo(float).eps * parts @ np.abs(self.projector.T)
+        return np.concatenate([np.zeros(given.shape), of_free], axis=1)
+
     def roughness(self, output: LinearOutput, coefficients: Complexes) -> Floats:
         """(T, k) bound on the parts of each term's coefficient before they cancel.
 

@@ -36,7 +36,8 @@ def polynomials(values: Floats, start: Floats, length: Floats) -> Waves:
     table = (_POWERS.T @ coefficient) * half[:, None, None] ** -number[:, None]
     return Waves(
         np.zeros(NODES + 1, dtype=complex), number, number, np.zeros_like(number), table.astype(complex),
-        lambda rows: np.ones((rows.size, 1), dtype=complex), start + half, half, -np.ones(steps), np.ones(steps),
+        lambda rows: (np.ones((rows.size, 1), dtype=complex), np.zeros((rows.size, 1))), start + half, half,
+        -np.ones(steps), np.ones(steps),
         np.zeros(steps, dtype=np.int64),
     )  # fmt: skip
 

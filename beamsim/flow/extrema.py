@@ -52,7 +52,7 @@ class Waves:
     basis: Ints  # (T,) function of each term
     source: Ints  # (T,) amplitude of each term
     table: Complexes  # (T, K) coefficients of the outputs, or (n, T, K)
-    amplitudes: Callable[[Ints], Complexes]  # (m, Z) on some of the n parts
+    amplitudes: Callable[[Ints], tuple[Complexes, Floats]]  # (m, Z) on some of the n parts, and their round-off
     time: Floats  # (n,) s, of the segments
     length: Floats  # (n,) s, of the segments
     begin: Floats  # (n,) of the parts, as a share of the segments
@@ -64,16 +64,17 @@ class Waves:
         rate = self.exponent * self.length[rows, None]
         return np.where(rate.real < GROWTH, rate, 0.0)
 
-    def coefficients(self, rows: Ints) -> Complexes:
-        """(m, T) amplitudes of the terms on some segments, for times as shares of these."""
+    def coefficients(self, rows: Ints) -> tuple[Complexes, Floats]:
+        """(m, T) amplitudes of the terms on some segments, for times as shares of these, and their round-off."""
         scale = self.length[rows, None] ** self.power if self.power.any() else np.ones((1, self.power.size))
-        return np.asarray(self.amplitudes(rows)[:, self.source] * scale[:, self.basis])
+        amplitude, noise = self.amplitudes(rows)
+        return amplitude[:, self.source] * scale[:, self.basis], noise[:, self.source] * scale[:, self.basis]
 
     def sums(self, rows: Ints, different: Ints, interval: Ints) -> _Sums:
         """All outputs on some parts, of which those named are different in length, and which of them each is like."""
         rate, table = self.rates(rows[different]), self.table if self.table.ndim == 2 else self.table[rows]
         power = np.broadcast_to(self.power, rate.shape)
-        return _Sums(rate, power, interval, self.basis, self.coefficients(rows), table)
+        return _Sums(rate, power, interval, self.basis, *self.coefficients(rows), table, np.abs(table))
 
     def at_ends(self) -> Floats:
         """(n, 2) the only output where the parts begin and end, limits from within."""
@@ -81,15 +82,17 @@ class Waves:
         sums = self.sums(rows, rows, rows)
         return np.stack([sums.at(rows, self.begin), sums.at(rows, self.end)], axis=1)
 
-    def one_each(self, rows: Ints, columns: Ints) -> Complexes:
-        """(m, B, c) coefficients of the functions in some outputs (m, c) on each of some parts."""
+    def one_each(self, rows: Ints, columns: Ints) -> tuple[Complexes, Floats]:
+        """(m, B, c) coefficients of the functions in some outputs (m, c) on each of some parts, and their round-off."""
         if self.table.ndim == 2:
             table = self.table.T[columns].transpose(0, 2, 1)
         else:
             table = np.take_along_axis(self.table[rows], columns[:, None], axis=2)
-        out = np.zeros((rows.size, self.power.size, columns.shape[1]), dtype=complex)
-        np.add.at(out.swapaxes(0, 1), self.basis, (self.coefficients(rows)[:, :, None] * table).swapaxes(0, 1))
-        return out
+        shape, (amplitude, noise) = (self.power.size, rows.size, columns.shape[1]), self.coefficients(rows)
+        out, round_off = np.zeros(shape, dtype=complex), np.zeros(shape)
+        np.add.at(out, self.basis, (amplitude[:, :, None] * table).swapaxes(0, 1))
+        np.add.at(round_off, self.basis, (noise[:, :, None] * np.abs(table)).swapaxes(0, 1))
+        return out.swapaxes(0, 1), round_off.swapaxes(0, 1)
 
     def blocks(self, values: int) -> Iterator[Ints]:
         """Some of the parts after the other, of which each takes so many values."""
@@ -118,7 +121,9 @@ class _Sums(NamedTuple):
     interval: Ints | slice  # (n,) of these
     basis: Ints  # (T,) function of each term
     amplitude: Complexes  # (n, T), or (1, 1)
+    noise: Floats  # of the amplitudes
     table: Complexes  # (T, k), or (n, T, k)
+    sizes: Floats  # that the noise is multiplied by
 
     def of(self, functions: Complexes) -> Floats:
         """(n, points, k) from functions (U, points, B)."""
@@ -131,6 +136,27 @@ class _Sums(NamedTuple):
         return _product(
             sizes[self.interval].take(self.basis, axis=2) * np.abs(self.amplitude)[:, None], np.abs(self.table)
         )
+
+    def chords(self, u: Floats) -> tuple[Floats, Floats, Floats]:
+        """(n, 2, k) values at both ends of parts (U, 2), (n, k) how far they may be from the chords, and round-off.
+
+        A term leaves its chord by less than an eighth of its largest curvature, and by less than twice its size.
+        """
+        rate, power = self.rate[:, None], self.power[:, None]
+        far_end, step = np.abs(u).max(axis=1)[:, None, None], np.diff(u)[:, :, None]
+        raised = _raised(u, self.power)
+        size = np.exp(rate.real * u[:, :, None]).max(axis=1, keepdims=True) * _raised(far_end[:, :, 0], self.power)
+        share = step / np.where(far_end > 0.0, far_end, 1.0)
+        curve = derivative_bound(2, np.abs(rate) * step, power, share)
+        beyond = self.bound(size * np.minimum(0.125 * curve, 2.0))
+        ends = self.of(np.asarray(np.exp(rate * u[:, :, None]) * raised, dtype=complex))
+        return ends, beyond[:, 0], self.round_off(size, far_end)[:, 0]
+
+    def round_off(self, size: Floats, far_end: Floats) -> Floats:
+        """(n, 1, k) that of the functions of time of some sizes (U, 1, B), and of the amplitudes."""
+        cancelling = 8.0 + self.power[:, None] + np.abs(self.rate)[:, None] * far_end
+        of_amplitudes = size[self.interval].take(self.basis, axis=2) * self.noise[:, None]
+        return self.bound(4.0 * EPS * cancelling * size) + _product(of_amplitudes, self.sizes)
 
     def at(self, row: Ints, u: Floats) -> Floats:
         """(m,) those of some rows (m,), of one output each, at one time u (m,) each."""
@@ -168,6 +194,20 @@ class _Squares(NamedTuple):
         """(..., j) Euclidean lengths."""
         return np.sqrt(self.added(x * x))
 
+    def chords(self, ends: Floats, beyond: Floats, noise: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Half the sums of squares at both ends (n, 2, j), bounds on them (n, j) from below and above, and round-off.
+
+        Parameters
+        ----------
+        ends, beyond, noise : of the outputs, see `_Sums.chords`.
+        """
+        length, beyond, noise = self.length(ends), self.length(beyond), self.length(noise)
+        apart = self.length(ends[:, 1] - ends[:, 0])
+        # the chord in the space of the outputs comes no nearer to zero than this
+        low = np.maximum(0.5 * (length.sum(axis=1) - apart) - beyond, 0.0)
+        high = length.max(axis=1) + beyond
+        return 0.5 * length**2, 0.5 * low**2, 0.5 * high**2, noise * (high + 0.5 * noise)
+
 
 class _Look(NamedTuple):
     """What the ends of the parts of n intervals tell about j functions; derivatives are in units of the parts."""
@@ -192,8 +232,7 @@ class _Look(NamedTuple):
         if power.any():
             rise = rise * _raised(u, sums.power) + power * _raised(u, np.maximum(sums.power - 1, 0)) * terms
             terms, size = terms * _raised(u, sums.power), size * _raised(far_end, sums.power)
-        cancelling = 8.0 + power + angle * far_end.max(axis=1)[:, None, None]
-        noise = sums.bound(4.0 * EPS * cancelling * size.max(axis=1, keepdims=True))
+        noise = sums.round_off(size.max(axis=1, keepdims=True), far_end.max(axis=1)[:, None, None])
         whole, aside = sums.of(terms), np.zeros((1, 1, 1))
         turn, share = angle * step, step / np.where(far_end > 0.0, far_end, 1.0)[:, :, None]
         far = angle * step.max(axis=1, keepdims=True) > FARTHEST
@@ -366,18 +405,29 @@ class Search:
         np.fmax.at(self.top, self.shared[key], value)
 
     def _first_look(self, number: int, wave: Waves) -> Iterator[_Intervals]:
-        """At all outputs on all parts of segments."""
-        turn = float(np.abs(wave.exponent).max(initial=0.0)) * float(wave.length.max(initial=0.0))
-        parts = int(min(max(math.ceil(turn / FARTHEST), 1), PARTS))
-        for rows in wave.blocks((parts + 1) * max(2 * wave.power.size, wave.table.shape[-1])):
+        """At all outputs at both ends of parts of segments: most parts can be left out by their chords."""
+        for rows in wave.blocks(2 * max(2 * wave.power.size, wave.table.shape[-1])):
             different, interval = _different(wave.length[rows], wave.begin[rows], wave.end[rows])
-            begin, end = wave.begin[rows[different], None], wave.end[rows[different], None]
+            u = np.stack([wave.begin[rows], wave.end[rows]], axis=1)
             sums = wave.sums(rows, different, interval)
-            look = _Look.at(sums, begin + (end - begin) * np.linspace(0.0, 1.0, parts + 1), self.squares)
-            time = wave.time[rows, None] + wave.length[rows, None] * look.u
-            for windows in (0, self.windows):
+            ends, beyond, noise = sums.chords(u[different])
+            time = wave.time[rows, None] + wave.length[rows, None] * u
+            low, high = ends.min(axis=1) - beyond, ends.max(axis=1) + beyond
+            if self.squares is not None:
+                ends, low, high, noise = self.squares.chords(ends, beyond, noise)
+            self.evaluations += ends.size
+            for windows, sign, bound in ((0, 1.0, high), (self.windows, -1.0, -low)):
                 key = self.outputs * (windows + wave.window[rows, None]) + np.arange(self.outputs)
-                yield self._left(sums, look, key, time, np.full(rows.size, number), rows)
+                reached, last = sign * ends, sign * (ends[:, 1] - ends[:, 0]) > 0.0
+                most = np.where(last, reached[:, 1], reached[:, 0])
+                self._reach(key.ravel(), most.ravel(), np.where(last, time[:, 1:], time[:, :1]).ravel())
+                limit = self._limit(key, most) if self.turns is None else np.full(key.shape, -np.inf)
+                row, column = np.nonzero(bound - noise > limit)
+                begin, end = u[row].T
+                yield _Intervals(
+                    np.full(row.size, number), rows[row], key[row, column], begin, end - begin,
+                    (bound - noise)[row, column], most[row, column], np.full(row.size, np.nan),
+                )  # fmt: skip
 
     def _refine(self, waves: Sequence[Waves], intervals: _Intervals) -> None:
         """Divide intervals until none may hold more than what is known."""
@@ -406,6 +456,7 @@ class Search:
             ends = np.append(self.squares.first[1:], waves[0].table.shape[-1])
             columns = self.squares.first[output, None] + np.arange((ends - self.squares.first)[output].max())
         table = np.zeros((of.key.size, functions, columns.shape[1]), dtype=complex)
+        noise = np.zeros(table.shape)
         time, length = np.empty((2, of.key.size))
         different, interval = _different(of.wave, of.row, of.begin, of.length, np.nan_to_num(of.top))
         rate, power = (
@@ -417,10 +468,13 @@ class Search:
             own, some = slice(0, wave.power.size), np.flatnonzero(of.wave[different] == number)
             time[at], length[at] = wave.time[of.row[at]], wave.length[of.row[at]]
             rate[some, own], power[some, own] = wave.rates(of.row[different[some]]), wave.power
-            table[at, own] = wave.one_each(of.row[at], np.minimum(columns[at], wave.table.shape[-1] - 1))
+            table[at, own], noise[at, own] = wave.one_each(
+                of.row[at], np.minimum(columns[at], wave.table.shape[-1] - 1)
+            )
         if self.squares is not None:
             table *= (columns < ends[output, None])[:, None]
-        sums = _Sums(rate, power, interval, np.arange(functions), np.ones((1, 1), dtype=complex), table)
+        one = np.ones((1, 1))
+        sums = _Sums(rate, power, interval, np.arange(functions), one.astype(complex), one, table, noise)
         return sums, of.some(different).divided(), time, length
 
     def _left(self, sums: _Sums, look: _Look, key: Ints, time: Floats, wave: Ints, rows: Ints) -> _Intervals:

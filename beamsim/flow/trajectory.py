@@ -318,13 +318,15 @@ class Trajectory:
         for number in visited_states(of_state):
             state, parts = self.flow.states[number], np.flatnonzero(of_state == number)
 
-            def amplitude(rows: Ints, of: Ints = segment[parts], state: ContactState = state) -> Complexes:
-                given = self.flow.sources.amplitudes_at(self.time[of[rows]], self.piece[of[rows]])
-                return state.amplitudes(given, self.y[of[rows]]) / scale
+            def amplitudes(
+                rows: Ints, of: Ints = segment[parts], state: ContactState = state
+            ) -> tuple[Complexes, Floats]:
+                given, y = self.flow.sources.amplitudes_at(self.time[of[rows]], self.piece[of[rows]]), self.y[of[rows]]
+                return state.amplitudes(given, y) / scale, state.amplitude_noise(given, y) / scale
 
             table = state.coefficients(output_of(state.phases), self.flow.sources)
             waves.append(Waves(
-                state.exponent, state.power, state.term_basis, state.term_source, table, amplitude,
+                state.exponent, state.power, state.term_basis, state.term_source, table, amplitudes,
                 self.time[segment[parts]], self.equal_lengths[segment[parts]], begin[parts], end[parts], window[parts],
             ))  # fmt: skip
         return waves

@@ -174,8 +174,8 @@ def test_sums_of_any_terms(seed, frequency, decay, ratio, squares):
     table, number = rng.normal(size=(8, outputs)) + 0j, np.arange(8)
     length, time = rng.uniform(0.2, 1.5, count), 10.0 * np.arange(count)
     waves = Waves(
-        exponent, power, number, number, table, lambda rows: amplitude[rows], time, length, np.zeros(count),
-        np.ones(count), np.zeros(count, dtype=np.int64),
+        exponent, power, number, number, table, lambda rows: (amplitude[rows], np.zeros(amplitude[rows].shape)), time,
+        length, np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64),
     )  # fmt: skip
     first = np.array([0, 1]) if squares else None
     search = Search.of(outputs, squares=first)
@@ -266,7 +266,7 @@ def waves_of(exponent, amplitude, length):
     number, one = np.arange(exponent.size), np.ones(1)
     return Waves(
         exponent, np.zeros_like(number), number, number, np.ones((exponent.size, 1), dtype=complex),
-        lambda rows: amplitude[rows], np.zeros(1), length * one, np.zeros(1), one,
+        lambda rows: (amplitude[rows], np.zeros(amplitude[rows].shape)), np.zeros(1), length * one, np.zeros(1), one,
         np.zeros(1, dtype=np.int64),
     )  # fmt: skip
 
