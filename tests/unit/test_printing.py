@@ -14,7 +14,7 @@ def test_rows_are_wrapped_in_a_terminal_alone(monkeypatch, capsys):
     print_table("case", ROWS)
     assert capsys.readouterr().out.splitlines()[1] == f"  peak force  {ROWS[0][1]}"
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((60, 24)))
+    monkeypatch.setattr("shutil.get_terminal_size", lambda *_, **__: os.terminal_size((60, 24)))
     print_table("case", ROWS)
     assert capsys.readouterr().out.splitlines() == [
         "case",
