@@ -112,13 +112,13 @@ def test_every_kind_of_result_has_a_report_in_one_file(name, tmp_path):
 
 def test_a_report_builds_the_model_once_and_marches_once(tmp_path, monkeypatch):
     """The sketch, the shapes of the animation and its motion come from one system."""
-    from beamsim.flow import transient
+    from beamsim.flow.march import March
     from beamsim.system import build
 
     built, marched = [], []
-    assemble, carry = build._build, transient.carry
+    assemble, on = build._build, March.on
     monkeypatch.setattr(build, "_build", lambda *parts: built.append(1) or assemble(*parts))
-    monkeypatch.setattr(transient, "carry", lambda *flow, **how: marched.append(1) or carry(*flow, **how))
+    monkeypatch.setattr(March, "on", lambda *motion: marched.append(1) or on(*motion))
     reported("run_chain", tmp_path)
     assert (len(built), len(marched)) == (1, 1)
 
