@@ -379,7 +379,7 @@ def _highest(work, G, j, sign, last, slack, best):  # type: ignore[no-untyped-de
                 for q in range(3):
                     start[q], end[q] = peaks.grid[3 * j + q, i], peaks.grid[3 * j + q, i + 1]
                 if _may_exceed(best + slack, sign, start, end, bounds, h):
-                    best = _climb(work, G, j, sign, times[i], times[i + 1], start, end, bounds, slack, best)
+                    best = _climb(work, G, j, sign, (times[i], times[i + 1], start, end), bounds, slack, best)
     return best
 
 
@@ -434,12 +434,14 @@ def _top(da, c, e):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _newton(work, G, j, sign, u, v, t, third, slack, best):  # type: ignore[no-untyped-def]
-    """The same where the curvature is negative from u to v, the slope positive at u and negative at v; t is a guess.
+def _newton(work, G, j, sign, places, third, slack, best):  # type: ignore[no-untyped-def]
+    """The same where the curvature is negative from u to v, the slope positive at u and negative at v.
+
+    ``places`` are u, v and a guess.
 
     ``third`` bounds the third derivative. Where it allows that, the parabola at a point gives the maximum.
     """
-    single = work.peaks.single
+    single, (u, v, t) = work.peaks.single, places
     for _ in range(60):
         if not (u < t < v):
             t = 0.5 * (u + v)
@@ -464,15 +466,15 @@ def _newton(work, G, j, sign, u, v, t, third, slack, best):  # type: ignore[no-u
 
 
 @kernel
-def _climb(work, G, j, sign, left, right, at_left, at_right, bounds, slack, best):  # type: ignore[no-untyped-def]
-    """Largest value of ``sign * output j`` between two points, at least ``best``, to within ``slack``.
+def _climb(work, G, j, sign, interval, bounds, slack, best):  # type: ignore[no-untyped-def]
+    """Largest value of ``sign * output j`` between two points, at least ``best``, to within ``slack``; ``interval`` are
+    both places, and value, slope and curvature there.
 
     An interval is cut where the cubic through its ends is highest, until it holds nothing higher or its curvature is
     negative throughout: then it has a single maximum.
     """
     single, stack = work.peaks.single, work.peaks.stack
-    stack[0, 0] = left
-    stack[0, 1] = right
+    stack[0, 0], stack[0, 1], at_left, at_right = interval
     for q in range(3):
         stack[0, 2 + q] = at_left[q]
         stack[0, 5 + q] = at_right[q]
@@ -489,7 +491,7 @@ def _climb(work, G, j, sign, left, right, at_left, at_right, bounds, slack, best
         if max(sign * start[2], sign * end[2]) + 0.125 * bounds[1] * h * h < 0.0:
             if sign * start[1] > 0.0 and sign * end[1] < 0.0:
                 third = abs(end[2] - start[2]) / h + bounds[1] * h
-                best = _newton(work, G, j, sign, a, b, t, third, slack, best)
+                best = _newton(work, G, j, sign, (a, b, t), third, slack, best)
             continue
         if not (a + 0.05 * h < t < b - 0.05 * h):
             t = 0.5 * (a + b)

@@ -157,8 +157,7 @@ def newton(
             return None
         Jw = J * scale / rs[:, None]
         off = float(row @ (w - start)) - ahead
-        # a guess is taken as it is only where it is as good as a step of Newton's method would make it; where branches
-        # cross, such a step may lead off the one that is followed
+        # a guess that a step would not better is taken as it is: where branches cross, a step may lead off the own one
         good = size <= (settings.tolerance if iteration else UNTOUCHED * settings.tolerance)
         # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
         good = good or (moved <= SETTLED and size <= STIFF * settings.tolerance)

@@ -222,11 +222,7 @@ def assemble_beam(
     pulling = np.array([each.stiffness for each in springs], dtype=float)
     dragging = np.array([each.dashpot for each in springs])
     factor = vstack([factor, csr_array(at_ends * np.sqrt(pulling / stiffness_scale)[:, None])], format="csr")
-    drags = [csr_array(at_ends * np.sqrt(dragging)[:, None])] if dragging.any() else []
-    if beam.damping is not None and beam.damping.kind == "viscous":
-        # xi * integral of N N^T dx; point masses left out
-        drags.append(deflected * np.sqrt(beam.damping.coefficient * length))
-    drag = sum((rows.T @ rows for rows in drags), csr_array((mesh.size, mesh.size))) if drags else None
+    drag = _drag(beam, deflected, csr_array(at_ends * np.sqrt(dragging)[:, None]))
     held = supported_dofs(*beam.supports.kinds, mesh.nodes.size)
     return BeamStructure(
         name=name,
@@ -238,6 +234,15 @@ def assemble_beam(
         line_mass=line_mass,
         **on_supports(mesh, (mass, factor, drag), held, at_ends[pulling > 0] @ mesh.rigid_motions),
     )
+
+
+def _drag(beam: BeamBody, deflected: Any, at_ends: Any) -> Any:
+    """Damping matrix of a beam by rows of its deflection and of the dashpots at its ends; None without damping."""
+    drags = [at_ends] if at_ends.nnz else []
+    if beam.damping is not None and beam.damping.kind == "viscous":
+        # xi * integral of N N^T dx; point masses left out
+        drags.append(deflected * np.sqrt(beam.damping.coefficient * beam.length))
+    return sum((rows.T @ rows for rows in drags[1:]), drags[0].T @ drags[0]) if drags else None
 
 
 def point_mass_rows(mesh: Mesh, beam: BeamBody) -> Any:

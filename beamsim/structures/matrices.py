@@ -321,8 +321,6 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     MatricesStructure
         On the rows that the base leaves and that have mass.
     """
-    from scipy.sparse import csc_array, identity
-
     remarks = list(given.remarks)
     held = _held_rows(given)
     size = len(given.table.dofs)
@@ -330,13 +328,8 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     if not free.size:
         raise MethodError("base", "holds every degree of freedom", "name the supported nodes alone")
     mass, stiffness = (matrix[free][:, free].tocsc() for matrix in (given.mass, given.stiffness))
-    massive, massless = massless_basis(mass, given.table.part(free))
-    if massless.shape[1] and free.size <= 4000:  # the modes of a larger model follow them anyhow
-        expansion = condensation(stiffness, massive, massless)
-        remarks.append(f"{massless.shape[1]} motions without mass follow the others statically")
-        share = np.asarray(abs(massless).max(axis=1).toarray()).ravel()
-    else:
-        expansion, share = csc_array(identity(free.size)), np.zeros(free.size)
+    expansion, share, condensed = _without_massless(mass, stiffness, given.table.part(free))
+    remarks += condensed
     reduced_mass, reduced_stiffness = (
         ((m + m.T) / 2).tocsc() for m in (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
     )
@@ -350,9 +343,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         remarks.append(f"{NOT_HELD}: {motions} without stiffness, largest at {', '.join(places)}")
     influence = base_influence(given, held, free, UPWARDS, firm=not rigid.shape[1])
     inertia, ground = _base_forces(given, held, free, influence)
-    viscous = None if given.damping is None else given.damping[free][:, free].tocsc()
-    if viscous is not None:
-        viscous = (expansion.T @ viscous @ expansion).tocsc()
+    viscous = None if given.damping is None else (expansion.T @ given.damping[free][:, free] @ expansion).tocsc()
     mass_scale = float(np.mean(reduced_mass.diagonal()))
     stiffness_scale = mass_scale * flexible**2 if flexible else 1.0
     rigid = rigid * np.sqrt(mass_scale)
@@ -379,6 +370,19 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         order=order,
         notes=tuple(remarks),
     )
+
+
+def _without_massless(mass: Any, stiffness: Any, table: DofTable) -> tuple[Any, Floats, list[str]]:
+    """(N, n) motions of all rows for those that have mass, (N,) share of motions without in each row, and remarks."""
+    from scipy.sparse import csc_array, identity
+
+    massive, massless = massless_basis(mass, table)
+    size, count = massless.shape
+    if not count or size > 4000:  # the modes of a larger model follow them anyhow
+        return csc_array(identity(size)), np.zeros(size), []
+    share = np.asarray(abs(massless).max(axis=1).toarray()).ravel()
+    remark = f"{count} motions without mass follow the others statically"
+    return condensation(stiffness, massive, massless), share, [remark]
 
 
 def _largest_at(table: DofTable, motion: Floats) -> str:

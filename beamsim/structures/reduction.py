@@ -103,22 +103,17 @@ def reduce_model(
     """
     if model.parts:
         counts = [None] * len(model.parts) if count is None else _counts(model, count)
-        return _direct_sum(
-            model,
-            [
+        physical = None if highest_frequency is None else highest_frequency * model.frequency_scale
+        of_parts = []
+        for part, part_count in zip(model.parts, counts, strict=True):
+            own, of_part = part.structure, _own_patterns(model, part, patterns)
+            highest = None if physical is None else physical / own.frequency_scale
+            of_parts.append(
                 reduce_model(
-                    part.structure,
-                    _own_patterns(model, part, patterns),
-                    count=part_count,
-                    highest_frequency=None
-                    if highest_frequency is None
-                    else highest_frequency * model.frequency_scale / part.structure.frequency_scale,
-                    default=default,
-                    least=max(least, mode),
+                    own, of_part, count=part_count, highest_frequency=highest, default=default, least=max(least, mode)
                 )
-                for part, part_count in zip(model.parts, counts, strict=True)
-            ],
-        )
+            )
+        return _direct_sum(model, of_parts)
     rigid = model.rigid.shape[1]
     if default and model.most_modes is None:
         return _with_static_vectors(model, natural_modes(model), (), None)
