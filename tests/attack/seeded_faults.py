@@ -43,8 +43,8 @@ SEEDED = {
     ),
     "only the first contact is watched": (
         SEARCH,
-        "    step, hit = longest, NO_EVENT\n    for j in range(guards.count):",
-        "    step, hit = longest, NO_EVENT\n    for j in range(min(1, guards.count)):",
+        "    step, hit = reach - tau, NO_EVENT\n    for j in range(guards.count):",
+        "    step, hit = reach - tau, NO_EVENT\n    for j in range(min(1, guards.count)):",
     ),
     "released faces start from the wrong side": (
         KERNELS,

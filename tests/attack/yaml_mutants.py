@@ -1,8 +1,8 @@
 """Mutated scenario files against the command line: exit code 0, 2 or 3, never a traceback, never a hang.
 
 A mutant is a shipped config with one to three changes of its tree or its text. The commands run inside a worker
-process, with an alarm that interrupts after `PATIENCE` seconds as Ctrl-C does, and again every second: Python drops an
-exception that is raised while a callback of the compiler runs. What an alarm ends with code 130 was long work that was
+process, interrupted after `PATIENCE` seconds of processor time as by Ctrl-C, and again every second: Python drops an
+exception that is raised while a callback of the compiler runs. What is ended with code 130 was long work that was
 asked for. A mutant that takes more than `HANG` seconds of processor time is a hang; so is a worker that gives no answer
 within `SILENCE` seconds on the clock, which on a busy machine are much less work. It is killed and another one goes on.
 """
@@ -21,7 +21,7 @@ from workers import Worker, invoke
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 COMMANDS = {"run": "run", "sweep": "sweep", "vary": "sweep", "nnm": "nnm", "identify_stiffness": "identify-stiffness"}
-PATIENCE = 4.0
+PATIENCE = 12.0
 HANG, SILENCE = 20.0, 120.0
 WARMING = (
     ("run", "one_sided_45hz"),
@@ -239,23 +239,23 @@ def execute(command, text, folder):
 
 
 def _work(connection):
-    """A worker: executes what it is sent; an alarm interrupts as Ctrl-C does."""
+    """A worker: executes what it is sent; after some processor time it is interrupted as by Ctrl-C."""
 
     def interrupt(*_):
         signal.raise_signal(signal.SIGINT)
 
-    signal.signal(signal.SIGALRM, interrupt)
+    signal.signal(signal.SIGPROF, interrupt)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     while True:
         command, text, patience = connection.recv()
         with tempfile.TemporaryDirectory() as folder:
             begin = time.process_time()
             try:
-                signal.setitimer(signal.ITIMER_REAL, patience, 1.0)
+                signal.setitimer(signal.ITIMER_PROF, patience, 1.0)
                 try:
                     answer = execute(command, text, folder)
                 finally:
-                    signal.setitimer(signal.ITIMER_REAL, 0)
+                    signal.setitimer(signal.ITIMER_PROF, 0)
             except KeyboardInterrupt:
                 answer = 130, "", False
         seconds = time.process_time() - begin
