@@ -105,7 +105,8 @@ class SampledRecord:
 
     def rms(self) -> float:
         """Of the samples."""
-        return float(np.sqrt(np.mean(self.x**2)))
+        size = float(np.abs(self.x).max(initial=0.0))  # a motion without bound has squares beyond all numbers
+        return size * float(np.sqrt(np.mean((self.x / size) ** 2))) if size else 0.0
 
 
 @dataclass(frozen=True)
