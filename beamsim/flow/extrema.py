@@ -137,26 +137,39 @@ class _Sums(NamedTuple):
             sizes[self.interval].take(self.basis, axis=2) * np.abs(self.amplitude)[:, None], np.abs(self.table)
         )
 
+    def on_parts(self, u: Floats) -> tuple[Complexes, Floats, Floats, Floats, Floats]:
+        """What the functions are on parts with ends u (U, parts + 1).
+
+        Returns
+        -------
+        exponentials, raised : (U, parts + 1, B) whose products are the values of the functions at the ends.
+        size : (U, parts, B) the most that they are on each part.
+        turn : (U, parts, B) how far they turn there, rad.
+        share : (U, parts, 1) each part over its end that is farthest from zero.
+        """
+        rate, step = self.rate[:, None], np.diff(u)[:, :, None]
+        far_end = np.maximum(np.abs(u[:, 1:]), np.abs(u[:, :-1]))
+        size = np.exp(rate.real * u[:, :, None])
+        size = np.maximum(size[:, 1:], size[:, :-1]) * _raised(far_end, self.power)
+        share = step / np.where(far_end > 0.0, far_end, 1.0)[:, :, None]
+        return np.exp(rate * u[:, :, None]), _raised(u, self.power), size, np.abs(rate) * step, share
+
     def chords(self, u: Floats) -> tuple[Floats, Floats, Floats]:
         """(n, 2, k) values at both ends of parts (U, 2), (n, k) how far they may be from the chords, and round-off.
 
         A term leaves its chord by less than an eighth of its largest curvature, and by less than twice its size.
         """
-        rate, power = self.rate[:, None], self.power[:, None]
-        far_end, step = np.abs(u).max(axis=1)[:, None, None], np.diff(u)[:, :, None]
-        raised = _raised(u, self.power)
-        size = np.exp(rate.real * u[:, :, None]).max(axis=1, keepdims=True) * _raised(far_end[:, :, 0], self.power)
-        share = step / np.where(far_end > 0.0, far_end, 1.0)
-        curve = derivative_bound(2, np.abs(rate) * step, power, share)
+        exponentials, raised, size, turn, share = self.on_parts(u)
+        curve = derivative_bound(2, turn, self.power[:, None], share)
         beyond = self.bound(size * np.minimum(0.125 * curve, 2.0))
-        ends = self.of(np.asarray(np.exp(rate * u[:, :, None]) * raised, dtype=complex))
-        return ends, beyond[:, 0], self.round_off(size, far_end)[:, 0]
+        return self.of(exponentials * raised), beyond[:, 0], self.round_off(size, u)[:, 0]
 
-    def round_off(self, size: Floats, far_end: Floats) -> Floats:
-        """(n, 1, k) that of the functions of time of some sizes (U, 1, B), and of the amplitudes."""
-        cancelling = 8.0 + self.power[:, None] + np.abs(self.rate)[:, None] * far_end
-        of_amplitudes = size[self.interval].take(self.basis, axis=2) * self.noise[:, None]
-        return self.bound(4.0 * EPS * cancelling * size) + _product(of_amplitudes, self.sizes)
+    def round_off(self, size: Floats, u: Floats) -> Floats:
+        """(n, 1, k) that of the functions, of sizes (U, parts, B) on parts with ends u, and of the amplitudes."""
+        most = size.max(axis=1, keepdims=True)
+        cancelling = 8.0 + self.power[:, None] + np.abs(self.rate * np.abs(u).max(axis=1, keepdims=True))[:, None]
+        of_amplitudes = most[self.interval].take(self.basis, axis=2) * self.noise[:, None]
+        return self.bound(4.0 * EPS * cancelling * most) + _product(of_amplitudes, self.sizes)
 
     def at(self, row: Ints, u: Floats) -> Floats:
         """(m,) those of some rows (m,), of one output each, at one time u (m,) each."""
@@ -168,7 +181,9 @@ class _Sums(NamedTuple):
 
 
 def _raised(u: Floats, power: Ints) -> Floats:
-    """(n, points, T) times u (n, points) to powers (n, T)."""
+    """(n, points, T) times u (n, points) to powers (n, T); (1, 1, 1) where all powers are zero."""
+    if not power.any():
+        return np.ones((1, 1, 1))
     powers = u[:, :, None] ** np.arange(power.max(initial=0) + 1)
     which = np.broadcast_to(power[:, None], (*u.shape, power.shape[1]))
     return np.take_along_axis(powers, which, axis=2)
@@ -225,17 +240,13 @@ class _Look(NamedTuple):
     def at(cls, sums: _Sums, u: Floats, squares: _Squares | None) -> _Look:
         """At times u (U, parts + 1), as shares of the segments."""
         rate, power, step = sums.rate[:, None], sums.power[:, None], np.diff(u)[:, :, None]
-        far_end = np.maximum(np.abs(u[:, 1:]), np.abs(u[:, :-1]))
-        angle, size = np.abs(rate), np.exp(rate.real * u[:, :, None])
-        terms = np.exp(rate * u[:, :, None])
-        rise, size = rate * terms, np.maximum(size[:, 1:], size[:, :-1])
+        exponentials, raised, size, turn, share = sums.on_parts(u)
+        terms = exponentials * raised
+        rise = rate * terms
         if power.any():
-            rise = rise * _raised(u, sums.power) + power * _raised(u, np.maximum(sums.power - 1, 0)) * terms
-            terms, size = terms * _raised(u, sums.power), size * _raised(far_end, sums.power)
-        noise = sums.round_off(size.max(axis=1, keepdims=True), far_end.max(axis=1)[:, None, None])
-        whole, aside = sums.of(terms), np.zeros((1, 1, 1))
-        turn, share = angle * step, step / np.where(far_end > 0.0, far_end, 1.0)[:, :, None]
-        far = angle * step.max(axis=1, keepdims=True) > FARTHEST
+            rise = rise + power * _raised(u, np.maximum(sums.power - 1, 0)) * exponentials
+        noise, whole, aside = sums.round_off(size, u), sums.of(terms), np.zeros((1, 1, 1))
+        far = turn.max(axis=1, keepdims=True) > FARTHEST
         if far.any():
             aside = sums.bound(far * size)
             terms, rise, size = (np.where(far, 0.0, x) for x in (terms, rise, size))
@@ -405,29 +416,40 @@ class Search:
         np.fmax.at(self.top, self.shared[key], value)
 
     def _first_look(self, number: int, wave: Waves) -> Iterator[_Intervals]:
-        """At all outputs at both ends of parts of segments: most parts can be left out by their chords."""
-        for rows in wave.blocks(2 * max(2 * wave.power.size, wave.table.shape[-1])):
+        """At all outputs on all parts of segments that their chords do not rule out."""
+        turn = float(np.abs(wave.exponent).max(initial=0.0)) * float(wave.length.max(initial=0.0))
+        parts = int(min(max(math.ceil(turn / FARTHEST), 1), PARTS))
+        for rows in wave.blocks((parts + 1) * max(2 * wave.power.size, wave.table.shape[-1])):
+            rows = rows if self.turns is not None else rows[self._beyond_chords(wave, rows)]
+            if not rows.size:
+                continue
             different, interval = _different(wave.length[rows], wave.begin[rows], wave.end[rows])
-            u = np.stack([wave.begin[rows], wave.end[rows]], axis=1)
+            begin, end = wave.begin[rows[different], None], wave.end[rows[different], None]
             sums = wave.sums(rows, different, interval)
-            ends, beyond, noise = sums.chords(u[different])
-            time = wave.time[rows, None] + wave.length[rows, None] * u
-            low, high = ends.min(axis=1) - beyond, ends.max(axis=1) + beyond
-            if self.squares is not None:
-                ends, low, high, noise = self.squares.chords(ends, beyond, noise)
-            self.evaluations += ends.size
-            for windows, sign, bound in ((0, 1.0, high), (self.windows, -1.0, -low)):
+            look = _Look.at(sums, begin + (end - begin) * np.linspace(0.0, 1.0, parts + 1), self.squares)
+            time = wave.time[rows, None] + wave.length[rows, None] * look.u
+            for windows in (0, self.windows):
                 key = self.outputs * (windows + wave.window[rows, None]) + np.arange(self.outputs)
-                reached, last = sign * ends, sign * (ends[:, 1] - ends[:, 0]) > 0.0
-                most = np.where(last, reached[:, 1], reached[:, 0])
-                self._reach(key.ravel(), most.ravel(), np.where(last, time[:, 1:], time[:, :1]).ravel())
-                limit = self._limit(key, most) if self.turns is None else np.full(key.shape, -np.inf)
-                row, column = np.nonzero(bound - noise > limit)
-                begin, end = u[row].T
-                yield _Intervals(
-                    np.full(row.size, number), rows[row], key[row, column], begin, end - begin,
-                    (bound - noise)[row, column], most[row, column], np.full(row.size, np.nan),
-                )  # fmt: skip
+                yield self._left(sums, look, key, time, np.full(rows.size, number), rows)
+
+    def _beyond_chords(self, wave: Waves, rows: Ints) -> Bools:
+        """(n,) on which of some parts an output may be larger than what is known; what it is at their ends becomes
+        known."""
+        different, interval = _different(wave.length[rows], wave.begin[rows], wave.end[rows])
+        u = np.stack([wave.begin[rows], wave.end[rows]], axis=1)
+        ends, beyond, noise = wave.sums(rows, different, interval).chords(u[different])
+        low, high = ends.min(axis=1) - beyond, ends.max(axis=1) + beyond
+        if self.squares is not None:
+            ends, low, high, noise = self.squares.chords(ends, beyond, noise)
+        self.evaluations += ends.size
+        time, left = wave.time[rows, None] + wave.length[rows, None] * u, np.zeros(rows.size, dtype=bool)
+        for windows, sign, bound in ((0, 1.0, high), (self.windows, -1.0, -low)):
+            key = self.outputs * (windows + wave.window[rows, None]) + np.arange(self.outputs)
+            reached = np.take_along_axis(sign * ends, (sign * ends).argmax(axis=1)[:, None], axis=1)[:, 0]
+            when = np.take_along_axis(time, (sign * ends).argmax(axis=1), axis=1)
+            self._reach(key.ravel(), reached.ravel(), when.ravel())
+            left |= (bound - noise > self._limit(key, reached)).any(axis=1)
+        return left
 
     def _refine(self, waves: Sequence[Waves], intervals: _Intervals) -> None:
         """Divide intervals until none may hold more than what is known."""
