@@ -186,15 +186,15 @@ class ExactFlow:
         flow._clear()
         kept = {known.modes.phases.tobytes(): known for known in self._tables.known}
         for phases in (self.visited[k] for k in visited):
-            flow._append(phases, kept.get(phases.tobytes()) or flow._known_state(phases))
+            flow._append(kept.get(phases.tobytes()) or flow._known_state(phases))
         return flow
 
     def state_index(self, phases: Ints) -> int:
         """Number of the contact state, built when it is first asked for."""
         index = self._tables.index(phases)
-        return self._append(phases, self._known_state(phases)) if index is None else index
+        return self._append(self._known_state(phases)) if index is None else index
 
-    def _append(self, phases: Ints, known: KnownState) -> int:
+    def _append(self, known: KnownState) -> int:
         """Number of a state that is built here."""
         state, watched = tabulated(known.modes, self.sources), known.watched
         watch = state.coefficients(known.functions, self.sources)

@@ -352,7 +352,7 @@ class Search:
         Parameters
         ----------
         outputs : number of the outputs of `Waves`.
-        windows : number W. There may be very many, as the cycles of a sweep are.
+        windows : number W.
         share : (K,) of outputs with equal numbers only the largest and the smallest value of all is sought: the others
             keep what was met on the way.
         squares : (K,) first of each group of consecutive outputs, where half the sums of their squares are asked for.
@@ -383,11 +383,8 @@ class Search:
         intervals = _Intervals.joined(found)
         order = np.lexsort((-intervals.bound, self.shared[intervals.key]))
         first = np.diff(self.shared[intervals.key[order]], prepend=-1) != 0
-        for some in (
-            order[first],
-            np.sort(order[~first]),
-        ):  # the most promising alone, so that large values become known
-            self._refine(waves, intervals.some(some))
+        self._refine(waves, intervals.some(order[first]))  # the most promising alone, so that large values become known
+        self._refine(waves, intervals.some(np.sort(order[~first])))
 
     def extrema(self) -> Extrema:
         """What is known; infinite in windows of which nothing is."""
@@ -407,13 +404,26 @@ class Search:
         scale = np.abs(top if self.squares is None else self.top[shared % half])
         return np.asarray(top + np.where(reached == top, 4.0 * EPS, TOLERANCE) * scale)
 
-    def _reach(self, key: Ints, value: Floats, time: Floats) -> None:
-        """Values at times are reached; of equal ones the first counts."""
+    def _keys(self, wave: Waves, rows: Ints, windows: int) -> Ints:
+        """(n, K) of all outputs on some parts; with W in place of no windows those of their negatives."""
+        return np.asarray(self.outputs * (windows + wave.window[rows, None]) + np.arange(self.outputs))
+
+    def _reach(self, keys: Ints, values: Floats, times: Floats) -> Floats:
+        """Values (n, points, j) of functions (n, j) at times (n, points) are reached; of equal ones the first counts.
+
+        Returns
+        -------
+        (n, j) the largest of them.
+        """
+        best = values.argmax(axis=1)
+        most = np.take_along_axis(values, best[:, None], axis=1)[:, 0]
+        key, value, time = keys.ravel(), most.ravel(), np.take_along_axis(times, best, axis=1).ravel()
         before = self.value[key]
         np.fmax.at(self.value, key, value)
         better = np.flatnonzero((value > before) & (value == self.value[key]))[::-1]
         self.when[key[better]] = time[better]
         np.fmax.at(self.top, self.shared[key], value)
+        return most
 
     def _first_look(self, number: int, wave: Waves) -> Iterator[_Intervals]:
         """At all outputs on all parts of segments that their chords do not rule out."""
@@ -429,8 +439,7 @@ class Search:
             look = _Look.at(sums, begin + (end - begin) * np.linspace(0.0, 1.0, parts + 1), self.squares)
             time = wave.time[rows, None] + wave.length[rows, None] * look.u
             for windows in (0, self.windows):
-                key = self.outputs * (windows + wave.window[rows, None]) + np.arange(self.outputs)
-                yield self._left(sums, look, key, time, np.full(rows.size, number), rows)
+                yield self._left(sums, look, self._keys(wave, rows, windows), time, np.full(rows.size, number), rows)
 
     def _beyond_chords(self, wave: Waves, rows: Ints) -> Bools:
         """(n,) on which of some parts an output may be larger than what is known; what it is at their ends becomes
@@ -444,11 +453,9 @@ class Search:
         self.evaluations += ends.size
         time, left = wave.time[rows, None] + wave.length[rows, None] * u, np.zeros(rows.size, dtype=bool)
         for windows, sign, bound in ((0, 1.0, high), (self.windows, -1.0, -low)):
-            key = self.outputs * (windows + wave.window[rows, None]) + np.arange(self.outputs)
-            reached = np.take_along_axis(sign * ends, (sign * ends).argmax(axis=1)[:, None], axis=1)[:, 0]
-            when = np.take_along_axis(time, (sign * ends).argmax(axis=1), axis=1)
-            self._reach(key.ravel(), reached.ravel(), when.ravel())
-            left |= (bound - noise > self._limit(key, reached)).any(axis=1)
+            keys = self._keys(wave, rows, windows)
+            reached = self._reach(keys, sign * ends, time)
+            left |= (bound - noise > self._limit(keys, reached)).any(axis=1)
         return left
 
     def _refine(self, waves: Sequence[Waves], intervals: _Intervals) -> None:
@@ -511,9 +518,7 @@ class Search:
         self.evaluations += look.whole[:, 1:].size
         sign = self._sign(key[:, :1])[:, None]  # (n, 1, 1)
         whole, value, begins, ends = (sign * x for x in (look.whole, look.value, look.begins, look.ends))
-        best = whole.argmax(axis=1)
-        most = np.take_along_axis(whole, best[:, None], axis=1)[:, 0]
-        self._reach(key.ravel(), most.ravel(), np.take_along_axis(time, best, axis=1).ravel())
+        self._reach(key, whole, time)
         left, right = value[:, :-1], value[:, 1:]
         hull = np.maximum(np.maximum(left, left + begins / 3.0), np.maximum(right, right - ends / 3.0))  # of the cubics
         hull = self._beside(hull + VALUE * look.fourth, look.aside, sign) - look.noise

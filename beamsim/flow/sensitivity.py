@@ -44,9 +44,9 @@ class Event(NamedTuple):
 
 
 class FlowOutputs:
-    """Factors (k, V) of the state (N), the inputs (F) and their slopes (F) in a flow's linear outputs, each made once.
+    """Factors (k, V) of the state (N), the inputs (F) and their slopes (F) in a flow's linear outputs.
 
-    They are the same under all loads that differ in their signals alone.
+    They are the same under all loads that differ in their signals alone. Rates and events are made once.
     """
 
     def __init__(self, flow: ExactFlow) -> None:

@@ -248,8 +248,7 @@ class Trajectory:
         ----------
         output_of : the outputs, by the phases of the contacts.
         edges : (W + 1,) s, increasing: the extremes between each two of them, (W, K) in place of (K,). Where there is
-            no motion they are infinite. All are searched together, so that there may be very many, such as the
-            cycles of a sweep.
+            no motion they are infinite. All are searched together.
         share : (K,) of outputs with equal numbers only the smallest and the largest value of all is sought; the others
             keep values that they reach.
         squares : (j,) first of each group of consecutive outputs, where half the sums of their squares are asked for:
