@@ -14,7 +14,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from beamsim.dataclass import dataclass
-from beamsim.flow.extrema import EPS, Search, Waves
+from beamsim.flow.extrema import Search, Waves
+from beamsim.flow.kernels import EPS
 from beamsim.typing import Floats
 
 NODES = 16  # degree of the polynomials, above that of any integrator's dense output (12)

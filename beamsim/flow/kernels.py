@@ -1,4 +1,4 @@
-"""Compiled kernels of the exact flow: the motion on a segment, the search for events, extremes.
+"""Compiled kernels of the exact flow: the motion on a segment.
 
 The march that joins the segments is in :mod:`beamsim.flow.march_kernels`.
 
@@ -33,12 +33,11 @@ class Tables(NamedTuple):
     roughness: Any  # (S, T, g) size of each term's parts before they cancel, which sets the round-off of the guards
     horizon: Any  # (S,)
     phase: Any  # (S, m) of the contacts
-    touching: Any  # (S, m)
     n_guards: Any  # (S,)
     guard_contact: Any  # (S, g) contact of each guard
     reset: Any  # (S, g) column of `watch` with the contact's internal states after the event, -1 where they go on
     follower: Any  # (S, g) state after a guard's event, -1 where it is not built yet
-    first: Any  # (m,) of a contact's internal states among all of them
+    first: Any  # (m,) of a contact's internal states in the state vector
     states: Any  # (m,) number of a contact's internal states
 
 
@@ -116,19 +115,6 @@ def _fill_basis(exponent, power, nb, tau, value):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _coefficients(tables, s, table, zeta, count, gamma):  # type: ignore[no-untyped-def]
-    """Coefficients (B, count) of the basis functions in functions tabulated per term."""
-    for b in range(tables.n_basis[s]):
-        for j in range(count):
-            gamma[b, j] = 0.0
-    for q in range(tables.n_terms[s]):
-        b = tables.term_basis[s, q]
-        z = zeta[tables.term_source[s, q]]
-        for j in range(count):
-            gamma[b, j] += table[s, q, j] * z
-
-
-@kernel
 def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
     N = y.size
     for k in range(N):
@@ -142,25 +128,15 @@ def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _first_internal(tables, contact, size):  # type: ignore[no-untyped-def]
-    """Index of the first internal state of a contact in a state vector of a given size."""
-    first = size + tables.first[contact]
-    for number in tables.states:
-        first -= number
-    return first
-
-
-@kernel
 def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
     """Write the internal states after a guard's event into y; ``basis`` is evaluated at the event."""
     column = tables.reset[s, guard]
     if column < 0:
         return
     contact = tables.guard_contact[s, guard]
-    first = _first_internal(tables, contact, y.size)
     for i in range(tables.states[contact]):
         total = 0.0
         for q in range(tables.n_terms[s]):
             w = tables.watch[s, q, column + i]
             total += (w * zeta[tables.term_source[s, q]] * basis[tables.term_basis[s, q]]).real
-        y[first + i] = total
+        y[tables.first[contact] + i] = total

@@ -19,7 +19,6 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.cycle_extremes import extremes_of_cycles
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.stopping import never
@@ -191,9 +190,9 @@ class LevelControl:
         there = _Reached(begun.copy(), flow)
         parts.append(march.on(flow, begun, windows.duration))
         motion = motion_of(flow, begun, Log.join(parts), march)
-        low, high = extremes_of_cycles(motion, self.outputs(flow), windows.edge)
+        found = motion.extrema(self.outputs(flow), windows.edge)
         counted = slice(int(ahead[skipped - 1]) - at if skipped else 0, None)
-        share = float(np.max(np.maximum(high, -low)[counted] / self.limits))
+        share = float(np.max(np.maximum(found.high, -found.low)[counted] / self.limits))
         return float(np.log(max(share, 1e-300))), there
 
     def _carrier(self, first: int, last: int) -> float:

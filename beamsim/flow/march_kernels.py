@@ -13,7 +13,6 @@ from beamsim.flow.compiled import kernel
 from beamsim.flow.event_kernels import NO_STEP, Guards, first_event, make_search
 from beamsim.flow.kernels import (
     EPS,
-    _coefficients,
     _fill_basis,
     _fill_sources,
     _reset,
@@ -37,17 +36,19 @@ class Position(NamedTuple):
 def _fill_guards(tables, s, zeta, H, guards):  # type: ignore[no-untyped-def]
     """The guards of state s on a segment of length H, from the amplitudes of its sources."""
     coefficient, least = guards.coefficient, guards.least
-    _coefficients(tables, s, tables.watch, zeta, guards.count, coefficient)
+    for j in range(guards.count):
+        least[j] = 0.0
+        for b in range(guards.basis):
+            coefficient[b, j] = 0.0
+    for q in range(tables.n_terms[s]):
+        b, z = tables.term_basis[s, q], zeta[tables.term_source[s, q]]
+        a = 4.0 * EPS * abs(z) * H ** tables.power[s, b]  # a power of time counts with what it reaches on this segment
+        for j in range(guards.count):
+            coefficient[b, j] += tables.watch[s, q, j] * z
+            least[j] += a * tables.roughness[s, q, j]
     for b in range(guards.basis):
         for j in range(guards.count):
             guards.size[b, j] = abs(coefficient[b, j])
-    for j in range(guards.count):
-        least[j] = 0.0
-    for q in range(tables.n_terms[s]):
-        # a power of time counts with what it reaches on this segment
-        a = 4.0 * EPS * abs(zeta[tables.term_source[s, q]]) * H ** tables.power[s, tables.term_basis[s, q]]
-        for j in range(guards.count):
-            least[j] += a * tables.roughness[s, q, j]
 
 
 @kernel

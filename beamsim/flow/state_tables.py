@@ -110,7 +110,6 @@ class StateTables:
             "roughness": roughness,
             "horizon": np.array(state.horizon),
             "phase": state.phases,
-            "touching": self.contacts.touching(state.phases),
             "n_guards": np.array(guards),
             "guard_contact": watched.contact[:guards],
             "reset": watched.reset,
@@ -161,18 +160,11 @@ class StateTables:
         """The tables as the kernels take them; rows beyond the states are unused."""
         from beamsim.flow.kernels import Tables
 
-        return Tables(first=self.contacts.first, states=self.contacts.states, **self._arrays)
+        internal = self._arrays["projector"].shape[2] - self.contacts.internal_states
+        return Tables(first=internal + self.contacts.first, states=self.contacts.states, **self._arrays)
 
 
 def visited_states(states: Ints) -> list[int]:
     """The different numbers (of contact states) in an array, in order."""
     seen: list[int] = np.bincount(states).nonzero()[0].tolist()
     return seen
-
-
-def pad(arrays: list[NDArray[Number]]) -> NDArray[Number]:
-    """Stack arrays of different sizes, filled up with zeros."""
-    out = np.zeros((len(arrays), *np.max([a.shape for a in arrays], axis=0)), dtype=arrays[0].dtype)
-    for row, a in zip(out, arrays, strict=True):
-        row[tuple(slice(0, d) for d in a.shape)] = a
-    return out

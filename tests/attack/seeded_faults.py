@@ -48,8 +48,8 @@ SEEDED = {
     ),
     "released faces start from the wrong side": (
         KERNELS,
-        "        y[first + i] = total",
-        "        y[first + i] = -total",
+        "        y[tables.first[contact] + i] = total",
+        "        y[tables.first[contact] + i] = -total",
     ),
     "segments outlast their series": (
         MARCH,

@@ -234,6 +234,14 @@ def test_growing_motions_end_with_their_largest_value(growth):
     assert found.low[0, 0] == pytest.approx(1.0, rel=1e-12)
 
 
+def test_fast_functions_that_rest_cost_nothing():
+    """Beside a pulse of 1e-12 s, after it."""
+    exponent, amplitude = np.array([3e12j, -1.0 + 40j]), np.array([[0.0, 1.0 + 0j]])
+    found = extrema_of(waves_of(exponent, amplitude, 2.0))
+    assert found.high[0, 0] == 1.0
+    assert found.evaluations < 1000
+
+
 def test_large_numbers_are_no_matter():
     """Energies of motions of 1e100 m, whose squares are numbers, and whose fourth derivatives' are none."""
     small, large = (one_mode(40.0, 0.1, [size, 0.0], 1.0) for size in (1.0, 1e100))
@@ -275,6 +283,13 @@ def extrema_of(waves):
     search = Search.of(1)
     search.add([waves])
     return search.extrema()
+
+
+def test_no_output_has_no_extremes():
+    whole, outputs = one_mode(2.0, 0.1, [1.0, 0.0], 5.0)
+    found = whole.extrema(lambda phases: outputs(phases).some(np.zeros(0, dtype=np.int64)), np.array([0.0, 1.0, 2.0]))
+    assert found.high.shape == found.low.shape == (2, 0)
+    assert found.evaluations == 0
 
 
 def test_a_peak_between_samples_is_found_to_round_off():

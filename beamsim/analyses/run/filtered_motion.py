@@ -12,18 +12,19 @@ not jump. Motions with powers of time are led through panels (`low_pass`), whose
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from beamsim.analyses.run.linear_filter import Extreme, higher, lower, recurrence
 from beamsim.analyses.run.low_pass import LowPassFilter, butterworth, known_times
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.cubic import Cubic
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats
 
 # Steps in a period of the filter's frequency, in which peaks are sought. Cubics on steps of h are right to h^4 / 384 of
 # the largest fourth derivative. Behind the filter that is Omega^4 a, however fast a moves: 7e-7 of a with these steps.
@@ -80,8 +81,7 @@ class FilteredPanels:
 
     def at(self, times: Floats) -> Floats:
         """(nt, k) at increasing times."""
-        panel = np.clip(np.searchsorted(self.ends, times, side="right") - 1, 0, self.ends.size - 2)
-        return self._inside(panel, times)
+        return np.asarray(self._curve(times))
 
     def extremes(self, begin: float, end: float) -> Extreme:
         """Lowest and highest values between two times, and when."""
@@ -90,8 +90,7 @@ class FilteredPanels:
         last = first + inside.size + 1
         part = slice(first + 1, last)
         edges = np.array([begin, end])
-        panel = np.clip([first, last - 1], 0, self.ends.size - 2)
-        value, slope = self._inside(panel, edges), self._inside(panel, edges, slope=True)
+        value, slope = self._curve(edges), self._curve(edges, 1)
         return _peaks(
             np.concatenate([edges[:1], inside, edges[1:]]),
             np.vstack([value[:1], self.value[part], value[1:]]),
@@ -99,13 +98,10 @@ class FilteredPanels:
             *_unknown(self.value.shape[1]),
         )
 
-    def _inside(self, panel: Ints, times: Floats, *, slope: bool = False) -> Floats:
-        """(nt, k) values or slopes of the cubics of panels."""
-        h = (self.ends[panel + 1] - self.ends[panel])[:, None]
-        h = np.where(h > 0, h, 1.0)  # a motion that ends where it begins
-        s = (times - self.ends[panel])[:, None] / h
-        cubic = Cubic(self.value[panel], self.value[panel + 1], h * self.slope[panel], h * self.slope[panel + 1])
-        return cubic.slope_at(s) / h if slope else cubic.at(s)
+    @cached_property
+    def _curve(self) -> CubicHermiteSpline:
+        """Of a time; its derivatives by their order."""
+        return CubicHermiteSpline(self.ends, self.value, self.slope)
 
 
 class _Part(NamedTuple):

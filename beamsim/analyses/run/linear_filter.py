@@ -15,7 +15,6 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.cubic import Cubic
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -159,13 +158,14 @@ def higher(ends: Floats, y: Floats, begin: Floats, end: Floats, highest: Floats,
     """
     h = np.diff(ends)[:, None]
     a, b = h * begin, h * end
-    curves = Cubic(y[:-1], y[1:], a, b)
     inside = (a > 0) & (b < 0)  # it begins rising and ends falling, so that it has its maximum inside
-    c2, c3 = curves.factors
+    rise = np.diff(y, axis=0)
+    c2, c3 = 3 * rise - 2 * a - b, a + b - 2 * rise
     root = np.sqrt(np.where(inside, c2**2 - 3 * a * c3, 1.0))
     inside &= root > c2  # else both underflow
     s = np.where(inside, a / np.where(inside, root - c2, 1.0), 0.0)
-    top, at = np.vstack([curves.at(s), y[-1]]), np.vstack([ends[:-1, None] + s * h, np.full(y.shape[1], ends[-1])])
+    tops = y[:-1] + s * (a + s * (c2 + s * c3))
+    top, at = np.vstack([tops, y[-1]]), np.vstack([ends[:-1, None] + s * h, np.full(y.shape[1], ends[-1])])
     best, column = top.argmax(axis=0), np.arange(y.shape[1])
     better = top[best, column] > highest
     return np.where(better, top[best, column], highest), np.where(better, at[best, column], when)

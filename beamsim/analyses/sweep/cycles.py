@@ -14,7 +14,6 @@ from beamsim.analyses.run.energy import contact_motion, power_factors, stored_en
 from beamsim.analyses.run.outputs import stack
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput, OutputOf
-from beamsim.flow.cycle_extremes import extremes_of_cycles
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.swept import SweepWindows, move
 from beamsim.typing import Complexes, Floats, Ints
@@ -160,9 +159,8 @@ def record_cycles(
     harmonic: Complexes = summed(_harmonics(motion, output_of, orders, phase))
     square, imbalance = _products(motion, output_of)
     high, low = np.full((2, count, square.shape[1]), np.nan)
-    low[:, searched], high[:, searched] = extremes_of_cycles(
-        motion, lambda phases: output_of(phases).some(searched), edge
-    )
+    found = motion.extrema(lambda phases: output_of(phases).some(searched), edge)
+    low[:, searched], high[:, searched] = found.low, found.high
     touching = motion.flow.system.contacts.touching(motion.phases_of(motion.state))
     closings = np.zeros((count, touching.shape[1]), dtype=np.int64)
     closes = motion.event_closing

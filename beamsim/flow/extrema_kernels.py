@@ -1,0 +1,372 @@
+"""Compiled search for the largest and smallest values of outputs; see :mod:`beamsim.flow.extrema`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from beamsim.flow.compiled import kernel, summing
+from beamsim.flow.kernels import EPS, _exp
+
+TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
+PARTS = 4  # of an interval
+NEAREST, NEAR = 1e-4, 0.1  # of an interval, from the top of the cubic to the ends of the parts about it
+FARTHEST = 3.0  # rad, that a function may turn on a part to be in the cubics
+VALUE, SLOPE = 1.0 / 384.0, math.sqrt(3.0) / 216.0  # errors of a cubic and of its slope, over the fourth derivative
+
+
+class Sums(NamedTuple):
+    """K outputs on n parts of segments: sums of T terms of B functions of the time u, a share of the segment."""
+
+    rate: Any  # (n, B) of the functions u^power exp(rate u)
+    power: Any  # (B,)
+    basis: Any  # (T,) function of each term
+    amplitude: Any  # (n, T)
+    noise: Any  # (n, T) round-off of the amplitudes
+    table: Any  # (n, 3, T, K), or n = 1: real and imaginary parts and sizes of the coefficients of the outputs
+    place: Any  # (4, n) begin and end of the parts, shares of the segments; begin and length of the segments, s
+    window: Any  # (n,) number of the window of each part
+
+
+class Known(NamedTuple):
+    """The largest values that are known of J functions of the outputs in W windows, and of their negatives."""
+
+    value: Any  # (2, W, J)
+    when: Any  # (2, W, J) s
+    top: Any  # (2, W, L) largest values by limit
+    limit: Any  # (J,) number of the limit that a function shares with others
+    every: Any  # (J,) numbers of the functions
+    first: Any  # (J + 1,) of the outputs of each function
+    squared: Any  # whether the functions are half the sums of the squares of their outputs
+
+
+class Look(NamedTuple):
+    """What the ends of P parts of an interval tell; that of a function of outputs stands at the first of these."""
+
+    u: Any  # (P + 1,)
+    wave: Any  # (P + 1, 4, B) real and imaginary parts of the functions of time there, and of their slopes
+    most: Any  # (6, B) bounds on their derivatives of the orders 0 to 4 on the interval, and on their round-off
+    near: Any  # (B,) 1, or 0 where they turn too far on a part to be in the cubics
+    value: Any  # (P + 1, 3, K) as a whole; of what is in the cubics, the value and the slope
+    bound: Any  # (9, K) on the derivatives of the orders 0 to 4 of what is in the cubics, on what is not, on round-off,
+    # and on the largest and smallest value
+
+
+FOURTH, ASIDE, ROUND_OFF, HIGHEST = 4, 5, 6, 7  # of these bounds
+
+
+@kernel
+def search(sums, known, resolution):  # type: ignore[no-untyped-def]
+    """Raise what is known to the largest values on the parts.
+
+    Parameters
+    ----------
+    sums, known : the outputs, and what is known of them.
+    resolution : by how much turning points, of which all are sought, may differ from what is beside them; negative
+        where only the largest values are sought.
+
+    Returns
+    -------
+    The turning points (m, 2), each the number of its part and its time as a share of the segment; and the number of
+    values that were computed.
+    """
+    B, K = sums.rate.shape[1], sums.table.shape[3]
+    output, by_output = np.empty((4, K, B)), np.empty((3, B, K))
+    ends, inside = _make_look(1, B, K), _make_look(PARTS, B, K)
+    every, waiting, turns = known.every, np.empty((64, 6)), np.empty((64, 2))
+    used, evaluations = np.zeros(2, dtype=np.int64), 0  # rows of these
+    for i in range(sums.window.size):
+        _fill_outputs(sums, i, by_output, output)
+        ends.u[0], ends.u[1] = sums.place[0, i], sums.place[1, i]
+        _fill_waves(sums, i, ends)
+        _see(known, sums, i, every, output, ends)
+        evaluations += 2 * every.size
+        for j in every:
+            for sign in range(2):
+                key = (sign, sums.window[i], j, i)
+                top = known.top[sign, sums.window[i], known.limit[j]]
+                if ends.bound[HIGHEST + sign, known.first[j]] <= _limit(known, key, top, resolution):
+                    continue
+                _left(known, key, ends, resolution, waiting, turns, used)
+                while used[0] > 0:
+                    used[0] -= 1
+                    row = waiting[used[0]]
+                    if row[2] <= _limit(known, key, row[3], resolution):
+                        continue
+                    _divide(row, inside.u)
+                    _fill_waves(sums, i, inside)
+                    _see(known, sums, i, every[j : j + 1], output, inside)
+                    evaluations += PARTS - 1
+                    _left(known, key, inside, resolution, waiting, turns, used)
+                    waiting, turns = _with_room(waiting, used[0]), _with_room(turns, used[1])
+    return turns[: used[1]], evaluations
+
+
+@kernel
+def _make_look(parts, B, K):  # type: ignore[no-untyped-def]
+    """Work arrays."""
+    return Look(
+        np.empty(parts + 1), np.empty((parts + 1, 4, B)), np.empty((6, B)), np.empty(B), np.empty((parts + 1, 3, K)),
+        np.empty((9, K)),
+    )  # fmt: skip
+
+
+@kernel
+def _with_room(rows, used):  # type: ignore[no-untyped-def]
+    """Rows of which some are used, with room for those of another look."""
+    if used + PARTS <= rows.shape[0]:
+        return rows
+    out = np.empty((2 * rows.shape[0], rows.shape[1]))
+    for i in range(used):
+        for k in range(rows.shape[1]):
+            out[i, k] = rows[i, k]
+    return out
+
+
+@summing
+def _fill_outputs(sums, i, by_output, output):  # type: ignore[no-untyped-def]
+    """(4, K, B) on a part: real and imaginary parts and sizes of the functions' coefficients, and their round-off."""
+    n, K, B = i if sums.table.shape[0] > 1 else 0, output.shape[1], output.shape[2]
+    for b in range(B):
+        for k in range(K):
+            by_output[0, b, k] = by_output[1, b, k] = by_output[2, b, k] = 0.0
+    for t in range(sums.basis.size):
+        b, noise = sums.basis[t], sums.noise[i, t]
+        real, imag = sums.amplitude[i, t].real, sums.amplitude[i, t].imag
+        for k in range(K):
+            by_output[0, b, k] += sums.table[n, 0, t, k] * real - sums.table[n, 1, t, k] * imag
+            by_output[1, b, k] += sums.table[n, 0, t, k] * imag + sums.table[n, 1, t, k] * real
+            by_output[2, b, k] += sums.table[n, 2, t, k] * noise
+    for k in range(K):
+        for b in range(B):
+            output[0, k, b], output[1, k, b], output[3, k, b] = (
+                by_output[0, b, k],
+                by_output[1, b, k],
+                by_output[2, b, k],
+            )
+        for b in range(B):
+            output[2, k, b] = math.sqrt(output[0, k, b] ** 2 + output[1, k, b] ** 2)
+
+
+@kernel
+def _fill_waves(sums, i, look):  # type: ignore[no-untyped-def]
+    """The functions of time at the ends of the parts of an interval, and bounds on them between these."""
+    u, wave, most, last = look.u, look.wave, look.most, look.u.size - 1
+    step, farthest = 0.0, max(abs(u[0]), abs(u[last]))
+    for p in range(last):
+        step = max(step, u[p + 1] - u[p])
+    for b in range(sums.power.size):
+        rate, power = sums.rate[i, b], sums.power[b]
+        size = math.sqrt(rate.real * rate.real + rate.imag * rate.imag)
+        if b > 0 and rate == sums.rate[i, b - 1] and power == sums.power[b - 1] + 1:
+            for p in range(last + 1):
+                for q in range(4):
+                    wave[p, q, b] = wave[p, q, b - 1]
+            for order in range(5):
+                most[order, b] = most[order, b - 1]
+            _raise(look, b, farthest)
+        else:
+            for p in range(last + 1):
+                e = _exp(rate.real, rate.imag, u[p])
+                slope = rate * e
+                wave[p, 0, b], wave[p, 1, b], wave[p, 2, b], wave[p, 3, b] = e.real, e.imag, slope.real, slope.imag
+            bound = math.exp(max(rate.real * u[0], rate.real * u[last]))
+            for order in range(5):
+                most[order, b] = bound
+                bound *= size
+            for _ in range(power):
+                _raise(look, b, farthest)
+        most[5, b] = 4.0 * EPS * (8.0 + power + size * farthest) * most[0, b]
+        look.near[b] = 1.0 if size * step <= FARTHEST else 0.0
+
+
+@kernel
+def _raise(look, b, farthest):  # type: ignore[no-untyped-def]
+    """From a function f to u f, whose derivatives are ``u f^(k) + k f^(k - 1)``."""
+    for p in range(look.u.size):
+        u = look.u[p]
+        for q in range(2):
+            look.wave[p, 2 + q, b] = u * look.wave[p, 2 + q, b] + look.wave[p, q, b]
+            look.wave[p, q, b] *= u
+    for order in range(4, 0, -1):
+        look.most[order, b] = farthest * look.most[order, b] + order * look.most[order - 1, b]
+    look.most[0, b] *= farthest
+
+
+@kernel
+def _see(known, sums, i, which, output, look):  # type: ignore[no-untyped-def]
+    """Some functions of outputs at the ends of the parts of an interval, and bounds on them between these; raise what
+    is known, of equal values the first counts."""
+    value, bound, window = look.value, look.bound, sums.window[i]
+    _see_outputs(known.first, which, output, look)
+    for j in which:
+        k, limit = known.first[j], known.limit[j]
+        if known.squared:
+            _add_squares(look, k, known.first[j + 1])
+        high, low = -math.inf, math.inf  # of the hulls of the cubics
+        for p in range(look.u.size - 1):
+            h = look.u[p + 1] - look.u[p]
+            left, right = value[p, 1, k], value[p + 1, 1, k]
+            after, before = left + value[p, 2, k] * h / 3.0, right - value[p + 1, 2, k] * h / 3.0
+            error = VALUE * bound[FOURTH, k] * h * h * h * h
+            high = max(high, max(max(left, right), max(after, before)) + error)
+            low = min(low, min(min(left, right), min(after, before)) - error)
+        bound[HIGHEST, k] = _beside(high, bound[ASIDE, k], 1.0, known.squared) - bound[ROUND_OFF, k]
+        bound[HIGHEST + 1, k] = _beside(-low, bound[ASIDE, k], -1.0, known.squared) - bound[ROUND_OFF, k]
+        for p in range(look.u.size):
+            for sign in range(2):
+                reached = value[p, 0, k] if sign == 0 else -value[p, 0, k]
+                if reached > known.value[sign, window, j]:
+                    known.value[sign, window, j] = reached
+                    known.when[sign, window, j] = sums.place[2, i] + sums.place[3, i] * look.u[p]
+                    known.top[sign, window, limit] = max(known.top[sign, window, limit], reached)
+
+
+@summing
+def _see_outputs(first, which, output, look):  # type: ignore[no-untyped-def]
+    """The outputs of some functions, and bounds on their derivatives, on what is not in the cubics, on round-off."""
+    for k in range(first[which[0]], first[which[which.size - 1] + 1]):
+        for p in range(look.u.size):
+            whole, value, slope = 0.0, 0.0, 0.0
+            for b in range(look.near.size):
+                real, imag = output[0, k, b], output[1, k, b]
+                part = real * look.wave[p, 0, b] - imag * look.wave[p, 1, b]
+                whole += part
+                value += look.near[b] * part
+                slope += look.near[b] * (real * look.wave[p, 2, b] - imag * look.wave[p, 3, b])
+            look.value[p, 0, k], look.value[p, 1, k], look.value[p, 2, k] = whole, value, slope
+        n0, n1, n2, n3, n4, aside, rounded = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for b in range(look.near.size):
+            size, near = output[2, k, b], output[2, k, b] * look.near[b]
+            n0 += near * look.most[0, b]
+            n1 += near * look.most[1, b]
+            n2 += near * look.most[2, b]
+            n3 += near * look.most[3, b]
+            n4 += near * look.most[4, b]
+            aside += (size - near) * look.most[0, b]
+            rounded += size * look.most[5, b] + output[3, k, b] * look.most[0, b]
+        look.bound[0, k], look.bound[1, k], look.bound[2, k], look.bound[3, k] = n0, n1, n2, n3
+        look.bound[FOURTH, k], look.bound[ASIDE, k], look.bound[ROUND_OFF, k] = n4, aside, rounded
+
+
+@kernel
+def _add_squares(look, first, last):  # type: ignore[no-untyped-def]
+    """Half the sum of the squares of the outputs from one to another, in the place of the first of them."""
+    value, bound = look.value, look.bound
+    for p in range(look.u.size):
+        whole, near, slope = 0.0, 0.0, 0.0
+        for k in range(first, last):
+            whole += 0.5 * value[p, 0, k] ** 2
+            near += 0.5 * value[p, 1, k] ** 2
+            slope += value[p, 1, k] * value[p, 2, k]
+        value[p, 0, first], value[p, 1, first], value[p, 2, first] = whole, near, slope
+    for q in range(HIGHEST):  # lengths
+        total = 0.0
+        for k in range(first, last):
+            total += bound[q, k] ** 2
+        bound[q, first] = math.sqrt(total)
+    n0, n1, n2, n3, n4 = bound[0, first], bound[1, first], bound[2, first], bound[3, first], bound[4, first]
+    bound[FOURTH, first] = n0 * n4 + 4.0 * n1 * n3 + 3.0 * n2**2  # by Leibniz and Schwarz
+    bound[ROUND_OFF, first] *= n0 + bound[ASIDE, first] + 0.5 * bound[ROUND_OFF, first]
+
+
+@kernel
+def _limit(known, key, reached, resolution):  # type: ignore[no-untyped-def]
+    """What a function has to exceed on an interval at whose ends a value is reached; key: sign, window, function, part.
+
+    Where that is the largest value of all, any better one counts; where all turning points are sought, every one does.
+    """
+    sign, window, j, _ = key
+    if resolution >= 0.0:
+        return -math.inf
+    top = known.top[sign, window, known.limit[j]]
+    scale = abs(known.top[0, window, known.limit[j]] if known.squared else top)
+    return top + (4.0 * EPS if reached == top else TOLERANCE) * scale
+
+
+@kernel
+def _divide(interval, u):  # type: ignore[no-untyped-def]
+    """Ends of the parts of an interval: about the place of its top, if that is certain, else equal ones."""
+    begin, length = interval[0], interval[1] - interval[0]
+    if interval[4] > 0.0:
+        near = interval[5]
+        middle = min(max(interval[4], 2.0 * near), 1.0 - 2.0 * near)
+        u[1], u[2], u[3] = begin + length * (middle - near), begin + length * middle, begin + length * (middle + near)
+    else:
+        u[1], u[2], u[3] = begin + 0.25 * length, begin + 0.5 * length, begin + 0.75 * length
+    u[0], u[4] = begin, interval[1]
+
+
+@kernel
+def _left(known, key, look, resolution, waiting, turns, used):  # type: ignore[no-untyped-def]
+    """Parts that may hold more than what is known, written behind those that wait, the first part last.
+
+    Parameters
+    ----------
+    known, key, look, resolution : see `_limit` and `search`.
+    waiting : begin, end, bound, the value that is reached at the ends, the place of the top, 0 if not certain, and how
+        near to that it is.
+    turns : see `search`.
+    used : (2,) rows of these two that are used.
+    """
+    sign = 1.0 if key[0] == 0 else -1.0
+    value, k = look.value, known.first[key[2]]
+    fourth, aside, noise = look.bound[FOURTH, k], look.bound[ASIDE, k], look.bound[ROUND_OFF, k]
+    for p in range(look.u.size - 2, -1, -1):
+        begin, h = look.u[p], look.u[p + 1] - look.u[p]
+        left, right = sign * value[p, 1, k], sign * value[p + 1, 1, k]
+        first, last = sign * value[p, 2, k] * h, sign * value[p + 1, 2, k] * h
+        error = fourth * h * h * h * h
+        reached = max(sign * value[p, 0, k], sign * value[p + 1, 0, k])
+        limit = _limit(known, key, reached, resolution)
+        top, place, curvature, flattest, steepest = _cubic(left, right, first, last)
+        bound = _beside(top + VALUE * error, aside, sign, known.squared) - noise
+        climbs = flattest > SLOPE * error or steepest < -SLOPE * error
+        if not bound > limit or (aside == 0.0 and climbs) or h <= EPS * (abs(begin) + h):
+            continue
+        if resolution >= 0.0 and VALUE * error + aside <= resolution + noise:
+            if place > 0.0 or (first > 0.0 and last <= 0.0):
+                turns[used[1], 0] = key[3]
+                turns[used[1], 1] = begin + h * (place if place > 0.0 else 1.0)
+                used[1] += 1
+            continue
+        row = waiting[used[0]]
+        row[0], row[1], row[2], row[3], row[4], row[5] = begin, look.u[p + 1], bound, reached, 0.0, 0.0
+        if aside == 0.0 and 2.0 * SLOPE * error < -NEAR * curvature:  # else the top may be elsewhere
+            row[4], row[5] = place, max(NEAREST, -2.0 * SLOPE * error / curvature)
+        used[0] += 1
+
+
+@kernel
+def _beside(bound, aside, sign, squared):  # type: ignore[no-untyped-def]
+    """Bound on a function from that on what is in the cubic and that on what is not."""
+    if not squared:
+        return bound + aside
+    root, rest = math.sqrt(max(sign * bound, 0.0)), math.sqrt(0.5) * aside
+    return (root + rest) ** 2 if sign > 0.0 else -(max(root - rest, 0.0) ** 2)
+
+
+@kernel
+def _cubic(left, right, first, last):  # type: ignore[no-untyped-def]
+    """A cubic from its values and slopes at 0 and 1.
+
+    Returns
+    -------
+    Its largest value, the place of its maximum inside (0 if it has none) and the curvature there; its smallest and
+    largest slope.
+    """
+    rise = right - left
+    c, e = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
+    square, place = c * c - 3.0 * e * first, 0.0
+    if square > 0.0:
+        place = first / (math.sqrt(square) - c) if c <= 0.0 else -(c + math.sqrt(square)) / (3.0 * e)
+    if not 0.0 < place < 1.0:
+        place = 0.0
+    top = max(max(left, right), left + place * (first + place * (c + place * e)))
+    flattest, steepest = min(first, last), max(first, last)
+    if 0.0 < -c * e < 3.0 * e * e:  # where the slope is extreme
+        extreme = first - c * c / (3.0 * e)
+        flattest, steepest = min(flattest, extreme), max(steepest, extreme)
+    return top, place, 2.0 * c + 6.0 * place * e, flattest, steepest
