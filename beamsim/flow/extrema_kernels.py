@@ -89,6 +89,7 @@ def search(sums, known, resolution):  # type: ignore[no-untyped-def]
                 top = known.top[sign, sums.window[i], known.limit[j]]
                 if ends.bound[HIGHEST + sign, known.first[j]] <= _limit(known, key, top, resolution):
                     continue
+                turns = _with_room(turns, used[1])
                 _left(known, key, ends, resolution, waiting, turns, used)
                 while used[0] > 0:
                     used[0] -= 1
@@ -99,8 +100,8 @@ def search(sums, known, resolution):  # type: ignore[no-untyped-def]
                     _fill_waves(sums, i, inside)
                     _see(known, sums, i, every[j : j + 1], output, inside)
                     evaluations += PARTS - 1
-                    _left(known, key, inside, resolution, waiting, turns, used)
                     waiting, turns = _with_room(waiting, used[0]), _with_room(turns, used[1])
+                    _left(known, key, inside, resolution, waiting, turns, used)
     return turns[: used[1]], evaluations
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import beamsim
 from beamsim.analyses.run.outputs import exact_flow, output_groups
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import TOLERANCE, Search, Waves
+from beamsim.flow.extrema import TOLERANCE, Search, Waves, turning_points
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
 from beamsim.system.build import build_system
@@ -290,6 +290,21 @@ def test_no_output_has_no_extremes():
     found = whole.extrema(lambda phases: outputs(phases).some(np.zeros(0, dtype=np.int64)), np.array([0.0, 1.0, 2.0]))
     assert found.high.shape == found.low.shape == (2, 0)
     assert found.evaluations == 0
+
+
+def test_turning_points_of_many_short_segments():
+    """A maximum in each of 1,000 segments, on which a cubic is exact enough: none is divided, all are kept."""
+    count, exponent, number = 1000, np.array([0.01j]), np.zeros(1, dtype=np.int64)
+    waves = Waves(
+        exponent, number, number, number, np.ones((1, 1), dtype=complex),
+        lambda rows: (np.full((rows.size, 1), np.exp(-0.005j)), np.zeros((rows.size, 1))), np.arange(count, dtype=float),
+        np.ones(count), np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64),
+    )  # fmt: skip
+    wave, row, time, value = turning_points([waves])
+    np.testing.assert_array_equal(wave, np.zeros(count))
+    np.testing.assert_array_equal(np.sort(row), np.arange(count))
+    np.testing.assert_allclose(time - row, 0.5, atol=1e-6)
+    np.testing.assert_allclose(value, 1.0, rtol=1e-12)
 
 
 def test_a_peak_between_samples_is_found_to_round_off():

@@ -12,19 +12,17 @@ not jump. Motions with powers of time are led through panels (`low_pass`), whose
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
-from beamsim.analyses.run.linear_filter import Extreme, higher, lower, recurrence
+from beamsim.analyses.run.linear_filter import Extreme, cubic_factors, higher, lower, recurrence
 from beamsim.analyses.run.low_pass import LowPassFilter, butterworth, known_times
 from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Complexes, Floats, Ints
 
 # Steps in a period of the filter's frequency, in which peaks are sought. Cubics on steps of h are right to h^4 / 384 of
 # the largest fourth derivative. Behind the filter that is Omega^4 a, however fast a moves: 7e-7 of a with these steps.
@@ -81,7 +79,8 @@ class FilteredPanels:
 
     def at(self, times: Floats) -> Floats:
         """(nt, k) at increasing times."""
-        return np.asarray(self._curve(times))
+        panel = np.clip(np.searchsorted(self.ends, times, side="right") - 1, 0, self.ends.size - 2)
+        return self._inside(panel, times)[0]
 
     def extremes(self, begin: float, end: float) -> Extreme:
         """Lowest and highest values between two times, and when."""
@@ -90,7 +89,7 @@ class FilteredPanels:
         last = first + inside.size + 1
         part = slice(first + 1, last)
         edges = np.array([begin, end])
-        value, slope = self._curve(edges), self._curve(edges, 1)
+        value, slope = self._inside(np.clip([first, last - 1], 0, self.ends.size - 2), edges)
         return _peaks(
             np.concatenate([edges[:1], inside, edges[1:]]),
             np.vstack([value[:1], self.value[part], value[1:]]),
@@ -98,10 +97,13 @@ class FilteredPanels:
             *_unknown(self.value.shape[1]),
         )
 
-    @cached_property
-    def _curve(self) -> CubicHermiteSpline:
-        """Of a time; its derivatives by their order."""
-        return CubicHermiteSpline(self.ends, self.value, self.slope)
+    def _inside(self, panel: Ints, times: Floats) -> tuple[Floats, Floats]:
+        """(nt, k) values and slopes of the cubics of panels."""
+        h = (self.ends[panel + 1] - self.ends[panel])[:, None]
+        h = np.where(h > 0, h, 1.0)  # a motion that ends where it begins
+        s, left, begin = (times - self.ends[panel])[:, None] / h, self.value[panel], h * self.slope[panel]
+        c2, c3 = cubic_factors(left, self.value[panel + 1], begin, h * self.slope[panel + 1])
+        return left + s * (begin + s * (c2 + s * c3)), (begin + s * (2.0 * c2 + 3.0 * s * c3)) / h
 
 
 class _Part(NamedTuple):

@@ -145,6 +145,18 @@ def recurrence(factor: Complexes, added: Complexes) -> Complexes:
     return z
 
 
+def cubic_factors(left: Floats, right: Floats, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
+    """Factors of the square and of the cube of the place in cubics on panels of length one.
+
+    Parameters
+    ----------
+    left, right : values at the ends of the panels.
+    begin, end : slopes there.
+    """
+    rise = right - left
+    return 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise
+
+
 def lower(ends: Floats, y: Floats, begin: Floats, end: Floats, lowest: Floats, when: Floats) -> tuple[Floats, Floats]:
     """As `higher`, for the lowest values."""
     value, at = higher(ends, -y, -begin, -end, -lowest, when)
@@ -159,8 +171,7 @@ def higher(ends: Floats, y: Floats, begin: Floats, end: Floats, highest: Floats,
     h = np.diff(ends)[:, None]
     a, b = h * begin, h * end
     inside = (a > 0) & (b < 0)  # it begins rising and ends falling, so that it has its maximum inside
-    rise = np.diff(y, axis=0)
-    c2, c3 = 3 * rise - 2 * a - b, a + b - 2 * rise
+    c2, c3 = cubic_factors(y[:-1], y[1:], a, b)
     root = np.sqrt(np.where(inside, c2**2 - 3 * a * c3, 1.0))
     inside &= root > c2  # else both underflow
     s = np.where(inside, a / np.where(inside, root - c2, 1.0), 0.0)
