@@ -297,8 +297,8 @@ def test_turning_points_of_many_short_segments():
     count, exponent, number = 1000, np.array([0.01j]), np.zeros(1, dtype=np.int64)
     waves = Waves(
         exponent, number, number, number, np.ones((1, 1), dtype=complex),
-        lambda rows: (np.full((rows.size, 1), np.exp(-0.005j)), np.zeros((rows.size, 1))), np.arange(count, dtype=float),
-        np.ones(count), np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64),
+        lambda rows: (np.full((rows.size, 1), np.exp(-0.005j)), np.zeros((rows.size, 1))),
+        np.arange(count, dtype=float), np.ones(count), np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64),
     )  # fmt: skip
     wave, row, time, value = turning_points([waves])
     np.testing.assert_array_equal(wave, np.zeros(count))
