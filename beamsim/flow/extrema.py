@@ -28,8 +28,6 @@ from beamsim.flow.stopping import check_stop
 from beamsim.typing import Complexes, Floats, Ints
 
 PARTS_AT_ONCE = 256  # which bounds the memory
-LONGEST, MOST_PIECES = 500.0, 1000  # rad that a term may turn on a piece of a part, and number of these
-AT_ONCE = 10_000.0  # rad, the work between two checks whether to stop; each piece counts 40
 
 
 @dataclass(frozen=True)
@@ -75,27 +73,12 @@ class Waves:
         rows = np.arange(self.time.size)
         return np.stack([self.at(rows, self.begin), self.at(rows, self.end)], axis=1)
 
-    def pieces(self) -> Iterator[tuple[Ints, Sums]]:
-        """Equal pieces of the parts, some after the other: the parts (m,) that they belong to, and the outputs."""
+    def batches(self) -> Iterator[tuple[Ints, Sums]]:
+        """The parts, some after the other: their numbers (m,), and the outputs on them."""
         for first in range(0, self.time.size, PARTS_AT_ONCE):
+            check_stop()
             rows = np.arange(first, min(first + PARTS_AT_ONCE, self.time.size))
-            sums = self.sums(rows)
-            begin, length = sums.place[0], sums.place[1] - sums.place[0]
-            acting = np.abs(sums.rate.imag)[:, sums.basis] * (sums.amplitude != 0.0)
-            turn = acting.max(axis=1, initial=0.0) * length
-            count = np.clip(np.ceil(turn / LONGEST), 1, MOST_PIECES).astype(np.int64)
-            part: Ints = np.repeat(np.arange(rows.size), count)
-            number = np.arange(part.size) - (np.cumsum(count) - count)[part]
-            place = sums.place[:, part]
-            place[0] = begin[part] + length[part] * (number / count[part])
-            place[1, :-1] = np.where(part[1:] == part[:-1], place[0, 1:], place[1, :-1])
-            work = np.cumsum(40.0 + (turn / count)[part]) // AT_ONCE
-            for some in np.split(np.arange(part.size), np.flatnonzero(np.diff(work)) + 1):
-                check_stop()
-                at = part[some]
-                of_part = {name: getattr(sums, name)[at] for name in ("rate", "amplitude", "noise", "window")}
-                table = sums.table[at] if self.table.ndim == 3 else sums.table
-                yield rows[at], sums._replace(table=table, place=place[:, some], **of_part)
+            yield rows, self.sums(rows)
 
 
 @dataclass(frozen=True)
@@ -151,7 +134,7 @@ class Search:
         if not self.known.every.size:
             return
         for wave in waves:
-            for _, sums in wave.pieces():
+            for _, sums in wave.batches():
                 self.evaluations += search(sums, self.known, -1.0)[1]
 
     def extrema(self) -> Extrema:
@@ -182,7 +165,7 @@ def turning_points(waves: Sequence[Waves]) -> tuple[Ints, Ints, Floats, Floats]:
     known, found = largest.known, [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), *np.zeros((2, 0)))]
     resolution = TOLERANCE * float(np.abs(known.value).max())
     for number, wave in enumerate(waves):
-        for rows, sums in wave.pieces():
+        for rows, sums in wave.batches():
             turns, _ = search(sums, known, resolution)
             row, u = rows[turns[:, 0].astype(np.int64)], turns[:, 1]
             found.append((np.full_like(row, number), row, wave.time[row] + u * wave.length[row], wave.at(row, u)))

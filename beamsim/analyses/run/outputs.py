@@ -19,7 +19,7 @@ from beamsim.typing import Floats, Ints
 
 MOST_PIECES = 4_000_000  # of an input, in motions that are kept as a whole
 MEMORY = 2e9  # bytes, that a run may keep unless it says otherwise
-TABLES_SHARE, MOTION_SHARE = 0.128, 0.5  # of it: tables of contact states, the motion between events
+TABLES_SHARE, MOTION_SHARE = 0.2, 0.5  # of it: tables of contact states, the motion between events
 
 SEARCHED = (  # for their extremes
     "displacement", "acceleration", "force", "penetration", "stretch", "spring_force", "output",
