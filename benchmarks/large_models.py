@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.matrix_files.nastran import write_op4
+from beamsim.matrix_files.formats import write_matrices
 from beamsim.structures.dof_table import DofTable, write_dof_table
 from beamsim.typing import Floats, Ints
 
@@ -94,7 +94,7 @@ def write_solid(folder: Path, size: int, shape: str) -> str:
     sides = {"cube": np.array([0.3, 0.3, 0.3]), "slab": np.array([0.6, 0.4, 0.05])}[shape]
     counts = np.maximum(np.round(sides * (size / 3 / np.prod(sides)) ** (1 / 3)).astype(int) - 1, 1)
     table, stiffness, mass, held = solid(counts, sides)
-    write_op4(folder / "model.op4", {"mass": mass, "stiff": stiffness}, binary=True)
+    write_matrices(folder / "model.op4", {"mass": mass, "stiff": stiffness}, binary=True)
     write_dof_table(folder / "dofs.csv", table)
     print(f"{len(table.dofs):,} degrees of freedom, {stiffness.nnz:,} entries, elements {counts.tolist()}")
     return CASE.format(base=", ".join(map(str, held)), corner=table.dofs[-1][0])
@@ -114,7 +114,7 @@ def write_plate(folder: Path, size: int) -> str:
         "excitation": {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": 20.0},
     }  # fmt: skip
     named = assemble(load_scenario(built)).named_matrices
-    write_op4(folder / "model.op4", {"mass": named.mass, "stiff": named.stiffness}, binary=True)
+    write_matrices(folder / "model.op4", {"mass": named.mass, "stiff": named.stiffness}, binary=True)
     write_dof_table(folder / "dofs.csv", named.table)
     print(f"{len(named.table.dofs):,} degrees of freedom, {named.stiffness.nnz:,} entries")
     corner = max(node for node, direction in named.table.dofs[:-1] if direction == "z")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from beamsim.errors import MethodError, ScenarioError
 from beamsim.files import replacing
-from beamsim.matrix_files.write import write_matrices
+from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario.base import suggestion
 from beamsim.scenario.file_units import SYSTEMS
 from beamsim.structures.assembly import acting_places, assemble, bodies_of
@@ -49,13 +49,14 @@ def exported(
     lines = ["bodies:", f"  {called}:", "    kind: matrices"]
     for key, matrix in (("mass", "mass"), ("stiffness", "stiff"), ("viscous", "viscous")):
         if matrix in written:
-            file, label = written[matrix]
-            lines.append(f"    {key}: {{file: {file.name}{f', name: {label}' if label else ''}}}")
+            file = written[matrix]
+            named = f", name: {matrix}" if file == target else ""  # where it holds several
+            lines.append(f"    {key}: {{file: {file.name}{named}}}")
     base = f"{{nodes: [{', '.join(map(str, given.base))}], direction: {given.direction}}}" if given.base else "free"
     stated = [] if units == "SI" else [f"    units: {units}"]
     lines += [f"    dofs: {table.name}", *stated, f"    base: {base}"]
     lines += [f"# {label}: {place}" for label, place in places.items()]
-    return [*dict.fromkeys(file for file, _ in written.values()), table], "\n".join(lines)
+    return [*dict.fromkeys(written.values()), table], "\n".join(lines)
 
 
 def _matrices(scenario: Scenario, name: str | None, modes: int | None) -> tuple[str, NamedMatrices, dict[str, str]]:

@@ -79,8 +79,7 @@ def export_structure(
     from beamsim.cli.progress import progress_of
     from beamsim.cli.structure_export import exported
     from beamsim.errors import Problem, ScenarioError
-    from beamsim.matrix_files.read import FORMATS
-    from beamsim.matrix_files.write import ENDINGS
+    from beamsim.matrix_files.formats import ENDINGS, FORMATS
     from beamsim.scenario import load_scenario
     from beamsim.scenario.file_units import SYSTEMS
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,29 +28,28 @@ class FileMatrix:
     columns: tuple[Dof, ...] | None = None
 
 
-def file_matrix(name: str, values: Any, *, one_triangle: bool = False) -> FileMatrix:
-    """A matrix whose file only counts its degrees of freedom, without entries of zero.
+def file_matrix(name: str, values: Any, *names: tuple[Dof, ...] | None, one_triangle: bool = False) -> FileMatrix:
+    """A matrix without entries of zero.
 
     Parameters
     ----------
     name : of the matrix.
     values : (rows, columns) sparse or dense, real or complex.
-    one_triangle : whether one triangle stands for both where the other is empty.
+    names : of rows and of columns, where the file has them.
+    one_triangle : whether an entry stands for the opposite one as well where that is missing.
 
     Returns
     -------
     FileMatrix
-        Without names of rows and columns.
+        Sparse.
     """
-    from scipy.sparse import csc_array, tril, triu
+    from scipy.sparse import csc_array
 
-    matrix = csc_array(values)
+    matrix: Any = csc_array(values)
+    if one_triangle:
+        matrix = matrix + (matrix.T - matrix.T.multiply(matrix != 0)).tocsc()
     matrix.eliminate_zeros()
-    if one_triangle and matrix.shape[0] == matrix.shape[1]:
-        above, below = triu(matrix, 1), tril(matrix, -1)
-        if above.nnz == 0 or below.nnz == 0:
-            matrix = (matrix + above.T + below.T).tocsc()
-    return FileMatrix(name, matrix)
+    return FileMatrix(name, matrix, *names)
 
 
 def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = False) -> FileMatrix:
@@ -62,7 +60,7 @@ def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = Fals
     name : of the matrix.
     entries : (n, 5) node and component of the row, those of the column, and the number, real or complex.
     square : whether rows and columns have the same degrees of freedom.
-    one_triangle : whether one triangle stands for both where the other is empty.
+    one_triangle : whether an entry stands for the opposite one as well where that is missing.
 
     Returns
     -------
@@ -74,12 +72,11 @@ def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = Fals
     entries = np.asarray(entries)
     nodes, components = entries[:, 0:4:2].real.astype(int), entries[:, 1:4:2].real.astype(int)
     dofs = 7 * nodes + np.where((components >= 1) & (components <= 6), components, 0)
-    rows, columns = (np.unique(dofs if square else dofs[:, k]) for k in (0, 1))
+    axes = [np.unique(dofs if square else dofs[:, k]) for k in (0, 1)]
     numbers = entries[:, 4] if np.any(entries[:, 4].imag) else entries[:, 4].real
-    at = np.searchsorted(rows, dofs[:, 0]), np.searchsorted(columns, dofs[:, 1])
-    values = coo_array((numbers, at), shape=(rows.size, columns.size))
-    matrix = file_matrix(name, values, one_triangle=one_triangle)
-    return replace(matrix, rows=names_of(rows // 7, rows % 7), columns=names_of(columns // 7, columns % 7))
+    at = tuple(np.searchsorted(axis, dofs[:, k]) for k, axis in enumerate(axes))
+    values = coo_array((numbers, at), shape=(axes[0].size, axes[1].size))
+    return file_matrix(name, values, *(names_of(*divmod(axis, 7)) for axis in axes), one_triangle=one_triangle)
 
 
 def names_of(nodes: Iterable[int], components: Iterable[int]) -> tuple[Dof, ...]:

@@ -11,17 +11,16 @@ from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import FileMatrix, file_matrix, labelled, names_of
 
 _SYMMETRIC, _RECTANGULAR = 6, (2, 9)  # forms of a matrix
-_DMIG_TABLE = (114, 1, 120)  # how such a table of an OP2 file begins
 
 
-def _pyyeti() -> Any:
+def pyyeti() -> Any:
+    """The module ``nastran`` of pyYeti; raises `MethodError` where it is not installed."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             from pyyeti import nastran
     except ImportError:
-        remedy = "pip install 'beamsim[nastran]'"
-        raise MethodError("file", "is one of Nastran, which needs the package pyyeti", remedy) from None
+        raise MethodError("file", "is of Nastran, which needs pyyeti", "pip install 'beamsim[nastran]'") from None
     return nastran
 
 
@@ -30,48 +29,28 @@ def read_op4(path: Path, name: str | None = None) -> list[FileMatrix]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         warnings.filterwarnings("error", "Premature end-of-file")
-        names, matrices, forms, _ = _pyyeti().op4.load(str(path), name, into="list", sparse=True)
-    return [
-        file_matrix(called, matrix, one_triangle=form == _SYMMETRIC)
-        for called, matrix, form in zip(names, matrices, forms, strict=True)
-    ]
-
-
-def write_op4(path: Path, matrices: dict[str, Any], *, binary: bool = False) -> None:
-    """Write an OUTPUT4 file with double precision; ASCII has 17 significant digits, which is exact as well.
-
-    Parameters
-    ----------
-    path : of the file.
-    matrices : (rows, columns) sparse or dense, by names of at most 8 characters.
-    binary : whether to write the bytes of numbers instead of ASCII.
-
-    Raises
-    ------
-    MethodError
-        If pyYeti is not installed.
-    """
-    _pyyeti().op4.write(str(path), matrices, binary=binary)
+        loaded = pyyeti().op4.load(str(path), name, into="list", sparse=True)
+    return [file_matrix(called, m, one_triangle=form == _SYMMETRIC) for called, m, form, _ in zip(*loaded, strict=True)]
 
 
 def read_op2(path: Path, name: str | None = None) -> list[FileMatrix]:
     """Matrices and DMIG tables of an OUTPUT2 file, of equal names the last; only that of a name if it is given."""
-    nastran = _pyyeti()
+    nastran = pyyeti()
     with nastran.OP2(str(path)) as file:
         matrices = file.rdop2mats([name] if name else None, lower=True)
-        tables = [each.name.lower() for each in file.dblist if each.headers and each.headers[0][0] == _DMIG_TABLE]
-    tables = [each for each in tables if name in (None, each)]
+        # tables of DMIG entries begin with these numbers
+        tables = [each.name.lower() for each in file.dblist if each.headers and each.headers[0][0] == (114, 1, 120)]
     found = [file_matrix(called, values) for called, values in matrices.items()]
     for called, frame in (nastran.rddmig(str(path), tables, square=True) if tables else {}).items():
         axes = ([*zip(*axis, strict=True)] if axis.nlevels == 2 else (axis, [0] * axis.size) for axis in frame.axes)
-        found.append(FileMatrix(called, file_matrix(called, frame).values, *(names_of(*axis) for axis in axes)))
+        found.append(file_matrix(called, frame, *(names_of(*axis) for axis in axes)))
     return found
 
 
 def read_dmig(path: Path, _: str | None = None) -> list[FileMatrix]:
     """Matrices of DMIG entries in small, large and free fields, as EXTSEOUT and PARAM,EXTOUT punch them."""
     with open(path, encoding="latin-1") as file:
-        cards = _pyyeti().rdcards(file, r"dmig\b", regex=True, return_var="list", blank=0, follow_includes=False)
+        cards = pyyeti().rdcards(file, r"dmig\b", regex=True, return_var="list", blank=0, follow_includes=False)
     by_name: dict[str, list[Any]] = {}
     for name, *fields in cards or ():
         by_name.setdefault(name.lower(), []).append(fields)
@@ -87,6 +66,4 @@ def _of_cards(name: str, heading: list[Any], *columns: list[Any]) -> FileMatrix:
         for row, component, real, imaginary in zip_longest(*(column[k::4] for k in range(3, 7)), fillvalue=0)
         if row
     ]
-    if form == _SYMMETRIC:
-        entries += [(*entry[2:4], *entry[:2], entry[4]) for entry in entries if entry[:2] != entry[2:4]]
-    return labelled(name, entries, square=form not in _RECTANGULAR)
+    return labelled(name, entries, square=form not in _RECTANGULAR, one_triangle=form == _SYMMETRIC)

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.errors import MethodError
+from beamsim.matrix_files.formats import read_matrix
 from beamsim.matrix_files.matrix import MODAL, Dof, FileMatrix
-from beamsim.matrix_files.read import read_matrix
 from beamsim.scenario.file_units import name_of, sizes_of
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.converted import in_si_units

@@ -11,7 +11,7 @@ from scipy.sparse import csc_array
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.nastran import write_op4
+from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.base_motion import BaseDirection
@@ -164,7 +164,7 @@ def test_a_stepped_sine_of_a_rotation_has_the_linear_response():
 
 
 def written(folder: Path, mass, stiffness, table, excitation, *, base=(1,), probe=8, **more):
-    write_op4(folder / "m.op4", {"mxx": csc_array(mass), "kxx": csc_array(stiffness)})
+    write_matrices(folder / "m.op4", {"mxx": csc_array(mass), "kxx": csc_array(stiffness)})
     write_dof_table(folder / "dofs.csv", table)
     path = folder / "case.yaml"
     source = {"file": "m.op4"}

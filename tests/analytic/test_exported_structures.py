@@ -9,7 +9,8 @@ import yaml
 import beamsim
 from beamsim.cli.structure_export import exported
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.nastran import read_op4, write_op4
+from beamsim.matrix_files.formats import write_matrices
+from beamsim.matrix_files.nastran import read_op4
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import read_dof_table, write_dof_table
@@ -192,6 +193,6 @@ def test_the_order_of_bodies_and_of_imported_degrees_of_freedom_changes_nothing(
     matrices = {each.name: each.values for each in read_op4(tmp_path / "it.op4")}
     table = read_dof_table(tmp_path / "it_dofs.csv")
     order = np.random.default_rng(seed).permutation(len(table.dofs))
-    write_op4(tmp_path / "it.op4", {name: values[order][:, order] for name, values in matrices.items()})
+    write_matrices(tmp_path / "it.op4", {name: values[order][:, order] for name, values in matrices.items()})
     write_dof_table(tmp_path / "it_dofs.csv", table.part(order))
     same_motion(straight, beamsim.run(load_scenario(tmp_path / "again.yaml")))

@@ -10,7 +10,7 @@ from scipy.sparse import block_diag, csc_array, identity
 
 import beamsim
 from beamsim.errors import MethodError, ScenarioError
-from beamsim.matrix_files.nastran import write_op4
+from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures import sturm
 from beamsim.structures.assembly import assemble
@@ -71,7 +71,7 @@ def exported(text=BEAM):
 
 
 def imported(folder: Path, mass, stiffness, table, base="{nodes: [10], direction: z}", body=BODY, case=CASE):
-    write_op4(folder / "panel.op4", {"mxx": csc_array(mass), "kxx": csc_array(stiffness)})
+    write_matrices(folder / "panel.op4", {"mxx": csc_array(mass), "kxx": csc_array(stiffness)})
     write_dof_table(folder / "dofs.csv", table)
     return parse_scenario(body.format(folder=folder, base=base) + case.format(place=PLACE["imported"]))
 
@@ -304,7 +304,7 @@ def test_structural_damping_is_refused_or_converted_at_a_frequency(tmp_path):
 
 def test_viscous_matrices_are_taken(tmp_path):
     model = exported()
-    write_op4(tmp_path / "b.op4", {"bxx": model.stiffness * 1e-5})
+    write_matrices(tmp_path / "b.op4", {"bxx": model.stiffness * 1e-5})
     body = BODY.replace("    damping:", "    viscous: {{file: {folder}/b.op4}}\n    damping:").replace(
         "ratio: 1 %", "ratio: 0"
     )
@@ -357,7 +357,7 @@ def test_a_beam_with_a_dashpot_is_exported_with_it(tmp_path):
     """The matrix of viscous damping acts on motion relative to the base and is read back so."""
     text = BEAM.replace("kind: modal, ratio: 1 %", "kind: viscous, coefficient: 3 N s/m^2")
     model = exported(text)
-    write_op4(tmp_path / "b.op4", {"bxx": model.damping})
+    write_matrices(tmp_path / "b.op4", {"bxx": model.damping})
     body = BODY.replace("    damping:", "    viscous: {{file: {folder}/b.op4}}\n    damping:").replace(
         "ratio: 1 %", "ratio: 0"
     )

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.sparse import diags_array, identity, kron
 
-from beamsim.matrix_files.nastran import read_op4, write_op4
+from beamsim.matrix_files.formats import write_matrices
+from beamsim.matrix_files.nastran import read_op4
 from beamsim.scenario import load_scenario
 from beamsim.structures import modes, sturm
 from beamsim.structures import symmetric_lu as factors
@@ -67,7 +68,7 @@ def panel(tmp_path_factory):
     """1,368 degrees of freedom, and the scenario that reads them."""
     folder = tmp_path_factory.mktemp("large")
     given = exported()
-    write_op4(folder / "panel.op4", {"mass": given.mass, "stiff": given.stiffness}, binary=True)
+    write_matrices(folder / "panel.op4", {"mass": given.mass, "stiff": given.stiffness}, binary=True)
     write_dof_table(folder / "dofs.csv", given.table)
     nodes = [node for node, direction in given.table.dofs if direction == "z" and node not in given.base]
     (folder / "case.yaml").write_text(CASE.format(folder=folder, base=given.base[0], node=nodes[-1]))
@@ -172,6 +173,6 @@ def test_an_order_of_elimination_changes_no_result(panel, monkeypatch):
 def test_matrices_that_are_not_asked_for_are_passed_over(tmp_path):
     given = exported()
     for binary in (True, False):
-        write_op4(tmp_path / "p.op4", {"mass": given.mass, "stiff": given.stiffness}, binary=binary)
+        write_matrices(tmp_path / "p.op4", {"mass": given.mass, "stiff": given.stiffness}, binary=binary)
         (stiffness,) = read_op4(tmp_path / "p.op4", "stiff")
         assert abs(stiffness.values - given.stiffness).max() == 0.0

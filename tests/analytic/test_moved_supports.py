@@ -10,7 +10,7 @@ from scipy.sparse import csc_array
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.nastran import write_op4
+from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import write_dof_table
@@ -182,7 +182,7 @@ def test_all_edges_of_a_plate_together_carry_it_along():
 def test_a_node_of_imported_matrices_moves_as_the_end_of_the_beam(tmp_path):
     free = {"supports": {"left": "free"}, "damping": {"kind": "modal", "ratio": 0.02}}
     model = assemble(case(LEFT | {"applied_to": "base"}, beam=free)).named_matrices
-    write_op4(tmp_path / "m.op4", {"mxx": csc_array(model.mass), "kxx": csc_array(model.stiffness)})
+    write_matrices(tmp_path / "m.op4", {"mxx": csc_array(model.mass), "kxx": csc_array(model.stiffness)})
     write_dof_table(tmp_path / "dofs.csv", model.table)
     path = tmp_path / "case.yaml"
     path.write_text(json.dumps({

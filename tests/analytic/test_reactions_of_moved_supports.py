@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from scipy.sparse import csc_array
 
 import beamsim
-from beamsim.matrix_files.nastran import write_op4
+from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import write_dof_table
@@ -206,7 +206,7 @@ def test_nodes_of_imported_matrices_exert_what_the_ends_of_the_beam_exert(tmp_pa
     recovery = np.zeros((1, len(model.table.dofs)))  # of the node that moves and of another one
     recovery[0, [model.table.dofs.index((10, "z")), model.table.dofs.index((6, "z"))]] = 3.0, 2.0
     matrices = {"mxx": model.mass, "kxx": model.stiffness, "rec": recovery}
-    write_op4(tmp_path / "m.op4", {name: csc_array(matrix) for name, matrix in matrices.items()})
+    write_matrices(tmp_path / "m.op4", {name: csc_array(matrix) for name, matrix in matrices.items()})
     write_dof_table(tmp_path / "dofs.csv", model.table)
     path = tmp_path / "case.yaml"
     path.write_text(json.dumps({

@@ -8,7 +8,8 @@ import yaml
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.nastran import read_op4, write_op4
+from beamsim.matrix_files.formats import write_matrices
+from beamsim.matrix_files.nastran import read_op4
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import bodies_of
 from beamsim.structures.dof_table import write_dof_table
@@ -25,7 +26,7 @@ def scenario(folder, rows=None, outputs=(), names=None, matrix=None):
     body["dofs"] = str(PANEL.parent / body["dofs"])
     body["damping"] = {"kind": "modal", "ratio": 0.0}
     if rows is not None:
-        write_op4(folder / "recovery.op4", {"oee": np.array(list(rows.values())) if matrix is None else matrix})
+        write_matrices(folder / "recovery.op4", {"oee": np.array(list(rows.values())) if matrix is None else matrix})
         body["recovery"] = {"file": "recovery.op4", "name": "OEE", "rows": names or list(rows)}
     case["run"] = {
         "duration": 0.2, "sample_rate": 5000, "convergence": "off", "start": "rest",
@@ -80,11 +81,11 @@ def test_the_share_of_the_base_is_that_of_its_direction(tmp_path):
         "elements": 4, "supports": {"left": "free", "right": "free"},
     }  # fmt: skip
     given = bodies_of(load_scenario({"bodies": {"beam": beam}}))[0].named_matrices
-    write_op4(tmp_path / "beam.op4", {"mass": given.mass, "stiff": given.stiffness})
+    write_matrices(tmp_path / "beam.op4", {"mass": given.mass, "stiff": given.stiffness})
     write_dof_table(tmp_path / "dofs.csv", given.table)
     unit = np.zeros((1, len(given.table.dofs)))
     unit[0, given.table.number[5, "z"]] = 1.0
-    write_op4(tmp_path / "tip.op4", {"oee": unit})
+    write_matrices(tmp_path / "tip.op4", {"oee": unit})
     case = {
         "bodies": {"beam": {
             "kind": "matrices", "mass": {"file": "beam.op4", "name": "mass"},

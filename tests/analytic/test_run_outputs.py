@@ -11,7 +11,7 @@ from beamsim.analyses.run.outputs import accelerations, exact_flow
 from beamsim.errors import ScenarioError
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
-from beamsim.matrix_files.nastran import write_op4
+from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_run, write_result
 from beamsim.structures.assembly import assemble
@@ -323,7 +323,7 @@ def test_imported_body_rests_on_its_nodes_as_the_beam_that_it_came_from(tmp_path
         scale[:, None] * matrix.toarray() * scale
         for matrix in (free.mass_scale * free.mass, free.stiffness_scale * free.stiffness)
     )
-    write_op4(tmp_path / "m.op4", {"mxx": mass, "kxx": stiffness})
+    write_matrices(tmp_path / "m.op4", {"mxx": mass, "kxx": stiffness})
     write_dof_table(tmp_path / "dofs.csv", table.table)
     body = {
         "kind": "matrices", "mass": {"file": "m.op4", "name": "mxx"}, "stiffness": {"file": "m.op4", "name": "kxx"},

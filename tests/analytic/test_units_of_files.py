@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from beamsim.analyses.run.analysis import run
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.nastran import write_op4
+from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures import matrices as matrices_module
 from beamsim.structures.assembly import bodies_of, summaries_of_files
@@ -98,7 +98,7 @@ def punched(path, name, matrix):
 def write(folder, ending, matrices):
     """Files of all matrices; how the section names each."""
     if ending in (".op4", ".bin.op4"):
-        write_op4(folder / "it.op4", matrices, binary=ending != ".op4")
+        write_matrices(folder / "it.op4", matrices, binary=ending != ".op4")
         return {name: f"{{file: it.op4, name: {name}}}" for name in matrices}
     if ending in (".mat", ".npz"):
         (savemat if ending == ".mat" else np.savez)(folder / f"it{ending}", **(

@@ -383,7 +383,7 @@ from beamsim.scenario import base
 heavy = ("numba", "pint", "h5py", "matplotlib", "rich", "scipy.signal", "scipy.stats", "beamsim.analyses")
 heavy += ("numpy.f2py.f2py2e", "numpy.testing._private.utils")  # scipy copies NumPy
 sections = ("bodies", "chain", "continuation", "designs", "friction", "identification", "nnm", "plate", "sweep")
-heavy += (*map("beamsim.scenario.{{}}".format, sections), "beamsim.structures.plate", "beamsim.matrix_files.read")
+heavy += (*map("beamsim.scenario.{{}}".format, sections), "beamsim.structures.plate", "beamsim.matrix_files.formats")
 print("loaded", [name for name in heavy if name in sys.modules])
 pending, parts = [], [base.Schema]
 while parts:

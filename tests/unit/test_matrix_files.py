@@ -12,8 +12,8 @@ import scipy.io
 from scipy.sparse import coo_array, csc_array, save_npz
 
 from beamsim.errors import MethodError
-from beamsim.matrix_files.nastran import read_op4, write_op4
-from beamsim.matrix_files.read import read_matrices, read_matrix
+from beamsim.matrix_files.formats import read_matrices, read_matrix, write_matrices
+from beamsim.matrix_files.nastran import read_op4
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -37,7 +37,7 @@ def dense(values):
 def test_op4_written_is_read_back_exactly(tmp_path, binary):
     written = random_matrices() | {"long": csc_array(([1.0, -2.5], ([0, 69_999], [0, 1])), shape=(70_000, 2))}
     path = tmp_path / "model.op4"
-    write_op4(path, written, binary=binary)
+    write_matrices(path, written, binary=binary)
     read = {matrix.name: matrix.values for matrix in read_op4(path)}
     assert list(read) == list(written)
     for name, values in written.items():
@@ -83,7 +83,7 @@ def test_op4_with_one_triangle_of_a_symmetric_matrix(tmp_path):
 @pytest.mark.parametrize(("binary", "cut"), [(False, 120), (True, 120), (True, 20)])
 def test_a_cut_op4_file_is_refused(tmp_path, binary, cut):
     path = tmp_path / "cut.op4"
-    write_op4(path, {"m": np.arange(1.0, 37.0).reshape(6, 6)}, binary=binary)
+    write_matrices(path, {"m": np.arange(1.0, 37.0).reshape(6, 6)}, binary=binary)
     path.write_bytes(path.read_bytes()[:-cut])
     with pytest.raises(MethodError, match="cannot be read as OP4"):
         read_matrices(path)
@@ -212,7 +212,7 @@ def test_without_pyyeti_a_message_tells_what_to_install(tmp_path, monkeypatch, e
     with pytest.raises(MethodError, match=r"pip install 'beamsim\[nastran\]'"):
         read_matrix(path, None)
     with pytest.raises(MethodError, match=r"pip install 'beamsim\[nastran\]'"):
-        write_op4(path, random_matrices())
+        write_matrices(path.with_suffix(".op4"), random_matrices())
 
 
 @pytest.mark.parametrize(
@@ -301,7 +301,7 @@ def test_a_file_that_does_not_exist_or_has_an_unknown_ending(tmp_path, name):
 
 def test_names_that_the_file_does_not_have(tmp_path):
     path = tmp_path / "model.op4"
-    write_op4(path, random_matrices())
+    write_matrices(path, random_matrices())
     with pytest.raises(MethodError, match=r"= kxx is not a matrix of model.op4; it holds dense, sparse, sym"):
         read_matrix(path, "kxx")
     with pytest.raises(MethodError, match="holds 3 matrices; name one: dense, sparse, sym"):

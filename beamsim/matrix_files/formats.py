@@ -1,0 +1,213 @@
+"""Matrices from and to files in any of the formats, by the file's ending and its first bytes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from beamsim.errors import MethodError
+from beamsim.files import replacing
+from beamsim.matrix_files.matrix import FileMatrix, file_matrix, labelled
+from beamsim.matrix_files.nastran import pyyeti, read_dmig, read_op2, read_op4
+
+
+def read_matrix(path: Path, name: str | None) -> FileMatrix:
+    """One matrix of a file, its name without regard to case; the only one where no name is given.
+
+    Raises
+    ------
+    MethodError
+        About ``file`` or ``name``: it does not exist or cannot be read, it has no matrix of that name, or several.
+    """
+    found = [each for each in read_matrices(path, name) if name is None or each.name.lower() == name.lower()]
+    if found and (name is not None or len(found) == 1):
+        return found[0]
+    known = ", ".join(matrix.name for matrix in read_matrices(path)) or "none"
+    if name is None:
+        raise MethodError("file", f"holds {len(found)} matrices", f"name one: {known}")
+    raise MethodError("name", f"= {name} is not a matrix of {path.name}", f"it holds {known}")
+
+
+def read_matrices(path: Path, name: str | None = None) -> list[FileMatrix]:
+    """All matrices of a file; with ``name``, in any case, others may be left out.
+
+    Raises
+    ------
+    MethodError
+        About ``file``: it does not exist, or cannot be read.
+    """
+    ending = path.suffix.lower()
+    if ending not in FORMATS:
+        raise MethodError("file", f"= {path.name} has an unknown ending", f"known are {', '.join(FORMATS)}")
+    called, reader = FORMATS[ending]
+    try:
+        return reader(path, name and name.lower())
+    except MethodError:
+        raise
+    except Exception as error:  # of a damaged file libraries raise errors of any kind
+        raise MethodError("file", f"= {path.name} cannot be read as {called} ({error})", "write it again") from None
+
+
+def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:
+    """The matrix of a file; Abaqus writes one triangle of a symmetric one, with *MATRIX OUTPUT.
+
+    Raises
+    ------
+    ValueError
+        If a line of Abaqus is not an entry: row node, its degree of freedom, column node, its degree of freedom and the
+        number (MATRIX INPUT, LABELS), or row, column and number (COORDINATE). Coordinates without a node have a degree
+        of freedom beyond 6.
+    """
+    from scipy.io import mmread
+    from scipy.sparse import coo_array
+
+    name = path.stem.lower()
+    with open(path, encoding="latin-1") as file:
+        if file.readline().lower().startswith("%%matrixmarket"):
+            return [file_matrix(name, mmread(path))]
+        file.seek(0)
+        lines = (line.replace(",", " ").upper().replace("D", "E") for line in file)
+        entries = np.loadtxt(lines, comments=("*", "%", "#"), ndmin=2)
+    if entries.shape[1] == 5:
+        return [labelled(name, entries, square=True, one_triangle=True)]
+    i, j, numbers = entries.T
+    size = int(max(i.max(), j.max()))
+    values = coo_array((numbers, (i.astype(int) - 1, j.astype(int) - 1)), shape=(size, size))
+    return [file_matrix(name, values, one_triangle=True)]
+
+
+def _harwell_boeing(path: Path, _: str | None) -> list[FileMatrix]:
+    """The matrix of a file, which SciPy reads neither symmetric nor complex; of a symmetric one it has one triangle.
+
+    Layout: Duff, Grimes and Lewis, Users' guide for the Harwell-Boeing sparse matrix collection, 1992.
+
+    Raises
+    ------
+    ValueError
+        If it is not assembled, has no values, or cannot be read.
+    """
+    from scipy.sparse import csc_array
+
+    lines = path.read_text(encoding="latin-1").upper().replace("D", "E").splitlines()
+    _, lengths, shape, formats = (lines + [""] * 4)[:4]
+    kind = shape[:3]
+    if not re.fullmatch("[RC].A", kind):
+        raise ValueError(f"its type is {kind or 'missing'}; real and complex assembled matrices are read")
+    rows, columns = (int(shape[k : k + 14]) for k in (14, 28))
+    rest = iter(lines[5 if int(lengths[56:70] or 0) else 4 :])  # a line more where right-hand sides follow
+    blocks = []
+    # whole numbers fill their width; numbers with decimals have signs or blanks between them
+    patterns = [f".{{1,{width}}}" for width in re.findall(r"I(\d+)", formats)]
+    for start, pattern in zip((14, 28, 42), [*patterns, r"[-+]?[\d.]+(?:E[-+]\d\d)?"], strict=True):
+        block = islice(rest, int(lengths[start : start + 14]))
+        numbers = [number for line in block for number in re.findall(pattern, line.rstrip())]
+        blocks.append(np.array(numbers, dtype=float))
+    pointers, indices = (block.astype(int) - 1 for block in blocks[:2])
+    values = blocks[2].view(complex) if kind[0] == "C" else blocks[2]
+    matrix = csc_array((values, indices, pointers), shape=(rows, columns))
+    return [file_matrix(path.stem.lower(), matrix, one_triangle=kind[1] in "SH")]
+
+
+def _matlab(path: Path, _: str | None) -> list[FileMatrix]:
+    import h5py
+    from scipy.io import loadmat
+
+    if not h5py.is_hdf5(path):
+        return _named(loadmat(path, spmatrix=False).items())
+    with h5py.File(path) as stored:  # version 7.3
+        return _named((name, _hdf5_matrix(item)) for name, item in stored.items())
+
+
+def _hdf5_matrix(item: Any) -> Any:
+    """A sparse matrix is a group of three arrays; a dense one is a data set with its axes in MATLAB's order."""
+    from scipy.sparse import csc_array
+
+    if "MATLAB_sparse" not in item.attrs:
+        return _array(item).T
+    pointers = item["jc"][()]
+    numbers, rows = (_array(item[key]) if key in item else [] for key in ("data", "ir"))
+    return csc_array((numbers, rows, pointers), shape=(int(item.attrs["MATLAB_sparse"]), len(pointers) - 1))
+
+
+def _array(item: Any) -> Any:
+    """Numbers of a data set; complex ones have two fields. Of a group, which is a structure, nothing."""
+    values = np.asarray(item[()] if hasattr(item, "dtype") else None)
+    return values["real"] + 1j * values["imag"] if values.dtype.names else values
+
+
+def _numpy(path: Path, _: str | None) -> list[FileMatrix]:
+    """Arrays by name, or the sparse matrix of `scipy.sparse.save_npz`."""
+    from scipy.sparse import load_npz
+
+    with np.load(path, allow_pickle=False) as stored:
+        if not {"format", "shape", "data"} <= set(stored.files):
+            return _named(stored.items())
+    return [file_matrix(path.stem.lower(), load_npz(path))]
+
+
+def _named(items: Iterable[tuple[str, Any]]) -> list[FileMatrix]:
+    """Arrays of numbers with two dimensions; names with # and __ are of the file itself."""
+    return [
+        file_matrix(name, values)
+        for name, values in items
+        if not name.startswith(("#", "__")) and values.ndim == 2 and values.dtype.kind in "fciu"
+    ]
+
+
+FORMATS: dict[str, tuple[str, Callable[[Path, str | None], list[FileMatrix]]]] = {
+    ".op4": ("OP4", read_op4),
+    ".op2": ("OP2", read_op2),
+    **dict.fromkeys((".pch", ".dmig", ".bdf", ".dat"), ("DMIG", read_dmig)),
+    **dict.fromkeys((".mtx", ".mm"), ("MatrixMarket or Abaqus", _market_or_abaqus)),
+    **dict.fromkeys((".hb", ".rua", ".rsa"), ("Harwell-Boeing", _harwell_boeing)),
+    ".mat": ("MATLAB", _matlab),
+    ".npz": ("NumPy", _numpy),
+}
+"""Name of the format, and its reader of a path and a name, by ending."""
+ENDINGS = (".op4", ".mat", ".mtx", ".npz")
+"""OP4, MATLAB, MatrixMarket, NumPy; the first two hold several matrices, of the others each has a file."""
+
+
+def write_matrices(path: Path, matrices: dict[str, Any], *, binary: bool = False) -> dict[str, Path]:
+    """Write matrices by name; numbers are those of double precision, in ASCII with 17 significant digits.
+
+    Parameters
+    ----------
+    path : its ending is one of `ENDINGS`; where a file holds one matrix its name is appended to the stem.
+    matrices : (rows, columns) sparse, in OP4 and MATLAB files also dense, by names of at most 8 characters.
+    binary : whether OP4 files hold the bytes of numbers instead of ASCII.
+
+    Returns
+    -------
+    dict
+        File of each: the path itself where a file holds several.
+
+    Raises
+    ------
+    MethodError
+        If pyYeti, which writes OP4, is not installed.
+    """
+    from scipy.io import mmwrite, savemat
+    from scipy.sparse import save_npz
+
+    ending = path.suffix.lower()
+    if ending in (".op4", ".mat"):
+        with replacing(path) as temporary:
+            if ending == ".op4":
+                pyyeti().op4.write(str(temporary), matrices, binary=binary)
+            else:
+                savemat(temporary, matrices, appendmat=False)
+        return dict.fromkeys(matrices, path)
+    files = {name: path.with_name(f"{path.stem}_{name}{ending}") for name in matrices}
+    for name, file in files.items():
+        with replacing(file) as temporary, open(temporary, "wb") as stream:
+            if ending == ".mtx":
+                mmwrite(stream, matrices[name].tocoo(), precision=17)
+            else:
+                save_npz(stream, matrices[name].tocsc())
+    return files
