@@ -50,7 +50,7 @@ def read_matrices(path: Path, name: str | None = None) -> list[FileMatrix]:
     except MethodError:
         raise
     except Exception as error:  # of a damaged file libraries raise errors of any kind
-        raise MethodError("file", f"= {path.name} cannot be read as {called} ({error})", "check the path, or write it again") from None
+        raise MethodError("file", f"= {path.name} cannot be read as {called} ({error})", "check the file") from None
 
 
 def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:

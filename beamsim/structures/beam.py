@@ -11,7 +11,6 @@ from beamsim.errors import MethodError
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.given_field import GivenField, WeightedValues
-from beamsim.structures.hermite import curvature_rows
 from beamsim.structures.mesh import Mesh, build_mesh
 from beamsim.structures.meshed import on_supports
 from beamsim.structures.places import DEFLECTION, SLOPE, Place, Site
@@ -209,7 +208,7 @@ def assemble_beam(
     bending = np.array([stretch.bending_stiffness / beam.bending_stiffness for stretch in stretches])[stretch_of]
     line_mass = np.array([stretch.mass_per_length / beam.mass_per_length for stretch in stretches])[stretch_of]
 
-    factor = mesh.assembled(curvature_rows(mesh.lengths) * np.sqrt(bending)[:, None, None])
+    factor = mesh.square_rows(2, 2) * np.repeat(np.sqrt(bending), 2)[:, None]
     deflected = mesh.square_rows(0, 4)
     inertia = [deflected * np.repeat(np.sqrt(line_mass), 4)[:, None]]
     if beam.point_masses:

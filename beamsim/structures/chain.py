@@ -107,14 +107,22 @@ class ChainStructure(BodyStructure):
 
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """One number a mass."""
-        return GivenField(WeightedValues(np.eye(self.size), self.inertia, np.asarray(numbers, dtype=float)))
+        weights = self.mass.diagonal()
+        return GivenField(WeightedValues(np.eye(self.size), weights, np.asarray(numbers, dtype=float)))
+
+    def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
+        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
+        ground = np.zeros(self.size)
+        for spring in self.section.springs_to_ground:
+            ground[spring.mass - 1] -= linear_stiffness(spring)
+        return super().base_load(motion)[0], ground
 
 
 def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = ()) -> ChainStructure:
     """Matrices of a chain: dashpots and springs between neighbours and walls, and the linear part of all other springs.
 
     The walls move with the base; the ground does not, so under base motion a spring to ground pulls
-    with -k d(t) on the relative coordinates (field ``ground``). What is not linear in a spring has no place in this
+    with -k d(t) on the relative coordinates. What is not linear in a spring has no place in this
     model; see `beamsim.contacts.springs`. ``nodes``, where something joins the chain, are masses anyhow.
 
     Parameters
@@ -133,20 +141,15 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
     masses = np.array(chain.masses, dtype=float)
     count = masses.size
     row = [(i - 1, i) for i in range(count + 1)]
-    grounded = [(spring.mass - 1, linear_stiffness(spring)) for spring in chain.springs_to_ground]
     springs = [(*ends, k) for ends, k in zip(row, chain.springs, strict=False)]
-    springs += [(count, mass, k) for mass, k in grounded]
+    springs += [(count, spring.mass - 1, linear_stiffness(spring)) for spring in chain.springs_to_ground]
     springs += [
         (spring.masses[0] - 1, spring.masses[1] - 1, linear_stiffness(spring)) for spring in chain.springs_between
     ]
     springs = [spring for spring in springs if spring[2] > 0]
     stiffness = np.array([k for _, _, k in springs], dtype=float)
-    ground = np.zeros(count)
-    for mass, k in grounded:
-        ground[mass] -= k
-
     mass_scale = float(np.mean(masses))
-    stiffness_scale = float(max(stiffness.max(initial=0.0), -ground.min())) or 1.0
+    stiffness_scale = float(stiffness.max(initial=0.0)) or 1.0
     rows = _stretches(count, [(a, b) for a, b, _ in springs])
     damping: Any = None
     if any(chain.dashpots):
@@ -162,11 +165,8 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
         mass=csc_array(np.diag(masses / mass_scale)),
         factor=csr_array(rows * np.sqrt(stiffness / stiffness_scale)[:, None]),
         damping=damping,
-        inertia=masses / mass_scale,
-        ground=ground,
         rigid=rigid,
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
-        deflection_dofs=np.arange(count),
         section=chain,
     )

@@ -21,6 +21,7 @@ import numpy as np
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import MODAL
+from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.modes import lowest_eigenpairs
 from beamsim.structures.named_matrices import NamedMatrices, with_base_node
@@ -53,7 +54,7 @@ def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
     if isinstance(structure, BodyStructure):
         named, back = structure.named_dofs, csr_array(diags_array(np.ones(structure.size)))
     else:
-        if np.any(structure.ground):
+        if np.any(structure.base_load(UPWARDS)[1]):
             raise MethodError(
                 "springs", "to the ground hold the structure, which a node that moves with the base cannot stand for",
                 "leave them out, or make them joints to the base",
@@ -71,7 +72,7 @@ def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
     )
     damping = None if structure.damping is None else (back.T @ structure.damping @ back).tocsc()
     total = sum(member.body.total_mass for member in structure.members)
-    inertia = np.asarray(back.T @ (structure.mass_scale * structure.inertia))
+    inertia = np.asarray(back.T @ (structure.mass_scale * structure.base_load(UPWARDS)[0]))
     given = with_base_node(named, mass, stiffness, damping, inertia, total)
     return given, diags_array(1 / named.scale) @ back.T
 

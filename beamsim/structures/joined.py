@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.structures.rigid_motion import orthonormal_in_mass, unstretched
+from beamsim.structures.modes import orthonormal_in_mass, unstretched
 from beamsim.structures.several import SeveralBodies, assemble_side_by_side
 from beamsim.structures.structure import BodyStructure
 from beamsim.structures.supports import Coupling
@@ -49,7 +49,6 @@ def join(
     damping: Any = csr_array((apart.size, apart.size)) if apart.damping is None else apart.damping
     beside = csr_array(apart.rows([c.site for c in dashpots]))
     damping = damping + beside.T @ (beside * np.array([c.dashpot for c in dashpots])[:, None])
-    pulls = np.where([c.to_ground for c in springs], stiffness, 0.0) @ rows if springs else np.zeros(apart.size)
     scaled = csr_array(rows * np.sqrt(stiffness / apart.stiffness_scale)[:, None])
     mass = (basis.T @ (apart.mass @ basis)).tocsc()
     holding = np.vstack([held, rows])
@@ -60,12 +59,9 @@ def join(
         mass=mass,
         factor=vstack([apart.factor, scaled], format="csr") @ basis,
         damping=(basis.T @ damping @ basis).tocsc() if apart.damping is not None or dashpots else None,
-        inertia=basis.T @ apart.inertia,
-        ground=basis.T @ (apart.ground - pulls),
         rigid=orthonormal_in_mass(basis.T @ (apart.rigid @ kept), mass),
         mass_scale=apart.mass_scale,
         stiffness_scale=apart.stiffness_scale,
-        deflection_dofs=np.zeros(0, dtype=np.int64),
         expansions=tuple((member.body, member.expansion @ basis) for member in apart.members),
         couplings=tuple(couplings),
         origins=tuple((origins or {}).items()),

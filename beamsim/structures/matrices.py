@@ -12,6 +12,7 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError, Problem, ScenarioError
+from beamsim.matrix_files.matrix import MODAL
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.dissection import dissection
 from beamsim.structures.distributed import Distributed
@@ -23,11 +24,10 @@ from beamsim.structures.imported import (
     massless_basis,
     read_matrices_of,
 )
-from beamsim.structures.modes import lowest_eigenpairs
+from beamsim.structures.modes import lowest_eigenpairs, orthonormal_in_mass
 from beamsim.structures.named_matrices import NamedMatrices, moves_freely
 from beamsim.structures.places import Place, Site
 from beamsim.structures.reduction import static_deflections
-from beamsim.structures.rigid_motion import orthonormal_in_mass
 from beamsim.structures.stations import NODES, Recovery
 from beamsim.structures.structure import BodyStructure, MemberBody
 from beamsim.structures.sturm import negative_eigenvalues
@@ -179,7 +179,8 @@ class MatricesStructure(BodyStructure):
     def named_dofs(self) -> NamedDofs:
         """Those of the files; coordinates of their own where motions without mass were condensed."""
         if self.expansion.shape[0] != self.size:
-            return super().named_dofs
+            names = tuple((i + 1, MODAL) for i in range(self.size))
+            return NamedDofs(DofTable(names), np.ones(self.size), np.zeros(self.size))
         return NamedDofs(self.table, np.ones(self.size), self.rigid_motion(UPWARDS)[self._rows[1]])
 
     @property
@@ -188,8 +189,22 @@ class MatricesStructure(BodyStructure):
         return self.given
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
-        inertia, ground = _base_forces(self.given, *self._rows, self.rigid_motion(motion))
+        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base.
+
+        Raises
+        ------
+        MethodError
+            Where dashpots go to something that does not move with the base.
+        """
+        given, (held, free), influence = self.given, self._rows, self.rigid_motion(motion)
+        stiffness, moved = given.stiffness[free][:, free], influence[free]
+        ground = np.zeros(free.size) if held.size or moves_freely(stiffness, moved) else -(stiffness @ moved)
+        if given.damping is not None and not moves_freely(given.damping[free], influence):
+            raise MethodError(
+                "viscous", "damps a rigid motion of the base: dashpots go to something that does not move with it",
+                "remove dashpots to ground from the model",
+            )  # fmt: skip
+        inertia = given.mass[free] @ influence
         return np.asarray(self.expansion.T @ inertia) / self.mass_scale, np.asarray(self.expansion.T @ ground)
 
     @cached_property
@@ -341,24 +356,19 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         places = dict.fromkeys(_largest_at(given.table.part(free), motion) for motion in (expansion @ rigid).T)
         motions = "a motion" if rigid.shape[1] == 1 else f"{rigid.shape[1]} motions"
         remarks.append(f"{NOT_HELD}: {motions} without stiffness, largest at {', '.join(places)}")
-    influence = base_influence(given, held, free, UPWARDS, firm=not rigid.shape[1])
-    inertia, ground = _base_forces(given, held, free, influence)
     viscous = None if given.damping is None else (expansion.T @ given.damping[free][:, free] @ expansion).tocsc()
     mass_scale = float(np.mean(reduced_mass.diagonal()))
     stiffness_scale = mass_scale * flexible**2 if flexible else 1.0
     rigid = rigid * np.sqrt(mass_scale)
     factors = factors.of_multiple(1 / stiffness_scale)
-    return MatricesStructure(
+    structure = MatricesStructure(
         name=name,
         mass=reduced_mass / mass_scale,
         factor=stiffness_factor(factors, rigid),
         damping=viscous,
-        inertia=np.asarray(expansion.T @ inertia) / mass_scale,
-        ground=np.asarray(expansion.T @ ground),
         rigid=rigid,
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
-        deflection_dofs=np.zeros(0, dtype=np.int64),
         section=None,
         whole_damping=damping,
         given=given,
@@ -370,6 +380,8 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         order=order,
         notes=tuple(remarks),
     )
+    structure.base_load(UPWARDS)  # refuses a base that moves against springs or dashpots
+    return structure
 
 
 def _without_massless(mass: Any, stiffness: Any, table: DofTable) -> tuple[Any, Floats, list[str]]:
@@ -391,24 +403,6 @@ def _largest_at(table: DofTable, motion: Floats) -> str:
     shifts = np.where([direction in TRANSLATIONS for _, direction in table.dofs], motion, 0.0)
     row = int(np.argmax(shifts if shifts.max() > _RIGID * motion.max() else motion))
     return f"node {table.dofs[row][0]} {table.dofs[row][1]}"
-
-
-def _base_forces(given: NamedMatrices, held: Ints, free: Ints, influence: Floats) -> tuple[Floats, Floats]:
-    """(free,) inertia, kg, and force of springs to the ground, N/m, under a unit motion of the base.
-
-    Raises
-    ------
-    MethodError
-        Where dashpots go to something that does not move with the base.
-    """
-    stiffness, moved = given.stiffness[free][:, free], influence[free]
-    ground = np.zeros(free.size) if held.size or moves_freely(stiffness, moved) else -(stiffness @ moved)
-    if given.damping is not None and not moves_freely(given.damping[free], influence):
-        raise MethodError(
-            "viscous", "damps a rigid motion of the base: dashpots go to something that does not move with it",
-            "remove dashpots to ground from the model",
-        )  # fmt: skip
-    return given.mass[free] @ influence, ground
 
 
 def _held_rows(given: NamedMatrices) -> Ints:

@@ -12,10 +12,9 @@ from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.mesh import Mesh
-from beamsim.structures.modes import mode_of_unit_deflection
+from beamsim.structures.modes import mode_of_unit_deflection, orthonormal_in_mass, unstretched
 from beamsim.structures.places import LoadSite, Place, separated
 from beamsim.structures.plate_mesh import PlateMesh
-from beamsim.structures.rigid_motion import orthonormal_in_mass, unstretched
 from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
 
@@ -45,10 +44,7 @@ def on_supports(mesh: Mesh | PlateMesh, matrices: tuple[Any, Any, Any], held: In
         "mass": mass[free][:, free].tocsc(),
         "factor": factor[:, free].tocsr(),
         "damping": None if drag is None else drag[free][:, free].tocsc(),
-        "inertia": (mass @ motions[:, 0])[free],
-        "ground": np.zeros(free.size),
         "rigid": orthonormal_in_mass(motions @ allowed, mass)[free],
-        "deflection_dofs": np.flatnonzero(np.isin(free, mesh.deflections)),
     }
 
 
@@ -68,6 +64,10 @@ class MeshedBody(BodyStructure, ABC):
     def on_free(self, rows: Floats) -> Floats:
         """(k, N) of rows (k, all dofs)."""
         return rows[:, self.free]
+
+    def deflections(self, vectors: Floats) -> Floats:
+        """Those of the values (N,) or (N, k) that are deflections of nodes."""
+        return vectors[np.isin(self.free, self.mesh.deflections)]
 
     @property
     def extent(self) -> Floats:

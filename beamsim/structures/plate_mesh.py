@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.structures.hermite import shape_functions
-from beamsim.structures.mesh import Mesh, build_mesh
+from beamsim.structures.mesh import Mesh, build_mesh, shape_functions
 from beamsim.typing import Floats, Ints
 
 

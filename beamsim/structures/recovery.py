@@ -18,8 +18,7 @@ from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.basis import LoadPattern
 from beamsim.structures.distributed import Distributed
-from beamsim.structures.hermite import curvature_rows, double_integral, element_rows, shape_functions
-from beamsim.structures.mesh import Mesh
+from beamsim.structures.mesh import Mesh, double_integral, element_rows, shape_functions
 from beamsim.structures.meshed import MeshedBody
 from beamsim.structures.places import Place
 from beamsim.structures.reduction import static_deflections
@@ -208,7 +207,7 @@ def _moments(model: BeamModel, x: Floats, fields: _Fields) -> Floats:
     h, dofs = mesh.lengths, mesh.dofs
     u, a = fields.displacement[dofs], fields.acceleration[dofs]
     a = a * model.line_mass[:, None, None]
-    bent, moved = curvature_rows(h), element_rows(h, 0, 4)
+    bent, moved = element_rows(h, 2, 2), element_rows(h, 0, 4)
     curvature = np.einsum("esd,edn->esn", bent, u) * model.bending[:, None, None]
     force = np.einsum("esd,esn->edn", bent, curvature)
     force -= np.einsum("esd,esn->edn", moved, np.einsum("esd,edn->esn", moved, a))

@@ -31,17 +31,16 @@ FREQUENCY_MARGIN = 1.5
 _SPANNED = 1e-12
 
 
-def static_deflections(model: Structure, loads: Floats, refinements: int = 2) -> Floats:
+def static_deflections(model: Structure, loads: Floats) -> Floats:
     """(N, c) deflections under (N, c) loads; with rigid-body modes, under the loads minus their rigid-body inertia.
 
-    The deflection is M-orthogonal to the rigid-body modes. Iterative refinement, with the residual computed as
-    B^T (B u), restores the digits lost to the conditioning of K.
+    The deflection is M-orthogonal to the rigid-body modes. Two steps of iterative refinement, with the residual
+    computed as B^T (B u), restore the digits lost to the conditioning of K.
 
     Parameters
     ----------
     model : the full model.
     loads : (N, c) scaled.
-    refinements : steps of iterative refinement.
 
     Returns
     -------
@@ -51,7 +50,7 @@ def static_deflections(model: Structure, loads: Floats, refinements: int = 2) ->
     loads = loads - model.mass @ (model.rigid @ (model.rigid.T @ loads))
     pinned = pinned_rows(model.rigid)
     u = np.zeros(loads.shape)
-    for _ in range(1 + refinements):
+    for _ in range(3):
         left = loads - model.factor.T @ (model.factor @ u)
         left[pinned] = 0.0
         u = u + model.factorised_stiffness.solve(left)

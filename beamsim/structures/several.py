@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.structures.base_motion import UPWARDS, BaseDirection
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.places import LoadSite, Place, Site, bodies_at, ends_of, separated
@@ -64,8 +64,6 @@ class SeveralBodies(Structure):
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
-        if motion == UPWARDS:
-            return self.inertia, self.ground
         inertia, ground = np.zeros(self.size), np.zeros(self.size)
         for member in self.members:
             of_body = member.body.base_load(self.seen_from(member.body.name, motion))
@@ -171,14 +169,9 @@ def assemble_side_by_side(parts: Sequence[Structure]) -> SeveralBodies:
         mass=block_diag([part.mass * ratio for part, ratio in zip(parts, mass_ratio, strict=True)], format="csc"),
         factor=block_diag(factors, format="csr"),
         damping=damping,
-        inertia=np.concatenate([part.inertia * ratio for part, ratio in zip(parts, mass_ratio, strict=True)]),
-        ground=np.concatenate([part.ground for part in parts]),
         rigid=block_diag(rigid, format="csr").toarray(),
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
-        deflection_dofs=np.concatenate(
-            [part.deflection_dofs + start for part, start in zip(parts, starts[:-1], strict=True)]
-        ),
         expansions=tuple(
             (member.body, identity[columns] if member.expansion is None else member.expansion @ identity[columns])
             for part, columns in zip(parts, dofs, strict=True)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.matrix_files.matrix import MODAL
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs
@@ -80,12 +79,9 @@ class Structure(ABC):
     mass: Any  # (N, N) sparse
     factor: Any  # (p, N) sparse B with K = B^T B
     damping: Any  # (N, N) sparse, N s/m (physical): dashpots or uniform viscous damping; None without
-    inertia: Floats  # (N,) (M_full r) on the free dofs, r = 1 on every deflection, before the supports were applied
-    ground: Floats  # (N,) N/m (physical): force on each dof for a unit displacement of the ground
     rigid: Floats  # (N, r) rigid-body modes, orthonormal in `mass`
     mass_scale: float  # kg
     stiffness_scale: float  # N/m
-    deflection_dofs: Ints  # dofs that are deflections, in order of the stations: they fix the sign of modes
     # where bodies begin on the common axis, m, as their joints place them; a body that is not in it begins at 0
     origins: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
     # what joins the bodies to one another, to the base and to the ground, direction by direction
@@ -98,7 +94,7 @@ class Structure(ABC):
     @property
     def size(self) -> int:
         """N."""
-        return int(self.inertia.size)
+        return int(self.mass.shape[0])
 
     @property
     def frequency_scale(self) -> float:
@@ -131,8 +127,8 @@ class Structure(ABC):
         return members[0] if len(members) == 1 else next(each for each in members if each.body.name == name)
 
     def deflections(self, vectors: Floats) -> Floats:
-        """Those of the values (N,) or (N, k) that are deflections, in order of the stations."""
-        return np.asarray(vectors[self.deflection_dofs])
+        """(d,) or (d, k) deflections, in order of the stations, of fields (N,) or (N, k): the sign of modes."""
+        return vectors
 
     def row(self, site: LoadSite) -> Floats:
         """(N,) motion there for a unit of each degree of freedom; of a link how far its ends draw apart.
@@ -185,7 +181,7 @@ class Structure(ABC):
         """(N,) scaled inertia and (N,) physical force of springs to the ground under a unit motion of the base.
 
         The first belongs to a unit acceleration, kg in units of mass, and acts against it; the second to a unit
-        displacement. For ``UPWARDS`` they are `inertia` and `ground`.
+        displacement.
 
         Raises
         ------
@@ -291,17 +287,16 @@ class BodyStructure(Structure, ABC):
 
     @property
     def named_dofs(self) -> NamedDofs:
-        """Nodes and directions of the degrees of freedom, for other programs; here each has a node of its own."""
-        deflects = np.isin(np.arange(self.size), self.deflection_dofs)
-        names = tuple((i + 1, DEFLECTION if each else MODAL) for i, each in enumerate(deflects))
-        return NamedDofs(DofTable(names), np.ones(self.size), deflects.astype(float))
+        """Nodes and directions of the degrees of freedom, for other programs; here each is a node that deflects."""
+        names = tuple((i + 1, DEFLECTION) for i in range(self.size))
+        return NamedDofs(DofTable(names), np.ones(self.size), np.ones(self.size))
 
     @property
     def named_matrices(self) -> NamedMatrices:
         """Matrices of the body and its base, for other programs."""
         return with_base_node(
             self.named_dofs, self.mass_scale * self.mass, self.stiffness_scale * self.stiffness, self.damping,
-            self.mass_scale * self.inertia, self.total_mass,
+            self.mass_scale * self.base_load(UPWARDS)[0], self.total_mass,
         )  # fmt: skip
 
     def holds(self, base: BaseDirection) -> Sequence[Hold]:
@@ -331,7 +326,7 @@ class BodyStructure(Structure, ABC):
 
     def rigid_motion(self, motion: BaseDirection) -> Floats:
         """(all dofs,) displacement when the base moves by one unit and nothing deforms: here upwards alone."""
-        return np.isin(np.arange(self.size), self.deflection_dofs).astype(float)
+        return np.ones(self.size)
 
     def forces_of(self, motion: Floats) -> Floats:
         """(3, all dofs) forces of a displacement, N, acceleration and velocity of all dofs (all dofs,)."""
@@ -367,7 +362,7 @@ class BodyStructure(Structure, ABC):
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
-        return self.on_free((self.whole_matrices[0] @ self.rigid_motion(motion))[None])[0], self.ground
+        return self.on_free((self.whole_matrices[0] @ self.rigid_motion(motion))[None])[0], np.zeros(self.size)
 
     def base_motion_of(self, place: Place, motion: BaseDirection) -> float:
         """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""

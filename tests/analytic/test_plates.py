@@ -14,6 +14,7 @@ from beamsim.scenario.loading import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.scenario.plate import EDGES, Plate, PlatePointMass, PlateSupports, Stiffener, StiffnessPlate
 from beamsim.structures.assembly import assemble, snubber_site
+from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place
@@ -202,7 +203,7 @@ def test_point_supports_take_rigid_body_modes() -> None:
 
 def _uniform_pressure(structure: PlateStructure, pressure: float) -> np.ndarray:
     """(N,) deflection, m: the inertia load of a unit acceleration is that of a pressure m a."""
-    unit = static_deflections(structure, structure.inertia[:, None])[:, 0] / structure.frequency_scale**2
+    unit = static_deflections(structure, structure.base_load(UPWARDS)[0][:, None])[:, 0] / structure.frequency_scale**2
     return np.asarray(unit * pressure / structure.section.surface_mass)
 
 

@@ -40,7 +40,7 @@ def exact_moment(x, mode):
 @pytest.mark.parametrize("mode", [0, 1, 2])
 @pytest.mark.parametrize("recovery", ["equilibrium", "curvature"])
 def test_bending_moments_from_equilibrium_gain_two_orders(mode, recovery):
-    from beamsim.structures.hermite import shape_functions
+    from beamsim.structures.mesh import shape_functions
 
     meshes = [5, 10, 20, 40]
     errors = []

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from beamsim.analyses.run.analysis import run
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
+from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.reduction_bound import LeftOut, receptance_bound
 from beamsim.structures.sturm import frequency_beyond, negative_eigenvalues
@@ -71,7 +72,7 @@ def truncation(case):
     """What is left out of the responses at contacts and to the inertia load, and at probes."""
     parts = reduced_parts(load_scenario(json.dumps(case)))
     structure = parts.structure
-    loads = np.vstack([structure.rows(parts.snubber_sites), structure.inertia])
+    loads = np.vstack([structure.rows(parts.snubber_sites), structure.base_load(UPWARDS)[0]])
     places = np.vstack([loads, structure.rows(parts.probe_sites)])
     return LeftOut(structure, parts.basis, parts.damping, places, len(loads))
 

@@ -13,6 +13,7 @@ from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import DIRECTIONS, MODAL
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import bodies_of
+from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.file_summary import size_and_mass
 from beamsim.structures.matrices import NOT_HELD, MatricesStructure, structure_of
 from beamsim.structures.modes import Modes, natural_modes
@@ -180,7 +181,7 @@ def _remarks(structure: MatricesStructure) -> Iterator[CheckRow]:
 
 def _effective_masses(given: NamedMatrices, fixed: MatricesStructure, modes: Modes) -> CheckRow:
     """Share of the mass that each mode moves with the base; what the held rows have themselves counts as none."""
-    participation = modes.vectors.T @ fixed.inertia
+    participation = modes.vectors.T @ fixed.base_load(UPWARDS)[0]
     effective = participation**2 * fixed.mass_scale
     whole = given.table.of_direction(given.direction)
     total = float(whole @ (given.mass @ whole))
