@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.places import LoadSite
@@ -46,3 +48,23 @@ class ReducedBasis:
     def static_vectors(self) -> int:
         """Number of static vectors among them."""
         return self.size - self.modes
+
+    def left_out(self, load: Floats, rows: Floats, exact: Floats) -> Floats:
+        """What the coordinates leave out of static values under a load, to which the modes left out respond statically.
+
+        Under motion of the base, moments need many more modes than deflections (mode-acceleration method).
+
+        Parameters
+        ----------
+        load : (N,) scaled.
+        rows : (m, n) values for a unit of each coordinate.
+        exact : (m,) static values under the load, with inertia relief.
+
+        Returns
+        -------
+        (m,) array
+            Scaled.
+        """
+        flexible = slice(self.rigid, None)
+        coordinates = self.vectors[:, flexible].T @ load / self.omega[flexible] ** 2
+        return np.asarray(exact - rows[:, flexible] @ coordinates)

@@ -22,13 +22,8 @@ if TYPE_CHECKING:
     from beamsim.scenario.beam import BeamBody
 
 _DERIVATIVE = {DEFLECTION: 0, SLOPE: 1}
-# What an end holds: (deflection, slope).
-_HELD = {
-    "clamped": (True, True),
-    "pinned": (True, False),
-    "guided": (False, True),
-    "free": (False, False),
-}
+# What an end holds: deflection, 0, and slope, 1.
+_HELD: dict[str, tuple[int, ...]] = {"clamped": (0, 1), "pinned": (0,), "guided": (1,), "free": ()}
 
 
 def _place_row(mesh: Mesh, length: float, place: Place) -> Floats:
@@ -52,9 +47,7 @@ def supported_dofs(left: str, right: str, nodes: int) -> Ints:
     (h,) array
         Two dofs a node, deflection and slope.
     """
-    first = [i for i, held in enumerate(_HELD[left]) if held]
-    last = [2 * (nodes - 1) + i for i, held in enumerate(_HELD[right]) if held]
-    return np.array(first + last, dtype=np.int64)
+    return np.array([*_HELD[left], *(2 * (nodes - 1) + i for i in _HELD[right])], dtype=np.int64)
 
 
 class BeamStructure(BeamModel):

@@ -44,8 +44,8 @@ class Distributed:
         bounds = self.bounds or tuple((0.0, size) for size in sizes)
         lines = []
         for axis, ((first, last), cut) in enumerate(zip(bounds, cuts, strict=True)):
-            corners = np.asarray(self._corners(axis), dtype=float)
-            inner = np.concatenate([cut, corners])
+            corners = (self.shape.x, self.shape.y)[axis] if self.shape.kind == "table" else ()
+            inner = np.concatenate([cut, np.asarray(corners, dtype=float)])
             ends = np.unique(np.concatenate([[first, last], inner[(inner > first) & (inner < last)]]))
             ends = ends[np.concatenate([[True], np.diff(ends) > 1e-12 * (last - first)])]
             place, weight = np.polynomial.legendre.leggauss(self._points(axis))
@@ -89,10 +89,6 @@ class Distributed:
         if table.ndim == 1:
             return np.asarray(np.polynomial.polynomial.polyval(share[0], table))
         return np.asarray(np.polynomial.polynomial.polyval2d(share[0], share[1], table))
-
-    def _corners(self, axis: int) -> Sequence[float]:
-        """Positions, m, at which the shape has corners or jumps."""
-        return (self.shape.x, self.shape.y)[axis] if self.shape.kind == "table" else ()
 
     def _points(self, axis: int) -> int:
         """Gauss points a piece that integrate the shape times a shape function exactly."""

@@ -30,8 +30,6 @@ from beamsim.structures.structure import BodyStructure, Structure
 from beamsim.structures.symmetric_lu import blocks_of, symmetric_lu
 from beamsim.typing import Floats, Ints
 
-_ROUND_OFF = 1e-9
-
 
 def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
     """Matrices of a structure with its base, and what takes a row of its degrees of freedom to their rows.
@@ -61,7 +59,8 @@ def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
             )  # fmt: skip
         everything: Any = vstack([member.expansion for member in structure.members], format="csr")
         kept = _independent_rows(everything)
-        named = _part(_names([member.body for member in structure.members]), kept)
+        names = _names([member.body for member in structure.members])
+        named = NamedDofs(names.table.part(kept), names.scale[kept], names.influence[kept])
         chosen = everything[kept].tocsc()
         back = csr_array(splu(chosen).solve(np.eye(structure.size)))  # v = back u_S
         back.data[np.abs(back.data) < 1e-14] = 0.0
@@ -92,10 +91,6 @@ def _names(bodies: Sequence[BodyStructure]) -> NamedDofs:
         np.concatenate([each.scale for each in named]),
         np.concatenate([each.influence for each in named]),
     )
-
-
-def _part(named: NamedDofs, rows: Ints) -> NamedDofs:
-    return NamedDofs(named.table.part(rows), named.scale[rows], named.influence[rows])
 
 
 def _independent_rows(expansion: Any) -> Ints:
@@ -158,8 +153,8 @@ def row_at(structure: Structure, to_named: Any, place: Place) -> int | None:
     """
     row = np.asarray(to_named @ structure.place_row(place))
     largest = int(np.argmax(np.abs(row)))
-    others = np.abs(row).sum() - abs(row[largest])
-    return largest if others <= _ROUND_OFF and abs(row[largest] - 1) <= _ROUND_OFF else None
+    row[largest] -= 1.0
+    return largest if np.abs(row).sum() <= 1e-9 else None
 
 
 def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatrices:

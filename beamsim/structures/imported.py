@@ -327,15 +327,6 @@ def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
     return whole.tocsc()
 
 
-def _default_motion(given: NamedMatrices, held: Ints) -> BaseDirection:
-    """The direction that the section names; a rotation is one about the first node that is held."""
-    points = given.table.coordinates
-    if points is None or not held.size or not np.all(np.isfinite(points[held[0]])):
-        return BaseDirection(given.direction)
-    x, y, z = points[held[0]].tolist()
-    return BaseDirection(given.direction, (x, y, z))
-
-
 def rigid_rows(table: DofTable, motion: BaseDirection, held: Ints) -> Floats:
     """(N,) motion of every row, m or rad, when the base moves by one unit and all nodes with it.
 
@@ -386,7 +377,10 @@ def base_influence(matrices: NamedMatrices, held: Ints, free: Ints, motion: Base
     MethodError
         If the base cannot move without force: the stiffness goes to something else than the base.
     """
-    motion = motion if motion.direction else _default_motion(matrices, held)
+    if not motion.direction:  # a rotation is one about the first node that is held
+        points, motion = matrices.table.coordinates, BaseDirection(matrices.direction)
+        if points is not None and held.size and np.all(np.isfinite(points[held[0]])):
+            motion = replace(motion, about=tuple(points[held[0]].tolist()))
     influence = rigid_rows(matrices.table, motion, held)
     if not held.size:
         return influence

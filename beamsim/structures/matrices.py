@@ -360,7 +360,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     mass_scale = float(np.mean(reduced_mass.diagonal()))
     stiffness_scale = mass_scale * flexible**2 if flexible else 1.0
     rigid = rigid * np.sqrt(mass_scale)
-    factors = factors.of_multiple(1 / stiffness_scale)
+    factors = replace(factors, scale=factors.scale * np.sqrt(stiffness_scale))
     structure = MatricesStructure(
         name=name,
         mass=reduced_mass / mass_scale,

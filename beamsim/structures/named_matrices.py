@@ -19,8 +19,6 @@ from beamsim.dataclass import dataclass
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.typing import Floats
 
-_ROUND_OFF = 1e-9
-
 
 @dataclass(frozen=True)
 class NamedMatrices:
@@ -79,7 +77,8 @@ def with_base_node(
     damping = None if damping is None else physical @ damping @ physical
     load = inertia / named.scale
     r = named.influence
-    if moves_freely(stiffness, r, _ROUND_OFF) and np.abs(load - mass @ r).max() <= _ROUND_OFF * np.abs(load).max():
+    tiny = 1e-9  # round-off
+    if moves_freely(stiffness, r, tiny) and np.abs(load - mass @ r).max() <= tiny * np.abs(load).max():
         return NamedMatrices(named.table, mass, stiffness, damping, ())
     base = int(named.table.nodes.max()) + 1
     places = named.table.coordinates

@@ -62,11 +62,9 @@ class PlateModel(MeshedBody, ABC):
         moment = moments(basis.vectors) + operator @ _moved(self, basis)
         moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
         remainder = np.zeros(moment.shape[0])
-        if base is not None:  # modes left out respond statically to the acceleration of the base
+        if base is not None:
             inertia = whole.base_load(base)[0]
-            flexible = slice(basis.rigid, None)
-            coordinates = basis.vectors[:, flexible].T @ inertia / basis.omega[flexible] ** 2
-            remainder = moments(static_deflections(whole, inertia[:, None]))[:, 0] - moment[:, flexible] @ coordinates
+            remainder = basis.left_out(inertia, moment, moments(static_deflections(whole, inertia[:, None]))[:, 0])
         per_moment = plate.stress_per_moment
         points = self.mesh.node_points * (plate.length, plate.width)
         return Recovery(

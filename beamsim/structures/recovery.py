@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.dataclass import dataclass
-from beamsim.structures.base_motion import UPWARDS, BaseDirection
+from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.basis import LoadPattern
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.mesh import Mesh, double_integral, element_rows, shape_functions
@@ -67,7 +67,11 @@ class BeamModel(MeshedBody, ABC):
         length = beam.length
         x = stations(self.mesh, [place.coordinate / length for place in sites])
         moment = moment_rows(self, member, basis, x)
-        remainder = np.zeros(x.size) if base is None else inertia_remainder(self, member, basis, x, moment, base)
+        remainder = np.zeros(x.size)
+        if base is not None:
+            inertia = member.whole.base_load(base)[0]
+            _, exact = _static_moments(self, member, x, [LoadPattern(inertia, base)])
+            remainder = basis.left_out(inertia, moment, exact[:, 0])
         return Recovery(
             body=self.name,
             axis=ALONG,
@@ -136,30 +140,6 @@ def moment_rows(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Fl
     if basis.modes == member.whole.size and basis.patterns:
         moment = moment + _static_correction(model, member, basis, x, moment)
     return moment
-
-
-def inertia_remainder(
-    model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats, base: BaseDirection = UPWARDS
-) -> Floats:
-    """(nx,) static moment under the inertia load of a base motion that the reduced basis does not represent, scaled.
-
-    Under base motion, moments need many more modes than deflections. The omitted modes respond statically; this is
-    their contribution for a unit acceleration (mode-acceleration method).
-
-    Parameters
-    ----------
-    moment : (nx, n) moment rows of the basis at x.
-
-    Returns
-    -------
-    (nx,) array
-        Per scaled unit of acceleration.
-    """
-    inertia = member.whole.base_load(base)[0]
-    _, exact = _static_moments(model, member, x, [LoadPattern(inertia, base)])
-    flexible = slice(basis.rigid, None)
-    coordinates = basis.vectors[:, flexible].T @ inertia / basis.omega[flexible] ** 2
-    return np.asarray(exact[:, 0] - moment[:, flexible] @ coordinates)
 
 
 def _static_moments(

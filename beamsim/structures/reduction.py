@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 # Modes are kept up to this multiple of the highest frequency of interest.
 FREQUENCY_MARGIN = 1.5
-# A static vector is dropped if its new part is below this fraction of the compliance (energy norm squared).
-_SPANNED = 1e-12
 
 
 def static_deflections(model: Structure, loads: Floats) -> Floats:
@@ -60,13 +58,13 @@ def static_deflections(model: Structure, loads: Floats) -> Floats:
 def _independent(energy_vectors: Floats, reference: Floats) -> Floats:
     """(c, k) coefficients T with orthonormal energy_vectors (p, c) @ T, by a decomposition with pivoting.
 
-    A column is left out if its remaining squared norm is below `_SPANNED` times its reference (c,).
+    A column is left out if its remaining squared norm is below 1e-12 of its reference (c,).
     """
     from scipy.linalg import qr, solve_triangular
 
     scale = np.divide(1.0, np.sqrt(reference), out=np.zeros_like(reference), where=reference > 0)
     r, order = qr(energy_vectors * scale, mode="r", pivoting=True)
-    kept = int(np.sum(np.diag(r) ** 2 > _SPANNED))
+    kept = int(np.sum(np.diag(r) ** 2 > 1e-12))
     transform = np.zeros((scale.size, kept))
     transform[order[:kept]] = solve_triangular(r[:kept, :kept], np.diag(np.sign(np.diag(r)[:kept])))
     return scale[:, None] * transform

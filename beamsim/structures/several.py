@@ -22,7 +22,7 @@ from beamsim.structures.distributed import Distributed
 from beamsim.structures.places import LoadSite, Place, Site, bodies_at, ends_of, separated
 from beamsim.structures.stations import Recovery
 from beamsim.structures.structure import BodyStructure, MemberBody, Part, Structure
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats
 
 
 @dataclass(frozen=True)
@@ -108,15 +108,15 @@ class SeveralBodies(Structure):
             return super().recoveries(basis, sites, base)
         recovered: list[Recovery] = []
         for part, (reduced, columns) in zip(self.parts, basis.blocks, strict=True):
-            names = {member.body.name for member in part.structure.members}
+            names, own = {member.body.name for member in part.structure.members}, np.eye(basis.size)[columns]
             on_it = [end for site in sites for end in ends_of(site) if end.body in names]
             for recovery in part.structure.recoveries(reduced, on_it, base):
                 moment = recovery.bending_moment
                 recovered.append(
                     replace(
                         recovery,
-                        deflection=_widened(recovery.deflection, columns, basis.size),
-                        bending_moment=None if moment is None else _widened(moment, columns, basis.size),
+                        deflection=recovery.deflection @ own,
+                        bending_moment=None if moment is None else moment @ own,
                     )
                 )
         return tuple(recovered)
@@ -139,13 +139,6 @@ def _carried(body: BodyStructure) -> float:
     return float(carried) * (1 - 1e-11) * body.frequency_scale
 
 
-def _widened(rows: Floats, columns: Ints, size: int) -> Floats:
-    """(nx, n) rows of a body in all coordinates."""
-    wide = np.zeros((rows.shape[0], size))
-    wide[:, columns] = rows
-    return wide
-
-
 def assemble_side_by_side(parts: Sequence[Structure]) -> SeveralBodies:
     """Block matrices of several parts, all with the scales of the heaviest and the stiffest of them."""
     from scipy.sparse import block_diag, csc_array, eye_array
@@ -157,10 +150,8 @@ def assemble_side_by_side(parts: Sequence[Structure]) -> SeveralBodies:
     dofs = [slice(start, end) for start, end in pairwise(starts)]
     damping = None
     if any(part.damping is not None for part in parts):
-        given = [part.damping for part in parts]
-        empty = [csc_array((part.size, part.size)) for part in parts]
-        blocks = [none if each is None else each for each, none in zip(given, empty, strict=True)]
-        damping = block_diag(blocks, format="csc")
+        drags = [csc_array((part.size, part.size)) if part.damping is None else part.damping for part in parts]
+        damping = block_diag(drags, format="csc")
     factors = [part.factor * np.sqrt(part.stiffness_scale / stiffness_scale) for part in parts]
     rigid = [part.rigid / np.sqrt(ratio) for part, ratio in zip(parts, mass_ratio, strict=True)]
     identity: Any = eye_array(starts[-1], format="csr")

@@ -38,12 +38,6 @@ class StationPart:
     axis: StationAxis
     stations: slice
 
-    def station_name(self, coordinate: float, across: float | None = None) -> str:
-        """For people: 135 mm, (135, 60) mm or mass 2."""
-        if across is not None and np.isfinite(across):
-            return f"({1e3 * coordinate:.3g}, {1e3 * across:.3g}) mm"
-        return f"{1e3 * coordinate:.3g} mm" if self.axis.continuous else f"{self.axis.label.lower()} {coordinate:g}"
-
 
 @declared
 class Stations:
@@ -99,15 +93,14 @@ class Stations:
         """That of the first body."""
         return self.parts[0].axis
 
-    def part_of(self, station: int) -> StationPart:
-        """The body's part that holds a station."""
-        return next(part for part in self.parts if part.stations.start <= station < part.stations.stop)
-
     def name(self, station: int) -> str:
-        """For people: 135 mm, mass 2, and of several bodies inner 135 mm."""
-        part = self.part_of(station)
-        across = None if self.across is None else float(self.across[station])
-        name = part.station_name(float(self.position[station]), across)
+        """For people: 135 mm, (135, 60) mm, mass 2, and of several bodies inner 135 mm."""
+        part = next(part for part in self.parts if part.stations.start <= station < part.stations.stop)
+        x, y = self.position[station], np.nan if self.across is None else self.across[station]
+        if np.isfinite(y):
+            name = f"({1e3 * x:.3g}, {1e3 * y:.3g}) mm"
+        else:
+            name = f"{1e3 * x:.3g} mm" if part.axis.continuous else f"{part.axis.label.lower()} {x:g}"
         return f"{part.body} {name}" if len(self.parts) > 1 else name
 
     def __iter__(self) -> Iterator[StationPart]:

@@ -27,7 +27,7 @@ from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.places import DEFLECTION, SLOPE, Link, LoadSite, Place, Site
 from beamsim.structures.reduction import static_deflections
-from beamsim.structures.supports import Coupling, Hold, UnitMotion
+from beamsim.structures.supports import Coupling, UnitMotion
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -175,20 +175,14 @@ def supports_of(structure: Structure, base: BaseDirection = UPWARDS) -> tuple[Su
 
     ``base`` is the motion of the base that `Support.base_motion` belongs to.
     """
-    held = [
-        _of_hold(structure, member.body.name, hold)
-        for member in structure.members
-        for hold in member.body.holds(structure.seen_from(member.body.name, base))
-    ]
+    held = []
+    for name, body in ((member.body.name, member.body) for member in structure.members):
+        for hold in body.holds(structure.seen_from(name, base)):
+            moved = {} if hold.motion is None else {name: hold.motion}
+            stretches = {} if hold.spring is None else {hold.spring: -1.0}
+            given = (structure, hold.name, hold.direction, hold.base_motion)
+            held.append(Support(*given, body=name, held=moved, stretches=stretches))
     return (*held, *_of_couplings(structure, base))
-
-
-def _of_hold(structure: Structure, body: str, hold: Hold) -> Support:
-    return Support(
-        structure, hold.name, hold.direction, hold.base_motion, body=body,
-        held={} if hold.motion is None else {body: hold.motion},
-        stretches={} if hold.spring is None else {hold.spring: -1.0},
-    )  # fmt: skip
 
 
 def _of_couplings(structure: Structure, base: BaseDirection) -> Iterator[Support]:

@@ -38,10 +38,6 @@ class SymmetricLU:
         pivots[self.order] = self.lu.U.diagonal()[self.lu.perm_c]
         return pivots
 
-    def of_multiple(self, factor: float) -> SymmetricLU:
-        """Factors of ``factor * A``."""
-        return SymmetricLU(self.lu, self.scale / np.sqrt(factor), self.matrix, self.order)
-
     @property
     def signs_are_certain(self) -> bool:
         """Whether as many pivots are negative as eigenvalues: no error of the factors moves one across zero.
