@@ -111,15 +111,19 @@ def hinges(x: Floats, knots: Floats) -> Floats:
     return np.asarray(np.clip(x[:, None] - knots, 0.0, width))
 
 
-def _slopes(x: Floats, y: Floats, knots: Floats) -> tuple[Floats, float]:
-    """Slopes that fit best, and the squared misfit."""
+def fitted_numbers(matrix: Floats, target: Floats) -> tuple[Floats, float]:
+    """Numbers, none negative, whose combination of columns is closest to a target, and the squared misfit."""
     from scipy.optimize import nnls
 
-    matrix = hinges(x, knots)
     scale = np.linalg.norm(matrix, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
-    slopes = nnls(matrix / scale, y)[0] / scale
-    return slopes, float(np.sum((matrix @ slopes - y) ** 2))
+    numbers = nnls(matrix / scale, target)[0] / scale
+    return numbers, float(np.sum((matrix @ numbers - target) ** 2))
+
+
+def _slopes(x: Floats, y: Floats, knots: Floats) -> tuple[Floats, float]:
+    """Slopes that fit best, and the squared misfit."""
+    return fitted_numbers(hinges(x, knots), y)
 
 
 def _starting_knots(x: Floats, y: Floats, segments: int) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.contacts.force_curve import fit_curve, hinges
+from beamsim.contacts.force_curve import fit_curve, fitted_numbers, hinges
 from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
@@ -49,25 +49,22 @@ def fit_branch(time: Floats, deflection: Floats, force: Floats, knots: Floats) -
     -------
     BranchOfLoop
     """
-    from scipy.optimize import minimize_scalar, nnls
+    from scipy.optimize import minimize_scalar
 
     table = hinges(deflection, knots)
 
     def fitted(log_time: float) -> tuple[float, float]:
         branch = deflection - relaxed_part(time, deflection, float(np.exp(log_time)))
-        matrix = np.column_stack([table, branch])
-        scale = np.linalg.norm(matrix, axis=0)
-        scale = np.where(scale > 0, scale, 1.0)
-        numbers, size = nnls(matrix / scale, force)
-        return float(size), float(numbers[-1] / scale[-1])
+        numbers, square = fitted_numbers(np.column_stack([table, branch]), force)
+        return square, float(numbers[-1])
 
     longest, shortest = time[-1] - time[0], float(np.median(np.diff(time)))
     tried = np.linspace(np.log(shortest / REACH), np.log(longest * REACH), 60)
     k = int(np.argmin([fitted(each)[0] for each in tried]))
     bounds = (tried[max(k - 1, 0)], tried[min(k + 1, tried.size - 1)])
     best = float(minimize_scalar(lambda each: fitted(each)[0], bounds=bounds, method="bounded").x)
-    size, stiffness = fitted(best)
-    return BranchOfLoop(stiffness, float(np.exp(best)), size / float(np.sqrt(time.size)))
+    square, stiffness = fitted(best)
+    return BranchOfLoop(stiffness, float(np.exp(best)), float(np.sqrt(square / time.size)))
 
 
 def relaxed_part(time: Floats, deflection: Floats, relaxation_time: float) -> Floats:

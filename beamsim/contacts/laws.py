@@ -343,8 +343,6 @@ class ContactLaw:
 
         Its internal states move as before. A law that depends on no other force may be multiplied by zero.
         """
-        if self.family is not None:
-            return self.family(factor * self.stiffness, factor * self.dashpot)
 
         def rows(given: tuple[LawRow, ...]) -> tuple[LawRow, ...]:
             return tuple(row.of_scaled_forces(factor) for row in given)
@@ -389,8 +387,6 @@ class ContactLaw:
 
     def undamped(self) -> ContactLaw | None:
         """The law without its dashpots; None where it keeps internal states or loses work without them."""
-        if self.family is not None:
-            return self.family(self.stiffness, 0.0)
         if self.undamped_law is not None:
             return self.undamped_law
         if self.internal_states or self.rubs:

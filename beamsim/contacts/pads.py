@@ -104,8 +104,10 @@ def no_tension(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
     penetration at release; contact is made where the penetration reaches it. Without a dashpot the law is that of
     Kelvin–Voigt.
     """
-    law = recovering_law(ForceCurve.line(stiffness), dashpot) if dashpot > 0.0 else kelvin_voigt(stiffness, dashpot)
-    return replace(law, family=no_tension)
+    undamped = replace(kelvin_voigt(stiffness), family=no_tension)
+    if dashpot == 0.0:
+        return undamped
+    return replace(recovering_law(ForceCurve.line(stiffness), dashpot), family=no_tension, undamped_law=undamped)
 
 
 def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> ContactLaw:
