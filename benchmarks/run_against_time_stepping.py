@@ -22,7 +22,7 @@ from scipy.integrate import ode
 
 import beamsim
 from beamsim.analyses.run.outputs import exact_flow
-from beamsim.flow.reference import integrate
+from beamsim.flow.reference import TimeStepping, integrate
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 from benchmarks.newmark import HHT_ALPHA, newmark
@@ -69,9 +69,8 @@ def scipy_methods(system, exact_y, methods, tolerances):
                     raise TimeoutError
 
             try:
-                result = integrate(
-                    flow, system.initial_state, TIMES, integrator=method, rtol=rtol, atol=1e-3 * rtol, progress=watch
-                )
+                stepping = TimeStepping(flow, method, rtol=rtol, atol=1e-3 * rtol)
+                result = integrate(stepping, system.initial_state, TIMES, progress=watch)
             except TimeoutError:
                 yield f"{method:20s} slower than the best so far, at rtol {rtol:g}"
                 break

@@ -58,18 +58,25 @@ class ReferenceTrajectory:
         return np.asarray(self.touch_changes > 0)
 
 
+@dataclass(frozen=True)
+class TimeStepping:
+    """What is stepped in time, and how."""
+
+    flow: ExactFlow
+    integrator: str = "BDF"  # a method of ``solve_ivp``; the thesis used a stiff BDF
+    rtol: float = 1e-8
+    atol: float = 1e-12  # of mass-normalised displacements and velocities alike
+    max_step: float = np.inf  # s
+    cubic: CubicSprings | None = None  # smooth springs
+    powers: Powers | None = None  # integrated along
+    max_events: int = 1_000_000
+
+
 def integrate(
-    flow: ExactFlow,
+    stepping: TimeStepping,
     initial_state: Floats,
     times: Floats,
     *,
-    integrator: str = "BDF",
-    rtol: float = 1e-8,
-    atol: float = 1e-12,
-    max_step: float = np.inf,
-    cubic: CubicSprings | None = None,
-    powers: Powers | None = None,
-    max_events: int = 1_000_000,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] = never,
     observe: Callable[[Any, Ints], None] | None = None,
@@ -78,100 +85,117 @@ def integrate(
 
     Parameters
     ----------
-    integrator : a method of ``solve_ivp``; the thesis used a stiff BDF.
-    rtol, atol : as in SciPy; atol acts on mass-normalised displacements and velocities alike.
-    cubic : smooth springs.
-    powers : integrated along.
+    stepping : what is stepped, and how.
+    initial_state : (N,) or without the internal states.
+    times : (nt,) output times, s.
+    progress : called with the share of the duration that is done.
     stop : called after every step; the integration ends there if it returns True.
     observe : called with every piece of the solution (``solve_ivp``'s, with dense output) and the contacts' phases.
+
+    Returns
+    -------
+    ReferenceTrajectory
+        Up to where it ended, with its outcome.
     """
     from scipy.integrate import solve_ivp
 
-    begin = clock.process_time()
-    N, contacts = flow.size, flow.system.contacts
-    right_hand_side = _RightHandSide(flow, cubic, powers)
-    duration = float(times[-1])
-    y = np.concatenate([flow.whole_state(np.asarray(initial_state, dtype=float)), np.zeros(2)])
-    phases, entered, y[:N] = flow.begin(y[:N])
-    breaks = np.append(flow.sources.start[(flow.sources.start > 0) & (flow.sources.start < duration)], duration)
-    Y = np.empty((times.size, N + 2))
-    C = np.zeros((times.size, contacts.count), dtype=np.int64)
-    done, t, restarts, outcome = 0, 0.0, 0, COMPLETE
-    touched = np.zeros(contacts.count)  # s
-    first = np.flatnonzero(entered)
-    ev_time: list[float] = [0.0] * first.size
-    ev_contact: list[int] = first.tolist()
-    ev_phase: list[int] = phases[first].tolist()
+    duration, sources = float(times[-1]), stepping.flow.sources
+    right_hand_side, record = _RightHandSide(stepping), _Record(stepping.flow, initial_state, times)
+    breaks = np.append(sources.start[(sources.start > 0) & (sources.start < duration)], duration)
+    outcome = COMPLETE
     while True:
+        t = record.t
         until = float(breaks[np.searchsorted(breaks, t, side="right")]) if t < duration else duration
-        right_hand_side.begin(t, phases)
+        right_hand_side.begin(t, record.phases)
         solution = solve_ivp(  # type: ignore[call-overload]
-            right_hand_side, (t, until), y, method=integrator, rtol=rtol, atol=atol, max_step=max_step,
-            events=[*right_hand_side.events(), _stopping(stop, t)], dense_output=True,
+            right_hand_side, (t, until), record.y, method=stepping.integrator, rtol=stepping.rtol, atol=stepping.atol,
+            max_step=stepping.max_step, events=[*right_hand_side.events(), _stopping(stop, t)], dense_output=True,
         )  # fmt: skip
-        restarts += 1
         if solution.status < 0:
             outcome = Outcome.of(
                 OutcomeCode.INTEGRATOR_FAILED,
-                integrator=integrator, time=float(solution.t[-1]), reason=str(solution.message),
+                integrator=stepping.integrator, time=float(solution.t[-1]), reason=str(solution.message),
             )  # fmt: skip
-        end = float(solution.t[-1])
-        if observe is not None and end > t:
-            observe(solution, phases)
-        touched += contacts.touching(phases) * (end - t)
-        last = int(np.searchsorted(times, end, side="right" if end >= duration else "left"))
-        if last > done:
-            Y[done:last] = solution.sol(times[done:last]).T
-            C[done:last] = phases
-            done = last
-        y = solution.y[:, -1].copy()
-        t = end
+        if observe is not None and solution.t[-1] > t:
+            observe(solution, record.phases)
+        record.advance(solution)
         if solution.status == 1:
             hit = next(g for g, happened in enumerate(solution.t_events) if happened.size)
             if hit == right_hand_side.watched.guards:
-                outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=t, unit="s")
+                outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=record.t, unit="s")
                 break
-            watched = right_hand_side.watched
-            contact, following = int(watched.contact[hit]), int(watched.following[hit])
-            right_hand_side.reset(hit, t, y)
-            before, phases = phases, contacts.after(phases, contact, following)
-            y[-2] += contacts.event_losses(before[None], phases[None]).sum()
-            ev_time.append(t)
-            ev_contact.append(contact)
-            ev_phase.append(following)
-            if len(ev_time) > max_events:
-                outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=t, events=len(ev_time))
+            right_hand_side.reset(hit, record.t, record.y)
+            record.meet(int(right_hand_side.watched.contact[hit]), int(right_hand_side.watched.following[hit]))
+            if len(record.events) > stepping.max_events:
+                outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=record.t, events=len(record.events))
         if progress is not None:
-            progress(t / duration)
-        if t >= duration or not outcome.complete:
+            progress(record.t / duration)
+        if record.t >= duration or not outcome.complete:
             break
-    return ReferenceTrajectory(
-        flow,
-        times[:done],
-        Y[:done, :N],
-        C[:done],
-        Y[:done, -1],
-        Y[:done, -2],
-        np.array(ev_time),
-        np.array(ev_contact, dtype=np.int64),
-        np.array(ev_phase, dtype=np.int64),
-        right_hand_side.count,
-        restarts,
-        t,
-        touched / t if t > 0 else touched,
-        outcome,
-        clock.process_time() - begin,
-    )
+    return record.trajectory(right_hand_side.count, outcome)
+
+
+class _Record:
+    """A motion while it is stepped: where it is, its outputs, and its events."""
+
+    def __init__(self, flow: ExactFlow, initial_state: Floats, times: Floats) -> None:
+        self.begun, self.restarts = clock.process_time(), 0
+        self.flow, self.times, self.contacts = flow, times, flow.system.contacts
+        N, m = flow.size, self.contacts.count
+        self.y = np.concatenate([flow.whole_state(np.asarray(initial_state, dtype=float)), np.zeros(2)])
+        self.phases, entered, self.y[:N] = flow.begin(self.y[:N])
+        self.states, self.all_phases = np.empty((times.size, N + 2)), np.zeros((times.size, m), dtype=np.int64)
+        self.done, self.t, self.touched = 0, 0.0, np.zeros(m)  # outputs; s; s that each contact has touched
+        self.events = [(0.0, j, int(self.phases[j])) for j in np.flatnonzero(entered).tolist()]
+
+    def advance(self, solution: Any) -> None:
+        """Go to the end of a piece of the solution, with the outputs on the way."""
+        end, self.restarts = float(solution.t[-1]), self.restarts + 1
+        self.touched += self.contacts.touching(self.phases) * (end - self.t)
+        last = int(np.searchsorted(self.times, end, side="right" if end >= self.times[-1] else "left"))
+        if last > self.done:
+            self.states[self.done : last] = solution.sol(self.times[self.done : last]).T
+            self.all_phases[self.done : last] = self.phases
+            self.done = last
+        self.y, self.t = solution.y[:, -1].copy(), end
+
+    def meet(self, contact: int, following: int) -> None:
+        """An event takes a contact to another phase."""
+        before, self.phases = self.phases, self.contacts.after(self.phases, contact, following)
+        self.y[-2] += self.contacts.event_losses(before[None], self.phases[None]).sum()
+        self.events.append((self.t, contact, following))
+
+    def trajectory(self, evaluations: int, outcome: Outcome) -> ReferenceTrajectory:
+        """What there is of the motion."""
+        time, contact, phase = (list(of) for of in zip(*self.events, strict=True)) if self.events else ([], [], [])
+        return ReferenceTrajectory(
+            self.flow,
+            self.times[: self.done],
+            self.states[: self.done, : self.flow.size],
+            self.all_phases[: self.done],
+            self.states[: self.done, -1],
+            self.states[: self.done, -2],
+            np.array(time, dtype=float),
+            np.array(contact, dtype=np.int64),
+            np.array(phase, dtype=np.int64),
+            evaluations,
+            self.restarts,
+            self.t,
+            self.touched / self.t if self.t > 0 else self.touched,
+            outcome,
+            clock.process_time() - self.begun,
+        )
 
 
 class _RightHandSide:
     """Rates of (q, q', internal states), and dissipated power and power in, with contacts in given phases."""
 
-    def __init__(self, flow: ExactFlow, cubic: CubicSprings | None, powers: Powers | None) -> None:
-        self.flow, self.powers = flow, powers
+    def __init__(self, stepping: TimeStepping) -> None:
+        cubic = stepping.cubic
+        self.flow, self.powers = stepping.flow, stepping.powers
         self.cubic = None if cubic is None or not cubic.count else cubic
         self.count = 0
-        base = flow.forcing.base_displacement
+        base = self.flow.forcing.base_displacement
         self.base = None if base is None else (base, base.derivative())
 
     def begin(self, t: float, phases: Ints) -> None:

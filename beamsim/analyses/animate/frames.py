@@ -122,12 +122,11 @@ def frames_of_run(
         q = trajectory.states_at(times)[:, : system.dynamics.size]
         forces = trajectory.sample(times, flow.contact_forces)
     else:
-        from beamsim.flow.reference import integrate
+        from beamsim.flow.reference import TimeStepping, integrate
 
-        stepped = integrate(
-            flow, system.initial_state, times, integrator="DOP853", rtol=min(settings.rtol, 1e-8), atol=settings.atol,
-            cubic=system.cubic, progress=progress, stop=stop,
-        )  # fmt: skip
+        rtol = min(settings.rtol, 1e-8)
+        stepping = TimeStepping(flow, "DOP853", rtol=rtol, atol=settings.atol, cubic=system.cubic)
+        stepped = integrate(stepping, system.initial_state, times, progress=progress, stop=stop)
         q, times, slow = stepped.y[:, : system.dynamics.size], stepped.time, slow[: stepped.time.size]
         output = rows_of(result, "time")[:]
         forces = np.array([np.interp(times, output, force) for force in _forces(result)]).reshape(-1, times.size).T

@@ -41,7 +41,7 @@ def stepped_motion_of(
     With ``short_steps`` a step rarely contains a whole contact; always so where springs are smooth.
     """
     from beamsim.analyses.run.stepped_outputs import SteppedOutputs
-    from beamsim.flow.reference import integrate
+    from beamsim.flow.reference import TimeStepping, integrate
 
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
     integrator, rtol = settings.integrator, settings.rtol
@@ -54,11 +54,12 @@ def stepped_motion_of(
             "contacts are found by sign changes between steps, without certificate",
         )
     outputs = SteppedOutputs(system, flow, times.all, settings.low_pass)
+    stepping = TimeStepping(
+        flow, integrator, rtol, settings.atol, longest, system.cubic, power_factors(flow), settings.max_events
+    )
     trajectory = integrate(
-        flow, system.initial_state, times.all, integrator=integrator, rtol=rtol, atol=settings.atol,
-        max_step=longest, cubic=system.cubic, powers=power_factors(flow), max_events=settings.max_events,
-        progress=progress, stop=stop, observe=outputs.observe,
-    )  # fmt: skip
+        stepping, system.initial_state, times.all, progress=progress, stop=stop, observe=outputs.observe
+    )
     at = trajectory.time
     values = outputs.at(at, trajectory.y, trajectory.phases)
     stored = stored_energy(flow, trajectory.y, values["penetration"], trajectory.phases)
