@@ -99,10 +99,9 @@ def integrate(
     """
     from scipy.integrate import solve_ivp
 
-    duration, sources = float(times[-1]), stepping.flow.sources
+    duration, sources, outcome = float(times[-1]), stepping.flow.sources, COMPLETE
     right_hand_side, record = _RightHandSide(stepping), _Record(stepping.flow, initial_state, times)
     breaks = np.append(sources.start[(sources.start > 0) & (sources.start < duration)], duration)
-    outcome = COMPLETE
     while True:
         t = record.t
         until = float(breaks[np.searchsorted(breaks, t, side="right")]) if t < duration else duration
