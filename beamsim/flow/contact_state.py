@@ -299,6 +299,11 @@ def contact_modes(
     phases : (m,) of the contacts.
     longest_window : upper limit on the length of a segment, s.
     known : a contact state of the same system.
+
+    Returns
+    -------
+    ContactModes
+        Modes, and the terms of the response to every source.
     """
     acting = _acting(system, phases)
     simple, blocks = _diagonalise(system, phases, acting, longest_window, known)

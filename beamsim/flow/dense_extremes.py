@@ -28,7 +28,18 @@ Outputs = Callable[[Floats, Floats], dict[str, Floats]]
 
 
 def polynomials(values: Floats, start: Floats, length: Floats) -> Waves:
-    """Outputs on S steps, from their values (S, NODES + 1, k) at the Chebyshev points, the earliest first."""
+    """Outputs on S steps, from their values (S, NODES + 1, k) at the Chebyshev points, the earliest first.
+
+    Parameters
+    ----------
+    values : (S, NODES + 1, k) in the units of the outputs.
+    start, length : (S,) of the steps, s.
+
+    Returns
+    -------
+    Waves
+        A piece a step.
+    """
     steps = values.shape[0]
     coefficient = _COEFFICIENTS @ values
     round_off = NODES * EPS * np.abs(values).max(axis=1, keepdims=True)

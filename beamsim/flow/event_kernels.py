@@ -101,13 +101,36 @@ def first_event(guards, work, H, begins, most):  # type: ignore[no-untyped-def]
 
 @kernel
 def _noise(guards, out, j):  # type: ignore[no-untyped-def]
-    """What a guard is known to."""
+    """What a guard is known to.
+
+    Parameters
+    ----------
+    guards : Guards.
+    out : (4, g) as `_evaluate` fills it.
+    j : the guard.
+
+    Returns
+    -------
+    float
+        In units of the guard.
+    """
     return max(out[3, j], guards.least[j])
 
 
 @kernel
 def _tolerance(guards, out, floors, j):  # type: ignore[no-untyped-def]
-    """How far below zero a guard has an event: its noise, or its floor."""
+    """How far below zero a guard has an event: its noise, or its floor.
+
+    Parameters
+    ----------
+    guards, out, j : as for `_noise`.
+    floors : (g,) floors.
+
+    Returns
+    -------
+    float
+        In units of the guard.
+    """
     return max(_noise(guards, out, j), floors[j])
 
 
@@ -117,6 +140,17 @@ def _evaluate(guards, tau, H, out):  # type: ignore[no-untyped-def]
 
     The bound is the triangle inequality on every term's second derivative, with decaying exponentials taken at tau.
     A high power is bounded by its value at the far end: after a first look as far as H, no further than twice tau.
+
+    Parameters
+    ----------
+    guards : Guards.
+    tau : s, since the start of the segment.
+    H : s, length of the segment.
+    out : (4, g) value, slope, bound on the curvature, round-off; written.
+
+    Returns
+    -------
+    reach : s, as far as the bound holds.
     """
     values, slopes, bounds, noises = out[0], out[1], out[2], out[3]
     count, gamma, size = guards.count, guards.coefficient, guards.size
@@ -175,6 +209,11 @@ def safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
     ----------
     g, slope : value, positive, and slope here.
     bound : on the size of the curvature from here on.
+
+    Returns
+    -------
+    float
+        s, infinite where it stays positive.
     """
     if bound <= 0.0:
         return np.inf if slope >= 0.0 else -g / slope
@@ -193,6 +232,19 @@ def _next_step(guards, out, floors, tau, reach, longer):  # type: ignore[no-unty
     A guard is lifted by twice its tolerance: a contact that stays at zero to round-off is ignored, and every step has a
     smallest length. Of guards that an event has put below zero the lowest comes first. A ``longer`` step takes higher
     derivatives of the guards whose curvature stops it before ``reach``.
+
+    Parameters
+    ----------
+    guards : Guards.
+    out : (4, g) at tau, as `_evaluate` fills it.
+    floors : (g,) floors.
+    tau, reach : s, where the step begins, and as far as the bounds hold.
+    longer : whether to look for a longer step.
+
+    Returns
+    -------
+    step : s.
+    hit : the guard, or `NO_EVENT`.
     """
     step, hit = reach - tau, NO_EVENT
     for j in range(guards.count):
@@ -211,7 +263,16 @@ def _next_step(guards, out, floors, tau, reach, longer):  # type: ignore[no-unty
 
 @kernel
 def _fill_floors(guards, out, H, begins, floors):  # type: ignore[no-untyped-def]
-    """Floors of the guards that are below zero at the start of a segment, after an event or at the beginning."""
+    """Floors of the guards that are below zero at the start of a segment, after an event or at the beginning.
+
+    Parameters
+    ----------
+    guards : Guards.
+    out : (4, g) at the start, as `_evaluate` fills it.
+    H : s, length of the segment.
+    begins : the guard whose event is there, or `BEGINNING` of the motion.
+    floors : (g,) in units of the guards; written.
+    """
     for j in range(guards.count):
         if out[0, j] >= 0.0:
             continue
@@ -230,6 +291,17 @@ def _follow_zeros(guards, out, tau, slopes, floors):  # type: ignore[no-untyped-
 
     Returns the share of a step to take: half of the first one where a guard rises, so that it is seen above zero before
     it may come back.
+
+    Parameters
+    ----------
+    guards : Guards.
+    out : (4, g) at tau, as `_evaluate` fills it.
+    tau : s.
+    slopes, floors : (g,) of `SearchWork`; written.
+
+    Returns
+    -------
+    share : of a step that is to be taken.
     """
     share = 1.0
     for j in range(guards.count):
@@ -245,7 +317,18 @@ def _follow_zeros(guards, out, tau, slopes, floors):  # type: ignore[no-untyped-
 
 @kernel
 def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
-    """Time of the zero next to tau, by one Newton step where the curvature allows it."""
+    """Time of the zero next to tau, by one Newton step where the curvature allows it.
+
+    Parameters
+    ----------
+    out : (4, g) at tau, as `_evaluate` fills it.
+    hit : the guard.
+    tau : s.
+
+    Returns
+    -------
+    tau : s, of the zero.
+    """
     g, slope, bound = out[0, hit], out[1, hit], out[2, hit]
     if slope < 0.0 and -g * bound <= 0.1 * slope * slope:
         return max(0.0, tau - g / slope)
@@ -258,6 +341,17 @@ def _taylor_step(guards, j, tau, reach, value):  # type: ignore[no-untyped-def]
 
     Where terms cancel, a guard and its first derivatives are small; the bound on its curvature is not. So the
     derivatives up to the seventh are evaluated, with their round-off, and the eighth is bounded.
+
+    Parameters
+    ----------
+    guards : Guards.
+    j : the guard.
+    tau, reach : s, where the step begins, and as far as it may go.
+    value : of the guard at tau, lifted.
+
+    Returns
+    -------
+    step : s.
     """
     derivative, noise = np.zeros(TAYLOR), np.zeros(TAYLOR)
     bound = 0.0

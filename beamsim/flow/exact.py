@@ -154,6 +154,11 @@ class ExactFlow:
         forcing : differs in its signals alone; what each load acts on stays as it is.
         observers : signals in place of those of this flow; the same by default.
         duration : s, in place of that of this flow.
+
+        Returns
+        -------
+        ExactFlow
+            With sources of its own.
         """
         flow = copy(self)
         flow.forcing = forcing
@@ -485,8 +490,20 @@ class ExactFlow:
         return InputsAtStart(pairs.real, np.abs(pairs), np.hstack([fit, np.zeros_like(fit)]))
 
     def inputs_at(self, times: Floats, orders: int = 1, since: Floats | None = None) -> Floats:
-        """(nt, orders, 2 F) derivatives of the inputs at times, from order 0 on, and beside them those of their slopes:
-        the columns of a `LinearOutput`'s two kinds of direct factors. The pieces at times ``since`` (nt,) count."""
+        """Derivatives of the inputs at times, from order 0 on, and beside them those of their slopes.
+
+        These are the columns of a `LinearOutput`'s two kinds of direct factors.
+
+        Parameters
+        ----------
+        times : (nt,) s.
+        orders : how many derivatives, the inputs themselves among them.
+        since : (nt,) s, whose pieces count; those of the times by default.
+
+        Returns
+        -------
+        (nt, orders, 2 F) array
+        """
         sources = self.sources
         piece = np.maximum(np.searchsorted(sources.start, times if since is None else since, side="right") - 1, 0)
         given = sources.amplitudes_at(times, piece)[:, None, :]

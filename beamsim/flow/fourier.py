@@ -46,6 +46,11 @@ class MotionPart:
         trajectory, output_of : the motion and K outputs.
         begin, end : s, within the motion.
         cut : rad/s.
+
+        Returns
+        -------
+        MotionPart
+            Without its free motions above the cut.
         """
         part = trajectory.between(begin, end).held()
         table = part.flow.output_table(output_of)

@@ -53,6 +53,17 @@ class Inputs(NamedTuple):
 
 @kernel
 def _exp(re: float, im: float, tau: float) -> complex:
+    """e^{lambda tau}.
+
+    Parameters
+    ----------
+    re, im : parts of lambda, 1/s.
+    tau : s.
+
+    Returns
+    -------
+    complex
+    """
     size = 1.0 if re == 0.0 else math.exp(re * tau)
     if im == 0.0:
         return complex(size, 0.0)
@@ -62,7 +73,18 @@ def _exp(re: float, im: float, tau: float) -> complex:
 
 @kernel
 def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):  # type: ignore[no-untyped-def]
-    """Amplitudes of all sources at the start (time t, state y) of a segment in state s; ``rest`` (N,) is for work."""
+    """Amplitudes of all sources at the start (time t, state y) of a segment in state s; ``rest`` (N,) is for work.
+
+    Parameters
+    ----------
+    tables, inputs : Tables of the contact states, Inputs.
+    s : number of the state.
+    piece : of the inputs.
+    t : s.
+    y : (N,) state.
+    rest : (N,) room for work.
+    zeta : (F + Z,) of the inputs, then of the free motions; written.
+    """
     F = inputs.exponent.size
     shift = t - inputs.start[piece]
     for f in range(F):
@@ -90,7 +112,15 @@ def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):  # type: ignore[n
 
 @summing
 def _project(projector, count, y, amplitude):  # type: ignore[no-untyped-def]
-    """Amplitudes of ``count`` free motions in a state y; sums in an order that suits the processor."""
+    """Amplitudes of ``count`` free motions in a state y; sums in an order that suits the processor.
+
+    Parameters
+    ----------
+    projector : (Z, N).
+    count : of free motions.
+    y : (N,) state.
+    amplitude : (Z,) the first ``count`` are written.
+    """
     for i in range(count):
         real = 0.0
         imag = 0.0
@@ -102,7 +132,15 @@ def _project(projector, count, y, amplitude):  # type: ignore[no-untyped-def]
 
 @kernel
 def _fill_basis(exponent, power, nb, tau, value):  # type: ignore[no-untyped-def]
-    """Basis functions at tau."""
+    """Basis functions at tau.
+
+    Parameters
+    ----------
+    exponent, power : (B,) of the functions, 1/s.
+    nb : how many of them.
+    tau : s, since the start of the segment.
+    value : (B,) complex; the first ``nb`` are written.
+    """
     for b in range(nb):
         lam = exponent[b]
         if b > 0 and lam == exponent[b - 1] and power[b] == power[b - 1] + 1:
@@ -116,6 +154,16 @@ def _fill_basis(exponent, power, nb, tau, value):  # type: ignore[no-untyped-def
 
 @kernel
 def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
+    """The state from the amplitudes of sources and the values of basis functions.
+
+    Parameters
+    ----------
+    tables : Tables.
+    s : number of the contact state.
+    zeta : (F + Z,) amplitudes, see `_fill_sources`.
+    basis : (B,) values, see `_fill_basis`.
+    y : (N,) written.
+    """
     N = y.size
     for k in range(N):
         y[k] = 0.0
@@ -129,7 +177,14 @@ def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
-    """Write the internal states after a guard's event into y; ``basis`` is evaluated at the event."""
+    """Write the internal states after a guard's event into y; ``basis`` is evaluated at the event.
+
+    Parameters
+    ----------
+    tables, s, zeta, basis : as for `_state_at`.
+    guard : of state s.
+    y : (N,) state, written where the event resets it.
+    """
     column = tables.reset[s, guard]
     if column < 0:
         return

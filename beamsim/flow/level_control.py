@@ -224,6 +224,18 @@ class LevelControl:
 def corners(x: Floats, y: Floats, tolerance: float) -> Ints:
     """Numbers of the points of a curve through which a polygon passes that is within a tolerance of y (Ramer, 1972).
 
+    Parameters
+    ----------
+    x, y : (k,) of the curve, x increasing.
+    tolerance : in the unit of y.
+
+    Returns
+    -------
+    (c,) array
+        Ascending, the first and the last point among them.
+
+    Examples
+    --------
     >>> corners(np.arange(5.0), np.array([0.0, 1.0, 2.0, 1.0, 0.0]), 0.1)
     array([0, 2, 4])
     """

@@ -34,7 +34,16 @@ class Position(NamedTuple):
 
 @kernel
 def _fill_guards(tables, s, zeta, H, guards):  # type: ignore[no-untyped-def]
-    """The guards of state s on a segment of length H, from the amplitudes of its sources."""
+    """The guards of state s on a segment of length H, from the amplitudes of its sources.
+
+    Parameters
+    ----------
+    tables : Tables.
+    s : number of the contact state.
+    zeta : (F + Z,) amplitudes at the start of the segment.
+    H : s.
+    guards : Guards, whose coefficients are written.
+    """
     coefficient, least = guards.coefficient, guards.least
     for j in range(guards.count):
         least[j] = 0.0

@@ -11,7 +11,14 @@ LEAST = 1.0  # size of an exponent from which (e^x - 1) / x keeps its digits
 
 @kernel
 def _moments(x, top, out):  # type: ignore[no-untyped-def]
-    """``int_0^1 s^q e^{x s} ds`` for q = 0 ... top: upward while q is no larger than x, then downward from a series."""
+    """``int_0^1 s^q e^{x s} ds`` for q = 0 ... top: upward while q is no larger than x, then downward from a series.
+
+    Parameters
+    ----------
+    x : exponent, complex.
+    top : highest q.
+    out : (top + 1,) complex; written.
+    """
     size = math.sqrt(x.real * x.real + x.imag * x.imag)
     grown = math.exp(x.real)
     end = complex(grown * math.cos(x.imag), grown * math.sin(x.imag))

@@ -42,6 +42,10 @@ def can_update(system: PiecewiseLinearSystem, before: Ints, phases: Ints) -> boo
     ----------
     system : the structure.
     before, phases : (m,) of the contacts in the known state and in the new one.
+
+    Returns
+    -------
+    bool
     """
     n, contacts = system.size, system.contacts
     if n < SMALLEST or contacts.coupled(before) or contacts.coupled(phases):

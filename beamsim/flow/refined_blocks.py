@@ -40,6 +40,11 @@ def refined(A: Floats, right: Complexes, left: Complexes, groups: Sequence[Ints]
     right, left : (N, N) vectors in columns, and in rows.
     groups : numbers of vectors that belong together; those in no group are alone.
     scale : (N,) what couplings make of a state is judged in coordinates so many times as large as these.
+
+    Returns
+    -------
+    Subspaces or None
+        With the matrix A in them.
     """
     error = (scale[:, None] * right) @ _couplings(left @ (A @ right), groups) @ (left / scale)
     if np.abs(error).max(initial=0.0) <= TOLERATED:

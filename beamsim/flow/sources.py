@@ -146,6 +146,11 @@ def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, durat
     channels : signals made of the record.
     first, last : number of the first piece, and of the one after the last.
     duration : s, of the whole motion.
+
+    Returns
+    -------
+    Sources
+        A constant one first, then those of each channel.
     """
     record = common_record(channels)
     assert record is not None

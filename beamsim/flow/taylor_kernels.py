@@ -109,7 +109,14 @@ def _turned(angle: float) -> complex:
 
 @kernel
 def _fill_base(s, t, d):  # type: ignore[no-untyped-def]
-    """Taylor coefficients (ORDER + 1, C) of the base's displacement; ``t e^{i w t}`` has ``t e_k + e_{k-1}``."""
+    """Taylor coefficients (ORDER + 1, C) of the base's displacement; ``t e^{i w t}`` has ``t e_k + e_{k-1}``.
+
+    Parameters
+    ----------
+    s : SmoothSystem.
+    t : s, where the step begins.
+    d : (ORDER + 1, C) of the displacement, m, and its derivatives by parameters; written.
+    """
     d[:] = 0.0
     for h in range(s.frequency.size):
         term, before = _turned(s.frequency[h] * t), complex(0.0, 0.0)
@@ -122,7 +129,20 @@ def _fill_base(s, t, d):  # type: ignore[no-untyped-def]
 
 @kernel
 def _penetration_coefficient(s, j, series, k, p):  # type: ignore[no-untyped-def]
-    """Taylor coefficient k of contact j's penetration in column p."""
+    """Taylor coefficient k of contact j's penetration in column p.
+
+    Parameters
+    ----------
+    s : SmoothSystem.
+    j : the contact.
+    series : Series, known up to order k.
+    k, p : order and column.
+
+    Returns
+    -------
+    float
+        m/s^k.
+    """
     value = -s.gap[p, j] if k == 0 and p < s.gap.shape[0] else 0.0
     value -= s.sign[j] * s.ground[j] * series.d[k, p]
     for i in range(s.omega2.size):
@@ -132,7 +152,14 @@ def _penetration_coefficient(s, j, series, k, p):  # type: ignore[no-untyped-def
 
 @kernel
 def _add_cubic(s, series, k):  # type: ignore[no-untyped-def]
-    """Take the pull of the cubic springs from the rates of order k + 1, and fill in their series of order k."""
+    """Take the pull of the cubic springs from the rates of order k + 1, and fill in their series of order k.
+
+    Parameters
+    ----------
+    s : SmoothSystem.
+    series : Series, known up to order k; written.
+    k : order.
+    """
     q, v, x, x2, x3, d = series
     n, C = s.omega2.size, d.shape[1]
     for c in range(x2.shape[1]):
@@ -159,7 +186,15 @@ def _add_cubic(s, series, k):  # type: ignore[no-untyped-def]
 
 @kernel
 def _add_contact(s, j, series, k):  # type: ignore[no-untyped-def]
-    """Add the push of a closed contact to the rates of order k + 1."""
+    """Add the push of a closed contact to the rates of order k + 1.
+
+    Parameters
+    ----------
+    s : SmoothSystem.
+    j : the contact.
+    series : Series, known up to order k; its rates are written.
+    k : order.
+    """
     n, v, d = s.omega2.size, series.v, series.d
     for p in range(d.shape[1]):
         delta = _penetration_coefficient(s, j, series, k, p)
@@ -221,7 +256,16 @@ def series_at(s, closed, t, y, series):  # type: ignore[no-untyped-def]
 
 @kernel
 def _fill_guards(s, closed, series, H, guards):  # type: ignore[no-untyped-def]
-    """The penetration of closed contacts, the gap of open ones, as polynomials on a step of length H."""
+    """The penetration of closed contacts, the gap of open ones, as polynomials on a step of length H.
+
+    Parameters
+    ----------
+    s : SmoothSystem.
+    closed : (m,) which contacts are.
+    series : Series of the step.
+    H : s.
+    guards : Guards of the m contacts; written.
+    """
     for j in range(guards.count):
         side = 1.0 if closed[j] else -1.0
         guards.least[j] = 0.0
@@ -258,7 +302,15 @@ def _length(s, series):  # type: ignore[no-untyped-def]
 
 @kernel
 def _add_up(series, h, y, slope):  # type: ignore[no-untyped-def]
-    """State and its derivatives (2n, C), and the time derivative of the state (2n,), at h into a step."""
+    """State and its derivatives (2n, C), and the time derivative of the state (2n,), at h into a step.
+
+    Parameters
+    ----------
+    series : Series of the step.
+    h : s, from where it begins.
+    y : (2n, C) written.
+    slope : (2n,) written.
+    """
     n, C = series.q.shape[1:]
     y[:n], y[n:], slope[:] = series.q[ORDER], series.v[ORDER], 0.0
     for k in range(ORDER - 1, -1, -1):
@@ -275,6 +327,14 @@ def _cross(s, motion, series, h, j):  # type: ignore[no-untyped-def]
     """Take the derivatives across an event of contact j, whose dashpot makes the acceleration jump there.
 
     It lies at h into the step.
+
+    Parameters
+    ----------
+    s : SmoothSystem.
+    motion : SmoothMotion at the event, whose derivatives are written.
+    series : Series of the step that ends there.
+    h : s, length of that step.
+    j : the contact.
     """
     n, y = s.omega2.size, motion.y
     factor = (-1.0 if motion.closed[j] else 1.0) * s.dashpot[j] * s.sign[j]

@@ -66,7 +66,20 @@ class VariationalFlow(PeriodicFlow):
         return flow
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
-        """The state after ``duration``, with its derivatives; see :class:`beamsim.flow.periodic_flow.PeriodicFlow`."""
+        """The state after ``duration``, with its derivatives; see :class:`beamsim.flow.periodic_flow.PeriodicFlow`.
+
+        Parameters
+        ----------
+        start : (N,) state at t.
+        duration : s.
+        parameters : P of them, by which the end is differentiated.
+        t : s, in the phase of the loads.
+
+        Returns
+        -------
+        Passage
+            The end, and its derivatives by start and parameters.
+        """
         self._carried[0] += 1
         exact = self.exact
         phases = exact.begin(start, t).phases
@@ -116,7 +129,19 @@ class VariationalFlow(PeriodicFlow):
         return max(self.exact.largest_exponent, float(np.abs(self.loads.multiple * self.omega).max(initial=0.0)))
 
     def contact_forces(self, phases: Ints, y: Floats, times: Floats) -> Floats:
-        """See `PeriodicFlow.contact_forces`; forces of contacts that hold or rub are included."""
+        """See `PeriodicFlow.contact_forces`; forces of contacts that hold or rub are included.
+
+        Parameters
+        ----------
+        phases : (nt, m).
+        y : (nt, N) states.
+        times : (nt,) s.
+
+        Returns
+        -------
+        (nt, m) array
+            N.
+        """
         return self.exact.outputs_of_states(times, y, phases, self.exact.contact_forces)
 
     def states_at(self, passage: Passage, times: Floats) -> Floats:

@@ -48,7 +48,14 @@ class CycleStepper(March):
         return 2 * np.pi / self.period
 
     def use(self, flow: ExactFlow, period: float, motion: Motion) -> None:
-        """Let a motion go on under loads of another frequency."""
+        """Let a motion go on under loads of another frequency.
+
+        Parameters
+        ----------
+        flow : under the loads of that frequency.
+        period : s, of these.
+        motion : that goes on; entered into the flow.
+        """
         motion.enter(flow, self.flow)
         self.flow, self.period = flow, period
 
