@@ -4,7 +4,7 @@ The curve of segments with slopes :math:`s_i \ge 0` between knots :math:`0 = b_0
 :math:`N(x) = \sum_i s_i \min(\max(x - b_i, 0), b_{i+1} - b_i)`, the last slope going on. For given knots the slopes
 that fit best follow from non-negative least squares. The knots begin as those of a dynamic programme (independent
 straight lines on stretches of the points) or evenly among the points, and move together to where the squared misfit is
-least near there. Up to `MOST_SEARCHED` segments every knot then looks for a better place between its neighbours, until
+least near there. Up to ten segments every knot then looks for a better place between its neighbours, until
 none finds one.
 """
 
@@ -14,8 +14,6 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
-
-MOST_SEARCHED = 10  # segments whose knots are also moved one by one
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,7 @@ def _best_knots(x: Floats, y: Floats, segments: int) -> Floats:
     even = np.concatenate([[0.0], places[np.arange(1, segments) * places.size // segments]])
     starts = [_moved_together(x, y, knots) for knots in (_starting_knots(x, y, segments), even)]
     knots = min(starts, key=lambda knots: _slopes(x, y, knots)[1])
-    return _moved_one_by_one(x, y, knots) if knots.size <= MOST_SEARCHED else knots
+    return _moved_one_by_one(x, y, knots) if knots.size <= 10 else knots
 
 
 def _merged(curve: ForceCurve) -> ForceCurve:

@@ -27,7 +27,6 @@ from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
 
 SMALLEST = 24  # coordinates, below which a fresh eigenvalue problem is as fast
-MOST_CHANGES = 4  # contacts by which two states may differ
 CONVERGED = 4e-16  # of a zero's distance from its pole
 SETTLED = 1e-12  # of the same: below it a step that no longer shrinks is round-off
 INEXACT = 1e-11  # relative error of a motion and its rate, at which the eigenvalue problem is solved anew
@@ -55,7 +54,8 @@ def can_update(system: PiecewiseLinearSystem, before: Ints, phases: Ints) -> boo
     if contacts.presses(before) or contacts.presses(phases):
         return False
     damped = contacts.damped or bool(np.diag(system.damping).any())
-    return damped and not system.coupled_by_damping and int(np.count_nonzero(before != phases)) <= MOST_CHANGES
+    few = int(np.count_nonzero(before != phases)) <= 4  # contacts by which the two states differ
+    return damped and not system.coupled_by_damping and few
 
 
 def neighbouring_modes(

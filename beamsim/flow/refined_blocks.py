@@ -16,7 +16,6 @@ from beamsim.typing import Complexes, Floats, Ints
 
 TOLERATED = 1e-12  # of a state in another one, from couplings that stay
 SETTLED = 1e-17  # coupling from which on nothing is gained
-MOST_STEPS = 4  # each squares the coupling
 ALIKE = 1e-9  # relative distance of eigenvalues that are not told from each other
 ROUND_OFF = 1e-15  # the same of the largest eigenvalue
 
@@ -51,7 +50,7 @@ def refined(A: Floats, right: Complexes, left: Complexes, groups: Sequence[Ints]
         return None
     A, X, Xi = A.astype(np.longdouble), right.astype(np.clongdouble), left.astype(np.clongdouble)
     eye, last = np.eye(A.shape[0]), np.inf
-    for _ in range(MOST_STEPS):
+    for _ in range(4):  # each squares the coupling
         Xi = Xi + (eye - Xi @ X) @ Xi
         E = Xi @ (A @ X)
         F = _couplings(E.astype(complex), groups)

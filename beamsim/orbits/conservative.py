@@ -19,8 +19,6 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.typing import Complexes, Floats
 
-LARGEST_LOG = 600.0  # of an energy
-
 
 @dataclass(frozen=True)
 class FreeMotion:
@@ -72,7 +70,7 @@ class ConservativeOrbits(ABC):
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, FreeMotion]:
         """Closure of the motion, the energy's excess and the phase, with their Jacobian."""
-        if self.parameter == "energy" and not abs(u[-1]) < LARGEST_LOG:
+        if self.parameter == "energy" and not abs(u[-1]) < 600.0:  # a logarithm
             raise ArithmeticError("the energy is outside the floating-point range")
         x, period, factor, energy = self.split(u)
         if not (np.isfinite(period) and period > 0):

@@ -18,7 +18,6 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import motion_of
 from beamsim.typing import Floats
 
-CYCLES_A_CALL = 16
 DISTINCT = 100.0  # a longer period counts only where the changes over shorter ones are so many tolerances
 
 
@@ -124,7 +123,7 @@ def settle(
     section = [motion.y * weight]
     done, change = 0, np.inf
     while done < most_cycles:
-        chunk = min(CYCLES_A_CALL, most_cycles - done)
+        chunk = min(16, most_cycles - done)
         states = stepper.carry(motion, chunk)
         section.extend(states * weight)
         done += chunk
