@@ -203,8 +203,10 @@ class Contacts:
         ValueError
             If the law is not made of these two.
         """
-        law = self.laws[contact].with_numbers(stiffness, dashpot)
-        return replace(self, laws=(*self.laws[:contact], law, *self.laws[contact + 1 :]))
+        family = self.laws[contact].family
+        if family is None:
+            raise ValueError("this contact law is not made of one stiffness and one dashpot")
+        return replace(self, laws=(*self.laws[:contact], family(stiffness, dashpot), *self.laws[contact + 1 :]))
 
     def undamped(self) -> Contacts:
         """Without dashpots; ValueError where a law has no such form."""
@@ -277,10 +279,8 @@ class Contacts:
         """
         after = np.asarray(self.arrays.touching[contact, phase], dtype=np.int64)
         changes = np.zeros(contact.size, dtype=np.int64)
-        for j in range(self.count):
+        for j in np.unique(contact).tolist():
             of_contact = np.flatnonzero(contact == j)
-            if not of_contact.size:
-                continue
             first = of_contact[0]
             entered = time[first] == 0.0 and phase[first] == initial[j]
             begin = 0 if entered else int(self.arrays.touching[j, initial[j]])

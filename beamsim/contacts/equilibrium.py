@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from beamsim.contacts.force_curve import fitted_numbers
 from beamsim.dataclass import dataclass
 from beamsim.errors import NotTrustedError
 from beamsim.typing import Bools, Floats, Ints
@@ -55,8 +56,7 @@ class CubicSprings:
 
     shape: Floats  # (nc, n)
     stiffness: Floats  # (nc,) N/m^3
-    on_ground: Bools | None = None  # (nc,) whether the stretch includes the base's displacement d(t); None: all
-    lever: Floats | None = None  # (nc,) displacement of its place for a unit displacement of the base; None: 1
+    ground: Floats | None = None  # (nc,) stretch for a unit displacement of the base, 0 between masses; None: 1
 
     @property
     def count(self) -> int:
@@ -65,9 +65,8 @@ class CubicSprings:
 
     @property
     def felt(self) -> Floats:
-        """(nc,) stretch for a unit displacement of the base: the lever of a spring to the ground, 0 between masses."""
-        lever = np.ones(self.count) if self.lever is None else self.lever
-        return lever if self.on_ground is None else self.on_ground * lever
+        """(nc,) stretch for a unit displacement of the base."""
+        return np.ones(self.count) if self.ground is None else self.ground
 
 
 @dataclass(frozen=True)
@@ -204,19 +203,9 @@ def _refined(energy: _Energy, q: Floats) -> tuple[Floats, Floats]:
 def _balanced(away: Floats, push: Floats) -> bool:
     """Whether some contact forces N >= 0 satisfy away^T N = -push (Farkas: else a rigid-body motion has no bound)."""
     size = float(np.linalg.norm(push))
-    if size == 0.0:
-        return True
-    if away.shape[0] == 0:
-        return False
-    scale = np.linalg.norm(away, axis=1)
-    unit = away / np.where(scale > 0, scale, 1.0)[:, None]
-    return bool(_least_residual(unit.T, -push / size) <= _ROUND_OFF)
-
-
-def _least_residual(matrix: Floats, target: Floats) -> float:
-    from scipy.optimize import nnls
-
-    return float(nnls(matrix, target)[1])
+    if size == 0.0 or away.shape[0] == 0:
+        return size == 0.0
+    return fitted_numbers(away.T, -push / size)[1] <= _ROUND_OFF**2
 
 
 def _held(stops: Floats) -> bool:
@@ -228,16 +217,14 @@ def _held(stops: Floats) -> bool:
         return False
     # Stiemke: only d = 0 satisfies stops @ d >= 0 if a combination of the rows with positive weights is zero.
     stops = stops / np.linalg.norm(stops, axis=1)[:, None]
-    target = -stops.sum(axis=0)
-    return bool(_least_residual(stops.T, target) <= _ROUND_OFF * stops.shape[0])
+    return bool(fitted_numbers(stops.T, -stops.sum(axis=0))[1] <= (_ROUND_OFF * stops.shape[0]) ** 2)
 
 
 def _loose(away: Floats) -> Floats:
     """(l, r) orthonormal rigid-body motions without deflection at the given contacts."""
-    if away.shape[0] == 0:
-        return np.eye(away.shape[1])
-    _, s, vt = np.linalg.svd(away)
-    return np.asarray(vt[int(np.sum(s > _ROUND_OFF * s.max(initial=0.0))) :])
+    from scipy.linalg import null_space
+
+    return np.asarray(null_space(away, rcond=_ROUND_OFF).T)
 
 
 @dataclass(frozen=True)

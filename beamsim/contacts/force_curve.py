@@ -44,15 +44,7 @@ class ForceCurve:
         return np.asarray(np.interp(deflection, self.deflection, self.force) + beyond)
 
 
-@dataclass(frozen=True)
-class FittedCurve:
-    """A curve and how far it is from the points."""
-
-    curve: ForceCurve
-    misfit: float  # N, root mean square
-
-
-def fit_curve(deflection: Floats, force: Floats, segments: int) -> FittedCurve:
+def fit_curve(deflection: Floats, force: Floats, segments: int) -> tuple[ForceCurve, float]:
     """The rising curve through zero that is closest to points in the mean square.
 
     Parameters
@@ -62,7 +54,8 @@ def fit_curve(deflection: Floats, force: Floats, segments: int) -> FittedCurve:
 
     Returns
     -------
-    FittedCurve
+    ForceCurve, float
+        The curve, and the root mean square of the points' distances from it, N.
 
     Raises
     ------
@@ -81,7 +74,7 @@ def fit_curve(deflection: Floats, force: Floats, segments: int) -> FittedCurve:
     curve = ForceCurve(edges, np.concatenate([[0.0], np.cumsum(slopes * np.diff(edges))]))
     if curve.force[-1] <= 0.0:
         raise ValueError("the force does not rise with the deflection")
-    return FittedCurve(_merged(curve), float(np.sqrt(square / x.size)))
+    return _merged(curve), float(np.sqrt(square / x.size))
 
 
 def _best_knots(x: Floats, y: Floats, segments: int) -> Floats:

@@ -5,20 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.contacts.force_curve import fit_curve, fitted_numbers, hinges
-from beamsim.dataclass import dataclass
+from beamsim.contacts.pads import MaxwellBranch
 from beamsim.typing import Floats
 
 SEGMENTS = 8  # of the curves that are compared
 REACH = 30.0  # beyond the record's longest and shortest times, over which they spread
-
-
-@dataclass(frozen=True)
-class BranchOfLoop:
-    """A branch beside a curve, fitted to a loop in time."""
-
-    stiffness: float  # N/m
-    relaxation_time: float  # s
-    misfit: float  # N, root mean square, of curve and branch together
 
 
 def loop_width(deflection: Floats, force: Floats) -> float:
@@ -27,15 +18,14 @@ def loop_width(deflection: Floats, force: Floats) -> float:
     middle, push = 0.5 * (deflection[1:] + deflection[:-1]), 0.5 * (force[1:] + force[:-1])
     rising, falling = step > 0, step < 0
     try:
-        up = fit_curve(middle[rising], push[rising], SEGMENTS).curve
-        down = fit_curve(middle[falling], push[falling], SEGMENTS).curve
+        up, down = (fit_curve(middle[way], push[way], SEGMENTS)[0] for way in (rising, falling))
     except ValueError:
         return 0.0
     common = np.linspace(0.0, min(up.deflection[-1], down.deflection[-1]), 201)
     return float(np.mean(np.abs(up.at(common) - down.at(common))) / np.abs(force).max())
 
 
-def fit_branch(time: Floats, deflection: Floats, force: Floats, knots: Floats) -> BranchOfLoop:
+def fit_branch(time: Floats, deflection: Floats, force: Floats, knots: Floats) -> tuple[MaxwellBranch, float]:
     """The Maxwell branch that, beside a curve, fits a record best; it is relaxed at its beginning.
 
     For a given relaxation time the record is linear in the slopes and the branch's stiffness.
@@ -47,7 +37,8 @@ def fit_branch(time: Floats, deflection: Floats, force: Floats, knots: Floats) -
 
     Returns
     -------
-    BranchOfLoop
+    MaxwellBranch, float
+        The branch, and the root mean square of what curve and branch together miss, N.
     """
     from scipy.optimize import minimize_scalar
 
@@ -64,7 +55,7 @@ def fit_branch(time: Floats, deflection: Floats, force: Floats, knots: Floats) -
     bounds = (tried[max(k - 1, 0)], tried[min(k + 1, tried.size - 1)])
     best = float(minimize_scalar(lambda each: fitted(each)[0], bounds=bounds, method="bounded").x)
     square, stiffness = fitted(best)
-    return BranchOfLoop(stiffness, float(np.exp(best)), float(np.sqrt(square / time.size)))
+    return MaxwellBranch(stiffness, float(np.exp(best))), float(np.sqrt(square / time.size))
 
 
 def relaxed_part(time: Floats, deflection: Floats, relaxation_time: float) -> Floats:

@@ -64,13 +64,8 @@ class LawRow(NamedTuple):
 
     def of_scaled_forces(self, factor: float) -> LawRow:
         """The function that has the same value where all forces are multiplied by a factor."""
-        if not (self.pressing or self.pressing_rate or self.reaction):
-            return self
-        return self._replace(
-            pressing=self.pressing / factor,
-            pressing_rate=self.pressing_rate / factor,
-            reaction=self.reaction / factor,
-        )
+        of_forces = {name: getattr(self, name) for name in ("pressing", "pressing_rate", "reaction")}
+        return self._replace(**{name: number / factor for name, number in of_forces.items() if number})
 
 
 class LawSpring(NamedTuple):
@@ -331,12 +326,6 @@ class ContactLaw:
             moved = np.linalg.solve(moving, (rates[:, 0] + iw[:, None] * rates[:, 1])[..., None])[..., 0]
             stiffness = stiffness + moved @ force[INTERNAL:]
         return np.asarray(stiffness)
-
-    def with_numbers(self, stiffness: float, dashpot: float) -> ContactLaw:
-        """The same kind of law with other numbers."""
-        if self.family is None:
-            raise ValueError("this contact law is not made of one stiffness and one dashpot")
-        return self.family(stiffness, dashpot)
 
     def scaled(self, factor: float) -> ContactLaw:
         """The law with all forces multiplied by a positive factor, that of a contact that presses it too.

@@ -79,37 +79,28 @@ def build_contacts(
         Where a damping ratio has no meaning.
     """
     snubbers = [item for _, _, item in located]
-    dashpot = np.zeros(len(snubbers))
-    problems: list[Problem] = []
     stiffness = [s.stiffness if curve is None else curve.stiffness for s, curve in zip(snubbers, curves, strict=True)]
-    for i, snubber in enumerate(snubbers):
-        if snubber.damping is None:
-            continue
-        if snubber.damping.kind == "viscous":
-            dashpot[i] = snubber.damping.coefficient
-            continue
-        try:
-            dashpot[i] = dashpot_from_ratio(snubber.damping.ratio, stiffness[i], omega, shape[i], rigid)
-        except ValueError as error:
-            problems.append(
-                Problem(
-                    f"{path_text(located[i].path)}.damping.ratio",
-                    f"has no meaning here: {error}",
-                    "give the dashpot in N s/m",
-                )
-            )
-    if problems:
-        raise ScenarioError(problems)
+    dashpot = [_dashpot(at, k, omega, row, rigid) for at, k, row in zip(located, stiffness, shape, strict=True)]
     return Contacts(
         shape=shape,
         sign=np.array([1.0 if resists(s) in ("below", "approach") else -1.0 for s in snubbers]),
         gap=np.array([0.0 if s.gap is None else s.gap for s in snubbers], dtype=float),
         on_ground=np.array([getattr(s, "mounted_on", "") == "ground" for s in snubbers], dtype=bool),
         laws=tuple(
-            _law(s, float(k), curve, float(c))
-            for s, k, curve, c in zip(snubbers, stiffness, curves, dashpot, strict=True)
+            _law(s, float(k), curve, c) for s, k, curve, c in zip(snubbers, stiffness, curves, dashpot, strict=True)
         ),
     )
+
+
+def _dashpot(located: Located, stiffness: float, omega: Floats, shape: Floats, rigid: int) -> float:
+    damping = located.item.damping
+    if damping is None or damping.kind == "viscous":
+        return 0.0 if damping is None else float(damping.coefficient)
+    try:
+        return dashpot_from_ratio(damping.ratio, stiffness, omega, shape, rigid)
+    except ValueError as error:
+        at = f"{path_text(located.path)}.damping.ratio"
+        raise ScenarioError(Problem(at, f"has no meaning here: {error}", "give the dashpot in N s/m")) from None
 
 
 def _law(snubber: Any, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
@@ -200,13 +191,11 @@ def resolve_preloads(
     ScenarioError
         If no such equilibrium exists: on a structure that only the stops hold the preloads have to balance the loads.
     """
-    preload = [item.preload for _, _, item in located]
+    preload = [item.preload for _, _, item in located] + [None] * (contacts.count - len(located))
     given = np.array([p is not None for p in preload], dtype=bool)
     if not given.any():
         return contacts
-    others = contacts.count - given.size
-    given = np.append(given, np.zeros(others, dtype=bool))
-    force = np.append([0.0 if p is None else p for p in preload], np.zeros(others))
+    force = np.array([0.0 if p is None else p for p in preload])
     forces = (contacts.sign * force)[:, None] * contacts.shape
     springs = springs_of(contacts)
     rest = springs.take(~given[springs.contact])

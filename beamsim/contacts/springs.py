@@ -143,8 +143,7 @@ def cubic_springs(springs: Sequence[SpringInfo], size: int) -> CubicSprings:
     return CubicSprings(
         np.array([s.shape for s in cubic]).reshape(-1, size),
         np.array([s.cubic for s in cubic]),
-        np.array([s.on_ground for s in cubic], dtype=bool),
-        np.array([s.lever for s in cubic]),
+        np.array([s.felt for s in cubic], dtype=float),
     )
 
 

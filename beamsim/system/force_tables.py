@@ -128,8 +128,8 @@ def _table(table: MeasuredForces, file: Path | None, changed: int) -> TableOfSto
     if table.fit is None:
         check_points(tuple(zip(deflection.tolist(), force.tolist(), strict=True)))
         return TableOfStop(ForceCurve(deflection, force), 0.0)
-    fitted = fit_curve(deflection, force, table.fit.segments)
-    return TableOfStop(fitted.curve, fitted.misfit, _remark(deflection, force, time, fitted.curve))
+    curve, misfit = fit_curve(deflection, force, table.fit.segments)
+    return TableOfStop(curve, misfit, _remark(deflection, force, time, curve))
 
 
 def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
@@ -169,8 +169,8 @@ def _remark(deflection: Floats, force: Floats, time: Floats | None, curve: Force
     remark = f"loading and unloading differ by {width:.2g} of the largest force, and the curve runs between them"
     if time is None or np.any(np.diff(time) <= 0):
         return f"{remark}; a Maxwell branch would lose that work: add a column of increasing times to have one fitted"
-    branch = fit_branch(time, deflection, force, curve.deflection[:-1])
+    branch, misfit = fit_branch(time, deflection, force, curve.deflection[:-1])
     return (
-        f"{remark}; beside a softer curve this branch fits the loop to {branch.misfit:.2g} N: "
+        f"{remark}; beside a softer curve this branch fits the loop to {misfit:.2g} N: "
         f"maxwell: [{{stiffness: {branch.stiffness:.4g} N/m, relaxation_time: {branch.relaxation_time:.4g} s}}]"
     )

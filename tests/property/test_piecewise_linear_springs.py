@@ -273,7 +273,7 @@ def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
     start = 0.3 * rng.normal(size=2 * n)
 
     def flow(w=omega, level=1.4):
-        return SmoothFlow(system, loads, w, level, springs=CubicSprings(shape, cubic, on_ground))
+        return SmoothFlow(system, loads, w, level, springs=CubicSprings(shape, cubic, on_ground.astype(float)))
 
     def rhs(t, y, felt=on_ground):
         q, v = y[:n], y[n:]
@@ -316,10 +316,10 @@ def test_cubic_springs_on_a_moving_base_by_shooting_and_harmonic_balance():
     )  # fmt: skip
     system, omega = build_system(case), 1.5
     loads, cubic = periodic_loads(system, omega), system.cubic
-    np.testing.assert_array_equal(cubic.on_ground, [True, False])
+    np.testing.assert_array_equal(cubic.felt, [1.0, 0.0])
     found = {}
-    for name, on_ground in (("right", cubic.on_ground), ("twin", np.array([True, True]))):
-        flow = SmoothFlow(system.dynamics, loads, omega, springs=replace(cubic, on_ground=on_ground))
+    for name, on_ground in (("right", cubic.felt), ("twin", np.ones(2))):
+        flow = SmoothFlow(system.dynamics, loads, omega, springs=replace(cubic, ground=on_ground))
         found[name] = find_orbit(ForcedOrbits(flow)).u[:4]
     balance = ForcedBalance(system.dynamics, loads, 25, omega=omega, cubic=cubic)
     motion = solve_at(balance, balance.linear_guess(omega), Settings(iterations=60), omega)

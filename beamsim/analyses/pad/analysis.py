@@ -174,7 +174,7 @@ def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | Non
     """
     try:
         deflection, force, _ = read_forces(file)
-        fitted = fit_curve(deflection, force, segments)
+        curve, misfit = fit_curve(deflection, force, segments)
     except MeasurementError as fault:
         raise ScenarioError(Problem("--curve", f"= {file} {fault.message}", fault.remedy)) from None
     except ValueError as error:
@@ -187,8 +187,8 @@ def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | Non
         back = -_work(deflection[top:], force[top:])
         if 0.0 < back <= given:
             loop = math.sqrt(back / given)
-    exact = fitted.misfit <= EXACT * float(np.abs(force).max())
-    return fitted.curve, 0.0 if exact else fitted.misfit, loop
+    exact = misfit <= EXACT * float(np.abs(force).max())
+    return curve, 0.0 if exact else misfit, loop
 
 
 def _work(deflection: Floats, force: Floats) -> float:
