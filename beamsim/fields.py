@@ -11,44 +11,39 @@ A result is a frozen dataclass made with `declared`; each of its fields is given
     @declared
     class RunResult(Result):
         time: Floats = axis("s", "time")
-        probes: dict[str, ProbeHistory] = named("probes")
+        probes: dict[str, ProbeHistory] = named("probes", ProbeHistory)
 
-The annotation says what a field is in Python, the function how it is stored, and its arguments what it means. HDF5
-files are written and read by `beamsim.store.declared`, which is where exports and the documentation of result files
-take their names, units and meanings from too. This module knows neither files nor analyses.
+There are four kinds of declarations: an array along axes (`Dataset`), a number or text of a group (`Attribute`), a
+table whose rows are dataclasses (`Table`), and dataclasses in groups of their own (`Group` one, `Members` several).
+The function says how a field is stored, and its arguments what it means. `beamsim.store.flat` turns a result into flat
+items and back, from which result files and exports are made; `docs/result_files.md` lists the declarations. This module
+knows neither files nor analyses.
 
 Texts (names, units, meanings) may hold ``{field}``, which stands for the value of that field of the same dataclass or
-of one that contains it, and ``{field:words}``, the same with spaces for underscores: ``dataset("{unit}", "level")``
-has the unit that the result's field ``unit`` says. An axis is looked for in the dataset's own group first, then in the
-groups around it.
+of one that contains it: ``dataset("{unit}", "level")`` has the unit that the result's field ``unit`` says. An axis is
+looked for in the dataset's own group first, then in the groups around it.
 
 Fields that are None are left out of the file. A field that a file lacks gets its default, so that a file written before
 the field was added still opens. Fields without a declaration are not stored.
-
-An array that takes work to compute, or a `deferred` attribute, may be given as `later`: it is computed when the field
-is first read, and then kept.
-`changed` replaces other fields without reading it. A history may be given as `by_rows`, so that who takes it in parts
-by `rows_of` (the writer of result files, plots, exports) never holds the whole of it.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import re
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
-from inspect import get_annotations
-from types import NoneType, UnionType
-from typing import Any, NamedTuple, TypeVar, Union, dataclass_transform, get_args, get_origin
+from typing import Any, NamedTuple, TypeVar, dataclass_transform
 
 import numpy as np
 
+from beamsim.codecs import OUTCOME, Codec
 from beamsim.dataclass import dataclass
 
 _DECLARED = "declared"
 _Value = TypeVar("_Value")
 _REQUIRED: Any = dataclasses.MISSING
+_SCALARS: dict[str, Callable[[Any], Any]] = {"float": float, "int": int, "bool": bool, "str": str}
 
 
 class Counter(NamedTuple):
@@ -139,7 +134,7 @@ def described(cls: Any, entry: Entry) -> Entry:
         return entry
     *path, name = entry.of.split(".")
     for part in path:
-        cls = next(member.annotation for member in members_of(cls) if member.name == part)
+        cls = next(member.declaration.of for member in members_of(cls) if member.name == part)
     declaration = next(member.declaration for member in members_of(cls) if member.name == name)
     return entry._replace(unit=declaration.unit, meaning=declaration.meaning)
 
@@ -161,24 +156,17 @@ Along = tuple[str | Counter, ...] | Axes  # names of axes, axes that only count,
 
 @dataclass(frozen=True, kw_only=True)
 class Dataset:
-    """An array, a dimension scale, or a column of a table."""
+    """An array, a dimension scale, or a column of a table; with ``per`` a mapping of arrays or numbers by name."""
 
     unit: str
     meaning: str
     along: Along = ()
-    name: str = ""  # in the file, with the way there; the field's own by default
+    name: str = ""  # in the file, with the way there; the field's own by default; "." where it takes the group's place
     scale: bool = False
+    per: str | None = None  # folder with a group for each name
     flags: tuple[str, str] | None = None  # what the values of a truth value mean
     imaginary: str = ""  # meaning of the imaginary part where it is not that of the real part
     phase: str = ""  # meaning of the phase of complex numbers that are stored as amplitude and phase
-
-
-@dataclass(frozen=True, kw_only=True)
-class PerName:
-    """An array or a number for each probe or snubber: ``<folder>/<name>/<field>``."""
-
-    folder: str
-    values: Dataset
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,9 +177,8 @@ class Attribute:
     meaning: str
     name: str = ""
     at: str = ""  # the group or dataset that carries it, where it is not that of the dataclass
-    codec: str = ""  # "json", "scenario" or "failures" where it is stored as text, "outcome" for an `Outcome`
-    null: Any = float("nan")  # what stands for a number that JSON cannot hold
-    deferred: bool = False  # whether it may be given as `later`
+    codec: Codec | None = None
+    read: Callable[[Any], Any] | None = None  # what makes the value of what is read; of several a tuple by default
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,15 +193,17 @@ class Group:
     """A dataclass in a group; in the group around it where the path is empty."""
 
     path: str
-    given: Mapping[str, Any]
-    on: str = ""  # the dataset that carries the attributes
+    of: Any  # its class
+    given: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # fields of it that are not stored
 
 
 @dataclass(frozen=True, kw_only=True)
 class Members:
-    """Dataclasses, each in a group of its own."""
+    """Dataclasses, each in a group of its own: a mapping, or with ``several`` a tuple."""
 
     folder: str
+    of: Any  # their class
+    several: bool = False
     pattern: str = "{}"  # name of a member's group, with {} for its key
     called: str = ""  # the same for people, where the key's own name does not say it
     parts: Callable[[Any], tuple[str, ...]] | None = None  # of a member: the way to its group, instead of the pattern
@@ -222,20 +211,12 @@ class Members:
     start: int = 0  # of the numbers of a tuple's members
     labelled: bool = False  # with attributes ``name`` and ``index``
     indexed: bool = False  # with the attribute ``index``
-    having: str = ""  # attribute or member by which such a group is known
-    order: Callable[[Mapping[str, Any], Any], Any] | None = None  # to sort by: of the fields read before and the member
+    listed: str = ""  # attribute of the folder with the names in order, where links do not tell them
+    having: str = ""  # attribute or dataset by which such a group is known
+    order: Callable[[Mapping[str, Any], Any], Any] | None = None  # to sort by: of the fields read before and a member
     given: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     required: bool = False  # at least one
     unless: str = ""  # folder whose members may stand in their place
-
-
-@dataclass(frozen=True, kw_only=True)
-class Arrays:
-    """Dataclasses, each one dataset that carries its attributes; ``{link}`` stands for the name of the dataset."""
-
-    folder: str
-    called: str  # what the datasets are called by, for people
-    listed: str = ""  # attribute of the folder: their names in order, where it is not that of HDF5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,134 +224,92 @@ class Table:
     """Dataclasses as the rows of a table, their fields as columns."""
 
     path: str
-    rows: Counter | None  # None where a column is the axis
+    of: Any  # the class of a row
+    rows: Counter | None = None  # None where a column is the axis
     empty: bool = True  # whether a table without rows is written
 
 
-Declaration = Dataset | PerName | Attribute | Key | Group | Members | Arrays | Table
+Declaration = Dataset | Attribute | Key | Group | Members | Table
 _Class = TypeVar("_Class", bound=type)
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
-def _field(declaration: Declaration, default: Any, default_factory: Any) -> Any:
+def _field(declaration: Declaration, default: Any = _REQUIRED, default_factory: Any = _REQUIRED) -> Any:
     return dataclasses.field(default=default, default_factory=default_factory, metadata={_DECLARED: declaration})
 
 
 def dataset(
-    unit: str, meaning: str, *, along: Along = (), name: str = "", flags: tuple[str, str] | None = None,
-    imaginary: str = "", phase: str = "", default: Any = _REQUIRED, default_factory: Any = _REQUIRED,
-) -> Any:  # fmt: skip
-    """An array along axes.
+    unit: str, meaning: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
+) -> Any:
+    """An array along axes, with the options of `Dataset`.
 
     Complex numbers are two datasets, ``…_real`` and ``…_imag``; with `phase`, amplitude and ``…_phase_deg``. Truth
     values have `flags`, the meanings of false and true.
     """
-    kept = Dataset(
-        unit=unit, meaning=meaning, along=along, name=name, flags=flags, imaginary=imaginary, phase=phase
-    )  # fmt: skip
-    return _field(kept, default, default_factory)
+    return _field(Dataset(unit=unit, meaning=meaning, **options), default, default_factory)
 
 
-def axis(unit: str, meaning: str, *, name: str = "", default: Any = _REQUIRED, default_factory: Any = _REQUIRED) -> Any:
+def axis(unit: str, meaning: str, *, default: Any = _REQUIRED, **options: Any) -> Any:
     """An array that other datasets are along: a dimension scale."""
-    return _field(Dataset(unit=unit, meaning=meaning, name=name, scale=True), default, default_factory)
+    return _field(Dataset(unit=unit, meaning=meaning, scale=True, **options), default)
 
 
 def per_probe(
-    unit: str, meaning: str, *, along: Along = (), name: str = "", imaginary: str = "", default: Any = _REQUIRED,
-    default_factory: Any = _REQUIRED,
-) -> Any:  # fmt: skip
+    unit: str, meaning: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
+) -> Any:
     """An array (or a number, which becomes an attribute) for each probe, ``probes/<name>/<field>``."""
-    values = Dataset(unit=unit, meaning=meaning, along=along, name=name, imaginary=imaginary)
-    return _field(PerName(folder="probes", values=values), default, default_factory)
+    return _field(Dataset(unit=unit, meaning=meaning, per="probes", **options), default, default_factory)
 
 
 def per_snubber(
-    unit: str, meaning: str, *, along: Along = (), name: str = "", default: Any = _REQUIRED,
-    default_factory: Any = _REQUIRED,
-) -> Any:  # fmt: skip
+    unit: str, meaning: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
+) -> Any:
     """An array (or a number, which becomes an attribute) for each snubber, ``snubbers/<name>/<field>``."""
-    values = Dataset(unit=unit, meaning=meaning, along=along, name=name)
-    return _field(PerName(folder="snubbers", values=values), default, default_factory)
-
-
-def per_name(
-    folder: str, unit: str, meaning: str, *, along: Along = (), name: str = "", default: Any = _REQUIRED,
-    default_factory: Any = _REQUIRED,
-) -> Any:  # fmt: skip
-    """An array for each name in a folder that is neither of probes nor of snubbers."""
-    values = Dataset(unit=unit, meaning=meaning, along=along, name=name)
-    return _field(PerName(folder=folder, values=values), default, default_factory)
+    return _field(Dataset(unit=unit, meaning=meaning, per="snubbers", **options), default, default_factory)
 
 
 def attribute(
-    unit: str, meaning: str, *, name: str = "", at: str = "", codec: str = "", null: Any = float("nan"),
-    deferred: bool = False, default: Any = _REQUIRED, default_factory: Any = _REQUIRED,
-) -> Any:  # fmt: skip
-    """A number or text that belongs to the group (or to what is at ``at`` in it); ``codec`` and ``deferred`` as in
-    `Attribute`."""
-    kept = Attribute(unit=unit, meaning=meaning, name=name, at=at, codec=codec, null=null, deferred=deferred)
-    return _field(kept, default, default_factory)
-
-
-def ending(meaning: str, *, at: str = "", default: Any = _REQUIRED) -> Any:
-    """An `Outcome`: attributes ``status`` (text), ``outcome`` (code) and ``outcome_numbers`` (JSON)."""
-    return _field(Attribute(unit="", meaning=meaning, name="status", at=at, codec="outcome"), default, _REQUIRED)
+    unit: str, meaning: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
+) -> Any:
+    """A number or text that belongs to the group, with the options of `Attribute`."""
+    return _field(Attribute(unit=unit, meaning=meaning, **options), default, default_factory)
 
 
 def key(meaning: str) -> Any:
     """The name or number that the group is called by."""
-    return _field(Key(meaning=meaning), _REQUIRED, _REQUIRED)
+    return _field(Key(meaning=meaning))
 
 
-def group(path: str, *, given: Mapping[str, Any] | None = None, on: str = "", default: Any = _REQUIRED) -> Any:
-    """A dataclass in the group ``path``; ``given`` are fields of it that are not stored, ``on`` as in `Group`."""
-    return _field(Group(path=path, given=given or {}, on=on), default, _REQUIRED)
+def group(path: str, of: Any, *, default: Any = _REQUIRED, **options: Any) -> Any:
+    """A dataclass in the group ``path``, with the options of `Group`."""
+    return _field(Group(path=path, of=of, **options), default)
 
 
-def named(
-    folder: str, *, given: Mapping[str, Any] | None = None, having: str = "", default: Any = _REQUIRED,
-    default_factory: Any = _REQUIRED,
-) -> Any:  # fmt: skip
-    """A dataclass for each name, ``<folder>/<name>`` with the attributes ``name`` and ``index``.
-
-    ``having`` is a dataset that tells which of the groups have such a dataclass, where not all of them do.
-    """
-    return _field(Members(folder=folder, labelled=True, given=given or {}, having=having), default, default_factory)
+def named(folder: str, of: Any, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any) -> Any:
+    """A dataclass for each name, ``<folder>/<name>`` with the attributes ``name`` and ``index``; see `Members`."""
+    return _field(Members(folder=folder, of=of, labelled=True, **options), default, default_factory)
 
 
-def numbered(
-    folder: str, *, start: int = 0, indexed: bool = False, required: bool = False, unless: str = "",
-    default: Any = _REQUIRED,
-) -> Any:  # fmt: skip
-    """A tuple of dataclasses, ``<folder>/<n>`` with n from ``start``; with the attribute ``index`` if ``indexed``."""
-    kept = Members(folder=folder, start=start, indexed=indexed, required=required, unless=unless)
-    return _field(kept, default, _REQUIRED)
+def numbered(folder: str, of: Any, *, default: Any = _REQUIRED, **options: Any) -> Any:
+    """A tuple of dataclasses, ``<folder>/<n>`` with n from ``start``; see `Members`."""
+    return _field(Members(folder=folder, of=of, several=True, **options), default)
 
 
 def keyed(
-    pattern: str = "{}", *, folder: str = "", having: str = "", parts: Callable[[Any], tuple[str, ...]] | None = None,
-    key: Callable[[Any], Any] | None = None, order: Callable[[Mapping[str, Any], Any], Any] | None = None,
-    indexed: bool = False, called: str = "", default: Any = _REQUIRED, default_factory: Any = _REQUIRED,
-) -> Any:  # fmt: skip
-    """Dataclasses in groups named after their keys; for a tuple, after the field that is a `key`. See `Members`."""
-    kept = Members(
-        folder=folder, pattern=pattern, parts=parts, key=key, having=having, order=order, indexed=indexed,
-        called=called,
-    )  # fmt: skip
-    return _field(kept, default, default_factory)
-
-
-def arrays(
-    folder: str, *, called: str, listed: str = "", default: Any = _REQUIRED, default_factory: Any = _REQUIRED
+    of: Any, *, folder: str = "", default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
 ) -> Any:
-    """Dataclasses, a dataset each, whose names, units and meanings are known when the result is made. See `Arrays`."""
-    return _field(Arrays(folder=folder, called=called, listed=listed), default, default_factory)
+    """Dataclasses in groups named after their keys; for a tuple, after the field that is a `key`. See `Members`."""
+    return _field(Members(folder=folder, of=of, **options), default, default_factory)
 
 
-def table(path: str, rows: Counter | None = None, *, empty: bool = True, default: Any = _REQUIRED) -> Any:
+def table(path: str, of: Any, rows: Counter | None = None, *, default: Any = _REQUIRED, **options: Any) -> Any:
     """A tuple of dataclasses as a table: counted by ``rows``, or by the field of a row that is an `axis`."""
-    return _field(Table(path=path, rows=rows, empty=empty), default, _REQUIRED)
+    return _field(Table(path=path, of=of, rows=rows, **options), default)
+
+
+def ending(meaning: str, *, at: str = "", default: Any = _REQUIRED) -> Any:
+    """An `Outcome`: attributes ``status`` (text), ``outcome`` (code) and ``outcome_numbers`` (JSON)."""
+    return _field(Attribute(unit="", meaning=meaning, name="status", at=at, codec=OUTCOME), default)
 
 
 class _Later:
@@ -418,6 +357,9 @@ class RowBlocks:
         if step != 1:
             raise IndexError("blocks of rows have no step")
         return self._rows(first, max(first, last))
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        return np.asarray(self.value, dtype=dtype)
 
     @cached_property
     def value(self) -> Any:
@@ -475,35 +417,28 @@ def _with_deferred(cls: Any) -> Any:
 
 
 def _may_wait(declaration: Declaration | None) -> bool:
-    if isinstance(declaration, Dataset):
-        return bool(declaration.along) or declaration.scale
-    return isinstance(declaration, Attribute) and declaration.deferred
+    return isinstance(declaration, Dataset) and (bool(declaration.along) or declaration.scale)
 
 
 @dataclass_transform(
     frozen_default=True,
     field_specifiers=(
-        dataset, axis, per_probe, per_snubber, per_name, attribute, ending, key, group, named, numbered, keyed, arrays,
-        table, dataclasses.field,
+        dataset, axis, per_probe, per_snubber, attribute, ending, key, group, named, numbered, keyed, table,
+        dataclasses.field,
     ),
 )  # fmt: skip
-def declared(cls: _Class) -> _Class:
-    """A frozen dataclass whose fields are declared."""
-    return _with_deferred(dataclass(frozen=True)(cls))  # type: ignore[no-any-return]
-
-
-@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(attribute, ending, dataclasses.field))
-def declared_base(cls: _Class) -> _Class:
-    """The same with keywords only, so that classes derived from it may begin with fields without a default."""
-    return _with_deferred(dataclass(frozen=True, kw_only=True)(cls))  # type: ignore[no-any-return]
+def declared(cls: Any = None, *, kw_only: bool = False) -> Any:
+    """A frozen dataclass whose fields are declared; with keywords only, fields with a default may come first."""
+    if cls is None:
+        return lambda made: declared(made, kw_only=kw_only)
+    return _with_deferred(dataclass(frozen=True, kw_only=kw_only)(cls))
 
 
 def stored(field: Any) -> Callable[[_Function], _Function]:
     """Declare a property, which is written and not read: ``@property``, then ``@stored(dataset(...))``."""
-    declaration = field.metadata[_DECLARED]
 
     def mark(function: _Function) -> _Function:
-        function.__declared__ = declaration  # type: ignore[attr-defined]
+        function.__declared__ = field.metadata[_DECLARED]  # type: ignore[attr-defined]
         return function
 
     return mark
@@ -514,8 +449,7 @@ class Member(NamedTuple):
 
     name: str
     declaration: Any  # one of `Declaration`
-    annotation: Any  # the type, without None
-    optional: bool  # whether it may be None
+    type: str  # as it is written in the class, without None
     derived: bool  # whether it is a property, which is not read
     default: Callable[[], Any] | None
 
@@ -523,6 +457,16 @@ class Member(NamedTuple):
     def stored_name(self) -> str:
         """Name in the file; may hold ``{field}``."""
         return getattr(self.declaration, "name", "") or self.name
+
+    @property
+    def scalar(self) -> Callable[[Any], Any] | None:
+        """The type of a number or text, or of each of a mapping of them; None of anything else."""
+        return _SCALARS.get(re.sub(r"dict\[str, (.*)\]", r"\1", self.type))
+
+    @property
+    def may_be_text(self) -> bool:
+        """Whether an array of it may hold text."""
+        return self.type in ("str", "tuple[str, ...]", "NDArray[Any]")
 
 
 def members_of(cls: Any) -> tuple[Member, ...]:
@@ -535,49 +479,52 @@ def _members_of(cls: Any) -> tuple[Member, ...]:
     members = []
     for field in dataclasses.fields(cls):
         if _DECLARED in field.metadata:
-            annotation, optional = _without_none(_annotation(cls, field.name))
-            members.append(Member(field.name, field.metadata[_DECLARED], annotation, optional, False, _default(field)))
+            written = field.type if isinstance(field.type, str) else getattr(field.type, "__name__", str(field.type))
+            kind = written.removesuffix(" | None")
+            members.append(Member(field.name, field.metadata[_DECLARED], kind, False, _default(field)))
     for base in reversed(cls.__mro__):
         for name, value in vars(base).items():
             declaration = getattr(getattr(value, "fget", None), "__declared__", None)
             if declaration is not None:
-                members.append(Member(name, declaration, Any, True, True, None))
+                members.append(Member(name, declaration, "", True, None))
     return tuple(members)
 
 
+def is_array(cls: Any) -> bool:
+    """Whether a dataclass is an array with attributes, not a group."""
+    return any(getattr(member.declaration, "name", "") == "." for member in members_of(cls))
+
+
 def _default(field: Any) -> Callable[[], Any] | None:
-    if field.default_factory is not dataclasses.MISSING:
+    if field.default_factory is not _REQUIRED:
         return field.default_factory  # type: ignore[no-any-return]
-    return None if field.default is dataclasses.MISSING else lambda: field.default
+    return None if field.default is _REQUIRED else lambda: field.default
 
 
-def _annotation(cls: type, name: str) -> Any:
-    owner = next(base for base in cls.__mro__ if name in get_annotations(base))
-    annotation = get_annotations(owner)[name]
-    return eval(annotation, vars(sys.modules[owner.__module__])) if isinstance(annotation, str) else annotation
+def filled(text: str, owners: Sequence[Any]) -> str:
+    """A text with each ``{field}`` replaced by that of the first of ``owners`` (objects or mappings) that has it."""
+    return text.format_map(_Named(owners)) if "{" in text else text
 
 
-def _without_none(annotation: Any) -> tuple[Any, bool]:
-    """The type without None, and whether it had it: ``Floats | None``, or the same as an `Optional`."""
-    options = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else ()
-    inner = [option for option in options if option is not NoneType]
-    return (inner[0], True) if len(inner) == 1 else (annotation, False)
+class _Named(dict[str, Any]):
+    """Fields of several owners by name, for `str.format_map`."""
+
+    def __init__(self, owners: Sequence[Any]) -> None:
+        self._owners = owners
+
+    def __missing__(self, name: str) -> Any:
+        for owner in self._owners:
+            if isinstance(owner, Mapping) and name in owner:
+                return _Text(owner[name])
+            if hasattr(owner, name):
+                return _Text(getattr(owner, name))
+        raise KeyError(f"no field {name}")
 
 
-def filled(text: str, names: Sequence[Any]) -> str:
-    """A text with each ``{field}`` replaced by that of the first of ``names`` (objects or mappings) that has it."""
+class _Text(str):
+    """A text that ``{field:words}`` gives spaces for underscores."""
 
-    def value(match: re.Match[str]) -> str:
-        for owner in names:
-            if isinstance(owner, Mapping):
-                if match[1] in owner:
-                    return _spoken(owner[match[1]], match[2])
-            elif hasattr(owner, match[1]):
-                return _spoken(getattr(owner, match[1]), match[2])
-        raise KeyError(f"no field {match[1]} for {text!r}")
+    __slots__ = ()
 
-    return re.sub(r"\{(\w+)(:words)?\}", value, text) if "{" in text else text
-
-
-def _spoken(value: Any, words: str | None) -> str:
-    return str(value).replace("_", " ") if words else str(value)
+    def __format__(self, how: str) -> str:
+        return self.replace("_", " ") if how == "words" else str(self)

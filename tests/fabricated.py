@@ -95,7 +95,11 @@ def fabricate(
     x = np.arange(1.0, 3.0) if chain else np.linspace(0, 0.27, 11)
     curve = (x / x[-1]) ** 2
     beam = BodyResult(
-        x, 2e7 * (1 - x / 0.27), np.array([-1e-4 * curve, 4e-4 * curve]), np.array([0.3, 0.2]), -2e-5 * curve
+        position=x,
+        peak_bending_stress=2e7 * (1 - x / 0.27),
+        extreme_shapes=np.array([-1e-4 * curve, 4e-4 * curve]),
+        extreme_times=np.array([0.3, 0.2]),
+        static_shape=-2e-5 * curve,
     )
     body = ("chain", MASSES) if chain else ("beam", ALONG)
     stations = Stations.of_recoveries([Recovery(*body, x, np.zeros((x.size, 0)))])

@@ -127,7 +127,7 @@ class BranchResult:
         default=None,
     )  # fmt: skip
     special: tuple[SpecialPointResult, ...] = table(
-        "special_points", Counter("event", "number of the special point"), default=None
+        "special_points", SpecialPointResult, Counter("event", "number of the special point"), default=None
     )
     coordinates: Floats = dataset(
         "kg^0.5 m", "coordinates at phase zero of the excitation; of a free motion at its slowest instant",
@@ -175,7 +175,7 @@ class BranchResult:
     peak_bending_stress: Floats | None = dataset(
         "Pa", "largest bending stress along the beam in a period", along=_POINT, default=None
     )
-    outputs: dict[str, OutputExtremes] = named("outputs", having="maximum", default_factory=dict)
+    outputs: dict[str, OutputExtremes] = named("outputs", OutputExtremes, having="maximum", default_factory=dict)
     neglected_harmonics: Floats | None = dataset(
         "1", "size of the neglected harmonics relative to the motion", along=_POINT, default=None
     )
@@ -201,7 +201,7 @@ class BranchResult:
     half_period_difference: Floats = dataset(
         "1", "from half-period shooting: largest of period and state, relative", along=_POINT, default=None
     )
-    motion: OrbitMotion | None = group("motion", default=None)  # of the point shown in the plots
+    motion: OrbitMotion | None = group("motion", OrbitMotion, default=None)  # of the point shown in the plots
 
     def __post_init__(self) -> None:
         if self.kind == "never_at_rest":  # name in old files

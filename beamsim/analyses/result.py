@@ -8,7 +8,8 @@ from datetime import UTC, datetime
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from beamsim.fields import Entry, attribute, changed, declared_base, ending, stored, summary_of
+from beamsim.codecs import JSON
+from beamsim.fields import Entry, attribute, changed, declared, ending, stored, summary_of
 from beamsim.kinds import kind_of_class, named
 from beamsim.outcomes import Outcome, OutcomeCode
 
@@ -61,7 +62,7 @@ def _known_versions() -> tuple[tuple[str, str], ...]:
     return ("python", platform.python_version()), *packages
 
 
-@declared_base
+@declared(kw_only=True)
 class Result:
     """Base of the results of all commands: scenario, outcome, summary, warnings and provenance."""
 
@@ -70,11 +71,11 @@ class Result:
     scenario: Scenario  # resolved
     outcome: Outcome = ending("how the computation ended: complete, or why it stopped early and what to try")
     summary: dict[str, Any] = field(default_factory=dict)  # plain Python values
-    warnings: tuple[str, ...] = attribute("", "warnings, JSON list", codec="json", default=())
+    warnings: tuple[str, ...] = attribute("", "warnings, JSON list", codec=JSON, default=())
     wall_time_s: float = attribute("s", "wall time", default=0.0)
     created: str = attribute("", "when the result was made, ISO 8601, UTC", default_factory=_now)
     provenance: dict[str, str] = attribute(
-        "", "versions of Python and of the packages that the numbers depend on, JSON object", codec="json",
+        "", "versions of Python and of the packages that the numbers depend on, JSON object", codec=JSON,
         default_factory=_versions,
     )  # fmt: skip
 
@@ -125,7 +126,7 @@ class Result:
     @stored(
         attribute(
             "", "JSON object: by key of the scenario the file that it names, the folder that this is relative to, size "
-            "and SHA-256 of the content; none where no file is named", codec="json",
+            "and SHA-256 of the content; none where no file is named", codec=JSON,
         )
     )  # fmt: skip
     def input_files(self) -> dict[str, Record] | None:

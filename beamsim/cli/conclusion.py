@@ -105,8 +105,8 @@ def located(scenario: Scenario) -> Iterator[None]:
 def keep(kind: str, result: _Result, target: Path, reporting: Reporting, interrupted: Interruption) -> _Result:
     """Write the result file; returns the result to conclude with.
 
-    A first signal that comes meanwhile waits until the file is complete. Long histories are written part by part, and
-    read from the file afterwards; they end at the signal.
+    A first signal that comes meanwhile waits until the file is complete. Long histories are read from the file
+    afterwards.
 
     Raises
     ------
@@ -115,14 +115,12 @@ def keep(kind: str, result: _Result, target: Path, reporting: Reporting, interru
     """
     interrupted.begin_writing(target.name)
     from beamsim.cli.progress import progress_of
-    from beamsim.store.results import has_long_histories, open_result, write_result, write_until
+    from beamsim.fields import RowBlocks
+    from beamsim.store.results import open_result, write_result
 
-    with progress_of(f"writing {target.name}", shown=reporting.progress) as progress:
-        if interrupted.signal or not has_long_histories(result):
-            write_result(result, target)
-            return result
-        write_until(result, target, interrupted, progress)
-        return open_result(target, kind)  # type: ignore[no-any-return]
+    with progress_of(f"writing {target.name}", shown=reporting.progress):
+        write_result(result, target)
+    return open_result(target, kind) if isinstance(vars(result).get("time"), RowBlocks) else result
 
 
 def conclude(kind: str, result: Result, target: Path, reporting: Reporting, signal: int = 0) -> None:

@@ -58,8 +58,7 @@ def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions, repor
 def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
     """The result in the file, if it is complete."""
     from beamsim.store.journal import journal_path
-    from beamsim.store.results import open_result
-    from beamsim.store.stored import holds
+    from beamsim.store.results import holds, open_result
     from beamsim.version import __version__
 
     if journal_path(target).exists() or not holds(target, "designs"):

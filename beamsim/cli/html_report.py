@@ -57,13 +57,13 @@ def _write(path: Path, target: Path, *, shown: bool) -> Path:
     from beamsim.report.contents import page_of
     from beamsim.report.page import plotly
     from beamsim.store.consistency import open_consistent
-    from beamsim.store.stored import damage_of, kind_of
+    from beamsim.store.results import kind_of
 
     plotly()  # that it is missing is said before anything is computed
     kind = kind_of(path)
     result: Any = open_consistent(path)
     _note_unknown_files(result)
-    with damage_of(path), shown_in(result.scenario.display_scales):
+    with shown_in(result.scenario.display_scales):
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = named(KINDS[kind].figures)(result)
         rows = list(table_rows(kind, result))
@@ -92,7 +92,6 @@ def animate(
     from beamsim.plots.style import shown_in
     from beamsim.report.animated import animation_page
     from beamsim.store.consistency import open_consistent
-    from beamsim.store.stored import damage_of
 
     if output is not None and output.suffix.lower() in (".gif", ".html", ".htm"):
         targets = [output_file(output, result.stem, output.suffix.lower())]
@@ -103,8 +102,7 @@ def animate(
     stored: Any = open_consistent(result)
     _note_unknown_files(stored)
     with shown_in(stored.scenario.display_scales):
-        with damage_of(result):
-            scene = scene_of(stored, shown=shown)
+        scene = scene_of(stored, shown=shown)
         if scene is None:
             raise ResultFileError(f"{result}: holds no motion; animate the result of `beamsim run` or `beamsim nnm`")
         for target in targets:

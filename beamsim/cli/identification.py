@@ -94,8 +94,7 @@ def compare(
     from beamsim.cli.progress import progress_of
     from beamsim.measurements.channels import history_named
     from beamsim.store.pairing import pair_channels
-    from beamsim.store.results import open_run, open_sweep
-    from beamsim.store.stored import damage_of, kind_of
+    from beamsim.store.results import kind_of, open_run, open_sweep
 
     swept = open_sweep(result) if kind_of(result) == "sweep" else None
     stored = open_run(result) if swept is None else swept
@@ -105,7 +104,7 @@ def compare(
     )
     reporting = Reporting(not no_plots, json)
     bar = progress_of(f"comparing with {measured.name}", shown=not json)
-    with concluded("compare", target, reporting) as computation, damage_of(result), bar:
+    with concluded("compare", target, reporting) as computation, bar:
         if swept is not None:
             excitation = None if reference is None else history_named(measured, reference, axis_unit)
             computation.result = compare_sweep(

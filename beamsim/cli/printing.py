@@ -15,7 +15,7 @@ LEAST_WIDTH = 40  # of the texts of a table; narrower terminals wrap by themselv
 
 def print_json(values: Mapping[str, Any]) -> None:
     """One JSON object on standard output; non-finite numbers are null."""
-    from beamsim.store.schema import plain
+    from beamsim.codecs import plain
 
     print(json.dumps(plain(values), ensure_ascii=False, allow_nan=False))
 

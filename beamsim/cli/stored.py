@@ -19,22 +19,15 @@ def print_stored(path: Path, *, as_json: bool) -> None:
     """
     from beamsim.cli.printing import print_json, print_table
     from beamsim.plots.style import shown_in
-    from beamsim.store.results import open_result
-    from beamsim.store.stored import damage_of, kind_of
+    from beamsim.store.results import kind_of, open_result
 
     kind = kind_of(path)
     result = open_result(path)
-    about: dict[str, Any] = {}
-    rows: list[tuple[str, str]] = []
-    with damage_of(path), shown_in(result.scenario.display_scales):
-        if as_json:
-            about = _about(kind, result)
-        else:
-            rows = _rows(kind, result)
-    if as_json:  # a reader that closes its end (`| head`) is no damage of the file
-        print_json(about)
-    else:
-        print_table(f"{path}: {result.title}", rows)
+    if as_json:
+        print_json(_about(kind, result))
+        return
+    with shown_in(result.scenario.display_scales):
+        print_table(f"{path}: {result.title}", _rows(kind, result))
 
 
 def _about(kind: str, result: Any) -> dict[str, Any]:
@@ -66,11 +59,11 @@ def plot_stored(path: Path, folder: Path, form: str) -> list[Path]:
     from beamsim.plots.save import save_figures
     from beamsim.plots.style import shown_in
     from beamsim.store.consistency import open_consistent
-    from beamsim.store.stored import damage_of, kind_of
+    from beamsim.store.results import kind_of
 
     figures = named(KINDS[kind_of(path)].figures)
     result = open_consistent(path)
-    with damage_of(path), shown_in(result.scenario.display_scales):
+    with shown_in(result.scenario.display_scales):
         return save_figures(figures(result), folder, path.stem, form)
 
 
@@ -99,7 +92,7 @@ def export_format(output: Path | None, form: str | None) -> str:
 def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
     """Write a result file of any kind in another format; returns the files.
 
-    Where CSV needs several tables, ``-o tables.csv`` names the folder ``tables_csv``.
+    CSV is a folder of tables: ``-o tables.csv`` names the folder ``tables_csv``.
 
     Raises
     ------
@@ -108,20 +101,18 @@ def export_stored(path: Path, output: Path | None, form: str) -> list[Path]:
     """
     from beamsim.cli.output import output_file, output_folder
     from beamsim.store.consistency import open_consistent
-    from beamsim.store.export import export_result, export_target, is_folder, remark_on_places
-    from beamsim.store.stored import damage_of, kind_of
+    from beamsim.store.export import export_result, export_target, remark_on_places
 
-    if is_folder(kind_of(path), form):
+    if form == "csv":
         folder, stem = output, path.stem
         if output is not None and output.suffix.lower() == f".{form}" and not output.is_dir():
             folder, stem = output.parent, output.stem
         target = export_target(output_folder(folder, stem), stem, form)
     else:
         target = output_file(output, path.stem, f".{form}")
-    with damage_of(path):
-        open_consistent(path)
-        written = export_result(path, target, form)
-        remark = remark_on_places(path) if form == "uff" else ""
+    open_consistent(path)
+    written = export_result(path, target, form)
+    remark = remark_on_places(path) if form == "uff" else ""
     if remark:
         say(f"beamsim: note: {remark}")
     return written

@@ -9,10 +9,10 @@ import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, get_args, get_origin
+from typing import Any, NamedTuple
 
+from beamsim.codecs import OUTCOME
 from beamsim.fields import (
-    Arrays,
     Attribute,
     Axes,
     Counter,
@@ -21,13 +21,14 @@ from beamsim.fields import (
     Key,
     Member,
     Members,
-    PerName,
     Table,
     described,
+    filled,
+    is_array,
     members_of,
 )
 from beamsim.kinds import KINDS, named
-from beamsim.typing import Complexes
+from beamsim.store.flat import joined
 
 MARK = "<!-- made by python -m beamsim.store.describe; do not edit below -->"
 _OF_DATASETS = ("units", "long_name")
@@ -108,7 +109,11 @@ def _sections(
     inner: list[tuple[Any, str, Mapping[str, Any]]] = []
     for member in members_of(cls):
         if member.name not in left_out:
-            _describe(member, path, given, rows, inner, given.get("link", ""))
+            rows += [
+                Row(_spoken(name, given, "<{}>"), *(_spoken(text, given) for text in others))
+                for name, *others in _rows(member, given.get("link", ""))
+            ]
+            inner += _inner(member, path, given)
     text = (cls.__doc__ or "").strip().partition("\n\n")[0].replace("\n    ", " ")
     if rows:
         yield Section(path, _safe(text), rows)
@@ -120,85 +125,67 @@ def _sections(
             yield from _sections(inner_class, below, more, known, set(), kind)
 
 
-def _describe(
-    member: Member,
-    path: str,
-    given: Mapping[str, Any],
-    rows: list[Row],
-    inner: list[tuple[Any, str, Any]],
-    on: str = "",
-) -> None:
-    """Add the rows of a field, and its groups."""
-
-    def add(name: str, unit: str, axes: str, meaning: str) -> None:
-        rest = (_spoken(text, given) for text in (unit, axes, meaning))
-        rows.append(Row(_spoken(name, given, "<{}>"), *rest))
-
+def _rows(member: Member, on: str) -> Iterator[Row]:
+    """The datasets and attributes of a field; ``on`` is the dataset that a dataclass is, where it is one."""
     match member.declaration:
         case Dataset() as d:
-            for name, unit, meaning in _parts(member.stored_name, d, member.annotation):
-                add(name, unit, "is an axis" if d.scale else _axes(d.along), meaning)
-        case PerName(folder=folder, values=d):
-            item = get_args(member.annotation)[1]
-            for name, unit, meaning in _parts(d.name or member.name, d, item):
-                where = "/".join(filter(None, (folder, "<name>", name)))
-                add(where, unit, "attribute" if item in (int, float) else _axes(d.along), meaning)
+            name = on if d.name == "." else member.stored_name
+            axes = "attribute" if d.per is not None and member.scalar else "is an axis" if d.scale else _axes(d.along)
+            where = [] if d.per is None else [d.per, "<name>"]
+            for part, unit, meaning in _parts(name, d, member):
+                yield Row("/".join(filter(None, (*where, part))), unit, axes, meaning)
         case Attribute() as d if member.stored_name not in _OF_DATASETS:
             owner = f"attribute of {d.at or on}" if d.at or on else "attribute"
-            add(member.stored_name, d.unit, owner, d.meaning)
-            if d.codec == "outcome":
-                add("outcome", "", owner, "the same as a code")
-                add("outcome_numbers", "", owner, "the numbers that belong to it, JSON object")
-        case Group() as d if d.path:
-            inner.append((member.annotation, _joined(path, d.path), d.given))
-        case Group() as d:
-            for below in members_of(member.annotation):
-                _describe(below, path, {**given, **d.given}, rows, inner, d.on)
-        case Members() as d:
-            item = get_args(member.annotation)[1 if get_origin(member.annotation) is dict else 0]
-            inner.append((item, _joined(path, _place(member, d, item)), d.given))
-        case Arrays() as d:
-            if d.listed:
-                add(d.listed, "", f"attribute of {d.folder}", f"each {d.called} by name, in order, JSON list")
-            item = get_args(member.annotation)[1 if get_origin(member.annotation) is dict else 0]
-            inner.append((item, _joined(path, f"{d.folder}/<{d.called}>"), {"link": f"<{d.called}>"}))
+            yield Row(member.stored_name, d.unit, owner, d.meaning)
+            if d.codec is OUTCOME:
+                yield Row("outcome", "", owner, "the same as a code")
+                yield Row("outcome_numbers", "", owner, "the numbers that belong to it, JSON object")
+        case Group(path="") as d:
+            for below in members_of(d.of):
+                yield from _rows(below, "")
+        case Members(listed=listed) as d if listed:
+            called = d.called.strip("<>")
+            yield Row(listed, "", f"attribute of {d.folder}", f"each {called} by name, in order, JSON list")
         case Table() as d:
-            _describe_table(member, d, rows, add)
+            columns = members_of(d.of)
+            axis = d.rows.name if d.rows else next(c.stored_name for c in columns if c.declaration.scale)
+            for column in columns:
+                along = " × ".join(filter(None, (axis, _axes(column.declaration.along))))
+                for name, unit, meaning in _parts(column.stored_name, column.declaration, column):
+                    place = "/".join(filter(None, (d.path, name)))
+                    yield Row(place, unit, "is an axis" if column.declaration.scale else along, meaning)
 
 
-def _describe_table(member: Member, declared: Table, rows: list[Row], add: Any) -> None:
-    cls = get_args(member.annotation)[0]
-    axis = declared.rows.name if declared.rows else ""
-    for column in members_of(cls):
-        axis = axis or (column.stored_name if column.declaration.scale else "")
-    for column in members_of(cls):
-        name = "/".join(filter(None, (declared.path, column.stored_name)))
-        along = " × ".join([axis, *filter(None, [_axes(column.declaration.along)])])
-        add(name, column.declaration.unit, "is an axis" if column.declaration.scale else along,
-            column.declaration.meaning)  # fmt: skip
+def _inner(member: Member, path: str, given: Mapping[str, Any]) -> Iterator[tuple[Any, str, Mapping[str, Any]]]:
+    """Classes of the groups of a field, their paths, and what of them is given."""
+    match member.declaration:
+        case Group(path="") as d:
+            for below in members_of(d.of):
+                yield from _inner(below, path, given)
+        case Group() as d:
+            on = {"link": d.path} if is_array(d.of) else {}
+            yield d.of, joined(path, d.path), {**d.given, **on}
+        case Members() as d:
+            key = next((m.name for m in members_of(d.of) if isinstance(m.declaration, Key)), "")
+            numbered = d.several or member.type.startswith("dict[int")
+            name = "<name>" if d.labelled else f"<{key or ('n' if numbered else 'name')}>"
+            place = "/".join(filter(None, (d.folder, d.called or d.pattern.replace("{}", name))))
+            yield d.of, joined(path, place), {**d.given, **({"link": d.called} if is_array(d.of) else {})}
 
 
-def _parts(name: str, declared: Dataset, annotation: Any) -> Iterator[tuple[str, str, str]]:
+def _parts(name: str, declared: Dataset, member: Member) -> Iterator[tuple[str, str, str]]:
     """Name, unit and meaning of the dataset, or of the two datasets of complex numbers."""
     if declared.phase:
         yield name, declared.unit, declared.meaning
         yield f"{name}_phase_deg", "degree", declared.phase
-    elif annotation == Complexes and declared.imaginary:
+    elif "Complexes" in member.type and declared.imaginary:
         yield f"{name}_real", declared.unit, declared.meaning
         yield f"{name}_imag", declared.unit, declared.imaginary
-    elif annotation == Complexes:
+    elif "Complexes" in member.type:
         yield f"{name}_real, {name}_imag", declared.unit, f"{declared.meaning}, real and imaginary part"
     else:
         flags = f" ({declared.flags[0]}, {declared.flags[1]})" if declared.flags else ""
         yield name, declared.unit, declared.meaning + flags
-
-
-def _place(member: Member, declared: Members, item: Any) -> str:
-    """Path of the group of a member, with its key in angle brackets."""
-    key = next((m.name for m in members_of(item) if isinstance(m.declaration, Key)), "")
-    numbered = get_origin(member.annotation) is tuple or get_args(member.annotation)[0] is int
-    name = "<name>" if declared.labelled else f"<{key or ('n' if numbered else 'name')}>"
-    return "/".join(filter(None, (declared.folder, declared.called or declared.pattern.replace("{}", name))))
 
 
 def _axes(along: Any) -> str:
@@ -207,18 +194,10 @@ def _axes(along: Any) -> str:
     return " × ".join(item.name if isinstance(item, Counter) else item for item in along)
 
 
-def _joined(path: str, below: str) -> str:
-    return f"{path.rstrip('/')}/{below}"
-
-
 def _spoken(text: str, given: Mapping[str, Any], unknown: str = "*{}*") -> str:
     """A text with known fields filled in and other fields replaced by their names."""
-
-    def name(field: re.Match[str]) -> str:
-        value = str(given[field[1]]) if field[1] in given else unknown.format(field[1])
-        return value.replace("_", " ") if field[2] else value
-
-    return re.sub(r"\{(\w+)(:words)?\}", name, text)
+    known = {name: given.get(name, unknown.format(name)) for name in re.findall(r"\{(\w+)", text)}
+    return filled(text, (known,))
 
 
 def _markdown(section: Section) -> str:

@@ -1,27 +1,29 @@
-"""Result files for other programs: CSV tables, universal files (UFF 58), MATLAB.
+"""Result files for other programs: folders of CSV tables, universal files, MATLAB files; tables of pandas.
 
-Runs and design studies have CSV tables made for them (`beamsim.store.export_run`, `beamsim.store.export_designs`);
-everything else follows from the dimension scales of the file (`beamsim.store.tables`).
+All of them are made from the items of a result (`beamsim.store.flat`): arrays along the same axes are the columns of
+one table, groups are structs.
 """
 
 from __future__ import annotations
 
+import csv
 import json
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import h5py
 import numpy as np
+from numpy.typing import NDArray
 
-from beamsim.analyses.result import Result
 from beamsim.errors import ResultFileError
-from beamsim.store import schema
-from beamsim.store.csv_folder import CsvFolder, flat, header
-from beamsim.store.matlab import write_mat
-from beamsim.store.results import open_result
-from beamsim.store.stored import LazyScenario, kind_of, reading, root_fields
-from beamsim.store.tables import ExportTable, tables_of, values_of
+from beamsim.files import replacing
+from beamsim.store.flat import Items, joined, last, parent
+from beamsim.store.results import decode_summary, open_with_items
+
+ROWS_AT_ONCE = 2**16  # of a table that are turned into text together
+_UNITS = {"": "", "1": "", "degree": "deg", "kg^-0.5": "per_sqrt_kg", "kg^0.5 m": "m_sqrt_kg"}
 
 
 def export_target(folder: Path, stem: str, form: str) -> Path:
@@ -29,13 +31,19 @@ def export_target(folder: Path, stem: str, form: str) -> Path:
     return folder / (f"{stem}_csv" if form == "csv" else f"{stem}.{form}")
 
 
-def is_folder(kind: str, form: str) -> bool:
-    """Whether an export of this kind of result is a folder of tables, not one file."""
-    return form == "csv" and kind != "designs"
-
-
 def export_result(path: Path | str, target: Path | str, form: str) -> list[Path]:
     """Write a result file of any kind in the format ``form`` (one of `FORMATS`); returns the files written.
+
+    Parameters
+    ----------
+    path : of the result file.
+    target : the folder of the tables, or the file.
+    form : csv, uff or mat.
+
+    Returns
+    -------
+    list of Path
+        The files.
 
     Raises
     ------
@@ -44,141 +52,242 @@ def export_result(path: Path | str, target: Path | str, form: str) -> list[Path]
     """
     if form not in FORMATS:
         raise ResultFileError(f"no format {form!r}; choose one of {', '.join(FORMATS)}")
-    path, target, kind = Path(path), Path(target), kind_of(path)
-    if kind == "run" and form == "csv":
-        from beamsim.store.export_run import export_csv
-
-        return export_csv(open_result(path), target)
-    if kind == "designs" and form == "csv":
-        from beamsim.store.export_designs import export_designs
-
-        return [export_designs(open_result(path), target)]
-    return FORMATS[form](path, target)
+    result, items = open_with_items(path)
+    return FORMATS[form](result, items, Path(target))
 
 
-def _export_csv(path: Path, folder: Path) -> list[Path]:
-    """A table for every set of axes, ``columns`` that says what each column is, attributes, summary and scenario."""
-    out = CsvFolder(folder)
-    described: list[tuple[str, str, str, str]] = []
-    with reading(path) as file:
-        for table in tables_of(file):
-            names, units, long_names = zip(*_columns(table), strict=True)
-            out.rows(table.name, names, _rows(table))
-            described += [(f"{table.name}.csv", *column) for column in zip(names, units, long_names, strict=True)]
-        out.rows("columns", ("file", "column", "units", "long_name"), described)
-        out.rows("attributes", ("group", "attribute", "value"), _attributes(file))
-        out.summary(schema.decode_summary(dict(file["summary"].attrs)))
-        out.text("scenario.yaml", str(file.attrs["scenario"]))
-    return out.written
+# --- Tables ----------------------------------------------------------------------------------------------------------
 
 
-def _columns(table: ExportTable) -> Iterator[tuple[str, str, str]]:
-    """Header, units and long name of every column."""
-    seen: set[str] = set()
-    owners = [(axis.name, axis.units, axis.long_name) for axis in table.axes]
-    members = [(column.name.replace("/", "_"), column.units, column.long_name) for column in table.columns]
-    for name, units, long_name in (*owners, *members):
-        text = header(name, units)
-        while text in seen:
-            text += "_2"
-        seen.add(text)
-        yield text, units, long_name
+class Column(NamedTuple):
+    """Values of a table, and what they are."""
+
+    header: str
+    unit: str
+    meaning: str
+    values: NDArray[Any]  # along one axis those of an axis, along all of them those of an array
 
 
-def _rows(table: ExportTable) -> Iterator[tuple[Any, ...]]:
-    """One row for each combination of values of the axes."""
-    shape = tuple(axis.values.size for axis in table.axes)
-    grid = np.meshgrid(*(np.arange(size) for size in shape), indexing="ij") if shape else []
-    columns = [axis.values[index.ravel()] for axis, index in zip(table.axes, grid, strict=True)]
-    columns += [np.reshape(column.values, -1) for column in table.columns]
-    return zip(*(_values(column) for column in columns), strict=True)
+class Table(NamedTuple):
+    """Arrays along the same axes."""
+
+    name: str  # the group and the axes
+    axes: list[Column]
+    columns: list[Column]
+
+    @property
+    def size(self) -> int:
+        """Number of rows: one for each combination of values of the axes."""
+        return int(np.prod([axis.values.size for axis in self.axes], dtype=int))
+
+    def part(self, first: int, end: int) -> list[NDArray[Any]]:
+        """The values of axes and columns in the rows between two numbers."""
+        shape = [axis.values.size for axis in self.axes]
+        index = np.unravel_index(np.arange(first, end), shape) if shape else ()
+        along = [axis.values[k] for axis, k in zip(self.axes, index, strict=True)]
+        return along + [np.reshape(column.values, -1)[first:end] for column in self.columns]
 
 
-def _values(column: Any) -> list[Any]:
-    return list((column.astype(int) if column.dtype == bool else column).tolist())
+def tables_of(items: Items) -> list[Table]:
+    """All arrays except scales, as tables in the order of the items."""
+    tables: dict[tuple[Any, ...], Table] = {}
+    for path, item in items.items():
+        if item.values is None or item.scale:
+            continue
+        axes = [_axis(items, item.axes, k, size) for k, size in enumerate(item.values.shape)]
+        group = _owner(path, item.axes)
+        key = (group, *(item.axes[k] if item.axes else (axis.header, axis.values.size) for k, axis in enumerate(axes)))
+        along = f"by_{'_and_'.join(_name(items, axis, k) for k, axis in enumerate(item.axes or [''] * len(axes)))}"
+        name = "_".join(filter(None, (group.strip("/").replace("/", "_"), along if axes else "values")))
+        name = "time_histories" if item.axes == ("/time",) else name
+        table = tables.setdefault(key, Table(name, axes, []))
+        title = header(_spelt(items, group, path), item.unit)
+        while title in {column.header for column in (*table.axes, *table.columns)}:
+            title += "_2"
+        values = np.array(item.attributes["names"])[item.values] if _is_index(items, path) else item.values
+        table.columns.append(Column(title, item.unit, item.meaning, values))
+    return list(tables.values())
 
 
-def _native(owner: h5py.Group | h5py.Dataset) -> dict[str, Any]:
-    """Attributes as Python values."""
-    return {name: value.item() if isinstance(value, np.generic) else value for name, value in owner.attrs.items()}
+def header(name: str, unit: str) -> str:
+    """Name of a column: the quantity and its unit, ``velocity_m_per_s``.
 
-
-def _attributes(file: h5py.File) -> Iterator[tuple[str, str, Any]]:
-    """Attributes of all groups and scalar datasets; the scenario and the summary are in separate files."""
-    yield from (("/", name, value) for name, value in _native(file).items() if name != "scenario")
-    listed: list[tuple[str, str, Any]] = []
-
-    def note(name: str, item: Any) -> None:
-        if name != "summary" and (isinstance(item, h5py.Group) or not item.shape):
-            for key, value in _native(item).items():
-                values = value.tolist() if isinstance(value, np.ndarray) else value
-                listed.extend((f"/{name}", f"{key}/{at}" if at else key, v) for at, v in flat(values))
-
-    file.visititems(note)
-    yield from listed
-
-
-def _export_mat(path: Path, target: Path) -> list[Path]:
-    """Structs as the groups of the file; a group's ``attributes``, and the ``units`` of its datasets, in structs too.
-
-    Pairs of datasets ``…_real`` and ``…_imag`` become one complex array.
+    >>> header("peak_force", "N"), header("absolute_acceleration", "m/s^2"), header("frequency_hz", "Hz")
+    ('peak_force_n', 'absolute_acceleration_m_per_s2', 'frequency_hz')
     """
-    with reading(path) as file:
-        variables = _struct(file)
-        variables["info"] = {
-            **{
-                name: value
-                for name, value in _native(file).items()
-                if name not in ("warnings", "provenance", "input_files")
-            },
-            "warnings": np.array(json.loads(file.attrs["warnings"]), dtype=object),
-        }
-        variables["summary"] = schema.decode_summary(dict(file["summary"].attrs))
-        variables.pop("attributes", None)
-        if "events" in variables:
-            variables["events"]["snubber"] += 1  # MATLAB counts from 1
-    write_mat(variables, target)
+    suffix = _UNITS.get(unit)
+    if suffix is None:
+        spelt = re.sub(r"\((.*)\)\^2", r"\1 squared", unit).lower().replace("/", "_per_").replace("^", "")
+        suffix = re.sub(r"[^0-9a-z]+", "_", spelt).strip("_")
+    return name if not suffix or name.endswith(f"_{suffix}") else f"{name}_{suffix}"
+
+
+def _name(items: Items, axis: str, k: int) -> str:
+    return last(axis) or ("index" if k == 0 else f"index_{k + 1}")
+
+
+def _axis(items: Items, axes: Sequence[str], k: int, size: int) -> Column:
+    """The axis of one dimension; one without a scale is numbered from 1."""
+    if not axes or not axes[k]:
+        return Column(_name(items, "", k), "1", "number along this dimension", np.arange(1, size + 1))
+    scale = items[axes[k]]
+    return Column(header(last(axes[k]), scale.unit), scale.unit, scale.meaning, scale.values)
+
+
+def _owner(path: str, axes: Sequence[str]) -> str:
+    """Group of the table of an array: that of the innermost of its scales around it, else its own."""
+    homes = [parent(axis) for axis in axes if axis]
+    above = [home for home in homes if home == "/" or f"{parent(path)}/".startswith(f"{home}/")]
+    return max(above, key=len) if above else parent(path)
+
+
+def _spelt(items: Items, group: str, path: str) -> str:
+    """The way from the group of a table to an array, ``probe_tip_displacement``: folders of names in the singular."""
+    words, here = [], group
+    parts = path.removeprefix(group).strip("/").split("/")
+    for folder, inner in pairwise(parts):
+        here = joined(here, folder)
+        names = "name" in items[joined(here, inner)].attributes
+        words.append(folder.removesuffix("s") if names else folder)
+    return "_".join((*words, parts[-1]))
+
+
+def _is_index(items: Items, path: str) -> bool:
+    """Whether an array has the indices of names that are its attribute."""
+    item = items[path]
+    return "names" in item.attributes and np.issubdtype(item.values.dtype, np.integer)
+
+
+def _export_csv(result: Any, items: Items, folder: Path) -> list[Path]:
+    """A table for every set of axes, ``columns`` that says what each column is, attributes, summary and scenario.
+
+    Each file is written completely or not at all; numbers are read back without loss.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ResultFileError(f"cannot write {folder}: it exists and is not a folder; choose another path with -o")
+    written: list[Path] = []
+
+    def write(name: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+        written.append(folder / f"{name}.csv")
+        with replacing(written[-1]) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(columns)
+            writer.writerows(rows)
+
+    described = []
+    for table in tables_of(items):
+        columns = [*table.axes, *table.columns]
+        write(table.name, [column.header for column in columns], _rows(table))
+        described += [(f"{table.name}.csv", column.header, column.unit, column.meaning) for column in columns]
+    write("columns", ("file", "column", "units", "long_name"), described)
+    write("attributes", ("group", "attribute", "value"), _attributes(items))
+    numbers = ((name, item, value) for name, values in result.summary.items() for item, value in _flat(values))
+    write("summary", ("name", "item", "value"), numbers)
+    written.append(folder / "scenario.yaml")
+    with replacing(written[-1]) as temporary:
+        temporary.write_text(str(items["/"].attributes["scenario"]), encoding="utf-8")
+    return written
+
+
+def _rows(table: Table) -> Iterator[tuple[Any, ...]]:
+    for first in range(0, table.size, ROWS_AT_ONCE):
+        part = table.part(first, min(first + ROWS_AT_ONCE, table.size))
+        yield from zip(*((x.astype(int) if x.dtype == bool else x).tolist() for x in part), strict=True)
+
+
+def _attributes(items: Items) -> Iterator[tuple[str, str, Any]]:
+    """Attributes of all groups and single numbers; the scenario and the summary are in separate files."""
+    for path, item in items.items():
+        if path != "/summary" and (item.values is None or not item.values.shape):
+            for name, value in _native(item.attributes).items():
+                if (path, name) != ("/", "scenario"):
+                    values = value.tolist() if isinstance(value, np.ndarray) else value
+                    yield from ((path, f"{name}/{at}" if at else name, v) for at, v in _flat(values))
+
+
+def _native(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value.item() if isinstance(value, np.generic) else value for name, value in attributes.items()}
+
+
+def _flat(values: Any, item: str = "") -> Iterator[tuple[str, Any]]:
+    """Nested mappings and lists as pairs of path, separated by slashes, and value; list items are numbered from 1."""
+    if isinstance(values, Mapping):
+        for name, value in values.items():
+            yield from _flat(value, f"{item}/{name}" if item else str(name))
+    elif isinstance(values, (list, tuple)):
+        for number, value in enumerate(values, 1):
+            yield from _flat(value, f"{item}/{number}" if item else str(number))
+    else:
+        yield item, values
+
+
+# --- MATLAB ----------------------------------------------------------------------------------------------------------
+
+
+def _export_mat(result: Any, items: Items, target: Path) -> list[Path]:
+    """Structs as the groups of the file; a group's ``attributes``, and the ``units`` of its arrays, in structs too.
+
+    Pairs of arrays ``…_real`` and ``…_imag`` become one complex array. The numbers of snubbers in the events count from 1.
+    """
+    from scipy.io import savemat
+
+    root: dict[str, Any] = {}
+    structs = {"/": root}
+    for path, item in items.items():
+        if path in ("/", "/summary"):
+            continue
+        home, name = structs[parent(path)], last(path)
+        if item.values is None:
+            structs[path] = home[name] = {"attributes": _native(item.attributes)} if item.attributes else {}
+            continue
+        stem = name.removesuffix("_real").removesuffix("_imag")
+        beside = {part: items.get(joined(parent(path), f"{stem}_{part}")) for part in ("real", "imag")}
+        values: Any = item.values + 1 if path == "/events/snubber" else item.values
+        if beside["real"] is not None and beside["imag"] is not None and name != stem:
+            name, values = stem, beside["real"].values + 1j * beside["imag"].values
+        home[name] = str(values[()]) if values.dtype == object and not values.shape else values
+        home.setdefault("units", {})[name] = item.unit
+    info = {k: v for k, v in _native(items["/"].attributes).items() if k not in ("provenance", "input_files")}
+    root["info"] = info | {"warnings": np.array(json.loads(info["warnings"]), dtype=object)}
+    root["summary"] = decode_summary(items["/summary"].attributes)
+    with replacing(target) as temporary, open(temporary, "xb") as file:
+        stream: Any = file  # SciPy's stubs know paths alone
+        savemat(stream, _matlab(root), long_field_names=True, oned_as="column", do_compression=True)
     return [target]
 
 
-def _struct(group: h5py.Group) -> dict[str, Any]:
-    struct: dict[str, Any] = {}
-    units: dict[str, str] = {}
-    for name, item in group.items():
-        if isinstance(item, h5py.Group):
-            struct[name] = _struct(item)
-            continue
-        values, stem = values_of(item), name.removesuffix("_real").removesuffix("_imag")
-        if name.endswith("_imag") and f"{stem}_real" in group:
-            continue
-        if name.endswith("_real") and f"{stem}_imag" in group:
-            values, name = values + 1j * values_of(group[f"{stem}_imag"]), stem
-        struct[name] = str(values[()]) if values.dtype == object and not values.shape else values
-        units[name] = str(item.attrs.get("units", ""))
-    attributes = {
-        name: value for name, value in _native(group).items() if not isinstance(value, (h5py.Reference, np.void))
-    }
-    if units:
-        struct["units"] = units
-    if attributes:
-        struct["attributes"] = attributes
-    return struct
+def _matlab(value: Any) -> Any:
+    """Mappings under valid field names; lists of numbers become columns, other lists cells, None becomes NaN."""
+    if isinstance(value, Mapping):
+        fields: dict[str, Any] = {}
+        for name, item in value.items():
+            valid = re.sub(r"[^0-9A-Za-z_]", "_", str(name))[:60]
+            valid = valid if re.match(r"[A-Za-z]", valid) else f"x{valid}"
+            while valid in fields:
+                valid += "_"
+            fields[valid] = _matlab(item)
+        return fields
+    if isinstance(value, (list, tuple)):
+        if all(isinstance(item, (int, float)) for item in value):
+            return np.array(value, dtype=float)
+        cells = np.empty(len(value), dtype=object)
+        cells[:] = [_matlab(item) for item in value]
+        return cells
+    return np.nan if value is None else value
 
 
-class _Header(LazyScenario, Result):
-    """Fields of every result file."""
+# --- Universal files -------------------------------------------------------------------------------------------------
 
 
-def _export_uff(path: Path, target: Path) -> list[Path]:
-    """Universal file: everything at a probe or snubber that is a function of time or frequency."""
+def _export_uff(result: Any, items: Items, target: Path) -> list[Path]:
+    """Everything at a probe or snubber that is a function of time or frequency."""
     from beamsim.store.records import records_of
     from beamsim.store.uff import write_uff
 
-    with reading(path) as file:
-        records = records_of(file, _Header.of(root_fields(file)))
+    records = records_of(items, result)
     if not records:
         raise ResultFileError(
-            f"{path}: holds nothing over time or frequency that a universal file could carry; "
+            f"{target.stem}: holds nothing over time or frequency that a universal file could carry; "
             "use --format csv or --format mat"
         )
     write_uff(records, target)
@@ -189,8 +298,8 @@ def remark_on_places(path: Path) -> str:
     """That nodes of imported bodies have no coordinates in a universal file of a result; empty where all have some."""
     from beamsim.store.records import bodies_without_places
 
-    with reading(path) as file:
-        bodies = bodies_without_places(file, _Header.of(root_fields(file)).scenario)
+    result, items = open_with_items(path)
+    bodies = bodies_without_places(items, result.scenario)
     if not bodies:
         return ""
     return (
@@ -199,4 +308,6 @@ def remark_on_places(path: Path) -> str:
     )
 
 
-FORMATS: dict[str, Callable[[Path, Path], list[Path]]] = {"csv": _export_csv, "uff": _export_uff, "mat": _export_mat}
+FORMATS: dict[str, Callable[[Any, Items, Path], list[Path]]] = {
+    "csv": _export_csv, "uff": _export_uff, "mat": _export_mat
+}  # fmt: skip

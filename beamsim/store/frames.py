@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from beamsim.analyses.result import Result
-from beamsim.store.export import export_result, export_target, is_folder
+from beamsim.store.export import tables_of
+from beamsim.store.flat import items_of
 from beamsim.store.results import write_result
-from beamsim.store.stored import kind_of
 
 if TYPE_CHECKING:
     import pandas
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def data_frames(result: Result) -> dict[str, pandas.DataFrame]:
-    """Return the tables of the CSV export as data frames, by name; numbers are the same bits.
+    """Return the tables of the CSV export as data frames, by name.
 
     Raises
     ------
@@ -26,15 +26,11 @@ def data_frames(result: Result) -> dict[str, pandas.DataFrame]:
         If pandas is not installed.
     """
     pd = _imported("pandas")
-    with tempfile.TemporaryDirectory() as folder:
-        path = write_result(result, Path(folder) / "result.h5")
-        kind = kind_of(path)
-        target = export_target(Path(folder), kind, "csv") if is_folder(kind, "csv") else Path(folder) / f"{kind}.csv"
-        tables = [file for file in export_result(path, target, "csv") if file.suffix == ".csv"]
-        exact = (
-            {} if int(pd.__version__.split(".")[0]) >= 3 else {"float_precision": "round_trip"}
-        )  # the default since 3
-        return {file.stem: pd.read_csv(file, **exact) for file in tables}
+    frames = {}
+    for table in tables_of(items_of(result)):
+        headers = [column.header for column in (*table.axes, *table.columns)]
+        frames[table.name] = pd.DataFrame(dict(zip(headers, table.part(0, table.size), strict=True)))
+    return frames
 
 
 def data_tree(result: Result) -> xarray.DataTree:

@@ -16,13 +16,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.measurements.hdf5_file import scale_along
-from beamsim.store.declared import ordered
-from beamsim.store.tables import datasets, values_of
+from beamsim.store.flat import Item, Items, joined, last, parent
 from beamsim.store.uff import (
     FREQUENCY_RESPONSE,
     GENERAL,
@@ -59,36 +56,37 @@ class _Function(NamedTuple):
     over: str = ""
 
 
-def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
+def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
     """The nodes, and records 58 of all functions of time or frequency at probes and snubbers.
 
     Parameters
     ----------
-    file : open result file of any kind.
-    result : the result read from it; its scenario gives the positions.
+    items : of a result of any kind.
+    result : the result itself; its scenario gives the positions.
     """
     import pyuff
 
-    stations = _stations(file)
+    stations = _stations(items)
     heights = _heights(stations)
-    nodes, upside_down = _stored_nodes(file, heights) if "base" in file else _nodes(result.scenario, heights)
+    nodes, upside_down = _stored_nodes(items, heights) if "/base" in items else _nodes(result.scenario, heights)
     placed = _placed(stations, heights)
     nodes |= _at_nodes(result.scenario, stations, placed)
     first = _first_free(stations)
-    version = getattr(result, "beamsim_version", "")
-    source = Source(result.title, result.created, f"beamsim {version} {file.attrs['command']}")
+    root = items["/"].attributes
+    source = Source(result.title, result.created, f"beamsim {root['beamsim_version']} {root['command']}")
     records = []
-    for dataset in datasets(file):
-        name = _name(dataset)
-        for function in _functions(dataset, name):
-            place = (_kind_of_place(dataset, function.quantity), name)
+    for path, item in items.items():
+        if item.values is None or item.scale:
+            continue
+        name = _name(items, path)
+        for function in _functions(items, path, name):
+            place = (_kind_of_place(path, function.quantity), name)
             if place in nodes and function.x.size > 1:
                 node = list(nodes).index(place) + first
                 turned = function.quantity == "force" and name in upside_down
-                unit = str(dataset.attrs["units"])
                 records.append(
                     record_58(
-                        source, name, function.quantity, unit, node, function.x, function.y, label=function.label,
+                        source, name, function.quantity, item.unit, node, function.x, function.y, label=function.label,
                         kind=function.kind, direction=-UP if turned else UP, over=function.over,
                     )
                 )  # fmt: skip
@@ -102,13 +100,13 @@ def records_of(file: h5py.File, result: Any) -> list[dict[str, Any]]:
     of_nodes = pyuff.prepare_15(node_nums=numbers[known], x=x, y=y, z=z)
     nowhere = _without_places(stations, placed, result.scenario)
     remark = f"nodes without coordinates: {', '.join(nowhere)}" if nowhere else ""
-    shapes = _mode_shapes(file, stations, placed, number, source, result.scenario)
+    shapes = _mode_shapes(items, stations, placed, number, source, result.scenario)
     return [header_151(source, remark), of_nodes, *shapes, *records]
 
 
-def bodies_without_places(file: h5py.File, scenario: Scenario) -> list[str]:
+def bodies_without_places(items: Items, scenario: Scenario) -> list[str]:
     """Names of the imported bodies of whose nodes some have no coordinates, so that other programs cannot draw them."""
-    stations = _stations(file)
+    stations = _stations(items)
     return _without_places(stations, _placed(stations, _heights(stations)), scenario)
 
 
@@ -119,17 +117,16 @@ def _without_places(stations: Stations | None, placed: Floats, scenario: Scenari
     return lacking if len(stations.parts) > 1 else list(scenario.all_bodies)[: len(lacking)]
 
 
-def _stations(file: h5py.File) -> Stations | None:
-    """Where the mode shapes of a file are stored; None where there are none."""
-    modes = file.get("modes")
-    if modes is None or not {"position", "shapes"} <= modes.keys():
+def _stations(items: Items) -> Stations | None:
+    """Where the mode shapes of a result are stored; None where there are none."""
+    position, body = items.get("/modes/position"), items.get("/modes/body")
+    if position is None or "/modes/shapes" not in items:
         return None
-    position, body = modes["position"], modes.get("body")
-    names, axes = (None, None) if body is None else (tuple(map(str, body.attrs[key])) for key in ("names", "axes"))
+    names, axes = (None, None) if body is None else (tuple(map(str, body.attributes[key])) for key in ("names", "axes"))
+    beside = (items.get(f"/modes/{name}") for name in ("across", "points"))
     return Stations(
-        values_of(position), str(position.attrs["units"]), str(position.attrs["long_name"]),
-        None if body is None else values_of(body), names, axes,
-        *(values_of(modes[name]) if name in modes else None for name in ("across", "points")),
+        position.values, position.unit, position.meaning, None if body is None else body.values, names, axes,
+        *(None if item is None else item.values for item in beside),
     )  # fmt: skip
 
 
@@ -208,7 +205,7 @@ def _numbers(stations: Stations | None, first: int) -> Ints:
 
 
 def _mode_shapes(
-    file: h5py.File, stations: Stations | None, placed: Floats, number: Ints, source: Source, scenario: Scenario
+    items: Items, stations: Stations | None, placed: Floats, number: Ints, source: Source, scenario: Scenario
 ) -> list[dict[str, Any]]:
     """The lines through the stations of the modes, and a record for each mode."""
     if stations is None or not stations.position.size:
@@ -226,11 +223,12 @@ def _mode_shapes(
     along = [_direction(scenario, part.body) if part.axis is NODES else DEFLECTION for part in stations]
     sizes = [part.stations.stop - part.stations.start for part in stations]
     direction = np.repeat(along, sizes).tolist()
-    modes = file["modes"]
-    frequencies, damping = values_of(modes["open_frequencies_hz"]), values_of(modes["damping_ratios"])
+    frequencies, damping, shapes = (
+        items[f"/modes/{name}"].values for name in ("open_frequencies_hz", "damping_ratios", "shapes")
+    )
     records = [
         record_55(source, mode, float(f), float(np.nan_to_num(ratio)), number, shape, direction)
-        for mode, (f, ratio, shape) in enumerate(zip(frequencies, damping, values_of(modes["shapes"]), strict=True), 1)
+        for mode, (f, ratio, shape) in enumerate(zip(frequencies, damping, shapes, strict=True), 1)
     ]
     return [*lines, *records]
 
@@ -258,23 +256,24 @@ def _nodes(scenario: Scenario, heights: dict[str, float]) -> tuple[dict[tuple[st
     return {**probes, **snubbers}, {s.name for s in scenario.all_snubbers if getattr(s, "side", "") == "above"}
 
 
-def _stored_nodes(file: h5py.File, heights: dict[str, float]) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:
+def _stored_nodes(items: Items, heights: dict[str, float]) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:
     """The same for a run, whose file contains the positions, with the base."""
     nodes: dict[tuple[str, str], Coordinates] = {}
     upside_down = set()
     for folder, kind in (("probes", "probe"), ("snubbers", "snubber")):
-        for group in ordered(file, folder):
-            across = float(np.nan_to_num(group.attrs.get("across", 0.0)))
-            height = heights.get(str(group.attrs.get("body", "")), 0.0)
-            nodes[kind, str(group.attrs["name"])] = (float(group.attrs["position"]), across, height)
-            if group.attrs.get("side") == "above":
-                upside_down.add(str(group.attrs["name"]))
+        groups = [item.attributes for path, item in items.items() if parent(path) == f"/{folder}"]
+        for about in sorted(groups, key=lambda about: int(about["index"])):
+            across = float(np.nan_to_num(about.get("across", 0.0)))
+            height = heights.get(str(about.get("body", "")), 0.0)
+            nodes[kind, str(about["name"])] = (float(about["position"]), across, height)
+            if about.get("side") == "above":
+                upside_down.add(str(about["name"]))
     return {**nodes, ("base", "base"): (0.0, 0.0, 0.0)}, upside_down
 
 
-def _kind_of_place(dataset: h5py.Dataset, quantity: str) -> str:
-    """Whether a dataset belongs to a probe, a snubber, the base or, in a chain, a spring."""
-    parts = dataset.name.split("/")
+def _kind_of_place(path: str, quantity: str) -> str:
+    """Whether an array belongs to a probe, a snubber, the base or, in a chain, a spring."""
+    parts = path.split("/")
     for folder, kind in (
         ("base", "base"),
         ("springs", "spring"),
@@ -294,75 +293,72 @@ def _coordinates(item: Any, heights: dict[str, float]) -> Coordinates:
     return float(x), float(y), heights.get(place.body or "", 0.0)
 
 
-def _name(dataset: h5py.Dataset) -> str:
-    """Name of the probe or snubber of a dataset, from the attributes of the enclosing groups."""
-    group = dataset.parent
-    if group.name == "/base":
+def _name(items: Items, path: str) -> str:
+    """Name of the probe or snubber of an array, from the attributes of the groups around it."""
+    group = parent(path)
+    if group == "/base":
         return "base"
-    while group.name != "/":
+    while group != "/":
         for key in ("name", "place", "probe"):
-            if key in group.attrs:
-                return str(group.attrs[key])
-        group = group.parent
+            if key in items[group].attributes:
+                return str(items[group].attributes[key])
+        group = parent(group)
     return ""
 
 
-def _label(dataset: h5py.Dataset, name: str, quantity: str) -> str:
-    """First line of a record: place and quantity for a run, else the path in the file."""
-    folder, *below = dataset.name.strip("/").split("/")
+def _label(path: str, name: str, quantity: str) -> str:
+    """First line of a record: place and quantity for a run, else the path of the array."""
+    folder, *below = path.strip("/").split("/")
     if folder == "spectra":
         return f"{name} {quantity} spectrum".replace("_", " ")
     if folder in ("probes", "snubbers", "base"):
         return f"{name} {below[-1].replace('_', ' ')}"
-    return str(dataset.name.strip("/").replace("/", " ").replace("_", " ").removesuffix(" real"))
+    return path.strip("/").replace("/", " ").replace("_", " ").removesuffix(" real")
 
 
-def _functions(dataset: h5py.Dataset, place: str) -> Iterator[_Function]:
-    """Functions in a dataset: one, one for each order of harmonics, or none."""
-    last = dataset.name.rpartition("/")[2]
-    name, imaginary = last.removesuffix("_real"), dataset.parent.get(last.replace("_real", "_imag"))
-    if last.endswith("_imag"):
+def _functions(items: Items, path: str, place: str) -> Iterator[_Function]:
+    """Functions in an array: one, one for each order of harmonics, or none."""
+    item, name = items[path], last(path).removesuffix("_real")
+    if last(path).endswith("_imag") or item.values.dtype.kind != "f":
         return
-    y = values_of(dataset)
-    if last.endswith("_real"):
-        y = y + 1j * values_of(imaginary)
-    if name == "amplitude" and "quantity" in dataset.parent.attrs:
-        quantity = str(dataset.parent.attrs["quantity"])
+    y = item.values
+    if last(path).endswith("_real"):
+        y = y + 1j * items[f"{path.removesuffix('_real')}_imag"].values
+    about = items[parent(path)].attributes
+    if name == "amplitude" and "quantity" in about:
+        quantity = str(about["quantity"])
     else:
         quantity = next((name.removeprefix(s) for s in _STATISTICS if name.startswith(s)), name)
-    if quantity not in ORDINATES or dataset.dtype.kind != "f":
+    if quantity not in ORDINATES:
         return
-    text = _label(dataset, place, quantity)
-    axes = [scale_along(dataset, k) for k in range(dataset.ndim)]
-    names = ["" if axis is None else axis.name.rpartition("/")[2] for axis in axes]
+    text, names = _label(path, place, quantity), [last(axis) for axis in item.axes]
     if names == ["time"]:
-        yield _Function(quantity, text, values_of(axes[0]), y, TIME_RESPONSE)
+        yield _Function(quantity, text, items[item.axes[0]].values, y, TIME_RESPONSE)
         return
-    along = [k for k, axis in enumerate(axes) if axis is not None and _frequency(axis) is not None]
-    if len(along) != 1:
+    frequencies = {k: x for k, axis in enumerate(item.axes) if (x := _frequency(items, axis)) is not None}
+    if len(frequencies) != 1:
         return
-    x = _frequency(axes[along[0]])
-    assert x is not None
-    if dataset.ndim == 1:
-        over = _input(dataset) if dataset.name.startswith("/linear/") else ""
+    (along, x), *_ = frequencies.items()
+    if y.ndim == 1:
+        over = _input(items) if path.startswith("/linear/") else ""
         yield _Function(quantity, text, x, y, FREQUENCY_RESPONSE if over else GENERAL, over)
-    elif dataset.ndim == 2 and "order" in names:
-        for order, values in zip(values_of(axes[1 - along[0]]), np.moveaxis(y, along[0], 1), strict=True):
+    elif y.ndim == 2 and "order" in names:
+        for order, values in zip(items[item.axes[1 - along]].values, np.moveaxis(y, along, 1), strict=True):
             yield _Function(quantity, f"{text} order {order:g}", x, values, GENERAL)
 
 
-def _frequency(axis: h5py.Dataset) -> Floats | None:
+def _frequency(items: Items, axis: str) -> Floats | None:
     """Frequencies along an axis: its own values, or those of ``frequency_hz`` beside it, along a branch."""
-    if axis.name.endswith("/frequency_hz"):
-        return values_of(axis)
-    beside = axis.parent.get("frequency_hz")
-    if isinstance(beside, h5py.Dataset) and beside.ndim == 1 and not beside.is_scale and axis == scale_along(beside, 0):
-        return values_of(beside)
-    return None
+    if not axis:
+        return None
+    if last(axis) == "frequency_hz":
+        return np.asarray(items[axis].values)
+    beside: Item | None = items.get(joined(parent(axis), "frequency_hz"))
+    return np.asarray(beside.values) if beside is not None and beside.axes == (axis,) else None
 
 
-def _input(dataset: h5py.Dataset) -> str:
+def _input(items: Items) -> str:
     """Input of the linear response of a sweep: a force, force per length or pressure, or acceleration of the base."""
-    curves = (str(group.attrs["quantity"]) for group in dataset.file.values() if "direction" in group.attrs)
+    curves = (str(item.attributes["quantity"]) for item in items.values() if "direction" in item.attributes)
     quantity = next(curves, "")
     return quantity if quantity in LOAD_CODES else "acceleration"

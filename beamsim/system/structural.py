@@ -10,7 +10,7 @@ import numpy as np
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.springs import SpringInfo
 from beamsim.dataclass import dataclass
-from beamsim.fields import Counter, attribute, dataset, declared, group, key, per_name
+from beamsim.fields import Counter, attribute, dataset, declared, group, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
@@ -66,7 +66,7 @@ _MODE = (Counter("mode", "mode number"),)
 class ModeTable:
     """Natural frequencies and mode shapes of the reduced model."""
 
-    stations: Stations = group("")  # nx of them
+    stations: Stations = group("", Stations)  # nx of them
     # (r,), every snubber closed: piecewise-linear springs as at rest
     open_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact open", along=_MODE)
     closed_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact closed", along=_MODE)
@@ -88,13 +88,13 @@ class ModeTable:
     )
     probe_bound: float | None = attribute("1", "the same of the receptance between these and the probes", default=None)
     # by body, of several bodies only
-    kinetic_energy_share: dict[str, Floats] = per_name(
-        "bodies", "1", "share of a mode's kinetic energy in this body", along=_MODE, default_factory=dict
+    kinetic_energy_share: dict[str, Floats] = dataset(
+        "1", "share of a mode's kinetic energy in this body", along=_MODE, per="bodies", default_factory=dict
     )
-    strain_energy_share: dict[str, Floats] = per_name(
-        "bodies", "1",
+    strain_energy_share: dict[str, Floats] = dataset(
+        "1",
         "share of a mode's strain energy in this body, the rest being in springs of joints; NaN for rigid-body modes",
-        along=_MODE, default_factory=dict,
+        along=_MODE, per="bodies", default_factory=dict,
     )  # fmt: skip
 
 

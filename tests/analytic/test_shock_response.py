@@ -130,9 +130,9 @@ def test_convergence_summary_files_and_pictures(tmp_path):
     read = open_result(path)
     np.testing.assert_array_equal(read.srs.signals[1].maximax, result.srs.signals[1].maximax)
     export_result(path, tmp_path / "tables", "csv")
-    header = (tmp_path / "tables" / "srs.csv").read_text(encoding="utf-8").splitlines()[0]
+    header = (tmp_path / "tables" / "srs_by_frequency_hz.csv").read_text(encoding="utf-8").splitlines()[0]
     assert header.startswith("frequency_hz,")
-    assert "middle_maximax" in header
+    assert "middle_absolute_acceleration_maximax" in header
 
 
 def test_command_prints_and_draws(tmp_path):

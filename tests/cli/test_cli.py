@@ -301,7 +301,7 @@ def test_interrupt_ends_with_130_and_leaves_nothing_half_written(where, call, he
     if where == "solver":
         solved.error = KeyboardInterrupt()
     elif where == "writing":
-        monkeypatch.setattr("beamsim.store.declared.write", interrupted)
+        monkeypatch.setattr("beamsim.store.hdf5._create", interrupted)
     else:
         monkeypatch.setattr("beamsim.plots.save.write_png", interrupted)
     done = call("run", "case.yaml")

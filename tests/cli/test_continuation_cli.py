@@ -19,8 +19,7 @@ from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.outcomes import Outcome
 from beamsim.plots.continuation import frequency_response_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_response, open_sweep, write_frequency_response
-from beamsim.store.stored import holds
+from beamsim.store.results import holds, open_response, open_sweep, write_frequency_response
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CHAIN, BEAM = CONFIGS / "chain_two_dof.yaml", CONFIGS / "one_sided_65hz.yaml"

@@ -141,7 +141,7 @@ def test_the_result_opens_whatever_it_is(name, files):
     assert result.title == result.scenario.title
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if name not in ("run", "designs")])
+@pytest.mark.parametrize("name", CASES)
 def test_csv_holds_every_number(name, files, tmp_path):
     path = files(name)
     done = call("export", path, "--format", "csv", "-o", tmp_path, "--json")

@@ -1,20 +1,17 @@
 """What a full disk, a closed pipe and odd places do to the command line: a sentence and a code, never a traceback."""
 
-import errno
-import io
 import json
 import os
 import signal
 import subprocess
 import sys
 
-import h5py
 import numpy as np
 import pytest
 
 from beamsim.errors import ResultFileError
-from beamsim.store import stored
-from beamsim.store.stored import creating
+from beamsim.store import hdf5
+from beamsim.store.flat import Item
 
 CASE = """
 chain: {masses: [1], springs: [1], dashpots: [0.1]}
@@ -56,27 +53,6 @@ def test_a_full_disk_while_the_result_is_written(here):
     assert os.listdir(here) == ["case.yaml"]
 
 
-def test_what_a_full_disk_did_not_take_is_read_back(tmp_path):
-    """HDF5 reads names of events again in large files, and ended the process with a segmentation fault."""
-
-    class Full(io.FileIO):
-        def write(self, data):
-            if self.tell() + len(data) > 100:
-                raise OSError(errno.ENOSPC, "No space left on device")
-            return super().write(data)
-
-    with Full(tmp_path / "file", "w+b") as raw:
-        sink = stored._Sink(raw)
-        sink.write(b"a" * 90)
-        sink.seek(80)
-        sink.write(b"b" * 50)
-        sink.seek(70)
-        buffer = bytearray(b"x" * 70)
-        assert sink.readinto(buffer) == 70
-    assert buffer == b"a" * 10 + b"b" * 50 + bytes(10)
-    assert sink.error.errno == errno.ENOSPC
-
-
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
 def test_a_full_disk_behind_standard_output(here):
     with open("/dev/full", "w") as full:
@@ -107,99 +83,49 @@ def test_json_is_one_object_with_the_warnings_in_it(here):
     assert said == values["warnings"]
 
 
-def write_twenty(path):
-    with creating(path) as file:
-        for k in range(20):
-            file[f"a{k}"] = np.zeros(10_000)
-
-
 class Stop(BaseException):
     """What a signal handler may raise at any moment."""
 
 
+def stop(*_):
+    raise Stop
+
+
+ITEMS = {"/": Item(), **{f"/a{k}": Item(values=np.zeros(10_000)) for k in range(20)}}
+
+
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt(), Stop()])
 @pytest.mark.parametrize("after", [0, 3])
-def test_whatever_happens_while_hdf5_writes_is_told_and_leaves_nothing(error, after, tmp_path, monkeypatch):
-    class Failing(stored._Sink):
-        writes = 0
+def test_whatever_happens_while_a_file_is_written_is_told_and_leaves_nothing(error, after, tmp_path, monkeypatch):
+    made = []
 
-        def write(self, data):
-            class File:
-                def write(_, left):
-                    raise error
+    def create(*arguments):
+        if len(made) == after:
+            raise error
+        made.append(arguments)
+        return hdf5_create(*arguments)
 
-                def tell(_):
-                    return 0
-
-            Failing.writes += 1
-            if Failing.writes > after:
-                self._file, kept = File(), self._file
-                try:
-                    return super().write(data)
-                finally:
-                    self._file = kept
-            return super().write(data)
-
-    monkeypatch.setattr(stored, "_Sink", Failing)
+    hdf5_create = hdf5._create
+    monkeypatch.setattr(hdf5, "_create", create)
     expected = ResultFileError if isinstance(error, OSError) else type(error)
     with pytest.raises(expected):
-        write_twenty(tmp_path / "x.h5")
+        hdf5.write_items(ITEMS, tmp_path / "x.h5")
     assert os.listdir(tmp_path) == []
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("name", ["write", "truncate", "flush"])
-def test_a_signal_anywhere_in_a_call_of_hdf5_ends_the_writing(number, name, tmp_path, monkeypatch):
-    """Python runs a handler also before the first line of a method, where it can catch nothing itself."""
+def test_a_signal_while_a_file_is_written_ends_the_writing(number, tmp_path, monkeypatch):
+    def create(*arguments):
+        signal.raise_signal(number)
+        return hdf5_create(*arguments)
 
-    class Signalled(stored._Sink):
-        pending = True
-
-        def write(self, data):
-            return self._when("write", super().write, data)
-
-        def truncate(self, size):
-            return self._when("truncate", super().truncate, size)
-
-        def flush(self):
-            return self._when("flush", super().flush)
-
-        def _when(self, method, call, *arguments):
-            if method == name and Signalled.pending:
-                Signalled.pending = False
-                signal.raise_signal(number)
-            return call(*arguments)
-
-    def stop(*_):
-        raise Stop
-
-    monkeypatch.setattr(stored, "_Sink", Signalled)
+    hdf5_create = hdf5._create
+    monkeypatch.setattr(hdf5, "_create", create)
     before = signal.signal(number, stop)
     try:
         with pytest.raises(Stop):
-            write_twenty(tmp_path / "x.h5")
+            hdf5.write_items(ITEMS, tmp_path / "x.h5")
         assert signal.getsignal(number) is stop
     finally:
         signal.signal(number, before)
-    assert not Signalled.pending
     assert os.listdir(tmp_path) == []
-
-
-def test_writes_that_take_only_a_part_are_continued(tmp_path, monkeypatch):
-    class Partial(stored._Sink):
-        def __init__(self, file):
-            class Slow:
-                def write(_, left):
-                    return file.write(left[: max(1, min(1000, len(left) // 2))])
-
-                def __getattr__(_, name):
-                    return getattr(file, name)
-
-            super().__init__(Slow())
-
-    monkeypatch.setattr(stored, "_Sink", Partial)
-    values = np.random.default_rng(1).normal(size=50_000)
-    with creating(tmp_path / "x.h5") as file:
-        file["a"] = values
-    with h5py.File(tmp_path / "x.h5") as file:
-        np.testing.assert_array_equal(file["a"][()], values)

@@ -19,10 +19,9 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.plots.designs import design_figures, shown_quantities
 from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.export_designs import export_designs
+from beamsim.store.export import export_result
 from beamsim.store.journal import Journal, journal_path
-from beamsim.store.results import open_designs, write_designs
-from beamsim.store.stored import holds
+from beamsim.store.results import holds, open_designs, write_designs
 
 BASE = """\
 title: Fabricated study
@@ -152,18 +151,23 @@ def test_every_dataset_says_what_it_is(tmp_path):
 
 def test_the_table_as_csv(tmp_path):
     result = fabricated("map", failed=(1,))
-    with open(export_designs(result, tmp_path / "study.csv"), encoding="utf-8") as file:
+    export_result(write_designs(result, tmp_path / "study.h5"), tmp_path / "tables", "csv")
+    along = "by_snubbers.tip.stiffness_and_snubbers.tip.gap"
+    with open(tmp_path / "tables" / f"designs_{along}.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
+    with open(tmp_path / "tables" / f"designs_{along}_and_mode.csv", encoding="utf-8") as file:
+        by_mode = list(csv.DictReader(file))
     assert len(rows) == 15
-    assert float(rows[4]["snubbers.tip.stiffness (N/m)"]) == result.coordinates[0].values[1]
-    assert float(rows[4]["snubbers.tip.gap (m)"]) == 1e-4
-    assert float(rows[4]["bending_stress (Pa)"]) == result.responses["bending_stress"].values[1, 1]
+    assert float(rows[4]["snubbers.tip.stiffness_n_per_m"]) == result.coordinates[0].values[1]
+    assert float(rows[4]["snubbers.tip.gap_m"]) == 1e-4
+    assert float(rows[4]["bending_stress_pa"]) == result.responses["bending_stress"].values[1, 1]
     pytest.importorskip("pandas")
-    frame = result.to_pandas()["designs"]  # there was none: a study is exported as one file
-    assert frame["bending_stress (Pa)"][4] == float(rows[4]["bending_stress (Pa)"])
-    assert float(rows[4]["closed_frequencies_hz_2 (Hz)"]) == result.responses["closed_frequencies_hz"].values[1, 1, 1]
-    assert float(rows[4]["margins/peak_force"]) == result.margins["peak_force"].values[1, 1]
-    assert rows[1]["bending_stress (Pa)"] == "nan"
+    frame = result.to_pandas()[f"designs_{along}"]
+    assert frame["bending_stress_pa"][4] == float(rows[4]["bending_stress_pa"])
+    frequencies = result.responses["closed_frequencies_hz"].values
+    assert float(by_mode[4 * frequencies.shape[-1] + 1]["closed_frequencies_hz"]) == frequencies[1, 1, 1]
+    assert float(rows[4]["margins_peak_force"]) == result.margins["peak_force"].values[1, 1]
+    assert rows[1]["bending_stress_pa"] == "nan"
     assert [int(row["passing"]) for row in rows] == result.passing.ravel().tolist()
 
 

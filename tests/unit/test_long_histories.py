@@ -6,6 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from beamsim.store.tables import datasets
 
 import beamsim
 from beamsim.analyses.run import histories
@@ -18,7 +19,6 @@ from beamsim.plots.style import thinned
 from beamsim.store import csv_folder, declared
 from beamsim.store.export import export_result
 from beamsim.store.results import open_run, write_result, write_until
-from beamsim.store.tables import datasets
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RATE = 100e3

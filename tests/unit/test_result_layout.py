@@ -134,7 +134,7 @@ def unpacked(packed, folder):
 
 @pytest.mark.parametrize("packed", FILES, ids=[path.name.partition(".")[0] for path in FILES])
 def test_an_earlier_file_is_written_again_as_it_was(packed, tmp_path):
-    from beamsim.store.stored import kind_of
+    from beamsim.store.results import kind_of
 
     earlier = unpacked(packed, tmp_path)
     again = WRITERS[kind_of(earlier)](beamsim.open_result(earlier), tmp_path / "again.h5")
@@ -157,7 +157,7 @@ def test_an_earlier_file_is_written_again_as_it_was(packed, tmp_path):
 
 def test_there_is_a_file_of_every_kind(tmp_path):
     from beamsim.kinds import KINDS
-    from beamsim.store.stored import kind_of
+    from beamsim.store.results import kind_of
 
     assert {kind_of(unpacked(packed, tmp_path)) for packed in FILES} == set(KINDS)
     assert max(path.stat().st_size for path in FILES) < 100_000

@@ -38,7 +38,7 @@ def test_csv_tables(chain, fabricated_run, tmp_path):
     folder = export_target(tmp_path, "case", "csv")
     files = export_run(result, folder, "csv")
     assert sorted(os.listdir(folder)) == sorted(path.name for path in files)
-    assert ("beam.csv" in os.listdir(folder)) is not chain
+    assert ("beam_by_position.csv" in os.listdir(folder)) is not chain
 
     header, rows = read_csv(folder / "time_histories.csv")
     assert header[0] == "time_s"
@@ -47,13 +47,13 @@ def test_csv_tables(chain, fabricated_run, tmp_path):
     assert "snubber_a, b_force_n" in header
     assert {row[header.index("snubber_tip_closed")] for row in rows} == {"0", "1"}
 
-    header, rows = read_csv(folder / "harmonics.csv")
+    header, rows = read_csv(folder / "spectra_tip_displacement_lines_by_line.csv")
     lines = result.spectra["tip", "displacement"].lines
     kind = header.index("kind")
-    assert [row[kind] for row in rows if row[:2] == ["tip", "displacement"]] == [line.kind for line in lines]
-    _, rows = read_csv(folder / "events.csv")
+    assert [row[kind] for row in rows] == [line.kind for line in lines]
+    header, rows = read_csv(folder / "events_by_event.csv")
     assert len(rows) == result.events.time.size
-    assert rows[0][1:] == ["tip", "1"]
+    assert (rows[0][header.index("snubber")], rows[0][header.index("closing")]) == ("tip", "1")
     _, rows = read_csv(folder / "summary.csv")
     assert ["peak_force_n", "tip", "15.11"] in rows
 

@@ -13,8 +13,7 @@ import beamsim
 from beamsim.errors import ResultFileError
 from beamsim.files import check_writable, replacing
 from beamsim.outcomes import Outcome, OutcomeCode
-from beamsim.store import schema
-from beamsim.store.results import open_run, write_run
+from beamsim.store.results import SCHEMA_VERSION, open_run, write_run
 
 ROOT_ATTRIBUTES = (
     "base_unit",
@@ -113,7 +112,7 @@ def test_every_dataset_is_described_and_every_axis_has_its_scale(fabricated_run,
     with h5py.File(path) as file:
         file.visititems(check)
         assert set(ROOT_ATTRIBUTES) == set(file.attrs)
-        assert file.attrs["schema_version"] == schema.SCHEMA_VERSION
+        assert file.attrs["schema_version"] == SCHEMA_VERSION
         assert file.attrs["command"] == "run"
         assert json.loads(file["summary"].attrs["peak_force_n"]) == {"a": 15.11, "b": 15.11}
         assert file["summary"].attrs["energy_error"] == 3e-13
@@ -173,7 +172,7 @@ def test_failed_write_leaves_everything_as_it_was(failure, existing, fabricated_
     def fail(*_, **__):
         raise failure
 
-    monkeypatch.setattr("beamsim.store.declared.write", fail)
+    monkeypatch.setattr("beamsim.store.hdf5._create", fail)
     with pytest.raises((KeyboardInterrupt, RuntimeError, ResultFileError)) as caught:
         write_run(fabricated_run(), path)
     if isinstance(failure, OSError):

@@ -3,10 +3,11 @@ import json
 import h5py
 import pytest
 
+from beamsim.codecs import outcome_of_text
 from beamsim.fields import attribute, declared, ending
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
-from beamsim.store import declared as files
-from beamsim.store.outcomes import outcome_of_text
+from beamsim.store.flat import Reader, items_of
+from beamsim.store.hdf5 import read_items, write_items
 from beamsim.store.results import open_run, write_run
 
 STOPPED = Outcome.of(OutcomeCode.EVENT_LIMIT, time=0.2, events=9, limit="run.max_events")
@@ -56,7 +57,7 @@ class _Branch:
 
 def test_a_declared_outcome(tmp_path):
     branch = _Branch(2.0, STOPPED)
-    with h5py.File(tmp_path / "branch.h5", "w") as file:
-        files.write(file, branch)
+    write_items(items_of(branch), tmp_path / "branch.h5")
+    with h5py.File(tmp_path / "branch.h5") as file:
         assert file.attrs["status"] == STOPPED.text
-        assert _Branch(**files.read(_Branch, file)) == branch
+        assert _Branch(**Reader(read_items(file)).fields(_Branch)) == branch

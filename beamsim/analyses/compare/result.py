@@ -48,8 +48,8 @@ class ChannelComparison:
     )
     measured_time: Floats = axis("s", "time", name="measured_history/time")
     measured_history: Floats = dataset("{unit}", "measured {quantity}", along=_TIME, name="measured_history/{quantity}")
-    predicted_spectrum: Spectrum = group("predicted_spectrum")
-    measured_spectrum: Spectrum = group("measured_spectrum")
+    predicted_spectrum: Spectrum = group("predicted_spectrum", Spectrum)
+    measured_spectrum: Spectrum = group("measured_spectrum", Spectrum)
     start_s: float | None = attribute("s", "start of the part of the run that is compared", default=None)
 
     @property
@@ -120,7 +120,7 @@ class SweptComparison:
         "{unit}", "measured response", along=("frequency_hz",), imaginary="its imaginary part"
     )
     frac: float = attribute("1", "frequency response assurance criterion")
-    peaks: tuple[PeakPair, ...] = table("peaks", Counter("peak", "number of the measured peak"), default=())
+    peaks: tuple[PeakPair, ...] = table("peaks", PeakPair, Counter("peak", "number of the measured peak"), default=())
     begin_s: float | None = attribute(
         "s", "time of the measured history at which the curve begins; of a history alone", default=None
     )
@@ -148,6 +148,8 @@ class Comparison(Result):
         Entry("sweeps", "", "by channel of a sweep: place, quantity, curve, FRAC, and its peaks", "channels"),
     )  # fmt: skip
 
-    channels: tuple[ChannelComparison, ...] = numbered("channels", start=1, required=True, unless="sweeps", default=())
-    sweeps: tuple[SweptComparison, ...] = numbered("sweeps", start=1, default=())
-    assurance: Assurance | None = group("assurance", default=None)  # of two channels of a sweep or more
+    channels: tuple[ChannelComparison, ...] = numbered(
+        "channels", ChannelComparison, start=1, required=True, unless="sweeps", default=()
+    )
+    sweeps: tuple[SweptComparison, ...] = numbered("sweeps", SweptComparison, start=1, default=())
+    assurance: Assurance | None = group("assurance", Assurance, default=None)  # of two channels of a sweep or more

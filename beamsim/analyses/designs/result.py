@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.result import Result
+from beamsim.codecs import JSON, as_text, outcome_of_text
 from beamsim.dataclass import dataclass
-from beamsim.fields import Axes, Counter, Entry, arrays, attribute, axis, dataset, declared, key, numbered, stored
+from beamsim.fields import Axes, Counter, Entry, attribute, axis, dataset, declared, key, keyed, numbered, stored
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.designs import Value
 from beamsim.typing import Bools, Floats, Ints
@@ -58,7 +60,7 @@ class Coordinate:
 
     path: str = key("path of the parameter in the scenario")
     # (nk,) the axis of a grid, or (cases,) one a case; SI numbers or words
-    values: NDArray[Any] = dataset("{unit}", "varied {path}", name="{link}", along=_CASES)
+    values: NDArray[Any] = dataset("{unit}", "varied {path}", name=".", along=_CASES)
     unit: str = attribute("", "its unit", name="units")
 
     @property
@@ -79,7 +81,7 @@ class Response:
     name: str = attribute("", "name of the response")  # "snubbers/tip/peak_force", "up_0/snubbers/tip/peak_force"
     # the design's shape, a last axis of modes where there are several a case; nan: failed
     values: Floats = dataset(
-        "{unit}", "{long_name}", name="{link}", along=_CASES._replace(more=Counter("mode", "mode number"))
+        "{unit}", "{long_name}", name=".", along=_CASES._replace(more=Counter("mode", "mode number"))
     )
     unit: str = attribute("", "its unit", name="units")
     long_name: str = attribute("", "its meaning")
@@ -106,7 +108,7 @@ class Tolerance:
 
     path: str = key("path of the number in the scenario")
     deviations: Floats = dataset(
-        "1", "deviation of {path} as a share of its tolerance", name="{link}", along=(_REALISATION,)
+        "1", "deviation of {path} as a share of its tolerance", name=".", along=(_REALISATION,)
     )
     tolerance: float = attribute("", "largest deviation, in SI units or as a share of the value")
     relative: bool = attribute("1", "whether the tolerance is a share of the value")
@@ -119,7 +121,7 @@ class RealisedResponse:
 
     name: str = attribute("", "name of the response")
     values: Floats = dataset(  # the design's shape, then realisations; nan: failed
-        "{unit}", "{long_name}", name="{link}", along=_CASES._replace(more=_REALISATION)
+        "{unit}", "{long_name}", name=".", along=_CASES._replace(more=_REALISATION)
     )
     unit: str = attribute("", "its unit", name="units")
     long_name: str = attribute("", "its meaning")
@@ -149,6 +151,22 @@ class CaseFailure:
     values: tuple[Value, ...]  # of the coordinates
     outcome: Outcome
 
+
+def _failures_text(failures: Iterable[CaseFailure]) -> str:
+    rows = [[f.case, list(f.values), f.outcome.text, f.outcome.as_dict()] for f in failures]
+    return json.dumps(rows, ensure_ascii=False)
+
+
+def _failures(text: str) -> tuple[CaseFailure, ...]:
+    """The cases; those of an old file have no codes."""
+    return tuple(
+        CaseFailure(case, tuple(values), Outcome.from_dict(code[0]) if code else outcome_of_text(why))
+        for case, values, why, *code in json.loads(text)
+    )
+
+
+FAILURES = as_text(_failures_text, _failures)
+"""Cases that failed: number, values of the parameters, text and code of the outcome."""
 
 _SUMMARY = (
     Entry("analysis", of="analysis"),
@@ -185,31 +203,38 @@ class DesignsResult(Result):
 
     analysis: str = attribute("", "what was done with each case: run, or the kind of sweep", at=_GROUP)
     kind: str = attribute("", "grid, zip, latin_hypercube, sobol, or draws of an ensemble", at=_GROUP)
-    coordinates: tuple[Coordinate, ...] = arrays(_GROUP, called="parameter", listed="paths")
+    coordinates: tuple[Coordinate, ...] = keyed(
+        Coordinate, folder=_GROUP, several=True, called="<parameter>", listed="paths"
+    )
     solved: Bools = dataset(  # the design's shape
         "1", "whether the case has responses", name=f"{_GROUP}/solved", along=_CASES, flags=("missing", "solved")
     )
-    responses: dict[str, Response] = arrays(_GROUP, called="response", listed="responses")
-    margins: dict[str, Response] = arrays(f"{_GROUP}/margins", called="limit")  # limit / value - 1
-    limits: dict[str, float] = attribute("", "limits by name, in SI units, JSON object", codec="json", at=_GROUP)
+    responses: dict[str, Response] = keyed(Response, folder=_GROUP, called="<response>", listed="responses")
+    margins: dict[str, Response] = keyed(
+        Response, folder=f"{_GROUP}/margins", called="<limit>", having="name"
+    )  # limit / value - 1
+    limits: dict[str, float] = attribute("", "limits by name, in SI units, JSON object", codec=JSON, at=_GROUP)
     failures: tuple[CaseFailure, ...] = attribute(
-        "", "cases that failed: number from 0, values of the parameters, and why; JSON list", codec="failures",
+        "", "cases that failed: number from 0, values of the parameters, and why; JSON list", codec=FAILURES,
         at=_GROUP,
     )  # fmt: skip
     passing: Bools | None = dataset(  # the design's shape; None without limits
         "1", "whether the case has responses and meets every limit", name=f"{_GROUP}/passing", along=_CASES,
         flags=("failing", "passing"), default=None,
     )  # fmt: skip
-    sensitivity: tuple[SobolIndices, ...] = numbered(f"{_GROUP}/sensitivity", default=())  # of a Sobol' sample
+    sensitivity: tuple[SobolIndices, ...] = numbered(
+        f"{_GROUP}/sensitivity", SobolIndices, default=()
+    )  # of a Sobol' sample
     passing_share: Floats | None = dataset(  # the design's shape; None without limits or tolerances
         "1", "share of the realisations that meet every limit", name=f"{_GROUP}/passing_share", along=_CASES,
         default=None,
     )  # fmt: skip
-    tolerances: tuple[Tolerance, ...] = arrays(
-        f"{_GROUP}/tolerances", called="number with a tolerance", listed="paths", default=()
-    )
-    realised: dict[str, RealisedResponse] = arrays(
-        f"{_GROUP}/realisations", called="response", listed="responses", default_factory=dict
+    tolerances: tuple[Tolerance, ...] = keyed(
+        Tolerance, folder=f"{_GROUP}/tolerances", several=True, called="<number with a tolerance>", listed="paths",
+        default=(),
+    )  # fmt: skip
+    realised: dict[str, RealisedResponse] = keyed(
+        RealisedResponse, folder=f"{_GROUP}/realisations", called="<response>", listed="responses", default_factory=dict
     )
     fingerprint: str = attribute("", "hash of all that the responses depend on", at=_GROUP, default="")
 

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from beamsim.analyses.result import Result
+from beamsim.codecs import JSON, as_json, as_text
 from beamsim.fields import (
     Counter,
     Entry,
@@ -19,9 +24,10 @@ from beamsim.fields import (
     table,
 )
 from beamsim.outcomes import COMPLETE, Outcome
-from beamsim.scenario import Scenario
+from beamsim.scenario import Scenario, load_scenario
 from beamsim.typing import Complexes, Floats, Ints
 
+SCENARIO = as_text(Scenario.to_yaml, load_scenario)
 _MODE = ("mode",)
 _ENDS = (Counter("end", "which end of a range", labels=("lower", "upper")),)
 
@@ -47,11 +53,17 @@ class StiffnessEstimate:
 
     snubber: str = attribute("", "name of the snubber")
     method: str = attribute("", "secular or thesis")
-    stiffness: float = dataset("N/m", "stiffness of the snubber")
+    stiffness: float = dataset("N/m", "stiffness of the snubber", name=".")
     fit_to: tuple[int, ...] = attribute("", "numbers of the modes used")
-    individual: Floats = attribute("N/m", "stiffness from each of these modes alone; NaN where it is out of reach")
-    reach_hz: Floats = attribute("Hz", "for each of these modes the range of frequencies that a stiffness can reach")
-    condition: Floats = attribute("1", "k df/dk / f of each of these modes: relative change in f for one in k")
+    individual: Floats = attribute(
+        "N/m", "stiffness from each of these modes alone; NaN where it is out of reach", read=np.asarray
+    )
+    reach_hz: Floats = attribute(
+        "Hz", "for each of these modes the range of frequencies that a stiffness can reach", read=np.asarray
+    )
+    condition: Floats = attribute(
+        "1", "k df/dk / f of each of these modes: relative change in f for one in k", read=np.asarray
+    )
     residual: float = attribute("1", "root mean square of (predicted - measured) / measured over the modes used")
     standard_deviation: float = attribute("N/m", "standard deviation, first order; NaN where no uncertainty is known")
     interval_first_order: tuple[float, float] = attribute("N/m", "confidence interval, first order, symmetric")
@@ -172,19 +184,19 @@ class ProfileLikelihood:
 class ModelUpdate:
     """Parameters of the structure from frequencies measured without the snubber."""
 
-    parameters: tuple[ParameterEstimate, ...] = table("")
-    choices: dict[str, str] = attribute("", "supports that were chosen, by path", codec="json")
+    parameters: tuple[ParameterEstimate, ...] = table("", ParameterEstimate)
+    choices: dict[str, str] = attribute("", "supports that were chosen, by path", codec=JSON)
     alternatives: tuple[tuple[str, float], ...] = attribute(
-        "", "every combination of supports tried, with its misfit", codec="json", null=float("inf")
+        "", "every combination of supports tried, with its misfit", codec=as_json(null=math.inf)
     )
     correlation: Floats = dataset("1", "correlation of the parameters' logarithms", along=("parameter", "parameter"))
-    before: FrequencyTable = group("frequencies_before")
-    after: FrequencyTable = group("frequencies_after")
+    before: FrequencyTable = group("frequencies_before", FrequencyTable)
+    after: FrequencyTable = group("frequencies_after", FrequencyTable)
     misfit_before: float = attribute("1", "chi squared with the scenario's values, priors included")
     misfit_after: float = attribute("1", "chi squared with the identified values, priors included")
-    profiles: tuple[ProfileLikelihood, ...] = numbered("profiles", start=1)
+    profiles: tuple[ProfileLikelihood, ...] = numbered("profiles", ProfileLikelihood, start=1)
     evaluations: int = attribute("1", "eigenvalue problems solved")
-    scenario: Scenario = attribute("", "the scenario with the identified parameters, YAML", codec="scenario")
+    scenario: Scenario = attribute("", "the scenario with the identified parameters, YAML", codec=SCENARIO)
     warnings: tuple[str, ...] = ()  # stored with those of the result
 
 
@@ -221,19 +233,19 @@ class TestFit:
 class NonlinearEstimate:
     """Parameters from nonlinear tests."""
 
-    parameters: tuple[ParameterEstimate, ...] = table("")
+    parameters: tuple[ParameterEstimate, ...] = table("", ParameterEstimate)
     correlation: Floats = dataset("1", "correlation of the parameters' logarithms", along=("parameter", "parameter"))
-    tests: tuple[TestFit, ...] = numbered("tests", start=1)
+    tests: tuple[TestFit, ...] = numbered("tests", TestFit, start=1)
     misfit_before: float = attribute("1", "chi squared with the scenario's values")
     misfit: float = attribute("1", "chi squared with the estimated values")
     degrees_of_freedom: int = attribute("1", "measured numbers minus parameters")
     starts: int = attribute("1", "starting points of the search")
     starts_agreeing: int = attribute("1", "starting points that ended in the best minimum")
-    profiles: tuple[ProfileLikelihood, ...] = numbered("profiles", start=1)
+    profiles: tuple[ProfileLikelihood, ...] = numbered("profiles", ProfileLikelihood, start=1)
     responses: int = attribute("1", "periodic responses computed")
     processor_time_s: float = attribute("s", "processor time")
     coverage: float = attribute("1", "probability of the intervals")
-    warnings: tuple[str, ...] = attribute("", "warnings", codec="json")
+    warnings: tuple[str, ...] = attribute("", "warnings", codec=JSON)
     outcome: Outcome = ending("how the search ended", default=COMPLETE)
 
 
@@ -286,20 +298,22 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared
+@declared(kw_only=True)
 class IdentificationResult(Result):
     """Result of ``beamsim identify-stiffness``."""
 
     SUMMARY = _SUMMARY
 
-    estimate: StiffnessEstimate | None = group("", on="stiffness")
-    table_slope: TableSlope | None = group("table_slope")  # of a snubber with a force-deflection table
-    with_snubber: FrequencyTable | None = group("modes")
-    without_snubber: FrequencyTable = group("modes_without")
-    sensitivities: tuple[Sensitivity, ...] = table("sensitivity", empty=False)
-    curves: tuple[FrequencyCurve, ...] = keyed("mode_{}", folder="curves")
-    profile: ProfileLikelihood | None = group("profile")  # of the stiffness
-    update: ModelUpdate | None = group("update")
+    estimate: StiffnessEstimate | None = group("stiffness", StiffnessEstimate, default=None)
+    table_slope: TableSlope | None = group(
+        "table_slope", TableSlope, default=None
+    )  # of a snubber with a force-deflection table
+    with_snubber: FrequencyTable | None = group("modes", FrequencyTable, default=None)
+    without_snubber: FrequencyTable = group("modes_without", FrequencyTable)
+    sensitivities: tuple[Sensitivity, ...] = table("sensitivity", Sensitivity, empty=False)
+    curves: tuple[FrequencyCurve, ...] = keyed(FrequencyCurve, pattern="mode_{}", folder="curves", several=True)
+    profile: ProfileLikelihood | None = group("profile", ProfileLikelihood, default=None)  # of the stiffness
+    update: ModelUpdate | None = group("update", ModelUpdate, default=None)
     mac: Floats | None = dataset(
         "1",
         "modal assurance criterion, measured by predicted shapes",
@@ -307,9 +321,10 @@ class IdentificationResult(Result):
             Counter("mac_measured", "number of the measured shape"),
             Counter("mac_predicted", "number of the predicted shape"),
         ),
+        default=None,
     )
-    nonlinear: NonlinearEstimate | None = group("nonlinear")
-    pad: PadFit | None = group("pad")
+    nonlinear: NonlinearEstimate | None = group("nonlinear", NonlinearEstimate, default=None)
+    pad: PadFit | None = group("pad", PadFit, default=None)
     pad_modulus: float = attribute(
         "Pa", "Young's modulus of the pad; NaN without one", name="pad_youngs_modulus_pa", at="stiffness",
         default=float("nan"),

@@ -87,7 +87,7 @@ class HeldMotion:
     mode_shapes: Floats = dataset("m", "deflection of the mode at that instant", along=_STATIONS)
 
 
-@declared
+@declared(kw_only=True)
 class ResonantMotion:
     """One level: the mode it should hold, and the forced motion that is found."""
 
@@ -105,8 +105,8 @@ class ResonantMotion:
     floquet_multipliers: Complexes = dataset("1", "Floquet multipliers", along=(Counter("multiplier", "number", 0),))
     residual: float = attribute("1", "largest periodicity error, relative to the size of the motion")
     quadrature: float = attribute("1", "cosine of the lag between force and deflection")
-    curve: ResponseAboutResonance | None = group("curve")
-    held: HeldMotion | None = group("held")
+    curve: ResponseAboutResonance | None = group("curve", ResponseAboutResonance, default=None)
+    held: HeldMotion | None = group("held", HeldMotion, default=None)
     energy_error: float = attribute(
         "1", "imbalance of the energies over a period, relative to the energy", default=float("nan")
     )
@@ -122,8 +122,8 @@ class PhaseResonanceResult:
     probe: str = attribute("", "probe whose amplitude is compared: the one that moves most")
     # no gap, no load
     scales: bool = attribute("", "whether the level is proportional to the amplitude at a constant frequency")
-    predicted: PredictedLevels = group("predicted")
-    motions: tuple[ResonantMotion, ...] = numbered("levels", indexed=True)
+    predicted: PredictedLevels = group("predicted", PredictedLevels)
+    motions: tuple[ResonantMotion, ...] = numbered("levels", ResonantMotion, indexed=True)
 
     @property
     def status(self) -> str:
@@ -183,8 +183,8 @@ class ExactModes:
 class ExpansionComparison:
     """Expansion against exact motion."""
 
-    path: ExpansionPath = group("")
-    exact: ExactModes = group("exact")
+    path: ExpansionPath = group("", ExpansionPath)
+    exact: ExactModes = group("exact", ExactModes)
     frequency_difference: Floats = dataset("1", "relative error of the frequency to each order", along=_ORDER)
     initial_difference: Floats = dataset(
         "1", "error of the initial vector to each order, in the norm of the linear strain energy", along=_ORDER
@@ -303,20 +303,20 @@ class NormalModeResult(Result):
     mode: int = attribute("1", "number of the mode")
     parameter: str = attribute("", "stiffness_factor, energy or frequency", name="continued_in")
     method: str = attribute("", "shooting, full_period, multiple_scales or relaxed_minimisation")
-    stations: Stations = group("")  # before what is along them
-    branches: tuple[BranchResult, ...] = numbered("branches", required=True)  # the backbone first
-    jumps: tuple[BranchJump, ...] = table("jumps", Counter("jump", "number of the jump"))
+    stations: Stations = group("", Stations)  # before what is along them
+    branches: tuple[BranchResult, ...] = numbered("branches", BranchResult, required=True)  # the backbone first
+    jumps: tuple[BranchJump, ...] = table("jumps", BranchJump, Counter("jump", "number of the jump"))
     linear_shape: Floats = dataset(
         "m", "linear mode with the largest deflection of the motion that is drawn", along=("position",)
     )
     motion_branch: int = attribute("1", "branch whose motion is drawn: the backbone, or the first non-brake branch")
     motion_point: int = attribute("1", "point of it: the last, or the furthest from rest")
-    modes: ModeTable = group("modes")
+    modes: ModeTable = group("modes", ModeTable)
     phase_resonance: PhaseResonanceResult | None = group(
-        "phase_resonance", default=None
+        "phase_resonance", PhaseResonanceResult, default=None
     )  # where asked for, as the rest
-    expansion: ExpansionComparison | None = group("multiple_scales", default=None)
-    relaxed: RelaxedComparison | None = group("thesis", default=None)
+    expansion: ExpansionComparison | None = group("multiple_scales", ExpansionComparison, default=None)
+    relaxed: RelaxedComparison | None = group("thesis", RelaxedComparison, default=None)
 
     @property
     def backbone(self) -> BranchResult:

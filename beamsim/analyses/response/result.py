@@ -107,20 +107,22 @@ class FrequencyResponse(Result):
 
     SUMMARY = _SUMMARY
 
-    branches: tuple[BranchResult, ...] = numbered("branches", indexed=True, required=True)
-    modes: ModeTable = group("modes")
+    branches: tuple[BranchResult, ...] = numbered("branches", BranchResult, indexed=True, required=True)
+    modes: ModeTable = group("modes", ModeTable)
     parameter: str = attribute("", "what is followed: frequency, level, gap, stiffness or position")
     unit: str = attribute("", "its unit")
     snubber: str = attribute("", "snubber whose number is followed", default="")
     level_unit: str = attribute("", "unit of the branches' levels", default="")
     method: str = attribute("", "shooting or harmonic_balance", default="shooting")
-    fold_curves: tuple[BranchResult, ...] = numbered("fold_curves", indexed=True, default=())
+    fold_curves: tuple[BranchResult, ...] = numbered("fold_curves", BranchResult, indexed=True, default=())
     second_parameter: str = attribute("", "what folds are followed in; empty where they are not", default="")
     second_unit: str = attribute("", "its unit", default="")
     second_snubber: str = attribute("", "snubber whose number that is", default="")
-    overlay: dict[str, OverlayCurve] = keyed(having="source", order=_overlay_rank, default_factory=dict)
+    overlay: dict[str, OverlayCurve] = keyed(OverlayCurve, having="source", order=_overlay_rank, default_factory=dict)
     # for weak springs, where it was asked for
-    expansion: tuple[ForcedExpansionComparison, ...] = numbered("multiple_scales", indexed=True, default=())
+    expansion: tuple[ForcedExpansionComparison, ...] = numbered(
+        "multiple_scales", ForcedExpansionComparison, indexed=True, default=()
+    )
 
     @property
     @stored(axis("1", "number of the coordinate"))

@@ -53,10 +53,10 @@ class SnubberImpacts:
     rms_force_n: float = attribute("N", "root mean square of the contact force over the run")
     mean_force_in_contact_n: float = attribute("N", "mean contact force over the time in contact")
     rms_force_in_contact_n: float = attribute("N", "root mean square of the contact force over the time in contact")
-    rainflow: Rainflow = group("rainflow")  # of the force
+    rainflow: Rainflow = group("rainflow", Rainflow)  # of the force
     # of a random input
     intervals: tuple[FigureInterval, ...] = table(
-        "intervals", Counter("number", "number of the figure"), empty=False, default=()
+        "intervals", FigureInterval, Counter("number", "number of the figure"), empty=False, default=()
     )
 
     def summary(self) -> dict[str, Any]:
@@ -98,7 +98,7 @@ class Impacts:
     cut: Bools = dataset(
         "1", "whether the impact lasts when the run begins or ends", along=_IMPACT, flags=("whole", "cut")
     )
-    snubbers: dict[str, SnubberImpacts] = named("snubbers")
+    snubbers: dict[str, SnubberImpacts] = named("snubbers", SnubberImpacts)
 
     @property
     @stored(dataset("1", "separation speed over approach speed; NaN where either is unknown or none", along=_IMPACT))
@@ -134,7 +134,7 @@ class Fatigue:
     equivalent_range_pa: float = attribute("Pa", "constant range that does the same damage in as many cycles")
     damage: float = attribute("1", "damage of the run by Palmgren and Miner; 1 is failure")
     life_s: float = attribute("s", "time to damage 1 if the run is repeated; infinite without damage")
-    rainflow: Rainflow = group("rainflow")
+    rainflow: Rainflow = group("rainflow", Rainflow)
     across: float | None = attribute("m", "on a plate its y", default=None)
 
     def summary(self) -> Mapping[str, Any]:

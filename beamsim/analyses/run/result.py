@@ -22,7 +22,6 @@ from beamsim.fields import (
     key,
     keyed,
     named,
-    per_name,
     stored,
     table,
 )
@@ -147,7 +146,7 @@ class FrictionHistory:
     wear_power: float | None = attribute("W", "mean of normal force times sliding speed", default=None)
     worn_volume: float | None = attribute("m^3", "volume worn, where wear_rate is given", default=None)
     intervals: tuple[FigureInterval, ...] = table(  # of a random input
-        "intervals", Counter("number", "number of the figure"), empty=False, default=()
+        "intervals", FigureInterval, Counter("number", "number of the figure"), empty=False, default=()
     )
 
     def summary(self) -> dict[str, Any]:
@@ -210,7 +209,7 @@ class Spectrum:
     window: str = attribute("", "window")
     start_s: float = attribute("s", "beginning of the part that is analysed")
     duration_s: float = attribute("s", "its duration")
-    lines: tuple[SpectralLine, ...] = table("lines", Counter("line", "number of the line"), default=())
+    lines: tuple[SpectralLine, ...] = table("lines", SpectralLine, Counter("line", "number of the line"), default=())
     # None in files of earlier versions
     rate_hz: float | None = attribute("Hz", "rate of the samples that the curve is made of", default=None)
     rms: float | None = attribute(
@@ -219,14 +218,14 @@ class Spectrum:
     rms_change: float | None = attribute("1", f"of the root mean square, {_WITH_FINER_MODEL}", default=None)
 
 
-@declared
+@declared(kw_only=True)
 class BodyResult:
     """Results along a body."""
 
     position: Floats = axis("m", "position along the beam, or on the plate from its left edge")
     # None where no fibre of the section is known
     peak_bending_stress: Floats | None = dataset(
-        "Pa", "largest absolute bending stress at any time", along=("position",)
+        "Pa", "largest absolute bending stress at any time", along=("position",), default=None
     )
     extreme_shapes: Floats = dataset(
         "m", "deflection when the first probe is lowest and highest", along=("extreme_times", "position")
@@ -335,16 +334,18 @@ class RandomResponse:
     start_s: float = attribute("s", "what comes before is left out")
     frequency_hz: Floats = axis("Hz", "frequency")
     recorded: tuple[SignalStatistics, ...] = keyed(
+        SignalStatistics,
         parts=lambda signal: (signal.name, signal.quantity),
         having="density",
         indexed=True,
         called="<name>/<quantity>",
+        several=True,
     )  # the input first
     # by probe: of the absolute acceleration, of the displacement where a force drives the structure
-    transmissibility: dict[str, Complexes] = per_name(
-        "", "{transmissibility_unit}", "response over input (H1)", along=_FREQUENCY
+    transmissibility: dict[str, Complexes] = dataset(
+        "{transmissibility_unit}", "response over input (H1)", along=_FREQUENCY, per=""
     )
-    coherence: dict[str, Floats] = per_name("", "1", "coherence of response and input", along=_FREQUENCY)
+    coherence: dict[str, Floats] = dataset("1", "coherence of response and input", along=_FREQUENCY, per="")
     level: Floats | None = axis(  # None in files of earlier versions
         "1", "level above the mean, in standard deviations of the signal", default=None
     )
@@ -403,10 +404,12 @@ class ShockResponse:
     quality: float = attribute("1", "quality factor Q of the oscillators")
     frequency_hz: Floats = axis("Hz", "natural frequency of the oscillator")
     signals: tuple[ShockSpectrum, ...] = keyed(
+        ShockSpectrum,
         parts=lambda signal: (signal.name, signal.quantity),
         having="maximax",
         indexed=True,
         called="<name>/<quantity>",
+        several=True,
     )  # the input first
 
     def summary(self) -> dict[str, dict[str, float]]:
@@ -442,7 +445,9 @@ class Against:
     largest_time_difference_s: float = attribute("s", "largest difference of the times of contacts until then")
     processor_time_s: float = attribute("s", "processor time of the reference integrator")
     exact_processor_time_s: float = attribute("s", "processor time of the run's solver")
-    figures: tuple[AgainstFigure, ...] = table("figures", Counter("number", "number of the figure"), default=())
+    figures: tuple[AgainstFigure, ...] = table(
+        "figures", AgainstFigure, Counter("number", "number of the figure"), default=()
+    )
 
 
 def _spectrum_group(spectrum: Spectrum) -> tuple[str, ...]:
@@ -533,7 +538,7 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared
+@declared(kw_only=True)
 class RunResult(Result):
     """Everything `beamsim run` computes."""
 
@@ -541,8 +546,8 @@ class RunResult(Result):
 
     method: str = attribute("", "exact, or reference with its integrator")
     time: Floats = axis("s", "time")
-    probes: dict[str, ProbeHistory] = named("probes")
-    snubbers: dict[str, SnubberHistory] = named("snubbers")
+    probes: dict[str, ProbeHistory] = named("probes", ProbeHistory)
+    snubbers: dict[str, SnubberHistory] = named("snubbers", SnubberHistory)
     # (nt,), zeros without base motion
     base_acceleration: Floats = dataset(
         "{base_unit}/s^2", "acceleration of the base", along=_TIME, name="base/acceleration"
@@ -550,27 +555,33 @@ class RunResult(Result):
     base_displacement: Floats = dataset(
         "{base_unit}", "displacement of the base", along=_TIME, name="base/displacement"
     )
-    events: EventLog = group("events")
-    spectra: dict[tuple[str, str], Spectrum] = keyed(  # by probe or output and quantity
+    events: EventLog = group("events", EventLog)
+    spectra: dict[tuple[str, str], Spectrum] = keyed(Spectrum,   # by probe or output and quantity
         folder="spectra", parts=_spectrum_group, called="<probe>[/displacement]",
         having="window", key=lambda s: (s.probe, s.quantity),
         order=_spectrum_rank,
     )  # fmt: skip
-    only_body: BodyResult | None = group("beam")  # of a scenario with one beam
-    energy: EnergyHistory = group("energy")
-    modes: ModeTable = group("modes")
-    work: Work = group("work")
-    random: RandomResponse | None = group("random", default=None)  # of a random or sampled input
-    srs: ShockResponse | None = group("srs", default=None)  # where shock response spectra were asked for
-    against: Against | None = group("against", default=None)  # where the comparison was asked for
-    contact: ContactInstant | None = group("contact", default=None)  # of several bodies with contact
-    springs: dict[str, SpringHistory] = named("springs", default_factory=dict)  # nonlinear springs of a chain
-    friction: dict[str, FrictionHistory] = named("friction", default_factory=dict)
-    outputs: dict[str, OutputHistory] = named("outputs", default_factory=dict)  # that the run asks for
-    named_bodies: dict[str, BodyResult] = named("bodies", default_factory=dict)  # those with a continuous axis
+    only_body: BodyResult | None = group("beam", BodyResult, default=None)  # of a scenario with one beam
+    energy: EnergyHistory = group("energy", EnergyHistory)
+    modes: ModeTable = group("modes", ModeTable)
+    work: Work = group("work", Work)
+    random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a random or sampled input
+    srs: ShockResponse | None = group("srs", ShockResponse, default=None)  # where shock response spectra were asked for
+    against: Against | None = group("against", Against, default=None)  # where the comparison was asked for
+    contact: ContactInstant | None = group("contact", ContactInstant, default=None)  # of several bodies with contact
+    springs: dict[str, SpringHistory] = named(
+        "springs", SpringHistory, default_factory=dict
+    )  # nonlinear springs of a chain
+    friction: dict[str, FrictionHistory] = named("friction", FrictionHistory, default_factory=dict)
+    outputs: dict[str, OutputHistory] = named("outputs", OutputHistory, default_factory=dict)  # that the run asks for
+    named_bodies: dict[str, BodyResult] = named(
+        "bodies", BodyResult, default_factory=dict
+    )  # those with a continuous axis
 
-    impacts: Impacts | None = group("impacts", default=None)  # where run.impacts asks for them
-    fatigue: dict[str, Fatigue] = named("fatigue", default_factory=dict)  # by body, where run.fatigue asks for it
+    impacts: Impacts | None = group("impacts", Impacts, default=None)  # where run.impacts asks for them
+    fatigue: dict[str, Fatigue] = named(
+        "fatigue", Fatigue, default_factory=dict
+    )  # by body, where run.fatigue asks for it
 
     base_unit: str = attribute("", "unit of a displacement of the base: rad where it turns", default="m")
     low_pass_hz: float | None = attribute(

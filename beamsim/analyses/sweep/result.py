@@ -195,8 +195,12 @@ class Notching:
     level: Floats = dataset("{unit}", "notched level, zero to peak, interpolated log-log", along=_FREQUENCY)
     specified: Floats = dataset("{unit}", "level without notches, its steps drawn out over a cycle", along=_FREQUENCY)
     trials: int = attribute("1", "motions of a few cycles that were computed to choose the level")
-    limits: tuple[NotchLimit, ...] = table("limits", Counter("limit_number", "number of the limit"), default=())
-    ranges: tuple[NotchedRange, ...] = table("ranges", Counter("range", "number of the range"), default=())
+    limits: tuple[NotchLimit, ...] = table(
+        "limits", NotchLimit, Counter("limit_number", "number of the limit"), default=()
+    )
+    ranges: tuple[NotchedRange, ...] = table(
+        "ranges", NotchedRange, Counter("range", "number of the range"), default=()
+    )
 
     @property
     def unit(self) -> str:
@@ -226,13 +230,14 @@ class SweepCurve:
         "{excitation_unit}", "amplitude of the base's acceleration or of the force, zero to peak", along=_FREQUENCY
     )
     orders: Floats = axis("1", "order: frequency over excitation frequency", name="order")  # (R,)
-    displacement: dict[str, Envelope] = named("probes", given={"quantity": "displacement", "unit": "m"})
+    displacement: dict[str, Envelope] = named("probes", Envelope, given={"quantity": "displacement", "unit": "m"})
     acceleration: dict[str, Envelope] = named(  # empty where not asked for
         "probes",
+        Envelope,
         given={"quantity": "absolute_acceleration", "unit": "m/s^2"},
         having="peak_absolute_acceleration",
     )
-    force: dict[str, Envelope] = named("snubbers", given={"quantity": "force", "unit": "N"})
+    force: dict[str, Envelope] = named("snubbers", Envelope, given={"quantity": "force", "unit": "N"})
     contact_share: dict[str, Floats] = per_snubber("1", "share of the cycle's time in contact", along=_FREQUENCY)
     contacts: dict[str, Ints] = per_snubber("1", "number of closings", along=_FREQUENCY)
     energy_error: Floats | None = dataset(
@@ -243,7 +248,7 @@ class SweepCurve:
         default=None,
     )
     level_unit: str = attribute("", "SI unit of the level; empty where it is the factor of a profile", default="")
-    steady: SteadyStates | None = group("steady", default=None)  # of a stepped sweep
+    steady: SteadyStates | None = group("steady", SteadyStates, default=None)  # of a stepped sweep
     # only computed for limits, the gap also where a snubber is closed at rest
     peak_gap: dict[str, Floats] = per_snubber(
         "m", "largest opening of the contact in the cycle", along=_FREQUENCY, default_factory=dict
@@ -252,13 +257,13 @@ class SweepCurve:
         "Pa", "largest bending stress along the beam in the cycle", along=_FREQUENCY, default=None
     )
     impacts: dict[str, CycleImpacts] = named(  # where sweep.impacts asks for them
-        "snubbers", having="impacts_per_cycle", default_factory=dict
+        "snubbers", CycleImpacts, having="impacts_per_cycle", default_factory=dict
     )
     sliding: dict[str, CycleSliding] = named(  # likewise
-        "friction", having="slides_per_cycle", default_factory=dict
+        "friction", CycleSliding, having="slides_per_cycle", default_factory=dict
     )
-    outputs: dict[str, OutputEnvelope] = named("outputs", having="maximum", default_factory=dict)
-    notching: Notching | None = group("notching", default=None)  # where sweep.notch_to asks for it
+    outputs: dict[str, OutputEnvelope] = named("outputs", OutputEnvelope, having="maximum", default_factory=dict)
+    notching: Notching | None = group("notching", Notching, default=None)  # where sweep.notch_to asks for it
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
     def envelope_of(self, section: str, item: str, quantity: str) -> Envelope | OutputEnvelope:
@@ -300,7 +305,7 @@ class LinearCurve:
     acceleration: dict[str, Complexes] = per_probe(
         "1", "absolute acceleration per unit of excitation", along=_FREQUENCY, name="absolute_acceleration"
     )
-    contact: dict[str, ContactLevels] = named("snubbers", default_factory=dict)
+    contact: dict[str, ContactLevels] = named("snubbers", ContactLevels, default_factory=dict)
 
 
 @declared
@@ -348,8 +353,10 @@ class LevelWork:
     truncation: float = attribute(
         "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude"
     )
-    work: SweepWork = group("")
-    base_correction: CorrectionSize | None = group("base_correction", default=None)  # of a base that is swept
+    work: SweepWork = group("", SweepWork)
+    base_correction: CorrectionSize | None = group(
+        "base_correction", CorrectionSize, default=None
+    )  # of a base that is swept
 
 
 def _curve_rank(_: Mapping[str, Any], curve: SweepCurve) -> tuple[int, bool]:
@@ -394,13 +401,19 @@ class SweepResult(Result):
     SUMMARY = _SUMMARY
 
     kind: str = attribute("", "swept_sine or stepped")
-    curves: dict[str, SweepCurve] = keyed(called="<direction>_<level index>", having="level_index", order=_curve_rank)
-    linear: LinearCurve = group("linear")
-    peaks: tuple[ResponsePeak, ...] = table("peaks", Counter("peak", "number of the peak"))
-    modes: ModeTable = group("modes")
-    work: SweepWork = group("work")
-    levels: dict[int, LevelWork] = keyed("level_{}", having="truncation", default_factory=dict)  # that were computed
-    histories: dict[int, SweepHistory] = keyed("level_{}", having="time", default_factory=dict)  # by level index
+    curves: dict[str, SweepCurve] = keyed(
+        SweepCurve, called="<direction>_<level index>", having="level_index", order=_curve_rank
+    )
+    linear: LinearCurve = group("linear", LinearCurve)
+    peaks: tuple[ResponsePeak, ...] = table("peaks", ResponsePeak, Counter("peak", "number of the peak"))
+    modes: ModeTable = group("modes", ModeTable)
+    work: SweepWork = group("work", SweepWork)
+    levels: dict[int, LevelWork] = keyed(
+        LevelWork, pattern="level_{}", having="truncation", default_factory=dict
+    )  # that were computed
+    histories: dict[int, SweepHistory] = keyed(
+        SweepHistory, pattern="level_{}", having="time", default_factory=dict
+    )  # by level index
     truncation: float = attribute(
         "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude", default=0.0
     )

@@ -1,0 +1,496 @@
+"""A result as flat items by path, and back: what result files and exports are made of.
+
+The declarations of its fields (`beamsim.fields`) say where each of its numbers is, its unit, meaning and axes.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from beamsim.dataclass import dataclass
+from beamsim.fields import (
+    Along,
+    Attribute,
+    Axes,
+    Counter,
+    Dataset,
+    Group,
+    Key,
+    Member,
+    Members,
+    RowBlocks,
+    Table,
+    filled,
+    is_array,
+    members_of,
+    rows_of,
+)
+
+
+@dataclass
+class Item:
+    """A group, or an array with its axes."""
+
+    attributes: dict[str, Any] = field(default_factory=dict)
+    values: Any = None  # None of a group
+    axes: tuple[str, ...] = ()  # paths of the scales of an array, one a dimension; empty where one is unknown
+    scale: bool = False
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return str(self.attributes.get("units", ""))
+
+    @property
+    def meaning(self) -> str:
+        """What the values are."""
+        return str(self.attributes.get("long_name", ""))
+
+
+ROWS_AT_ONCE = 2**18  # of a history that are held in memory
+Items = dict[str, Item]  # by path, the groups around an item before it; the root is "/"
+
+
+def group_name(name: str) -> str:
+    """A name as a link: no slash, not ``.``."""
+    link = name.replace("/", "∕")
+    return f"_{link}" if link.strip(".") == "" else link
+
+
+def joined(home: str, name: str) -> str:
+    """The path of what is called ``name`` in a group; the group itself where that is empty or ``.``."""
+    return home if name in ("", ".") else f"{home.rstrip('/')}/{name}"
+
+
+def parent(path: str) -> str:
+    """The group around an item."""
+    return path.rpartition("/")[0] or "/"
+
+
+def last(path: str) -> str:
+    """The name of an item in its group."""
+    return path.rpartition("/")[2]
+
+
+def nearest_axis(items: Items, path: str, name: str) -> str | None:
+    """The scale of this name in the group of an item, else in the nearest group around it that has one."""
+    group = path
+    while group != "/":
+        group = parent(group)
+        found = items.get(joined(group, name))
+        if found is not None and found.scale:
+            return joined(group, name)
+    return None
+
+
+class _Here(NamedTuple):
+    """Where a dataclass is."""
+
+    path: str
+    owners: tuple[Any, ...]  # itself and what contains it, the innermost first: they fill ``{field}`` in texts
+    counters: str  # the group of its axes that only count
+
+
+# --- From a result to items ------------------------------------------------------------------------------------------
+
+
+def items_of(result: Any) -> Items:
+    """The declared fields of a result as items."""
+    walk = _Walk(getattr(result, "scenario", None))
+    walk.add(result, "/", ())
+    return walk.items
+
+
+class _Walk:
+    """The items of a result, one declared field after the other."""
+
+    def __init__(self, scenario: Any) -> None:
+        self.items: Items = {"/": Item()}
+        self.scenario = scenario
+
+    def item(self, path: str) -> Item:
+        """The item of this path, which may be new, with the groups around it."""
+        if path not in self.items:
+            self.item(parent(path))
+            self.items[path] = Item()
+        return self.items[path]
+
+    def add(self, value: Any, path: str, owners: tuple[Any, ...], counters: str = "") -> None:
+        """The declared fields of a dataclass."""
+        here = _Here(path, (value, *owners), counters or path)
+        for member in sorted(members_of(type(value)), key=_writing_rank):
+            of = rows_of(value, member.name)
+            if of is not None:
+                self._member(member, of, here)
+
+    def _member(self, member: Member, value: Any, here: _Here) -> None:
+        match member.declaration:
+            case Dataset(per=None) as declared:
+                self._array(declared, joined(here.path, filled(member.stored_name, here.owners)), value, here)
+            case Dataset() as declared:
+                for index, (name, item) in enumerate(value.items()):
+                    home = self._labelled(joined(here.path, declared.per or ""), name, index)
+                    if np.ndim(item):
+                        self._array(declared, joined(home, member.stored_name), item, here)
+                    else:
+                        self.item(home).attributes[member.stored_name] = item
+            case Attribute() as declared:
+                place, name = joined(here.path, declared.at), member.stored_name
+                if not declared.at or place in self.items:
+                    coded = {name: value} if declared.codec is None else declared.codec.write(name, value)
+                    self.item(place).attributes.update(coded)
+            case Group() as declared:
+                path = joined(here.path, declared.path)
+                self.item(path)
+                self.add(value, path, here.owners)
+            case Members() as declared:
+                self._members(declared, value, here)
+            case Table() as declared:
+                self._table(declared, value, here)
+
+    def _members(self, declared: Members, value: Any, here: _Here) -> None:
+        folder = joined(here.path, declared.folder)
+        pairs = list(value.items()) if isinstance(value, Mapping) else [(_key(item), item) for item in value]
+        for index, (key, item) in enumerate(pairs):
+            if declared.labelled:
+                home = self._labelled(folder, key, index)
+            else:
+                called = declared.pattern.format(key if key is not None else declared.start + index)
+                parts = (
+                    declared.parts(item) if declared.parts else called.split("/") if is_array(declared.of) else [called]
+                )
+                home = joined(folder, "/".join(map(group_name, parts)))
+                self.item(home)
+                if declared.indexed:
+                    self.items[home].attributes["index"] = index
+            self.add(item, home, here.owners, folder if is_array(declared.of) else "")
+        if declared.listed and pairs:
+            self.items[folder].attributes[declared.listed] = json.dumps([key for key, _ in pairs], ensure_ascii=False)
+
+    def _labelled(self, folder: str, name: str, index: int) -> str:
+        """The group ``<folder>/<name>``; a new one gets its attributes, among them the body if there are several."""
+        path = joined(folder, group_name(name))
+        if path not in self.items:
+            home = self.item(path)
+            home.attributes |= {"name": name, "index": index}
+            body = self.scenario.bodies_of_places.get(last(folder), {}).get(name) if self.scenario else None
+            if body:
+                home.attributes["body"] = body
+        return path
+
+    def _table(self, declared: Table, rows: Sequence[Any], here: _Here) -> None:
+        if not rows and not declared.empty:
+            return
+        home = joined(here.path, declared.path)
+        axis = "" if declared.rows is None else self._counted(home, declared.rows, len(rows))
+        for column in sorted(members_of(declared.of), key=_writing_rank):
+            values = [getattr(row, column.name) for row in rows]
+            if column.default is not None and column.default() is None and all(value is None for value in values):
+                continue
+            place = joined(home, column.stored_name)
+            if column.declaration.scale:
+                axis = place
+            self._put(column.declaration, place, _cells(values, column), here)
+            if not column.declaration.scale:
+                self.items[place].axes = (
+                    axis,
+                    *self._axes(column.declaration.along, place, here._replace(counters=home), 1),
+                )
+
+    def _array(self, declared: Dataset, path: str, value: Any, here: _Here) -> None:
+        """One array, or the two of complex numbers."""
+        if declared.phase:
+            self._put(declared, path, np.abs(value), here)
+            phase = {"units": "degree", "long_name": declared.phase}
+            self._put(declared, f"{path}_phase_deg", np.degrees(np.angle(value)), here, phase)
+        elif np.iscomplexobj(value):
+            meaning = declared.meaning
+            texts = (meaning, declared.imaginary) if declared.imaginary else (
+                f"{meaning}, real part", f"{meaning}, imaginary part"
+            )  # fmt: skip
+            for suffix, part, text in zip(("_real", "_imag"), (value.real, value.imag), texts, strict=True):
+                self._put(declared, path + suffix, part, here, {"long_name": text})
+        else:
+            self._put(declared, path, value, here)
+
+    def _put(
+        self, declared: Dataset, path: str, value: Any, here: _Here, texts: Mapping[str, str] | None = None
+    ) -> None:
+        """One array with its attributes and axes."""
+        item = self.item(path)
+        texts = {"units": declared.unit, "long_name": declared.meaning, **(texts or {})}
+        item.attributes |= {name: filled(text, here.owners) for name, text in texts.items()}
+        item.values, item.scale = _array(value), declared.scale
+        if declared.flags is not None:
+            item.attributes |= {
+                "flag_values": np.array([0, 1], dtype=np.uint8),
+                "flag_meanings": " ".join(declared.flags),
+            }
+        if not declared.scale:
+            item.axes = self._axes(declared.along, path, here)
+
+    def _axes(self, along: Along, path: str, here: _Here, first: int = 0) -> tuple[str, ...]:
+        """Paths of the axes of an array, from the dimension ``first`` on."""
+        if isinstance(along, Axes):
+            along = self._named_axes(along, path, here.owners[-1])
+        axes = []
+        for number, axis in enumerate(along, first):
+            if isinstance(axis, Counter):
+                axes.append(self._counted(here.counters, axis, self.items[path].values.shape[number]))
+                continue
+            found = nearest_axis(self.items, path, axis)
+            if found is None:
+                raise KeyError(f"{path} has no axis {axis}")
+            axes.append(found)
+        return tuple(axes)
+
+    def _named_axes(self, axes: Axes, path: str, result: Any) -> tuple[str | Counter, ...]:
+        """The axes that a result names; an array with the name of one of them becomes that axis."""
+        item, along = self.items[path], getattr(result, axes.field)
+        auxiliary = getattr(result, axes.auxiliary) if axes.auxiliary else ()
+        if last(path) in along:
+            item.scale = True
+            return ()
+        if auxiliary and last(path) not in auxiliary:
+            item.attributes["coordinates"] = " ".join(auxiliary)
+        return (*along, axes.more) if axes.more and item.values.ndim > len(along) else tuple(along)
+
+    def _counted(self, group: str, counter: Counter, size: int) -> str:
+        """The axis of a counter, made on first use."""
+        path = joined(group, counter.name)
+        if path not in self.items:
+            numbers = np.arange(counter.start, counter.start + size)
+            item = self.item(path)
+            item.values, item.scale = _array(counter.labels) if counter.labels else numbers, True
+            item.attributes |= {"units": "1", "long_name": counter.meaning}
+        return path
+
+
+def _writing_rank(member: Member) -> int:
+    """Axes before the arrays along them, attributes after the arrays that may carry them."""
+    if isinstance(member.declaration, Dataset) and member.declaration.scale:
+        return 0
+    return 2 if isinstance(member.declaration, Attribute) else 1
+
+
+def _key(item: Any) -> Any:
+    """Key of a member of a tuple; None if members are numbered."""
+    return next((getattr(item, m.name) for m in members_of(type(item)) if isinstance(m.declaration, Key)), None)
+
+
+def _array(value: Any) -> Any:
+    """An array, of objects where it holds text; long histories that are computed in parts stay so."""
+    if isinstance(value, RowBlocks) and value.size > ROWS_AT_ONCE:
+        return value
+    values = np.asarray(value)
+    return values.astype(object) if values.dtype.kind == "U" or (isinstance(value, tuple) and not value) else values
+
+
+def _cells(values: list[Any], column: Member) -> Any:
+    if column.scalar is str:
+        return np.array(values, dtype=object)
+    if column.type.startswith("tuple"):
+        return np.array(values, dtype=float).reshape(len(values), -1)
+    kind: Any = column.scalar or float
+    return np.array(values, dtype=kind)
+
+
+# --- From items to a result ------------------------------------------------------------------------------------------
+
+
+class Missing(Exception):
+    """The items lack a field."""
+
+
+class Reader:
+    """Dataclasses from items."""
+
+    def __init__(self, items: Items) -> None:
+        self.items = items
+        self._children: dict[str, list[str]] = {}
+        for path in items:
+            if path != "/":
+                self._children.setdefault(parent(path), []).append(path)
+
+    def fields(self, cls: Any, path: str = "/", owners: tuple[Any, ...] = (), key: Any = None) -> dict[str, Any]:
+        """The declared fields of a class, by name.
+
+        Raises
+        ------
+        KeyError
+            If a field without a default is missing.
+        ValueError
+            If one is of another type or shape.
+        """
+        fields: dict[str, Any] = {}
+        here = _Here(path, (fields, *owners), path)
+        for member in sorted(members_of(cls), key=lambda member: not isinstance(member.declaration, Attribute)):
+            if member.derived:
+                continue
+            if isinstance(member.declaration, Key):
+                fields[member.name] = _of_type(key, member)
+                continue
+            try:
+                fields[member.name] = self._member(member, here, key)
+            except Missing as missing:
+                if member.default is None:
+                    raise KeyError(str(missing)) from None
+                fields[member.name] = member.default()
+        return fields
+
+    def _member(self, member: Member, here: _Here, key: Any) -> Any:
+        match member.declaration:
+            case Dataset(per=None) as declared:
+                return self._array(member, declared, joined(here.path, filled(member.stored_name, here.owners)))
+            case Dataset() as declared:
+                return self._per_name(member, declared, here)
+            case Attribute() as declared:
+                item, name = self.items.get(joined(here.path, declared.at)), member.stored_name
+                if item is None or name not in item.attributes:
+                    raise Missing(f"{joined(here.path, name)} is missing")
+                if declared.codec is not None:
+                    return declared.codec.read(name, item.attributes)
+                value = item.attributes[name]
+                return declared.read(value) if declared.read is not None else _of_type(value, member)
+            case Group() as declared:
+                path = joined(here.path, declared.path)
+                if path not in self.items:
+                    raise Missing(f"{path} is missing")
+                owners = (declared.given, *here.owners)
+                return declared.of(**declared.given, **self.fields(declared.of, path, owners, key))
+            case Members() as declared:
+                return self._members(declared, here)
+            case Table() as declared:
+                return self._table(declared, joined(here.path, declared.path))
+        raise TypeError(f"{member.name} is not stored")
+
+    def _per_name(self, member: Member, declared: Dataset, here: _Here) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        name = member.stored_name
+        for home in sorted(self._groups(joined(here.path, declared.per or "")), key=self._index):
+            if member.scalar is not None:
+                values[self._name(home)] = _of_type(self.items[home].attributes[name], member)
+            elif joined(home, name) in self.items or joined(home, f"{name}_real") in self.items:
+                values[self._name(home)] = self._array(member, declared, joined(home, name))
+        return values
+
+    def _members(self, declared: Members, here: _Here) -> Any:
+        folder = joined(here.path, declared.folder)
+        members = []
+        for key, path in self._candidates(folder, declared):
+            given = self.fields(declared.of, path, (declared.given, *here.owners), key)
+            members.append((key, declared.of(**declared.given, **given)))
+        if not members and declared.required and joined(here.path, declared.unless or ".") not in self._children:
+            raise KeyError(f"{folder} is missing")
+        if declared.order is not None:
+            fields, order = here.owners[0], declared.order
+            members.sort(key=lambda entry: order(fields, entry[1]))
+        if declared.several:
+            return tuple(item for _, item in members)
+        return {declared.key(item) if declared.key else key: item for key, item in members}
+
+    def _candidates(self, folder: str, declared: Members) -> Iterator[tuple[Any, str]]:
+        """Keys and paths of the members, in order."""
+        if declared.listed:
+            names = json.loads(self.items[folder].attributes.get(declared.listed, "[]")) if folder in self.items else []
+            for name in names:
+                yield name, joined(folder, "/".join(map(group_name, name.split("/"))))
+            return
+        pattern = re.compile(re.escape(declared.pattern).replace(r"\{\}", "(.+)"))
+        found = []
+        for path in self._below(folder) if declared.parts else self._children.get(folder, ()):
+            match, item = pattern.fullmatch(last(path)), self.items[path]
+            known = declared.having in item.attributes or joined(path, declared.having) in self.items
+            if match and (known if declared.having else item.values is None):
+                found.append((match[1], path))
+        if declared.labelled or is_array(declared.of):
+            found = [(self._name(path), path) for _, path in found]
+        if declared.labelled or declared.indexed:
+            found.sort(key=lambda entry: self._index(entry[1]))
+        else:
+            found.sort(key=lambda entry: (int(entry[0]), "") if entry[0].isdigit() else (-1, entry[0]))
+        yield from found
+
+    def _groups(self, folder: str) -> list[str]:
+        return [path for path in self._children.get(folder, ()) if self.items[path].values is None]
+
+    def _below(self, folder: str) -> Iterator[str]:
+        for path in self._groups(folder):
+            yield path
+            yield from self._below(path)
+
+    def _index(self, path: str) -> int:
+        """Index of a group in its folder; without one, the smallest index of the groups in it."""
+        if "index" in self.items[path].attributes:
+            return int(self.items[path].attributes["index"])
+        return min((self._index(inner) for inner in self._groups(path)), default=0)
+
+    def _name(self, path: str) -> str:
+        """Name of an item; its link may be spelt differently."""
+        named = [place for place in (path, *self._groups(path)) if "name" in self.items[place].attributes]
+        return str(self.items[named[0]].attributes["name"]) if named else last(path)
+
+    def _table(self, declared: Table, home: str) -> tuple[Any, ...]:
+        if home not in self.items:
+            if declared.empty:
+                raise Missing(f"{home} is missing")
+            return ()
+        columns = {}
+        for column in members_of(declared.of):
+            item = self.items.get(joined(home, column.stored_name))
+            if column.derived or (item is None and column.default is not None):
+                continue  # not in files written before the field was added
+            if item is None or item.values is None:
+                raise KeyError(f"{joined(home, column.stored_name)} is missing")
+            columns[column.name] = [_of_type(value, column) for value in item.values]
+        return tuple(declared.of(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
+
+    def _array(self, member: Member, declared: Dataset, path: str) -> Any:
+        if f"{path}_real" in self.items:
+            real, imaginary = (self._numbers(f"{path}{part}", member, declared) for part in ("_real", "_imag"))
+            return np.asarray(real + 1j * imaginary)
+        item = self.items.get(path)
+        if item is None:
+            raise Missing(f"{path} is missing")
+        if item.values is not None and item.values.dtype == object and member.may_be_text:
+            words = [str(word) for word in np.ravel(item.values)]
+            return tuple(words) if member.type.startswith("tuple") else np.array(words)
+        values = self._numbers(path, member, declared)
+        if declared.phase:
+            return values * np.exp(1j * np.radians(self._numbers(f"{path}_phase_deg", member, declared)))
+        return values if values.ndim else _of_type(values[()], member)
+
+    def _numbers(self, path: str, member: Member, declared: Dataset) -> Any:
+        """The values of an array, if they are numbers along as many axes as declared, and of their lengths."""
+        item = self.items.get(path)
+        if item is None or item.values is None:
+            raise ValueError(f"{path} is a group")
+        if item.values.dtype == object:
+            raise ValueError(f"{path} holds text instead of numbers")
+        along = () if isinstance(declared.along, Axes) else declared.along
+        if member.scalar is None and item.values.ndim < (least := 1 if declared.scale else len(along)):
+            raise ValueError(f"{path} has {item.values.ndim} dimensions, not {least}")
+        for axis, size in zip(along, item.values.shape, strict=False):
+            name = axis.name if isinstance(axis, Counter) else axis
+            scale = nearest_axis(self.items, path, name)
+            if scale is not None and self.items[scale].values.shape != (size,):
+                raise ValueError(f"{path} has {size} values along {scale}")
+        return item.values
+
+
+def _of_type(value: Any, member: Member) -> Any:
+    """A number or text of the type of its field; several as a tuple."""
+    if member.scalar is not None:
+        try:
+            return member.scalar(value)
+        except TypeError as error:
+            raise ValueError(f"{member.stored_name}: {error}") from None
+    if isinstance(value, np.ndarray):
+        return tuple(value.tolist())
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,172 @@
+"""HDF5 files of flat items: written completely or not at all, and read with a check of their axes."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from beamsim.errors import ResultFileError
+from beamsim.fields import RowBlocks
+from beamsim.files import replacing
+from beamsim.measurements.hdf5_file import scale_along
+from beamsim.store.flat import Item, Items, last
+
+TEXT = h5py.string_dtype("utf-8")
+MAPPED_BYTES = 2**24  # larger arrays are read from the file where they are used
+_OF_HDF5 = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME")
+_ITEM_BYTES = 4096  # more than HDF5 takes for an item besides its values and texts
+
+
+def write_items(items: Items, path: Path | str) -> None:
+    """Write items to a file, which replaces ``path`` when it is complete.
+
+    Raises
+    ------
+    ResultFileError
+        If it cannot be written (no permission, disk full, a folder of that name).
+    """
+    with replacing(path) as temporary:
+        _reserve(temporary, sum(map(_size, items.values())))
+        with h5py.File(temporary, "w") as file:
+            blocks = [(_create(file, place, item), item.values) for place, item in items.items()]
+            for place, item in items.items():
+                for k, axis in enumerate(item.axes):
+                    file[place].dims[k].attach_scale(file[axis])
+            _fill([(dataset, values) for dataset, values in blocks if isinstance(values, RowBlocks)])
+
+
+def _size(item: Item) -> int:
+    texts = sum(len(value) for value in item.attributes.values() if isinstance(value, str))
+    values = 0 if item.values is None else item.values.size * item.values.dtype.itemsize
+    return values + 4 * texts + _ITEM_BYTES
+
+
+def _reserve(path: Path, size: int) -> None:
+    """Take and give back the room of a file on its disk: HDF5 ends the process where a disk is full.
+
+    Raises
+    ------
+    OSError
+        If there is not enough.
+    """
+    with open(path, "xb") as file:
+        try:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, size)
+            else:
+                file.truncate(size)
+        except OSError as error:
+            if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):  # of file systems that cannot
+                raise
+
+
+def _create(file: h5py.File, place: str, item: Item) -> h5py.Group | h5py.Dataset:
+    """The group or dataset of an item."""
+    values = item.values
+    if values is None:
+        owner = file.require_group(place)
+    elif isinstance(values, RowBlocks):
+        owner = file.create_dataset(place, (values.size,), np.uint8 if values.dtype == np.bool_ else values.dtype)
+    else:
+        array = np.asarray(values)
+        if array.dtype.kind in "OU":
+            array = array.astype(TEXT)
+        owner = file.create_dataset(place, data=array.view(np.uint8) if array.dtype == np.bool_ else array)
+    for name, value in item.attributes.items():
+        owner.attrs[name] = value
+    if item.scale:
+        owner.make_scale(last(place))
+    return owner
+
+
+def _fill(histories: list[tuple[h5py.Dataset, RowBlocks]]) -> None:
+    """Write the parts of histories of equal length side by side."""
+    count = max((values.size for _, values in histories), default=0)
+    part = max((values.block for _, values in histories), default=1)
+    for begin in range(0, count, part):
+        rows = slice(begin, min(begin + part, count))
+        for dataset, values in histories:
+            dataset[rows] = values[rows]
+
+
+def read_items(file: h5py.File) -> Items:
+    """The items of an open file.
+
+    Raises
+    ------
+    ValueError
+        If an array is of another length than its axis, or neither of numbers nor of text.
+    """
+    items: Items = {"/": Item(_attributes(file))}
+
+    def note(name: str, owner: h5py.Group | h5py.Dataset) -> None:
+        item = items[f"/{name}"] = Item(_attributes(owner))
+        if isinstance(owner, h5py.Dataset):
+            item.values, item.scale = _values(owner), owner.is_scale
+            if not item.scale:
+                along = [scale_along(owner, k) for k in range(owner.ndim)]
+                item.axes = tuple("" if scale is None else str(scale.name) for scale in along)
+
+    file.visititems(note)
+    for place, item in items.items():
+        for k, axis in enumerate(item.axes):
+            if axis and items[axis].values.shape != item.values.shape[k : k + 1]:
+                raise ValueError(f"{place} has {item.values.shape[k]} values along {axis}")
+    return items
+
+
+def _attributes(owner: h5py.Group | h5py.Dataset) -> dict[str, Any]:
+    return {name: value for name, value in owner.attrs.items() if name not in _OF_HDF5}
+
+
+def _values(dataset: h5py.Dataset) -> Any:
+    """The values: numbers, texts as objects, flags as truth values."""
+    if h5py.check_string_dtype(dataset.dtype) is not None:
+        return np.asarray(dataset.asstr()[()], dtype=object)
+    if not np.issubdtype(dataset.dtype, np.number) and dataset.dtype != np.bool_:
+        raise ValueError(f"{dataset.name} holds {dataset.dtype}, neither numbers nor text")
+    offset = dataset.id.get_offset() if dataset.nbytes > MAPPED_BYTES else None
+    if offset is None:
+        values = np.asarray(dataset[()])
+    else:
+        values = np.memmap(dataset.file.filename, dataset.dtype, "r", offset, dataset.shape)
+    flags = "flag_meanings" in dataset.attrs
+    return values.view(np.bool_) if flags and values.dtype == np.uint8 else values
+
+
+@contextmanager
+def opened(path: Path | str, command: str = "run") -> Iterator[h5py.File]:
+    """An HDF5 file, open for reading; errors in reading it are reported as its damage.
+
+    Raises
+    ------
+    ResultFileError
+        If the file is missing, unreadable or damaged; ``command`` is what writes such files.
+    """
+    place = Path(path)
+    remedy = f"give the .h5 file that `beamsim {command}` wrote"
+    try:
+        if place.is_dir():
+            raise ResultFileError(f"{path}: is a folder; {remedy}")
+        if not place.exists():
+            raise ResultFileError(f"{path}: no such result file; `beamsim {command} case.yaml` writes one")
+        if not place.is_file():
+            raise ResultFileError(f"{path}: not a regular file; {remedy}")
+        file = h5py.File(place, "r")
+    except PermissionError as error:
+        raise ResultFileError(f"{path}: no permission to read it") from error
+    except (OSError, ValueError) as error:
+        raise ResultFileError(f"{path}: not an HDF5 file, or damaged; {remedy}, or run the case again") from error
+    with file:
+        try:
+            yield file
+        except (LookupError, ValueError, ArithmeticError, OSError, RuntimeError) as error:
+            reason = str(error.args[0] if isinstance(error, KeyError) and error.args else error).partition("\n")[0]
+            raise ResultFileError(f"{path}: damaged ({reason or type(error).__name__}); run the case again") from error
