@@ -21,7 +21,6 @@ from beamsim.cli.report import (
     gapping,
     percent,
 )
-from beamsim.fields import rows_of
 from beamsim.plots.style import amount, is_known
 
 LINES_SHOWN = 6
@@ -30,8 +29,8 @@ NEGLIGIBLE = 1e-12  # of the largest displacement: round-off
 
 
 def _method(result: RunResult, method: str) -> str:
-    time = rows_of(result, "time")
-    first, last = time[:1][0], time[-1:][0]
+    time = result.time
+    first, last = time[0], time[-1]
     return f"{method}, {first:g} to {last:g} s, {time.size} samples"
 
 
@@ -325,7 +324,7 @@ def _against(result: RunResult, compared: Mapping[str, Any]) -> Iterator[tuple[s
                 (name, *(_figure(figure, number, unit) for number in (exact, stepped)), _change(exact, stepped))
             )
     until = compared["agrees_until_s"]
-    whole = until >= rows_of(result, "time")[-1:][0]
+    whole = until >= result.time[-1]
     part = "" if whole else f" until {amount(until, 's')}, where the contacts part"
     state, late = compared["largest_state_difference"], compared["largest_time_difference_s"]
     rows.append((f"displacement{part}", "", "", percent(state)))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow
-from beamsim.fields import rows_of
 from beamsim.plots.style import MOST_CURVES, amount, curve_style, finish, legend, scale_for, time_scale
 from beamsim.typing import Ints
 
@@ -113,7 +112,7 @@ def impact_figures(
     figures = {}
     if result.impacts is not None and result.impacts.begin.size:
         figures["impact_map"], (ax,) = panels(1, 1, 4.4)
-        plot_impact_map(result.impacts, ax, float(rows_of(result, "time")[-1:][0]))
+        plot_impact_map(result.impacts, ax, float(result.time[-1]))
         figures["impact_histogram"], (above, below) = panels(2, 1, 5.6)
         plot_peak_forces(result.impacts, above)
         names = _strongest(result.impacts)

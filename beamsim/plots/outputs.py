@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from beamsim.fields import rows_of
 from beamsim.plots.bounds import draw_limit
 from beamsim.plots.style import (
     Scale,
@@ -30,7 +29,7 @@ def output_label(words: str, name: str, scale: Scale) -> str:
 def plot_output(result: RunResult, ax: Axes, name: str) -> Axes:
     """Time history of an output."""
     output, clock = result.outputs[name], time_scale()
-    time, values = thinned(rows_of(result, "time"), rows_of(output, "value"))
+    time, values = thinned(result.time, output.value)
     scale = scale_for(output.unit, values)
     ax.plot(time * clock.factor, values * scale.factor, **curve_style(0))
     draw_limit(ax, result.scenario.limits, OF_OUTPUTS + name, scale, both_signs=True)

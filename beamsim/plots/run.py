@@ -11,7 +11,6 @@ import numpy as np
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult, SnubberHistory, Spectrum
 from beamsim.analyses.run.windows import Window
-from beamsim.fields import rows_of
 from beamsim.plots.assembly import assembly_figures
 from beamsim.plots.bounds import draw_faces, draw_limit
 from beamsim.plots.impacts import impact_figures
@@ -20,7 +19,6 @@ from beamsim.plots.plates import plate_figures
 from beamsim.plots.random_response import has_transmissibility, plot_crossings, plot_density, plot_transmissibility
 from beamsim.plots.shock_response import plot_shock_response
 from beamsim.plots.style import (
-    AT_ONCE,
     MOST_CURVES,
     acceleration_scale,
     curve_style,
@@ -93,10 +91,7 @@ def _doubts(result: RunResult, ax: Axes, figure: str, called: str = "peaks", of:
 
 def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
     """Time history of the contact forces; if there are many snubbers, those with the largest peaks."""
-    peaks = {
-        name: float(np.max(thinned(rows_of(s, "force"), rows_of(s, "force"))[1], initial=0.0))
-        for name, s in result.snubbers.items()
-    }
+    peaks = {name: float(np.max(thinned(s.force, s.force)[1], initial=0.0)) for name, s in result.snubbers.items()}
     strongest = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CURVES]
     names = {name: "force" for name in result.snubbers if name in strongest}
     _histories(result, ax, result.snubbers, names, "Contact force", "N", last_part, "peak_force")
@@ -180,10 +175,10 @@ def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> A
     light grey.
     """
     place = _place(result, at)
-    times = rows_of(result, "time")
+    times = result.time
     shown = slice(max(times.size - MOST_STATES, 0), times.size)
-    time, w, v = times[shown], rows_of(place, "displacement")[shown], rows_of(place, "velocity")[shown]
-    closed = rows_of(place, "closed")[shown] if isinstance(place, SnubberHistory) else np.zeros(time.size, dtype=bool)
+    time, w, v = times[shown], place.displacement[shown], place.velocity[shown]
+    closed = place.closed[shown] if isinstance(place, SnubberHistory) else np.zeros(time.size, dtype=bool)
     length, speed = scale_for("m", w), scale_for("m/s", v)
     w, v = w * length.factor, v * speed.factor
     begin = min((s.start_s for s in result.spectra.values()), default=0.0)
@@ -211,14 +206,14 @@ def plot_force_deflection(result: RunResult, ax: Axes) -> Axes:
     """
     lossy = {stop.name for _, _, stop in result.scenario.located_snubbers if stop.maxwell or stop.hardening}
     snubbers = list(result.snubbers.values())[:MOST_CURVES]
-    shown = slice(max(rows_of(result, "time").size - MOST_STATES, 0), None)
+    shown = slice(max(result.time.size - MOST_STATES, 0), None)
     loops = []
     for snubber in snubbers:
-        closed = rows_of(snubber, "closed")[shown]
+        closed = snubber.closed[shown]
         drawn = closed.copy()  # and one more sample on either side
         drawn[1:] |= closed[:-1]
         drawn[:-1] |= closed[1:]
-        values = [rows_of(snubber, name)[shown] for name in ("penetration", "force")]
+        values = [getattr(snubber, name)[shown] for name in ("penetration", "force")]
         if snubber.dashpot or snubber.name in lossy:
             loops.append([np.where(drawn, value, np.nan) for value in values])
         else:
@@ -238,8 +233,8 @@ def plot_force_deflection(result: RunResult, ax: Axes) -> Axes:
 def plot_friction(result: RunResult, ax: Axes) -> Axes:
     """Friction force over displacement: loops enclose the work that is lost. Of a long run the last part is drawn."""
     contacts = list(result.friction.values())[:MOST_CURVES]
-    shown = slice(max(rows_of(result, "time").size - MOST_STATES, 0), None)
-    loops = [[rows_of(contact, name)[shown] for name in ("displacement", "force")] for contact in contacts]
+    shown = slice(max(result.time.size - MOST_STATES, 0), None)
+    loops = [[getattr(contact, name)[shown] for name in ("displacement", "force")] for contact in contacts]
     length, newton = (scale_for(unit, *(loop[k] for loop in loops)) for k, unit in enumerate(("m", "N")))
     for k, (contact, (displacement, force)) in enumerate(zip(contacts, loops, strict=True)):
         style = {**curve_style(k), "linewidth": 0.8}
@@ -254,12 +249,10 @@ def plot_spring_force(result: RunResult, ax: Axes) -> Axes:
     springs = list(result.springs.values())[:MOST_CURVES]
     curves = []
     for spring in springs:
-        force, stretch = rows_of(spring, "force"), rows_of(spring, "stretch")
-        if stretch.size > AT_ONCE:  # the force follows from the stretch, or nearly so
-            force, stretch = thinned(force, stretch, AT_ONCE)
+        force, stretch = thinned(spring.force, spring.stretch, 250_000)  # one follows from the other, or nearly so
         relaxes = spring.kind in ("linear", "spring")  # then the motion draws loops
-        order = slice(None) if relaxes else np.argsort(stretch[:], kind="stable")
-        curves.append((stretch[:][order], force[:][order]))
+        order = slice(None) if relaxes else np.argsort(stretch, kind="stable")
+        curves.append((stretch[order], force[order]))
     length = scale_for("m", *(stretch for stretch, _ in curves))
     newton = scale_for("N", *(force for _, force in curves))
     for k, (spring, (stretch, force)) in enumerate(zip(springs, curves, strict=True)):
@@ -420,7 +413,7 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
 
 def plot_base_acceleration(result: RunResult, ax: Axes) -> Axes:
     """Time history of the acceleration of the base, the input."""
-    t, x = thinned(rows_of(result, "time"), rows_of(result, "base_acceleration"))
+    t, x = thinned(result.time, result.base_acceleration)
     scale, clock = acceleration_scale(), time_scale()
     ax.plot(t * clock.factor, x * scale.factor, **curve_style(0))
     ax.set_xlim(t[0] * clock.factor, t[-1] * clock.factor)
@@ -439,12 +432,12 @@ def _histories(
     limit: str,
 ) -> Axes:
     """Draw one field of each of some places, with its limit; displacements with the faces of stops."""
-    time, names = rows_of(result, "time"), list(fields)[:MOST_CURVES]
+    time, names = result.time, list(fields)[:MOST_CURVES]
     begin, end = _ends(result)
     if last_part:
         begin = _last_part(result)
     first = _first_from(time, begin)
-    curves = [thinned(time, rows_of(places[name], fields[name]), begin=first) for name in names]
+    curves = [thinned(time, getattr(places[name], fields[name]), begin=first) for name in names]
     scale = scale_for(unit, *(x for _, x in curves))
     clock = time_scale()
     for k, (name, (t, x)) in enumerate(zip(names, curves, strict=True)):
@@ -460,8 +453,8 @@ def _histories(
 
 def _ends(result: RunResult) -> tuple[float, float]:
     """First and last output time, s."""
-    time = rows_of(result, "time")
-    return float(time[:1][0]), float(time[-1:][0])
+    time = result.time
+    return float(time[0]), float(time[-1])
 
 
 def _first_from(time: Any, begin: float) -> int:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-AT_ONCE = 2**18  # samples of a long history that are read together
 ROUND_OFF = 1e-15  # in SI units; nothing that is shown can be known so small
 SAME_CURVE = 0.01  # relative difference up to which two curves are drawn as one
 LETTERS, HANDLE = 13.0, 6  # of a legend's size on an inch; that the line before a label is as long as
@@ -262,26 +261,20 @@ def legend(ax: Axes, shown: int, known: int, what: str) -> None:
         )  # fmt: skip
 
 
-def thinned(time: Any, x: Any, most: int = 40_000, begin: int = 0) -> tuple[Floats, Floats]:
+def thinned(time: Floats, x: Floats, most: int = 40_000, begin: int = 0) -> tuple[Floats, Floats]:
     """The same curve with at most about ``most`` points: the minimum and maximum of every few samples.
 
     Parameters
     ----------
-    time, x : (n,) arrays, or histories that are read in parts (`beamsim.fields.RowBlocks`).
+    time, x : (n,) arrays.
+    most : number of points that is kept as it is.
     begin : number of the first sample.
     """
     count = x.size - begin
     length = -(-2 * count // most)
     if count <= most or length < 3:
         return time[begin:], x[begin:]
-    part = length * max(AT_ONCE // length, 1)
-    parts = [_extremes(time[k : k + part], x[k : k + part], length) for k in range(begin, x.size, part)]
-    times, values = zip(*parts, strict=True)
-    return np.concatenate(times), np.concatenate(values)
-
-
-def _extremes(time: Floats, x: Floats, length: int) -> tuple[Floats, Floats]:
-    """Lowest and highest of every ``length`` samples, in order of time, and what remains at the end."""
+    time, x = time[begin:], x[begin:]
     whole = x.size // length * length
     blocks = x[:whole].reshape(-1, length)
     first = np.arange(blocks.shape[0]) * length

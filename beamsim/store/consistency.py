@@ -17,6 +17,7 @@ from beamsim.store.flat import Items, last, parent
 from beamsim.store.results import open_with_items
 
 FAR = 2.0  # times the peak: those of stepped and of stopped motions are peaks of some of the samples
+_OF_CURVES = ("peak_displacement", "max_displacement", "min_displacement")
 BEYOND = 1e100  # in its unit: no input within the range of physical quantities (1e30, 1e-30 Hz) leads there
 
 
@@ -29,11 +30,14 @@ def open_consistent(path: Path | str, kind: str = "") -> Any:
         Also where a curve holds NaN or infinity, goes far beyond its peak, or beyond all that inputs lead to.
     """
     result, items = open_with_items(path, kind)
+    times = items["/time"].values if "/time" in items else np.zeros(1)
+    if not 0.0 <= times[0] <= times[-1] < np.inf:
+        raise ResultFileError(f"{path}: damaged (its times are not those of a run); run the case again")
     for place, item in items.items():
         if not _is_curve(items, place, result.complete):
             continue
         largest, peak = float(np.max(np.abs(item.values), initial=0.0)), _peak(items, result.summary, place)
-        name = f"{last(place).removeprefix('peak_').replace('_', ' ')} in {parent(place)}"
+        name = f"{last(place).replace('_', ' ')} in {parent(place)}"
         if not np.isfinite(largest):
             reason = f"the {name} holds values that are not finite"
         elif peak is not None and largest > FAR * peak:
@@ -54,13 +58,13 @@ def _is_curve(items: Items, place: str, complete: bool) -> bool:
     item = items[place]
     if item.values is None or item.values.dtype.kind != "f" or parent(place) == "/energy":
         return False
-    return item.axes == ("/time",) or (complete and last(place) == "peak_displacement" and bool(item.axes))
+    return item.axes == ("/time",) or (complete and last(place) in _OF_CURVES and bool(item.axes))
 
 
 def _peak(items: Items, summary: Mapping[str, Any], place: str) -> float | None:
     """The largest displacement of a probe in the summary; None where it has none."""
     probe, folder = items[parent(place)].attributes.get("name"), parent(parent(place))
-    if last(folder) != "probes" or last(place) not in ("displacement", "peak_displacement"):
+    if last(folder) != "probes" or last(place) not in ("displacement", *_OF_CURVES):
         return None
     curve, peaks = parent(folder), summary.get("peak_displacement_m")
     if peaks is not None:

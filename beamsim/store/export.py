@@ -68,7 +68,7 @@ class Column(NamedTuple):
     values: NDArray[Any]  # along one axis those of an axis, along all of them those of an array
 
 
-class Table(NamedTuple):
+class ExportTable(NamedTuple):
     """Arrays along the same axes."""
 
     name: str  # the group and the axes
@@ -88,9 +88,9 @@ class Table(NamedTuple):
         return along + [np.reshape(column.values, -1)[first:end] for column in self.columns]
 
 
-def tables_of(items: Items) -> list[Table]:
+def tables_of(items: Items) -> list[ExportTable]:
     """All arrays except scales, as tables in the order of the items."""
-    tables: dict[tuple[Any, ...], Table] = {}
+    tables: dict[tuple[Any, ...], ExportTable] = {}
     for path, item in items.items():
         if item.values is None or item.scale:
             continue
@@ -100,7 +100,7 @@ def tables_of(items: Items) -> list[Table]:
         along = f"by_{'_and_'.join(_name(items, axis, k) for k, axis in enumerate(item.axes or [''] * len(axes)))}"
         name = "_".join(filter(None, (group.strip("/").replace("/", "_"), along if axes else "values")))
         name = "time_histories" if item.axes == ("/time",) else name
-        table = tables.setdefault(key, Table(name, axes, []))
+        table = tables.setdefault(key, ExportTable(name, axes, []))
         title = header(_spelt(items, group, path), item.unit)
         while title in {column.header for column in (*table.axes, *table.columns)}:
             title += "_2"
@@ -147,8 +147,9 @@ def _spelt(items: Items, group: str, path: str) -> str:
     parts = path.removeprefix(group).strip("/").split("/")
     for folder, inner in pairwise(parts):
         here = joined(here, folder)
-        names = "name" in items[joined(here, inner)].attributes
-        words.append(folder.removesuffix("s") if names else folder)
+        place = items[joined(here, inner)]
+        named = place.values is None and "name" in place.attributes
+        words.append(folder.removesuffix("s") if named else folder)
     return "_".join((*words, parts[-1]))
 
 
@@ -189,7 +190,7 @@ def _export_csv(result: Any, items: Items, folder: Path) -> list[Path]:
     return written
 
 
-def _rows(table: Table) -> Iterator[tuple[Any, ...]]:
+def _rows(table: ExportTable) -> Iterator[tuple[Any, ...]]:
     for first in range(0, table.size, ROWS_AT_ONCE):
         part = table.part(first, min(first + ROWS_AT_ONCE, table.size))
         yield from zip(*((x.astype(int) if x.dtype == bool else x).tolist() for x in part), strict=True)

@@ -386,7 +386,8 @@ class Reader:
         for key, path in self._candidates(folder, declared):
             given = self.fields(declared.of, path, (declared.given, *here.owners), key)
             members.append((key, declared.of(**declared.given, **given)))
-        if not members and declared.required and joined(here.path, declared.unless or ".") not in self._children:
+        instead = declared.unless and joined(here.path, declared.unless) in self._children
+        if not members and declared.required and not instead:
             raise KeyError(f"{folder} is missing")
         if declared.order is not None:
             fields, order = here.owners[0], declared.order

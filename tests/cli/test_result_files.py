@@ -90,14 +90,16 @@ def files(tmp_path_factory):
     return make
 
 
-def stored_datasets(path):
-    """Path -> values of every dataset that is no scale, read without beamsim."""
+def stored_datasets(path, *, named=False):
+    """Path -> values of every dataset that is no scale, read without beamsim; ``named``: names where they are indices."""
     found = {}
 
     def note(name, item):
         if isinstance(item, h5py.Dataset) and not item.is_scale:
             words = h5py.check_string_dtype(item.dtype) is not None
             found[name] = np.asarray(item.asstr()[()] if words else item[()])
+            if named and "names" in item.attrs:
+                found[name] = item.attrs["names"][found[name]]
 
     with h5py.File(path) as file:
         file.visititems(note)
@@ -158,7 +160,7 @@ def test_csv_holds_every_number(name, files, tmp_path):
     with open(tmp_path / f"{name}_csv" / "columns.csv", newline="", encoding="utf-8") as stream:
         described = {(row["file"], row["column"]): row for row in csv.DictReader(stream)}
     assert set(described) == set(columns)
-    expected = stored_datasets(path)
+    expected = stored_datasets(path, named=True)
     assert len(expected) > 5
     for place, values in expected.items():
         last = place.rpartition("/")[2]

@@ -16,7 +16,6 @@ from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
-from beamsim.fields import rows_of
 from beamsim.flow.stopping import never
 from beamsim.flow.transient import simulate
 from beamsim.scenario.run import OrbitStart
@@ -128,7 +127,7 @@ def frames_of_run(
         stepping = TimeStepping(flow, "DOP853", rtol=rtol, atol=settings.atol, cubic=system.cubic)
         stepped = integrate(stepping, system.initial_state, times, progress=progress, stop=stop)
         q, times, slow = stepped.y[:, : system.dynamics.size], stepped.time, slow[: stepped.time.size]
-        output = rows_of(result, "time")[:]
+        output = result.time
         forces = np.array([np.interp(times, output, force) for force in _forces(result)]).reshape(-1, times.size).T
     lines = drawn_lines(system.stations, scenario)
     sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
@@ -188,14 +187,12 @@ def _nearest(stations: Stations, place: Place) -> int:
 
 def instants(result: RunResult) -> tuple[Floats, Bools]:
     """Instants (nf,) of the frames and whether they are slow; see `frames_of_run`."""
-    time = rows_of(result, "time")
-    begin, end = float(time[:1][0]), float(time[-1:][0])
-    if not 0.0 <= begin <= end < np.inf:
-        raise ValueError("its times are not those of a run")
+    time = result.time
+    begin, end = float(time[0]), float(time[-1])
     forced = next((s.excitation_hz for s in result.spectra.values()), math.nan)
     frequencies = [forced, *result.modes.open_frequencies_hz]
     period = 1.0 / next((f for f in frequencies if np.isfinite(f) and f > 0.0), 1.0 / max(end - begin, 1e-9))
-    peaks = [(float(force.max(initial=0.0)), float(time[:][force.argmax()])) for force in _forces(result) if force.size]
+    peaks = [(float(force.max(initial=0.0)), float(time[force.argmax()])) for force in _forces(result) if force.size]
     force, at = max(peaks, default=(0.0, end))
     centre = at if force > 0.0 else end
     length = min(PERIODS * period, end - begin)
@@ -219,7 +216,7 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
 
 
 def _forces(result: RunResult) -> list[Floats]:
-    return [rows_of(snubber, "force")[:] for snubber in result.snubbers.values()]
+    return [snubber.force for snubber in result.snubbers.values()]
 
 
 def _contacts(time: Floats, closing: Bools, begin: float, end: float) -> list[tuple[float, float]]:

@@ -13,7 +13,6 @@ from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.run.result import RunResult, SpectralLine, Spectrum
 from beamsim.analyses.run.spectrum import amplitude_db, spectrum
 from beamsim.errors import Problem, ScenarioError
-from beamsim.fields import rows_of
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.run import SpectrumSettings
@@ -59,16 +58,16 @@ def compare(
     ).with_summary(comparisons=[_compared(channel) for channel in channels])
 
 
-def predicted_history(result: RunResult, place: str, quantity: str) -> Any:
-    """(nt,) the computed history of a quantity at a probe or, for a force, at a snubber, to be sliced."""
-    return rows_of(result.snubbers[place] if quantity == "force" else result.probes[place], quantity)
+def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
+    """(nt,) the computed history of a quantity at a probe or, for a force, at a snubber."""
+    return np.asarray(getattr(result.snubbers[place] if quantity == "force" else result.probes[place], quantity))
 
 
 def _channel(
     result: RunResult, place: str, quantity: str, signal: MeasuredSignal, count: int, last: float | None,
     warnings: list[str],
 ) -> ChannelComparison:  # fmt: skip
-    times, values = rows_of(result, "time"), predicted_history(result, place, quantity)
+    times, values = result.time, predicted_history(result, place, quantity)
     part = slice(max(times.size - MOST_COMPARED, 0), times.size)
     time, x = times[part], np.asarray(values[part])
     name = f"{place} {quantity.replace('_', ' ')}"
