@@ -228,7 +228,7 @@ def _flat(values: Any, item: str = "") -> Iterator[tuple[str, Any]]:
 def _export_mat(result: Any, items: Items, target: Path) -> list[Path]:
     """Structs as the groups of the file; a group's ``attributes``, and the ``units`` of its arrays, in structs too.
 
-    Pairs of arrays ``…_real`` and ``…_imag`` become one complex array. The numbers of snubbers in the events count from 1.
+    Pairs of arrays ``…_real`` and ``…_imag`` become one complex array. Snubbers of events are numbered from 1.
     """
     from scipy.io import savemat
 

@@ -91,7 +91,7 @@ def files(tmp_path_factory):
 
 
 def stored_datasets(path, *, named=False):
-    """Path -> values of every dataset that is no scale, read without beamsim; ``named``: names where they are indices."""
+    """Path -> values of every dataset that is no scale, read without beamsim; ``named``: names for indices."""
     found = {}
 
     def note(name, item):

@@ -87,7 +87,7 @@ def test_any_part_of_a_history_is_that_of_the_whole(small_parts):
 def test_a_long_run_is_written_read_drawn_and_exported_in_little_memory(small_parts, tmp_path, monkeypatch):
     from matplotlib.figure import Figure
 
-    monkeypatch.setattr(hdf5, "MAPPED_BYTES", 2**16)
+    monkeypatch.setattr(hdf5, "MAPPED_BYTES", 2**15)
     path, result = tmp_path / "long.h5", long_run(**{"run.duration": "2 s"})
     write_result(long_run(**{"run.duration": "0.5 s"}), tmp_path / "first.h5")  # compiles
     column = 8 * 200_001
@@ -119,7 +119,7 @@ def test_tables_in_parts_hold_every_sample(small_parts, tmp_path):
 
 @pytest.mark.skipif(os.name != "posix", reason="open files are not replaced elsewhere")
 def test_a_history_of_a_file_that_was_replaced_is_that_of_the_earlier_one(small_parts, tmp_path, monkeypatch):
-    monkeypatch.setattr(hdf5, "MAPPED_BYTES", 2**16)
+    monkeypatch.setattr(hdf5, "MAPPED_BYTES", 2**15)
     path, short = tmp_path / "replaced.h5", long_run(**{"run.duration": "0.5 s"})
     write_result(short, path)
     stored = open_run(path)

@@ -125,7 +125,7 @@ def test_a_case_with_a_realisation_that_failed_does_not_pass(tmp_path):
     (place,) = (p for p in (tmp_path / "tables").glob("designs_by_*.csv") if "realisation" not in p.stem)
     with open(place, encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    (place,) = (tmp_path / "tables").glob("designs_by_*_and_realisation.csv")
+    (place,) = (tmp_path / "tables").glob("designs_realisations_by_*.csv")
     with open(place, encoding="utf-8") as file:
         realised = [float(row[next(name for name in row if "force" in name)]) for row in csv.DictReader(file)]
     largest = np.reshape(realised, (3, -1)).max(axis=1)
