@@ -1,4 +1,4 @@
-"""Branches of periodic motions in SI units, with the quantities at probes and snubbers: one class for every kind."""
+"""Branches of periodic motions in SI units, with the quantities at probes and snubbers: a class for each kind."""
 
 from __future__ import annotations
 
@@ -98,38 +98,18 @@ class OutputExtremes:
         return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
 
 
-@declared
+@declared(kw_only=True)
 class BranchResult:
-    """A branch of periodic motions: first the fields of every kind, then those of some kinds only.
+    """A branch of periodic motions: what every kind has."""
 
-    Kinds are ``response`` (forced, at one level), ``fold`` (or grazing, of a response, in frequency and a second
-    parameter), ``backbone``, ``tongue`` and ``non_brake`` (free). A free motion is given at the instant of smallest
-    kinetic energy, which for a brake orbit is an instant of rest. Fields that a kind does not have are None or empty.
-    """
-
+    kind: str = attribute("", "response, fold, backbone, tongue or non_brake")
     outcome: Outcome = ending("how the branch ended")
     frequency_hz: Floats = dataset("Hz", "frequency of the excitation, or of a free motion", along=_POINT)
-    parameter: Floats = dataset("{unit}", "{parameter_meaning}", along=_POINT, default=None)
-    residual: Floats = dataset(
-        "1", "largest periodicity error, relative to the size of the motion", along=_POINT, default=None
-    )
-    energy_error: Floats | None = dataset(
-        "1",
-        "imbalance of the energies over a period, relative to the energy; of harmonic balance not its truncation",
-        along=_POINT,
-        default=None,
-    )
-    stable: Bools = dataset(
-        "1", "whether the motion is stable", along=_POINT, flags=("unstable", "stable"), default=None
-    )
-    floquet_multipliers: Complexes = dataset(
-        "1", "Floquet multipliers", along=(*_POINT, Counter("multiplier", "number of the Floquet multiplier")),
-        default=None,
-    )  # fmt: skip
-    special: tuple[SpecialPointResult, ...] = table(
-        "special_points", SpecialPointResult, Counter("event", "number of the special point"), default=None
-    )
-    coordinates: Floats = dataset(
+    parameter: Floats = dataset("{unit}", "{parameter_meaning}", along=_POINT)
+    unit: str = attribute("", "unit of the parameter", name="units", at="parameter")
+    parameter_meaning: str = attribute("", "what the parameter is", name="long_name", at="parameter")
+    residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion", along=_POINT)
+    coordinates: Floats = dataset(  # None in files of earlier versions, as their velocities
         "kg^0.5 m", "coordinates at phase zero of the excitation; of a free motion at its slowest instant",
         along=_COORDINATES, default=None,
     )  # fmt: skip
@@ -140,35 +120,61 @@ class BranchResult:
         "m", "internal states of the contacts then", default=None,
         along=(*_POINT, Counter("internal_state", "number of the internal state")),
     )  # fmt: skip
-    kind: str = attribute("", "response, fold, backbone, tongue or non_brake", default="response")
-    unit: str = attribute("", "unit of the parameter", name="units", at="parameter", default=None)
-    parameter_meaning: str = attribute("", "what the parameter is", name="long_name", at="parameter", default=None)
 
-    # forced motions
-    level: float = attribute("{level_unit}", "level of the excitation; NaN if it is the parameter", default=None)
-    period_multiple: int = attribute("1", "periods of the excitation in one of the motion", default=None)
-    peak_displacement: dict[str, Floats] = per_probe(
-        "m", "largest absolute displacement of a period", along=_POINT, default_factory=dict
+    @property
+    def status(self) -> str:
+        """How the branch ended, as text."""
+        return self.outcome.text
+
+
+@declared(kw_only=True)
+class FoldCurve(BranchResult):
+    """Folds, or grazings, of a branch of forced motions, in frequency and a second parameter."""
+
+    kind: str = attribute("", "fold", default="fold")
+    level: float = attribute("{level_unit}", "level of the excitation; NaN if it is the parameter")
+    branch: int = attribute("1", "number of the branch with the fold")
+    start_hz: float = attribute("Hz", "frequency of that fold")
+    touching: str = attribute("", "contact that grazes along the whole branch; empty for a fold", default="")
+    peak_displacement: dict[str, Floats] = per_probe("m", "largest absolute displacement of a period", along=_POINT)
+
+
+@declared(kw_only=True)
+class MotionBranch(BranchResult):
+    """A branch of motions in one parameter, with their stability and its special points."""
+
+    stable: Bools = dataset("1", "whether the motion is stable", along=_POINT, flags=("unstable", "stable"))
+    floquet_multipliers: Complexes = dataset(
+        "1", "Floquet multipliers", along=(*_POINT, Counter("multiplier", "number of the Floquet multiplier"))
     )
-    max_displacement: dict[str, Floats] = per_probe(
-        "m", "largest displacement of a period", along=_POINT, default_factory=dict
+    special: tuple[SpecialPointResult, ...] = table(
+        "special_points", SpecialPointResult, Counter("event", "number of the special point")
     )
-    min_displacement: dict[str, Floats] = per_probe(
-        "m", "smallest displacement of a period", along=_POINT, default_factory=dict
+    energy_error: Floats | None = dataset(
+        "1",
+        "imbalance of the energies over a period, relative to the energy; of harmonic balance not its truncation",
+        along=_POINT,
+        default=None,
     )
+
+
+@declared(kw_only=True)
+class ResponseBranch(MotionBranch):
+    """A branch of forced motions at one level."""
+
+    kind: str = attribute("", "response", default="response")
+    level: float = attribute("{level_unit}", "level of the excitation; NaN if it is the parameter")
+    period_multiple: int = attribute("1", "periods of the excitation in one of the motion")
+    peak_displacement: dict[str, Floats] = per_probe("m", "largest absolute displacement of a period", along=_POINT)
+    max_displacement: dict[str, Floats] = per_probe("m", "largest displacement of a period", along=_POINT)
+    min_displacement: dict[str, Floats] = per_probe("m", "smallest displacement of a period", along=_POINT)
     harmonics: dict[str, Complexes] = per_probe(  # (np, 6)
         "m", "amplitude of cos(order x phase)", along=(*_POINT, "order"), name="harmonic_displacement",
-        imaginary="minus that of sin(order x phase)", default_factory=dict,
+        imaginary="minus that of sin(order x phase)",
     )  # fmt: skip
-    peak_acceleration: dict[str, Floats] = per_probe(
-        "m/s^2", "largest absolute acceleration of a period", along=_POINT, default_factory=dict
-    )
-    peak_force: dict[str, Floats] = per_snubber(
-        "N", "largest contact force of a period", along=_POINT, default_factory=dict
-    )
-    contact_share: dict[str, Floats] = per_snubber(
-        "1", "share of the time in contact", along=_POINT, default_factory=dict
-    )
+    peak_acceleration: dict[str, Floats] = per_probe("m/s^2", "largest absolute acceleration of a period", along=_POINT)
+    peak_force: dict[str, Floats] = per_snubber("N", "largest contact force of a period", along=_POINT)
+    contact_share: dict[str, Floats] = per_snubber("1", "share of the time in contact", along=_POINT)
     peak_gap: dict[str, Floats] = per_snubber(  # where limits ask for it, as the stress
         "m", "largest opening of the contact in a period", along=_POINT, default_factory=dict
     )
@@ -180,45 +186,13 @@ class BranchResult:
         "1", "size of the neglected harmonics relative to the motion", along=_POINT, default=None
     )
 
-    # folds in two parameters
-    branch: int = attribute("1", "number of the branch with the fold", default=None)
-    start_hz: float = attribute("Hz", "frequency of that fold", default=None)
-    touching: str = attribute("", "contact that grazes along the whole branch; empty for a fold", default=None)
-
-    # free motions
-    mode: int = attribute("1", "the other mode of a tongue or a non-brake branch, from 1; else 0", default=None)
-    ratio: int = attribute("1", "n of n:1, likewise", default=None)
-    energy: Floats = dataset("J", "energy from static equilibrium", along=_POINT, default=None)
-    share: Floats = dataset(
-        "1", "share of the energy in the requested mode, at the slowest instant", along=_POINT, default=None
-    )
-    least_kinetic: Floats = dataset(
-        "1", "kinetic energy at the slowest instant, share of the energy; zero at rest", along=_POINT, default=None
-    )
-    initial_displacement: Floats = dataset(
-        "m", "deflection at the slowest instant", along=(*_POINT, "position"), default=None
-    )
-    half_period_difference: Floats = dataset(
-        "1", "from half-period shooting: largest of period and state, relative", along=_POINT, default=None
-    )
-    motion: OrbitMotion | None = group("motion", OrbitMotion, default=None)  # of the point shown in the plots
-
-    def __post_init__(self) -> None:
-        if self.kind == "never_at_rest":  # name in old files
-            object.__setattr__(self, "kind", "non_brake")
-
-    @property
-    def status(self) -> str:
-        """How the branch ended, as text."""
-        return self.outcome.text
-
     @property
     @stored(axis("1", "frequency over excitation frequency"))
     def order(self) -> Floats | None:
         """Orders of `harmonics`."""
         if not self.harmonics:
             return None
-        return np.arange(next(iter(self.harmonics.values())).shape[1]) / (self.period_multiple or 1)
+        return np.arange(next(iter(self.harmonics.values())).shape[1]) / self.period_multiple
 
     @property
     def symmetric(self) -> bool | None:
@@ -236,3 +210,28 @@ class BranchResult:
         """Quantities computed only for limits: ``bending_stress`` Pa, ``gap <snubber>`` m."""
         gaps = {f"gap {name}": values for name, values in self.peak_gap.items()}
         return gaps if self.peak_bending_stress is None else {**gaps, "bending_stress": self.peak_bending_stress}
+
+
+@declared(kw_only=True)
+class ModeBranch(MotionBranch):
+    """A branch of free motions, given at the instant of smallest kinetic energy: at rest, of a brake orbit.
+
+    The backbone is that of the mode, a tongue one of an internal resonance, and non-brake orbits are never at rest.
+    """
+
+    mode: int = attribute("1", "the other mode of a tongue or a non-brake branch, from 1; else 0")
+    ratio: int = attribute("1", "n of n:1, likewise")
+    energy: Floats = dataset("J", "energy from static equilibrium", along=_POINT)
+    share: Floats = dataset("1", "share of the energy in the requested mode, at the slowest instant", along=_POINT)
+    least_kinetic: Floats = dataset(
+        "1", "kinetic energy at the slowest instant, share of the energy; zero at rest", along=_POINT
+    )
+    initial_displacement: Floats = dataset("m", "deflection at the slowest instant", along=(*_POINT, "position"))
+    half_period_difference: Floats = dataset(  # None of half-period shooting itself
+        "1", "from half-period shooting: largest of period and state, relative", along=_POINT, default=None
+    )
+    motion: OrbitMotion | None = group("motion", OrbitMotion, default=None)  # of the point shown in the plots
+
+    def __post_init__(self) -> None:
+        if self.kind == "never_at_rest":  # name in old files
+            object.__setattr__(self, "kind", "non_brake")

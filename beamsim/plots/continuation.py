@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.branch import BranchResult
+from beamsim.analyses.branch import ResponseBranch
 from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
 from beamsim.plots.bounds import draw_limit
 from beamsim.plots.branches import MARKS, explain_dashes, figure_of, mark_special, plot_branch
@@ -204,7 +204,7 @@ def _curves(result: FrequencyResponse, ax: Axes, values: Any, scale: Scale, *, l
         ax.set_ylim(bottom=0.0)
 
 
-def _explain_dashes(ax: Axes, branches: Iterable[BranchResult]) -> None:
+def _explain_dashes(ax: Axes, branches: Iterable[ResponseBranch]) -> None:
     if not all(branch.stable.all() for branch in branches):
         explain_dashes(ax)
 
@@ -217,7 +217,7 @@ def _marked(result: FrequencyResponse, kind: str, values: Any) -> Iterator[tuple
                 yield event.parameter, _height(branch, values(branch), event.parameter)
 
 
-def _height(branch: BranchResult, y: Floats, at: float) -> float:
+def _height(branch: ResponseBranch, y: Floats, at: float) -> float:
     """On the curve at a special point, which is one of its points."""
     return float(y[int(np.argmin(np.abs(branch.parameter - at)))])
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.branch import BranchResult
+from beamsim.analyses.branch import ModeBranch
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.plots.branches import explain_dashes, mark_special, plot_branch
 from beamsim.plots.labels import put_names
@@ -80,7 +80,7 @@ def _branches(ax: Axes, result: NormalModeResult, curves: list[Curve]) -> None:
     _name_tongues(ax, result, curves)
 
 
-def _at(branch: BranchResult, parameter: float) -> int:
+def _at(branch: ModeBranch, parameter: float) -> int:
     """The point of a branch closest to a parameter."""
     return int(np.argmin(np.abs(branch.parameter - parameter)))
 

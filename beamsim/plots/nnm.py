@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.branch import BranchResult
+from beamsim.analyses.branch import ModeBranch
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.plots.branches import figure_of
 from beamsim.plots.mode_branches import BRANCH_NAMES, plot_backbone, plot_frequency_energy
@@ -56,7 +56,7 @@ def _shapes(result: NormalModeResult, ax: Axes, curves: tuple[tuple[Floats, str]
     legend(ax, len(curves), len(curves), "shapes")
 
 
-def _shown_branch(result: NormalModeResult) -> BranchResult:
+def _shown_branch(result: NormalModeResult) -> ModeBranch:
     return result.branches[result.motion_branch]
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.branch import BranchResult, SpecialPointResult
+from beamsim.analyses.branch import ModeBranch, SpecialPointResult
 from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.nnm.full_period import FullPeriodBranches, follow_full_period
 from beamsim.analyses.nnm.multiple_scales import (
@@ -339,7 +339,7 @@ def _branches(
     followed: ModeBranches,
     full: FullPeriodBranches | None,
     special: tuple[SpecialPointResult, ...],
-) -> tuple[BranchResult, ...]:
+) -> tuple[ModeBranch, ...]:
     brake = followed.problem
     if full is None:
         backbone = branch_result(system, job, brake, followed.backbone, special=special)
@@ -355,7 +355,7 @@ def _branches(
     return backbone, *(branch_result(system, job, brake, branch) for branch in others)
 
 
-def _shown(branches: tuple[BranchResult, ...]) -> tuple[int, int]:
+def _shown(branches: tuple[ModeBranch, ...]) -> tuple[int, int]:
     """Branch and point of the motion to be shown: the backbone's last, or the furthest from rest where there is one."""
     for k, branch in enumerate(branches):
         if branch.kind == "non_brake":

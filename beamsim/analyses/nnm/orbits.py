@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.branch import BranchResult, OrbitMotion, SpecialPointResult
+from beamsim.analyses.branch import ModeBranch, OrbitMotion, SpecialPointResult
 from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.nnm.result import UNITS
 from beamsim.analyses.run.orbit_energy import energy_error
@@ -44,7 +44,7 @@ def branch_result(
     branch: OrbitBranch,
     special: tuple[SpecialPointResult, ...] = (),
     **more: Any,
-) -> BranchResult:
+) -> ModeBranch:
     """A branch in SI numbers; ``brake`` is the problem of the backbone, ``more`` are further fields.
 
     Brake orbits, and those found over the whole period with their phase held, are given as they begin; a non-brake
@@ -63,7 +63,7 @@ def branch_result(
             least[k] = kinetic / point.data.energy
         factors = [branch.problem.split(point.u)[2] for point in branch.points]
         shares = [brake.share(state[:n], factor, state[n:]) for state, factor in zip(states, factors, strict=True)]
-    return BranchResult(
+    return ModeBranch(
         outcome=branch.outcome,
         kind=branch.kind,
         mode=branch.mode + 1,

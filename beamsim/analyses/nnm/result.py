@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.analyses.branch import BranchResult, OrbitMotion
+from beamsim.analyses.branch import ModeBranch, OrbitMotion
 from beamsim.analyses.result import PROCESSOR_TIME, STATUS, Result
 from beamsim.fields import (
     Counter,
@@ -61,12 +61,16 @@ class PredictedLevels:
 
 
 @declared
-class ResponseAboutResonance(BranchResult):
-    """Forced periodic motions about a resonance: frequency, stability, deflection."""
+class ResponseAboutResonance:
+    """Forced periodic motions about a resonance."""
 
+    outcome: Outcome = ending("how the branch ended")
+    frequency_hz: Floats = dataset("Hz", "frequency of the excitation", along=_POINT)
     peak_displacement: dict[str, Floats] = per_probe(
-        "m", "largest deflection of a period", along=_POINT, name="amplitude", default_factory=dict
+        "m", "largest deflection of a period", along=_POINT, name="amplitude"
     )
+    stable: Bools = dataset("1", "whether the motion is stable", along=_POINT, flags=("unstable", "stable"))
+    energy_error: Floats = dataset("1", "imbalance of the energies over a period, relative to the energy", along=_POINT)
 
 
 @declared
@@ -304,7 +308,7 @@ class NormalModeResult(Result):
     parameter: str = attribute("", "stiffness_factor, energy or frequency", name="continued_in")
     method: str = attribute("", "shooting, full_period, multiple_scales or relaxed_minimisation")
     stations: Stations = group("", Stations)  # before what is along them
-    branches: tuple[BranchResult, ...] = numbered("branches", BranchResult, required=True)  # the backbone first
+    branches: tuple[ModeBranch, ...] = numbered("branches", ModeBranch, required=True)  # the backbone first
     jumps: tuple[BranchJump, ...] = table("jumps", BranchJump, Counter("jump", "number of the jump"))
     linear_shape: Floats = dataset(
         "m", "linear mode with the largest deflection of the motion that is drawn", along=("position",)
@@ -319,17 +323,17 @@ class NormalModeResult(Result):
     relaxed: RelaxedComparison | None = group("thesis", RelaxedComparison, default=None)
 
     @property
-    def backbone(self) -> BranchResult:
+    def backbone(self) -> ModeBranch:
         """The branch of the mode itself."""
         return self.branches[0]
 
     @property
-    def tongues(self) -> tuple[BranchResult, ...]:
+    def tongues(self) -> tuple[ModeBranch, ...]:
         """The branches of internal resonance."""
         return tuple(b for b in self.branches if b.kind == "tongue")
 
     @property
-    def non_brake(self) -> tuple[BranchResult, ...]:
+    def non_brake(self) -> tuple[ModeBranch, ...]:
         """The branches of orbits that are not brake orbits."""
         return tuple(b for b in self.branches if b.kind == "non_brake")
 

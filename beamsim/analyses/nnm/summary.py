@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import BranchResult
+from beamsim.analyses.branch import ModeBranch
 from beamsim.analyses.nnm.result import ExpansionComparison, NormalModeResult, PhaseResonanceResult, RelaxedComparison
 from beamsim.analyses.run.orbit_energy import largest_error
 from beamsim.typing import Bools, Floats
@@ -54,7 +54,7 @@ def nnm_summary(
     }
 
 
-def _end(branch: BranchResult, index: int) -> dict[str, float]:
+def _end(branch: ModeBranch, index: int) -> dict[str, float]:
     return {
         "parameter": float(branch.parameter[index]),
         "frequency_hz": float(branch.frequency_hz[index]),
@@ -182,7 +182,7 @@ def _level_summaries(result: PhaseResonanceResult) -> Iterator[dict[str, Any]]:
             "stable": m.stable,
             "peak_frequency_hz": at,
             "peak_amplitude_m": peak,
-            "curve": "" if m.curve is None else m.curve.status,
+            "curve": "" if m.curve is None else m.curve.outcome.text,
             "periods": 0 if m.held is None else int(m.held.departure.size),
             "departure_first_period": np.nan if m.held is None else float(m.held.departure[0]),
             "departure_last_period": np.nan if m.held is None else float(m.held.departure[-1]),

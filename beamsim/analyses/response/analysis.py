@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.branch import BranchResult, OutputExtremes, SpecialPointResult
+from beamsim.analyses.branch import FoldCurve, OutputExtremes, ResponseBranch, SpecialPointResult
 from beamsim.analyses.deflections import deflection_warnings
 from beamsim.analyses.interruption import Stop, Stopped, never
 from beamsim.analyses.limits import margins_of
@@ -77,8 +77,8 @@ def frequency_response(
     levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
     grown = progress_that_grows(progress)
     curves_share = 1.0 if settings.overlay is None else 1.0 - SHARE_OF_OVERLAY
-    branches: list[BranchResult] = []
-    folds: list[BranchResult] = []
+    branches: list[ResponseBranch] = []
+    folds: list[FoldCurve] = []
     outcomes: list[Outcome] = []
     halted = False
     left_out: tuple[str, ...] = ()
@@ -150,9 +150,9 @@ def frequency_response(
 
 def _responses(
     model: ResponseModel, traced: list[OrbitBranch], level: float, stop: Stop
-) -> tuple[list[BranchResult], tuple[str, ...], bool]:
+) -> tuple[list[ResponseBranch], tuple[str, ...], bool]:
     """The branches of a level evaluated, of few points once it is time to stop; a warning, and whether it was."""
-    results: list[BranchResult] = []
+    results: list[ResponseBranch] = []
     left_out: tuple[str, ...] = ()
     halted = False
     while traced:
@@ -296,7 +296,7 @@ def _combined(outcomes: Sequence[Outcome]) -> Outcome:
     return worst.but(*(part for part in remarks if part is not worst))
 
 
-def _trusted(outcome: Outcome, branches: list[BranchResult], largest: float, f: FollowedParameter) -> Outcome:
+def _trusted(outcome: Outcome, branches: list[ResponseBranch], largest: float, f: FollowedParameter) -> Outcome:
     """The outcome, with a word on neglected harmonics where they are worth more than allowed."""
     worst = max(
         ((float(b.neglected_harmonics[k]), float(b.parameter[k])) for b in branches
@@ -311,7 +311,7 @@ def _trusted(outcome: Outcome, branches: list[BranchResult], largest: float, f: 
     return doubt.but(*outcome.parts) if outcome.code is COMPLETE.code else outcome.but(doubt)
 
 
-def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop = never) -> BranchResult:
+def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop = never) -> ResponseBranch:
     """Peaks, harmonics, forces and stability along a branch."""
     f, system, problem = model.followed, model.system, traced.problem
     settings, limits = model.scenario.sweep, model.scenario.limits
@@ -351,7 +351,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         from beamsim.analyses.response.balance import neglected
 
         from_balance = neglected(traced)
-    return BranchResult(
+    return ResponseBranch(
         level=float("nan") if f.kind == "level" else level,
         period_multiple=problem.multiple,
         outcome=f.shown(traced.outcome),
@@ -432,8 +432,8 @@ def _event(model: ResponseModel, special: SpecialPoint) -> SpecialPointResult:
 def _summary(
     model: ResponseModel,
     outcome: Outcome,
-    branches: list[BranchResult],
-    folds: list[BranchResult],
+    branches: list[ResponseBranch],
+    folds: list[FoldCurve],
     processor_time_s: float,
 ) -> dict[str, Any]:
     summary: dict[str, Any] = {
@@ -490,7 +490,7 @@ def _summary(
     return summary
 
 
-def _outputs(model: ResponseModel, branches: list[BranchResult]) -> dict[str, Any]:
+def _outputs(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
     """By output the largest magnitude of all stable motions (NaN where none is), and where; for the summary."""
     if not model.system.outputs:
         return {}
@@ -503,7 +503,7 @@ def _outputs(model: ResponseModel, branches: list[BranchResult]) -> dict[str, An
     return {"peak_output": highest, "output_unit": {rows.name: rows.unit for rows in model.system.outputs}}
 
 
-def _highest(model: ResponseModel, branches: list[BranchResult]) -> list[tuple[BranchResult, str, Floats, int]]:
+def _highest(model: ResponseModel, branches: list[ResponseBranch]) -> list[tuple[ResponseBranch, str, Floats, int]]:
     """Of every level and probe the highest point of all motions."""
     highest = []
     for level in dict.fromkeys(repr(b.level) for b in branches):
@@ -515,7 +515,7 @@ def _highest(model: ResponseModel, branches: list[BranchResult]) -> list[tuple[B
     return highest
 
 
-def _margins(model: ResponseModel, branches: list[BranchResult]) -> dict[str, Any]:
+def _margins(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
     """Margins against the allowables: the worst of all stable motions."""
     limits = model.scenario.limits
     if limits is None:

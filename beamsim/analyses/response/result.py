@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import BranchResult
+from beamsim.analyses.branch import FoldCurve, ResponseBranch
 from beamsim.analyses.result import MARGINS, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.fields import (
@@ -107,14 +107,14 @@ class FrequencyResponse(Result):
 
     SUMMARY = _SUMMARY
 
-    branches: tuple[BranchResult, ...] = numbered("branches", BranchResult, indexed=True, required=True)
+    branches: tuple[ResponseBranch, ...] = numbered("branches", ResponseBranch, indexed=True, required=True)
     modes: ModeTable = group("modes", ModeTable)
     parameter: str = attribute("", "what is followed: frequency, level, gap, stiffness or position")
     unit: str = attribute("", "its unit")
     snubber: str = attribute("", "snubber whose number is followed", default="")
     level_unit: str = attribute("", "unit of the branches' levels", default="")
     method: str = attribute("", "shooting or harmonic_balance", default="shooting")
-    fold_curves: tuple[BranchResult, ...] = numbered("fold_curves", BranchResult, indexed=True, default=())
+    fold_curves: tuple[FoldCurve, ...] = numbered("fold_curves", FoldCurve, indexed=True, default=())
     second_parameter: str = attribute("", "what folds are followed in; empty where they are not", default="")
     second_unit: str = attribute("", "its unit", default="")
     second_snubber: str = attribute("", "snubber whose number that is", default="")
@@ -131,7 +131,7 @@ class FrequencyResponse(Result):
         states = self.branches[0].coordinates
         return None if states is None else np.arange(1, states.shape[1] + 1)
 
-    def off_centre(self, branch: BranchResult) -> tuple[str, float] | None:
+    def off_centre(self, branch: ResponseBranch) -> tuple[str, float] | None:
         """Probe and size, m, of the largest mean of a branch that has lost the symmetry of others; None of the others.
 
         Motions of a symmetric structure that repeat with the other sign after half a period have no even harmonics.

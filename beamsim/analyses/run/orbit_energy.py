@@ -23,7 +23,7 @@ from beamsim.typing import Floats, Ints
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from beamsim.analyses.branch import BranchResult
+    from beamsim.analyses.branch import MotionBranch
     from beamsim.flow.passage import Passage
     from beamsim.orbits.branch import BranchPoint
     from beamsim.orbits.harmonic_balance import ForcedBalance
@@ -74,7 +74,7 @@ def balance_error(problem: ForcedBalance, point: BranchPoint) -> float:
     return _relative(abs(work - lost), max(float(stored.max()), abs(lost)))
 
 
-def balanced(outcome: Outcome, branches: Sequence[BranchResult], unit: str) -> Outcome:
+def balanced(outcome: Outcome, branches: Sequence[MotionBranch], unit: str) -> Outcome:
     """The outcome of branches, whose points are not to be trusted where the balance is lost."""
     checked = [b for b in branches if b.energy_error is not None]
     if not checked:
@@ -93,7 +93,7 @@ def balanced(outcome: Outcome, branches: Sequence[BranchResult], unit: str) -> O
     )  # fmt: skip
 
 
-def largest_error(branches: Sequence[BranchResult]) -> float | None:
+def largest_error(branches: Sequence[MotionBranch]) -> float | None:
     """Of all points; None where none was looked at."""
     errors = [float(b.energy_error.max()) for b in branches if b.energy_error is not None and b.energy_error.size]
     return max(errors, default=None)
