@@ -365,7 +365,7 @@ class Reader:
                 owners = (declared.given, *here.owners)
                 return declared.of(**declared.given, **self.fields(declared.of, path, owners, key))
             case Members() as declared:
-                return self._members(declared, here)
+                return self._members(member, declared, here)
             case Table() as declared:
                 return self._table(declared, joined(here.path, declared.path))
         raise TypeError(f"{member.name} is not stored")
@@ -380,8 +380,8 @@ class Reader:
                 values[self._name(home)] = self._array(member, declared, joined(home, name))
         return values
 
-    def _members(self, declared: Members, here: _Here) -> Any:
-        folder = joined(here.path, declared.folder)
+    def _members(self, member: Member, declared: Members, here: _Here) -> Any:
+        folder, kind = joined(here.path, declared.folder), int if member.type.startswith("dict[int") else str
         members = []
         for key, path in self._candidates(folder, declared):
             given = self.fields(declared.of, path, (declared.given, *here.owners), key)
@@ -394,7 +394,7 @@ class Reader:
             members.sort(key=lambda entry: order(fields, entry[1]))
         if declared.several:
             return tuple(item for _, item in members)
-        return {declared.key(item) if declared.key else key: item for key, item in members}
+        return {declared.key(item) if declared.key else kind(key): item for key, item in members}
 
     def _candidates(self, folder: str, declared: Members) -> Iterator[tuple[Any, str]]:
         """Keys and paths of the members, in order."""
@@ -447,7 +447,7 @@ class Reader:
             item = self.items.get(joined(home, column.stored_name))
             if column.derived or (item is None and column.default is not None):
                 continue  # not in files written before the field was added
-            if item is None or item.values is None:
+            if item is None or np.ndim(item.values) == 0:
                 raise KeyError(f"{joined(home, column.stored_name)} is missing")
             columns[column.name] = [_of_type(value, column) for value in item.values]
         return tuple(declared.of(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))

@@ -34,7 +34,7 @@ def write_items(items: Items, path: Path | str) -> None:
     """
     with replacing(path) as temporary:
         _reserve(temporary, sum(map(_size, items.values())))
-        with h5py.File(temporary, "w") as file:
+        with h5py.File(temporary, "w", alignment_threshold=_ITEM_BYTES, alignment_interval=8) as file:  # for maps
             blocks = [(_create(file, place, item), item.values) for place, item in items.items()]
             for place, item in items.items():
                 for k, axis in enumerate(item.axes):

@@ -401,8 +401,9 @@ def test_info_plot_and_export_of_a_study(call, here):
     assert "grid of 2 x 3" in done.stdout
     assert json.loads(call("info", "case.h5", "--json").stdout)["cases"] == 6
     assert json.loads(call("plot", "case.h5", "--json", "--format", "svg").stdout)["files"] == ["case_maps.svg"]
-    assert json.loads(call("export", "case.h5", "--format", "csv", "--json").stdout)["files"] == ["case.csv"]
-    assert (here / "case.csv").read_text().startswith("case,snubbers.tip.stiffness (N/m),snubbers.tip.gap (m),")
+    table = "case_csv/designs_by_snubbers.tip.stiffness_and_snubbers.tip.gap.csv"
+    assert table in json.loads(call("export", "case.h5", "--format", "csv", "--json").stdout)["files"]
+    assert (here / table).read_text().startswith("snubbers.tip.stiffness_n_per_m,snubbers.tip.gap_m,")
     done = call("export", "case.h5", "--format", "uff")
     assert done.exit_code == 2
     assert "use --format csv" in done.stderr
