@@ -128,7 +128,7 @@ class BranchResult:
 
 
 @declared(kw_only=True)
-class FoldCurve(BranchResult):
+class FoldBranch(BranchResult):
     """Folds, or grazings, of a branch of forced motions, in frequency and a second parameter."""
 
     kind: str = attribute("", "fold", default="fold")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.branch import FoldCurve, OutputExtremes, ResponseBranch, SpecialPointResult
+from beamsim.analyses.branch import FoldBranch, OutputExtremes, ResponseBranch, SpecialPointResult
 from beamsim.analyses.deflections import deflection_warnings
 from beamsim.analyses.interruption import Stop, Stopped, never
 from beamsim.analyses.limits import margins_of
@@ -78,7 +78,7 @@ def frequency_response(
     grown = progress_that_grows(progress)
     curves_share = 1.0 if settings.overlay is None else 1.0 - SHARE_OF_OVERLAY
     branches: list[ResponseBranch] = []
-    folds: list[FoldCurve] = []
+    folds: list[FoldBranch] = []
     outcomes: list[Outcome] = []
     halted = False
     left_out: tuple[str, ...] = ()
@@ -433,7 +433,7 @@ def _summary(
     model: ResponseModel,
     outcome: Outcome,
     branches: list[ResponseBranch],
-    folds: list[FoldCurve],
+    folds: list[FoldBranch],
     processor_time_s: float,
 ) -> dict[str, Any]:
     summary: dict[str, Any] = {

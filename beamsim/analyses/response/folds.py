@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.branch import FoldCurve
+from beamsim.analyses.branch import FoldBranch
 from beamsim.analyses.interruption import until
 from beamsim.analyses.response.closed_form import measured_orbit
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
@@ -27,9 +27,9 @@ SAME = 1e-6  # relative distance within which a fold lies on a curve that is kno
 BEYOND = 3.0  # how far the frequency may leave the range it was found in, as a ratio
 
 
-def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, budget: Budget) -> list[FoldCurve]:
+def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, budget: Budget) -> list[FoldBranch]:
     """One curve for every fold of the branches of the excitation's own period, each fold on one curve only."""
-    curves: list[FoldCurve] = []
+    curves: list[FoldBranch] = []
     for index, branch in enumerate(traced):
         if branch.problem.multiple != 1:
             continue
@@ -66,7 +66,7 @@ def _present(model: ResponseModel, level: float) -> float:
     return float(contacts.gap[index]) if second.kind == "gap" else contacts.laws[index].stiffness
 
 
-def _holds(curve: FoldCurve, omega: float, present: float) -> bool:
+def _holds(curve: FoldBranch, omega: float, present: float) -> bool:
     """Whether a curve passes a frequency at the scenario's own value of the second parameter."""
     p, f = curve.parameter - present, curve.frequency_hz
     crossing = np.flatnonzero(p[:-1] * p[1:] <= 0)
@@ -87,7 +87,7 @@ def _curve(
     level: float,
     branch: int,
     budget: Budget,
-) -> FoldCurve:
+) -> FoldBranch:
     second = model.second
     assert second is not None
     present = _present(model, level)
@@ -127,7 +127,7 @@ def _curve(
         peak[k] = np.maximum(np.abs(cycles.high), np.abs(cycles.low))
     n = model.system.dynamics.size
     states = np.array([p.u[:-2] for p in points]).reshape(len(points), orbits.flow.size)
-    return FoldCurve(
+    return FoldBranch(
         touching="" if touching is None else model.system.contact_names[touching.contact],
         level=float("nan") if second.kind == "level" else level,
         branch=branch,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import FoldCurve, ResponseBranch
+from beamsim.analyses.branch import FoldBranch, ResponseBranch
 from beamsim.analyses.result import MARGINS, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.fields import (
@@ -114,7 +114,7 @@ class FrequencyResponse(Result):
     snubber: str = attribute("", "snubber whose number is followed", default="")
     level_unit: str = attribute("", "unit of the branches' levels", default="")
     method: str = attribute("", "shooting or harmonic_balance", default="shooting")
-    fold_curves: tuple[FoldCurve, ...] = numbered("fold_curves", FoldCurve, indexed=True, default=())
+    fold_curves: tuple[FoldBranch, ...] = numbered("fold_curves", FoldBranch, indexed=True, default=())
     second_parameter: str = attribute("", "what folds are followed in; empty where they are not", default="")
     second_unit: str = attribute("", "its unit", default="")
     second_snubber: str = attribute("", "snubber whose number that is", default="")
