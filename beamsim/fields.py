@@ -160,7 +160,7 @@ class Dataset:
 
     unit: str
     meaning: str
-    along: Along = ()
+    along: Along | None = None  # by default those of the class, see `declared`
     name: str = ""  # in the file, with the way there; the field's own by default; "." where it takes the group's place
     scale: bool = False
     per: str | None = None  # folder with a group for each name
@@ -427,10 +427,18 @@ def _may_wait(declaration: Declaration | None) -> bool:
         dataclasses.field,
     ),
 )  # fmt: skip
-def declared(cls: Any = None, *, kw_only: bool = False) -> Any:
-    """A frozen dataclass whose fields are declared; with keywords only, fields with a default may come first."""
+def declared(cls: Any = None, *, kw_only: bool = False, along: Along = ()) -> Any:
+    """A frozen dataclass whose fields are declared.
+
+    Parameters
+    ----------
+    cls : the class.
+    kw_only : whether fields are given by keyword only, so that those with a default may come first.
+    along : the axes of its arrays that do not name theirs.
+    """
     if cls is None:
-        return lambda made: declared(made, kw_only=kw_only)
+        return lambda made: declared(made, kw_only=kw_only, along=along)
+    cls.__along__ = along
     return _with_deferred(dataclass(frozen=True, kw_only=kw_only)(cls))
 
 
@@ -480,14 +488,22 @@ def _members_of(cls: Any) -> tuple[Member, ...]:
     for field in dataclasses.fields(cls):
         if _DECLARED in field.metadata:
             written = field.type if isinstance(field.type, str) else getattr(field.type, "__name__", str(field.type))
-            kind = written.removesuffix(" | None")
-            members.append(Member(field.name, field.metadata[_DECLARED], kind, False, _default(field)))
+            owner = next(base for base in cls.__mro__ if field.name in vars(base).get("__annotations__", ()))
+            placed = _placed(field.metadata[_DECLARED], owner)
+            members.append(Member(field.name, placed, written.removesuffix(" | None"), False, _default(field)))
     for base in reversed(cls.__mro__):
         for name, value in vars(base).items():
             declaration = getattr(getattr(value, "fget", None), "__declared__", None)
             if declaration is not None:
-                members.append(Member(name, declaration, "", True, None))
+                members.append(Member(name, _placed(declaration, base), "", True, None))
     return tuple(members)
+
+
+def _placed(declaration: Declaration, owner: Any) -> Declaration:
+    """A declaration with its axes: of an array that names none, those of the class."""
+    if isinstance(declaration, Dataset) and declaration.along is None:
+        return dataclasses.replace(declaration, along=() if declaration.scale else vars(owner)["__along__"])
+    return declaration
 
 
 def is_array(cls: Any) -> bool:

@@ -38,14 +38,14 @@ class SpecialPointResult:
     time_s: float = dataset("s", "time in the period of a grazing", default=np.nan)
 
 
-@declared
+@declared(along=("time",))
 class OrbitMotion:
     """One period of one motion, from the instant of smallest kinetic energy, and its spectrum."""
 
     time: Floats = axis("s", "time")  # (nt,) both ends included
-    displacement: dict[str, Floats] = per_probe("m", "displacement", along=("time",))
-    velocity: dict[str, Floats] = per_probe("m/s", "velocity", along=("time",))
-    force: dict[str, Floats] = per_snubber("N", "contact force, positive when it pushes", along=("time",))
+    displacement: dict[str, Floats] = per_probe("m", "displacement")
+    velocity: dict[str, Floats] = per_probe("m/s", "velocity")
+    force: dict[str, Floats] = per_snubber("N", "contact force, positive when it pushes")
     stations: Floats = dataset("m", "deflection at the stations", along=("time", "position"), name="displacement")
     harmonics: dict[str, Complexes] = per_probe(  # (21,) amplitude of e^{i k omega t}, zero to peak
         "m", "amplitude of cos(order x phase)", along=(Counter("order", "order of the harmonic", 0),), name="harmonic",
@@ -81,7 +81,7 @@ class OrbitMotion:
         return self.stations[[(self.time.size - 1) // 8, 3 * (self.time.size - 1) // 8]]
 
 
-@declared
+@declared(along=_POINT)
 class OutputExtremes:
     """One of the `outputs` along a branch of forced motions."""
 
@@ -89,8 +89,8 @@ class OutputExtremes:
     quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
     unit: str = attribute("", "unit of the quantity")
     at: str = attribute("", "where it is: a place, a support, a joint or a body")
-    maximum: Floats = dataset("{unit}", "largest value of a period", along=_POINT)
-    minimum: Floats = dataset("{unit}", "smallest value of a period", along=_POINT)
+    maximum: Floats = dataset("{unit}", "largest value of a period")
+    minimum: Floats = dataset("{unit}", "smallest value of a period")
 
     @property
     def peak(self) -> Floats:
@@ -98,17 +98,17 @@ class OutputExtremes:
         return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
 
 
-@declared(kw_only=True)
+@declared(kw_only=True, along=_POINT)
 class BranchResult:
     """A branch of periodic motions: what every kind has."""
 
     kind: str = attribute("", "response, fold, backbone, tongue or non_brake")
     outcome: Outcome = ending("how the branch ended")
-    frequency_hz: Floats = dataset("Hz", "frequency of the excitation, or of a free motion", along=_POINT)
-    parameter: Floats = dataset("{unit}", "{parameter_meaning}", along=_POINT)
+    frequency_hz: Floats = dataset("Hz", "frequency of the excitation, or of a free motion")
+    parameter: Floats = dataset("{unit}", "{parameter_meaning}")
     unit: str = attribute("", "unit of the parameter", name="units", at="parameter")
     parameter_meaning: str = attribute("", "what the parameter is", name="long_name", at="parameter")
-    residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion", along=_POINT)
+    residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion")
     coordinates: Floats = dataset(  # None in files of earlier versions, as their velocities
         "kg^0.5 m", "coordinates at phase zero of the excitation; of a free motion at its slowest instant",
         along=_COORDINATES, default=None,
@@ -139,11 +139,11 @@ class FoldBranch(BranchResult):
     peak_displacement: dict[str, Floats] = per_probe("m", "largest absolute displacement of a period", along=_POINT)
 
 
-@declared(kw_only=True)
+@declared(kw_only=True, along=_POINT)
 class MotionBranch(BranchResult):
     """A branch of motions in one parameter, with their stability and its special points."""
 
-    stable: Bools = dataset("1", "whether the motion is stable", along=_POINT, flags=("unstable", "stable"))
+    stable: Bools = dataset("1", "whether the motion is stable", flags=("unstable", "stable"))
     floquet_multipliers: Complexes = dataset(
         "1", "Floquet multipliers", along=(*_POINT, Counter("multiplier", "number of the Floquet multiplier"))
     )
@@ -153,37 +153,35 @@ class MotionBranch(BranchResult):
     energy_error: Floats | None = dataset(
         "1",
         "imbalance of the energies over a period, relative to the energy; of harmonic balance not its truncation",
-        along=_POINT,
         default=None,
     )
 
 
-@declared(kw_only=True)
+@declared(kw_only=True, along=_POINT)
 class ResponseBranch(MotionBranch):
     """A branch of forced motions at one level."""
 
     kind: str = attribute("", "response", default="response")
     level: float = attribute("{level_unit}", "level of the excitation; NaN if it is the parameter")
     period_multiple: int = attribute("1", "periods of the excitation in one of the motion")
-    peak_displacement: dict[str, Floats] = per_probe("m", "largest absolute displacement of a period", along=_POINT)
-    max_displacement: dict[str, Floats] = per_probe("m", "largest displacement of a period", along=_POINT)
-    min_displacement: dict[str, Floats] = per_probe("m", "smallest displacement of a period", along=_POINT)
+    peak_displacement: dict[str, Floats] = per_probe("m", "largest absolute displacement of a period")
+    max_displacement: dict[str, Floats] = per_probe("m", "largest displacement of a period")
+    min_displacement: dict[str, Floats] = per_probe("m", "smallest displacement of a period")
     harmonics: dict[str, Complexes] = per_probe(  # (np, 6)
         "m", "amplitude of cos(order x phase)", along=(*_POINT, "order"), name="harmonic_displacement",
         imaginary="minus that of sin(order x phase)",
     )  # fmt: skip
-    peak_acceleration: dict[str, Floats] = per_probe("m/s^2", "largest absolute acceleration of a period", along=_POINT)
-    peak_force: dict[str, Floats] = per_snubber("N", "largest contact force of a period", along=_POINT)
-    contact_share: dict[str, Floats] = per_snubber("1", "share of the time in contact", along=_POINT)
-    peak_gap: dict[str, Floats] = per_snubber(  # where limits ask for it, as the stress
-        "m", "largest opening of the contact in a period", along=_POINT, default_factory=dict
-    )
+    peak_acceleration: dict[str, Floats] = per_probe("m/s^2", "largest absolute acceleration of a period")
+    peak_force: dict[str, Floats] = per_snubber("N", "largest contact force of a period")
+    contact_share: dict[str, Floats] = per_snubber("1", "share of the time in contact")
+    # where limits ask for it, as the stress
+    peak_gap: dict[str, Floats] = per_snubber("m", "largest opening of the contact in a period", default_factory=dict)
     peak_bending_stress: Floats | None = dataset(
-        "Pa", "largest bending stress along the beam in a period", along=_POINT, default=None
+        "Pa", "largest bending stress along the beam in a period", default=None
     )
     outputs: dict[str, OutputExtremes] = named("outputs", OutputExtremes, having="maximum", default_factory=dict)
     neglected_harmonics: Floats | None = dataset(
-        "1", "size of the neglected harmonics relative to the motion", along=_POINT, default=None
+        "1", "size of the neglected harmonics relative to the motion", default=None
     )
 
     @property
@@ -212,7 +210,7 @@ class ResponseBranch(MotionBranch):
         return gaps if self.peak_bending_stress is None else {**gaps, "bending_stress": self.peak_bending_stress}
 
 
-@declared(kw_only=True)
+@declared(kw_only=True, along=_POINT)
 class ModeBranch(MotionBranch):
     """A branch of free motions, given at the instant of smallest kinetic energy: at rest, of a brake orbit.
 
@@ -221,14 +219,13 @@ class ModeBranch(MotionBranch):
 
     mode: int = attribute("1", "the other mode of a tongue or a non-brake branch, from 1; else 0")
     ratio: int = attribute("1", "n of n:1, likewise")
-    energy: Floats = dataset("J", "energy from static equilibrium", along=_POINT)
-    share: Floats = dataset("1", "share of the energy in the requested mode, at the slowest instant", along=_POINT)
-    least_kinetic: Floats = dataset(
-        "1", "kinetic energy at the slowest instant, share of the energy; zero at rest", along=_POINT
-    )
+    energy: Floats = dataset("J", "energy from static equilibrium")
+    share: Floats = dataset("1", "share of the energy in the requested mode, at the slowest instant")
+    least_kinetic: Floats = dataset("1", "kinetic energy at the slowest instant, share of the energy; zero at rest")
     initial_displacement: Floats = dataset("m", "deflection at the slowest instant", along=(*_POINT, "position"))
-    half_period_difference: Floats = dataset(  # None of half-period shooting itself
-        "1", "from half-period shooting: largest of period and state, relative", along=_POINT, default=None
+    # None of half-period shooting itself
+    half_period_difference: Floats = dataset(
+        "1", "from half-period shooting: largest of period and state, relative", default=None
     )
     motion: OrbitMotion | None = group("motion", OrbitMotion, default=None)  # of the point shown in the plots
 

@@ -27,24 +27,22 @@ _FREQUENCY = ("frequency_hz",)
 SLIGHT = 1e-9  # penetration, of the gap or m, at which a contact has just been made
 
 
-@declared
+@declared(along=_FREQUENCY)
 class ContactLevels:
     """Levels at which the linear steady motion makes or loses one contact, at each frequency.
 
     A snubber that is open at equilibrium first touches at ``onset``; one that is closed first lifts off at ``loss``.
     """
 
-    onset: Floats = dataset(  # nan where the snubber is closed at equilibrium
-        "1", "level of the excitation, SI, at which the linear motion first makes contact", along=_FREQUENCY
-    )
-    loss: Floats = dataset(  # nan where the snubber is open at equilibrium
-        "1", "level of the excitation, SI, at which the linear motion first loses contact", along=_FREQUENCY
-    )
-    preload_needed: Floats = dataset(  # all snubbers closed
-        "1", "N per unit of level: contact force at equilibrium that just keeps contact", along=_FREQUENCY
-    )
-    preload_alone: Floats | None = dataset(  # None in files of earlier versions
-        "1", "the same with the other snubbers as they are at equilibrium", along=_FREQUENCY, default=None
+    # nan where the snubber is closed at equilibrium
+    onset: Floats = dataset("1", "level of the excitation, SI, at which the linear motion first makes contact")
+    # nan where the snubber is open at equilibrium
+    loss: Floats = dataset("1", "level of the excitation, SI, at which the linear motion first loses contact")
+    # all snubbers closed
+    preload_needed: Floats = dataset("1", "N per unit of level: contact force at equilibrium that just keeps contact")
+    # None in files of earlier versions
+    preload_alone: Floats | None = dataset(
+        "1", "the same with the other snubbers as they are at equilibrium", default=None
     )
 
     @property

@@ -233,7 +233,7 @@ class _Walk:
                 "flag_meanings": " ".join(declared.flags),
             }
         if not declared.scale:
-            item.axes = self._axes(declared.along, path, here)
+            item.axes = self._axes(declared.along or (), path, here)
 
     def _axes(self, along: Along, path: str, here: _Here, first: int = 0) -> tuple[str, ...]:
         """Paths of the axes of an array, from the dimension ``first`` on."""
@@ -474,7 +474,7 @@ class Reader:
             raise ValueError(f"{path} is a group")
         if item.values.dtype == object:
             raise ValueError(f"{path} holds text instead of numbers")
-        along = () if isinstance(declared.along, Axes) else declared.along
+        along = () if isinstance(declared.along, Axes) else declared.along or ()
         if member.scalar is None and item.values.ndim < (least := 1 if declared.scale else len(along)):
             raise ValueError(f"{path} has {item.values.ndim} dimensions, not {least}")
         for axis, size in zip(along, item.values.shape, strict=False):

@@ -136,7 +136,7 @@ def _values(dataset: h5py.Dataset) -> Any:
     if offset is None:
         values = np.asarray(dataset[()])
     else:
-        values = np.memmap(dataset.file.filename, dataset.dtype, "r", offset, dataset.shape)
+        values = np.memmap(dataset.file.filename, dataset.dtype, "c", offset, dataset.shape)
     flags = "flag_meanings" in dataset.attrs
     return values.view(np.bool_) if flags and values.dtype == np.uint8 else values
 

@@ -39,7 +39,7 @@ class StationPart:
     stations: slice
 
 
-@declared
+@declared(along=("position",))
 class Stations:
     """The stations of all bodies, body after body."""
 
@@ -47,16 +47,17 @@ class Stations:
     unit: str = attribute("", "m along a beam, 1 where masses are numbered", name="units", at="position")
     meaning: str = attribute("", "what the position is", name="long_name", at="position")
     # of several bodies only
-    body: Ints | None = dataset("1", "number of the body, from 0, as in names", along=("position",), default=None)
+    body: Ints | None = dataset("1", "number of the body, from 0, as in names", default=None)
     names: tuple[str, ...] | None = attribute("", "names of the bodies", at="body", default=None)
     axes: tuple[str, ...] | None = attribute("", "what the position is on each", at="body", default=None)
-    across: Floats | None = dataset(  # where a body is a plate
-        "m", "position on the plate from its bottom edge; NaN on other bodies", along=("position",), default=None
+    # where a body is a plate
+    across: Floats | None = dataset(
+        "m", "position on the plate from its bottom edge; NaN on other bodies", default=None
     )
-    points: Floats | None = dataset(  # where the table of an imported body gives them
-        "m", "x, y and z of the nodes of imported bodies, NaN where they have none; NaN on other bodies",
-        along=("position",), default=None,
-    )  # fmt: skip
+    # where the table of an imported body gives them
+    points: Floats | None = dataset(
+        "m", "x, y and z of the nodes of imported bodies, NaN where they have none; NaN on other bodies", default=None
+    )
 
     @classmethod
     def of_recoveries(cls, bodies: Sequence[Recovery]) -> Stations:

@@ -62,20 +62,18 @@ class SnubberInfo(SnubberNumbers):
 _MODE = (Counter("mode", "mode number"),)
 
 
-@declared
+@declared(along=_MODE)
 class ModeTable:
     """Natural frequencies and mode shapes of the reduced model."""
 
     stations: Stations = group("", Stations)  # nx of them
     # (r,), every snubber closed: piecewise-linear springs as at rest
-    open_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact open", along=_MODE)
-    closed_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact closed", along=_MODE)
+    open_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact open")
+    closed_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact closed")
     shapes: Floats = dataset(  # (r, nx)
         "kg^-0.5", "mode shapes of the open structure, unit modal mass", along=(*_MODE, "position")
     )
-    damping_ratios: Floats = dataset(  # (r,) nan for rigid-body modes
-        "1", "modal damping ratios of the open structure", along=_MODE
-    )
+    damping_ratios: Floats = dataset("1", "modal damping ratios of the open structure")  # (r,) nan for rigid-body modes
     kept_modes: int = attribute("1", "number of modes kept by the reduction")
     static_vectors: int = attribute("1", "number of static vectors kept by the reduction")
     highest_frequency_hz: float = attribute("Hz", "the highest frequency that the reduction was made for")
@@ -89,13 +87,14 @@ class ModeTable:
     probe_bound: float | None = attribute("1", "the same of the receptance between these and the probes", default=None)
     # by body, of several bodies only
     kinetic_energy_share: dict[str, Floats] = dataset(
-        "1", "share of a mode's kinetic energy in this body", along=_MODE, per="bodies", default_factory=dict
+        "1", "share of a mode's kinetic energy in this body", per="bodies", default_factory=dict
     )
     strain_energy_share: dict[str, Floats] = dataset(
         "1",
         "share of a mode's strain energy in this body, the rest being in springs of joints; NaN for rigid-body modes",
-        along=_MODE, per="bodies", default_factory=dict,
-    )  # fmt: skip
+        per="bodies",
+        default_factory=dict,
+    )
 
 
 @dataclass(frozen=True)

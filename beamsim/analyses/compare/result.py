@@ -15,7 +15,7 @@ _TIME = ("time",)
 ROUND_OFF = 1e-9  # of the largest harmonic: what no record resolves
 
 
-@declared
+@declared(along=_ORDER)
 class ChannelComparison:
     """One quantity at one place, predicted and measured."""
 
@@ -27,15 +27,19 @@ class ChannelComparison:
     excitation_hz: float = attribute("Hz", "frequency of the excitation; NaN where there is none")
     delay_s: float = attribute("s", "measured(t) = predicted(t + delay)")
     order: Ints = axis("1", "frequency over excitation frequency")
-    predicted: Complexes = dataset(  # A e^{i phase} of A sin(2 pi f n t + phase)
-        "{unit}", "predicted harmonic, zero to peak", along=_ORDER,
+    # A e^{i phase} of A sin(2 pi f n t + phase)
+    predicted: Complexes = dataset(
+        "{unit}",
+        "predicted harmonic, zero to peak",
         phase="phase of the predicted harmonic as a sine, in the time of the prediction",
-    )  # fmt: skip
-    measured: Complexes = dataset(  # amplitudes alone where phases are unknown
-        "{unit}", "measured harmonic, zero to peak", along=_ORDER,
+    )
+    # amplitudes alone where phases are unknown
+    measured: Complexes = dataset(
+        "{unit}",
+        "measured harmonic, zero to peak",
         phase="phase of the measured harmonic as a sine, in the time of the prediction",
-    )  # fmt: skip
-    measured_noise: Floats = dataset("{unit}", "standard deviation of the measured harmonic", along=_ORDER)
+    )
+    measured_noise: Floats = dataset("{unit}", "standard deviation of the measured harmonic")
     has_phase: bool = attribute("", "whether the measured phases are known")
     rms_difference: float = attribute(
         "1",
@@ -59,7 +63,7 @@ class ChannelComparison:
         return np.asarray(np.any([size <= ROUND_OFF * size.max(initial=0.0) for size in sizes], axis=0))
 
     @property
-    @stored(dataset("dB", "20 log10(predicted / measured); NaN where one is round-off", along=_ORDER))
+    @stored(dataset("dB", "20 log10(predicted / measured); NaN where one is round-off"))
     def difference_db(self) -> Floats:
         """(h,) 20 log10(predicted / measured amplitude); nan where one of them is round-off."""
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -67,7 +71,7 @@ class ChannelComparison:
         return np.where(self.is_round_off, np.nan, difference)
 
     @property
-    @stored(dataset("degree", "predicted over measured, aligned", along=_ORDER))
+    @stored(dataset("degree", "predicted over measured, aligned"))
     def phase_difference_deg(self) -> Floats:
         """(h,) phase of the predicted harmonic over the measured one, after alignment; nan where it is unknown."""
         if not self.has_phase:
@@ -100,7 +104,7 @@ class PeakPair:
         return float(20 * np.log10(self.predicted_level / self.measured_level))
 
 
-@declared
+@declared(along=("frequency_hz",))
 class SweptComparison:
     """One quantity at one place over the frequency of a sweep, predicted and measured."""
 
@@ -113,12 +117,8 @@ class SweptComparison:
     detector: str = attribute("", "what is compared of each cycle: peak, fundamental or rms")
     has_phase: bool = attribute("", "whether phases are compared, too")
     frequency_hz: Floats = axis("Hz", "excitation frequency, those of the measurement")
-    predicted: Complexes = dataset(
-        "{unit}", "predicted response", along=("frequency_hz",), imaginary="its imaginary part"
-    )
-    measured: Complexes = dataset(
-        "{unit}", "measured response", along=("frequency_hz",), imaginary="its imaginary part"
-    )
+    predicted: Complexes = dataset("{unit}", "predicted response", imaginary="its imaginary part")
+    measured: Complexes = dataset("{unit}", "measured response", imaginary="its imaginary part")
     frac: float = attribute("1", "frequency response assurance criterion")
     peaks: tuple[PeakPair, ...] = table("peaks", PeakPair, Counter("peak", "number of the measured peak"), default=())
     begin_s: float | None = attribute(

@@ -13,7 +13,7 @@ _PREDICTED = Counter("predicted", "number of the computed mode")
 UNPAIRED = 0.2  # largest MAC of a pair that is none
 
 
-@declared
+@declared(along=(_MEASURED,))
 class ModeComparison(Result):
     """Result of ``beamsim compare-modes``."""
 
@@ -27,7 +27,7 @@ class ModeComparison(Result):
 
     contacts: str = attribute("", "open or closed: how the snubbers are in the computed modes")
     source: str = attribute("", "file of the measured shapes")
-    measured_hz: Floats = dataset("Hz", "measured natural frequency", along=(_MEASURED,))
+    measured_hz: Floats = dataset("Hz", "measured natural frequency")
     predicted_hz: Floats = dataset("Hz", "computed natural frequency", along=(_PREDICTED,))
     mac: Floats = dataset(
         "1", "modal assurance criterion |m^H p|^2 / (m^H m p^T p) of measured and computed shapes at the places",
@@ -37,12 +37,10 @@ class ModeComparison(Result):
         "1", "MAC of computed shapes with each other: near 1 beside the diagonal, the places cannot tell them apart",
         along=(_PREDICTED, Counter("other", "number of the other computed mode")),
     )  # fmt: skip
-    paired: Ints = dataset(
-        "1", "number of the computed mode of each measured one, 0 where none fits", along=(_MEASURED,)
-    )
+    paired: Ints = dataset("1", "number of the computed mode of each measured one, 0 where none fits")
 
     @property
-    @stored(dataset("1", "computed over measured frequency less 1; NaN where no mode fits", along=(_MEASURED,)))
+    @stored(dataset("1", "computed over measured frequency less 1; NaN where no mode fits"))
     def difference(self) -> Floats:
         """(m,) relative difference of the frequencies of each pair."""
         has_pair = self.paired > 0

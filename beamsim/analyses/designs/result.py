@@ -130,17 +130,17 @@ class RealisedResponse:
 _PARAMETER = Counter("parameter", "number of the varied parameter")
 
 
-@declared
+@declared(along=(_PARAMETER,))
 class SobolIndices:
     """Sobol' indices of a response, one of each varied parameter, with their 95 % confidence intervals."""
 
     name: str = attribute("", "name of the response")
-    first_order: Floats = dataset("1", "share of the variance of {name} by the parameter alone", along=(_PARAMETER,))
-    total_order: Floats = dataset("1", "the same with what it causes together with others", along=(_PARAMETER,))
-    first_order_low: Floats = dataset("1", "lower end of the 95 % interval of first_order", along=(_PARAMETER,))
-    first_order_high: Floats = dataset("1", "upper end of the 95 % interval of first_order", along=(_PARAMETER,))
-    total_order_low: Floats = dataset("1", "lower end of the 95 % interval of total_order", along=(_PARAMETER,))
-    total_order_high: Floats = dataset("1", "upper end of the 95 % interval of total_order", along=(_PARAMETER,))
+    first_order: Floats = dataset("1", "share of the variance of {name} by the parameter alone")
+    total_order: Floats = dataset("1", "the same with what it causes together with others")
+    first_order_low: Floats = dataset("1", "lower end of the 95 % interval of first_order")
+    first_order_high: Floats = dataset("1", "upper end of the 95 % interval of first_order")
+    total_order_low: Floats = dataset("1", "lower end of the 95 % interval of total_order")
+    total_order_high: Floats = dataset("1", "upper end of the 95 % interval of total_order")
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared
+@declared(along=_CASES)
 class DesignsResult(Result):
     """Everything `beamsim sweep` computes of a scenario with ``vary``, or `ensemble`, along the axes of the design.
 
@@ -206,9 +206,8 @@ class DesignsResult(Result):
     coordinates: tuple[Coordinate, ...] = keyed(
         Coordinate, folder=_GROUP, several=True, called="<parameter>", listed="paths"
     )
-    solved: Bools = dataset(  # the design's shape
-        "1", "whether the case has responses", name=f"{_GROUP}/solved", along=_CASES, flags=("missing", "solved")
-    )
+    # the design's shape
+    solved: Bools = dataset("1", "whether the case has responses", name=f"{_GROUP}/solved", flags=("missing", "solved"))
     responses: dict[str, Response] = keyed(Response, folder=_GROUP, called="<response>", listed="responses")
     margins: dict[str, Response] = keyed(
         Response, folder=f"{_GROUP}/margins", called="<limit>", having="name"
@@ -218,17 +217,21 @@ class DesignsResult(Result):
         "", "cases that failed: number from 0, values of the parameters, and why; JSON list", codec=FAILURES,
         at=_GROUP,
     )  # fmt: skip
-    passing: Bools | None = dataset(  # the design's shape; None without limits
-        "1", "whether the case has responses and meets every limit", name=f"{_GROUP}/passing", along=_CASES,
-        flags=("failing", "passing"), default=None,
-    )  # fmt: skip
+    # the design's shape; None without limits
+    passing: Bools | None = dataset(
+        "1",
+        "whether the case has responses and meets every limit",
+        name=f"{_GROUP}/passing",
+        flags=("failing", "passing"),
+        default=None,
+    )
     sensitivity: tuple[SobolIndices, ...] = numbered(
         f"{_GROUP}/sensitivity", SobolIndices, default=()
     )  # of a Sobol' sample
-    passing_share: Floats | None = dataset(  # the design's shape; None without limits or tolerances
-        "1", "share of the realisations that meet every limit", name=f"{_GROUP}/passing_share", along=_CASES,
-        default=None,
-    )  # fmt: skip
+    # the design's shape; None without limits or tolerances
+    passing_share: Floats | None = dataset(
+        "1", "share of the realisations that meet every limit", name=f"{_GROUP}/passing_share", default=None
+    )
     tolerances: tuple[Tolerance, ...] = keyed(
         Tolerance, folder=f"{_GROUP}/tolerances", several=True, called="<number with a tolerance>", listed="paths",
         default=(),

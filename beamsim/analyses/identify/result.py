@@ -32,16 +32,16 @@ _MODE = ("mode",)
 _ENDS = (Counter("end", "which end of a range", labels=("lower", "upper")),)
 
 
-@declared
+@declared(along=_MODE)
 class FrequencyTable:
     """Measured and predicted natural frequencies, as in tables 1.2 and 1.3 of the thesis."""
 
     mode: Ints = axis("1", "number of the mode")  # (m,) from 1
-    measured_hz: Floats = dataset("Hz", "measured natural frequency", along=_MODE)  # nan: not measured
-    predicted_hz: Floats = dataset("Hz", "predicted natural frequency", along=_MODE)
+    measured_hz: Floats = dataset("Hz", "measured natural frequency")  # nan: not measured
+    predicted_hz: Floats = dataset("Hz", "predicted natural frequency")
 
     @property
-    @stored(dataset("percent", "100 (predicted - measured) / measured", along=_MODE))
+    @stored(dataset("percent", "100 (predicted - measured) / measured"))
     def difference_percent(self) -> Floats:
         """(m,) 100 (predicted - measured) / measured."""
         return 100 * (self.predicted_hz - self.measured_hz) / self.measured_hz
@@ -102,7 +102,7 @@ _CURVE = (Counter("pad_curve", "number of the point of the fitted curve"),)
 _SAMPLES = (Counter("pad_measurement", "number of the measurement of the pad"),)
 
 
-@declared
+@declared(along=_SAMPLES)
 class PadFit:
     """A spring and Maxwell branches fitted to measurements of the pad."""
 
@@ -112,20 +112,16 @@ class PadFit:
     least_misfit: float = attribute("1", "the same with as many branches as there could be")
     branch_stiffness: Floats = dataset("N/m", "stiffness of each branch", along=_BRANCHES)
     relaxation_time: Floats = dataset("s", "relaxation time of each branch", along=_BRANCHES)
-    measured_stiffness: Floats = dataset(
-        "N/m", "measured storage stiffness, or force over deflection in relaxation", along=_SAMPLES
-    )
-    fitted_stiffness: Floats = dataset("N/m", "the same of spring and branches", along=_SAMPLES)
+    measured_stiffness: Floats = dataset("N/m", "measured storage stiffness, or force over deflection in relaxation")
+    fitted_stiffness: Floats = dataset("N/m", "the same of spring and branches")
     curve_at: Floats = dataset("{unit}", "frequency or time of the fitted curve", along=_CURVE)
     curve_stiffness: Floats = dataset("N/m", "storage stiffness or relaxation there", along=_CURVE)
     curve_loss_factor: Floats = dataset("1", "loss factor there; zero in relaxation", along=_CURVE)
     unit: str = attribute("", "unit of curve_at")
-    frequency_hz: Floats | None = dataset("Hz", "frequency of each measurement", along=_SAMPLES, default=None)
-    time: Floats | None = dataset(
-        "s", "time of each measurement since the deflection began", along=_SAMPLES, default=None
-    )
-    measured_loss_factor: Floats | None = dataset("1", "measured loss factor", along=_SAMPLES, default=None)
-    fitted_loss_factor: Floats | None = dataset("1", "loss factor of spring and branches", along=_SAMPLES, default=None)
+    frequency_hz: Floats | None = dataset("Hz", "frequency of each measurement", default=None)
+    time: Floats | None = dataset("s", "time of each measurement since the deflection began", default=None)
+    measured_loss_factor: Floats | None = dataset("1", "measured loss factor", default=None)
+    fitted_loss_factor: Floats | None = dataset("1", "loss factor of spring and branches", default=None)
     ramp: float | None = attribute("s", "time over which the deflection of a relaxation test rises", default=None)
     warnings: tuple[str, ...] = ()
 
@@ -209,7 +205,7 @@ class FrequencyCurve:
     frequency_hz: Floats = dataset("Hz", "natural frequency with a spring of that stiffness", along=("stiffness",))
 
 
-@declared
+@declared(along=("order",))
 class TestFit:
     """One nonlinear test: measured and predicted harmonics."""
 
@@ -222,10 +218,10 @@ class TestFit:
     unit: str = attribute("", "its unit")
     frequency_hz: float = attribute("Hz", "frequency of the excitation")
     order: Floats = axis("1", "frequency over excitation frequency")
-    measured: Complexes = dataset("{unit}", "measured harmonic", along=("order",))
-    noise: Floats = dataset("{unit}", "standard deviation of each part of a measured harmonic", along=("order",))
-    before: Complexes = dataset("{unit}", "harmonic predicted with the scenario's values", along=("order",))
-    predicted: Complexes = dataset("{unit}", "harmonic predicted with the estimated values", along=("order",))
+    measured: Complexes = dataset("{unit}", "measured harmonic")
+    noise: Floats = dataset("{unit}", "standard deviation of each part of a measured harmonic")
+    before: Complexes = dataset("{unit}", "harmonic predicted with the scenario's values")
+    predicted: Complexes = dataset("{unit}", "harmonic predicted with the estimated values")
     delay_s: float = attribute("s", "measured(t) = predicted(t + delay)")
 
 

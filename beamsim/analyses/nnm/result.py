@@ -48,29 +48,27 @@ class BranchJump:
 # --- The damped structure held on its mode ---------------------------------------------------------------------------
 
 
-@declared
+@declared(along=_POINT)
 class PredictedLevels:
     """The level that energy balance asks for along a backbone."""
 
-    energy: Floats = dataset("J", "energy from static equilibrium", along=_POINT)
-    frequency_hz: Floats = dataset("Hz", "frequency of the motion", along=_POINT)
-    level: Floats = dataset("{unit}", "level of the excitation that holds the motion", along=_POINT)
-    dissipated: Floats = dataset("J", "energy taken by damping in a period", along=_POINT)
-    contact_share: Floats = dataset("1", "share of it that the contacts' dashpots take", along=_POINT)
-    amplitude: dict[str, Floats] = per_probe("m", "largest deflection of a period", along=_POINT)
+    energy: Floats = dataset("J", "energy from static equilibrium")
+    frequency_hz: Floats = dataset("Hz", "frequency of the motion")
+    level: Floats = dataset("{unit}", "level of the excitation that holds the motion")
+    dissipated: Floats = dataset("J", "energy taken by damping in a period")
+    contact_share: Floats = dataset("1", "share of it that the contacts' dashpots take")
+    amplitude: dict[str, Floats] = per_probe("m", "largest deflection of a period")
 
 
-@declared
+@declared(along=_POINT)
 class ResponseAboutResonance:
     """Forced periodic motions about a resonance."""
 
     outcome: Outcome = ending("how the branch ended")
-    frequency_hz: Floats = dataset("Hz", "frequency of the excitation", along=_POINT)
-    peak_displacement: dict[str, Floats] = per_probe(
-        "m", "largest deflection of a period", along=_POINT, name="amplitude"
-    )
-    stable: Bools = dataset("1", "whether the motion is stable", along=_POINT, flags=("unstable", "stable"))
-    energy_error: Floats = dataset("1", "imbalance of the energies over a period, relative to the energy", along=_POINT)
+    frequency_hz: Floats = dataset("Hz", "frequency of the excitation")
+    peak_displacement: dict[str, Floats] = per_probe("m", "largest deflection of a period", name="amplitude")
+    stable: Bools = dataset("1", "whether the motion is stable", flags=("unstable", "stable"))
+    energy_error: Floats = dataset("1", "imbalance of the energies over a period, relative to the energy")
 
 
 @declared
@@ -173,17 +171,17 @@ class ExpansionPath:
         return self.reach / SAFELY * (1.0 + 1e-9)
 
 
-@declared
+@declared(along=_FACTOR)
 class ExactModes:
     """Exact motions at the same energy (shooting); nan where none was found near the expansion."""
 
-    frequency_hz: Floats = dataset("Hz", "frequency by shooting", along=_FACTOR)
+    frequency_hz: Floats = dataset("Hz", "frequency by shooting")
     coordinates: Floats = dataset("kg^0.5 m", "coordinates at rest", along=("factor", "coordinate"))
     initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", "position"))
-    residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion", along=_FACTOR)
+    residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion")
 
 
-@declared
+@declared(along=_STEP)
 class ExpansionComparison:
     """Expansion against exact motion."""
 
@@ -194,21 +192,19 @@ class ExpansionComparison:
         "1", "error of the initial vector to each order, in the norm of the linear strain energy", along=_ORDER
     )
     frequency_orders: Floats = dataset(
-        "1", "observed orders of the frequency's difference between neighbouring factors", along=_STEP
+        "1", "observed orders of the frequency's difference between neighbouring factors"
     )
     initial_orders: Floats = dataset(
-        "1", "observed orders of the initial vector's difference between neighbouring factors", along=_STEP
+        "1", "observed orders of the initial vector's difference between neighbouring factors"
     )
-    expected_orders: Floats = dataset(
-        "1", "expected orders of the initial vector, by the uniform expansion", along=_STEP
-    )
+    expected_orders: Floats = dataset("1", "expected orders of the initial vector, by the uniform expansion")
     uniform_difference: Floats = dataset(
         "1", "error of the uniform expansion's initial vector to each order", along=_ORDER
     )
-    uniform_orders: Floats = dataset("1", "observed orders of the uniform expansion's initial vector", along=_STEP)
+    uniform_orders: Floats = dataset("1", "observed orders of the uniform expansion's initial vector")
 
 
-@declared
+@declared(along=_FACTOR)
 class RelaxedComparison:
     """A path of relaxed minimisation, step by step, and the exact motions at the same factors."""
 
@@ -216,27 +212,21 @@ class RelaxedComparison:
     tolerance: float = attribute("1", "tolerance of the functional")
     outcome: Outcome = ending("how the path ended")
     factor: Floats = axis("1", "stiffness factor")  # (S,) of the steps taken; the last may not have been reached
-    frequency_hz: Floats = dataset("Hz", "frequency", along=_FACTOR)
-    functional: Floats = dataset("1", "functional over twice the energy at the end of its minimisation", along=_FACTOR)
-    passages: Ints = dataset("1", "motions computed", along=_FACTOR)
-    processor_time_s: Floats = dataset("s", "processor time", along=_FACTOR)
-    reached: Bools = dataset("1", "whether the functional fell below the tolerance", along=_FACTOR, flags=("no", "yes"))
+    frequency_hz: Floats = dataset("Hz", "frequency")
+    functional: Floats = dataset("1", "functional over twice the energy at the end of its minimisation")
+    passages: Ints = dataset("1", "motions computed")
+    processor_time_s: Floats = dataset("s", "processor time")
+    reached: Bools = dataset("1", "whether the functional fell below the tolerance", flags=("no", "yes"))
     coordinates: Floats = dataset("kg^0.5 m", "coordinates at rest", along=("factor", "coordinate"))
     initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", "position"))
     # nan where a tongue cuts it
-    exact_frequency_hz: Floats = dataset("Hz", "frequency of the backbone by shooting", along=_FACTOR)
-    frequency_difference: Floats = dataset(
-        "1", "difference of the frequency from the backbone, relative", along=_FACTOR
-    )
+    exact_frequency_hz: Floats = dataset("Hz", "frequency of the backbone by shooting")
+    frequency_difference: Floats = dataset("1", "difference of the frequency from the backbone, relative")
     shape_difference: Floats = dataset(
-        "1",
-        "difference of the shape from the backbone, relative, in the norm of the linear strain energy",
-        along=_FACTOR,
+        "1", "difference of the shape from the backbone, relative, in the norm of the linear strain energy"
     )
-    fate: tuple[str, ...] = dataset("1", "exact motion near it: same, other, none or between", along=_FACTOR)
-    jumped: Bools = dataset(
-        "1", "whether the step left the motion that the one before was on", along=_FACTOR, flags=("no", "yes")
-    )
+    fate: tuple[str, ...] = dataset("1", "exact motion near it: same, other, none or between")
+    jumped: Bools = dataset("1", "whether the step left the motion that the one before was on", flags=("no", "yes"))
     shooting_passages: int = attribute("1", "motions computed for the backbone, its tongues and the same factors")
     shooting_processor_time_s: float = attribute("s", "processor time of shooting")
 

@@ -43,7 +43,7 @@ def _overlay_rank(_: Mapping[str, Any], curve: OverlayCurve) -> tuple[int, bool]
     return int(curve.name.rpartition("_")[2]), curve.direction == "down"
 
 
-@declared
+@declared(along=_POINT)
 class ForcedExpansionComparison:
     """Steady motions near a mode by multiple scales, at one level, and how far they are from the exact ones.
 
@@ -53,13 +53,11 @@ class ForcedExpansionComparison:
     level: float = attribute("{level_unit}", "level of the excitation")
     mode: int = attribute("1", "number of the mode")
     linear_frequency_hz: float = attribute("Hz", "its natural frequency")
-    frequency_hz: Floats = dataset("Hz", "excitation frequency", along=_POINT)  # at a factor of one, through the tip
-    stable: Bools = dataset("1", "whether the slow flow contracts", along=_POINT, flags=("unstable", "stable"))
-    leading: dict[str, Floats] = per_probe("m", "largest deflection of a period, to leading order", along=_POINT)
-    first: dict[str, Floats] = per_probe("m", "largest deflection of a period, to first order", along=_POINT)
-    backbone_hz: Floats = dataset(
-        "Hz", "frequency of the nonlinear mode of the same amplitude, to first order", along=_POINT
-    )
+    frequency_hz: Floats = dataset("Hz", "excitation frequency")  # at a factor of one, through the tip
+    stable: Bools = dataset("1", "whether the slow flow contracts", flags=("unstable", "stable"))
+    leading: dict[str, Floats] = per_probe("m", "largest deflection of a period, to leading order")
+    first: dict[str, Floats] = per_probe("m", "largest deflection of a period, to first order")
+    backbone_hz: Floats = dataset("Hz", "frequency of the nonlinear mode of the same amplitude, to first order")
     factor: Floats = axis("1", "factor of springs, damping and force")  # (E,) falling
     # the detuning shrinks with the factor
     factor_frequency_hz: Floats = dataset("Hz", "excitation frequency at the factor", along=("factor",))

@@ -17,14 +17,14 @@ _IMPACT = (Counter("impact", "number of the impact"),)
 _CYCLE = (Counter("cycle", "number of the counted cycle"),)
 
 
-@declared
+@declared(along=_CYCLE)
 class Rainflow:
     """Cycles counted as in ASTM E1049, in the order in which they close."""
 
     unit: str = attribute("", "unit of range and mean")
-    range: Floats = dataset("{unit}", "range of the cycle, largest less smallest value", along=_CYCLE)
-    mean: Floats = dataset("{unit}", "mean of the two", along=_CYCLE)
-    count: Floats = dataset("1", "1 of a whole cycle, 0.5 of a half one", along=_CYCLE)
+    range: Floats = dataset("{unit}", "range of the cycle, largest less smallest value")
+    mean: Floats = dataset("{unit}", "mean of the two")
+    count: Floats = dataset("1", "1 of a whole cycle, 0.5 of a half one")
 
 
 @declared
@@ -68,40 +68,34 @@ class SnubberImpacts:
         return values
 
 
-@declared
+@declared(along=_IMPACT)
 class Impacts:
     """Every impact of the run that is counted, in order of time, and the statistics of each snubber."""
 
     minimum_rest_s: float = attribute("s", "contacts of one snubber that are less far apart are one impact")
     force_threshold_n: float = attribute("N", "impacts with a smaller peak force are left out")
-    snubber: Ints = dataset("1", "index of the snubber, from 0", along=_IMPACT)
-    begin: Floats = dataset(
-        "s", "time at which the impact begins, or the run where it is in contact then", along=_IMPACT
-    )
-    end: Floats = dataset("s", "time at which the impact ends, or the run where that is before", along=_IMPACT)
-    contact_time: Floats = dataset(
-        "s", "time in contact; less than end - begin where contacts are joined", along=_IMPACT
-    )
-    contacts: Ints = dataset("1", "contacts that are joined in the impact", along=_IMPACT)
-    peak_force: Floats = dataset("N", "largest force", along=_IMPACT)
-    peak_time: Floats = dataset("s", "time of the largest force", along=_IMPACT)
-    impulse: Floats = dataset("N s", "integral of the force", along=_IMPACT)
+    snubber: Ints = dataset("1", "index of the snubber, from 0")
+    begin: Floats = dataset("s", "time at which the impact begins, or the run where it is in contact then")
+    end: Floats = dataset("s", "time at which the impact ends, or the run where that is before")
+    contact_time: Floats = dataset("s", "time in contact; less than end - begin where contacts are joined")
+    contacts: Ints = dataset("1", "contacts that are joined in the impact")
+    peak_force: Floats = dataset("N", "largest force")
+    peak_time: Floats = dataset("s", "time of the largest force")
+    impulse: Floats = dataset("N s", "integral of the force")
     approach_speed: Floats = dataset(
-        "m/s", "rate of penetration when the impact begins; NaN where the run begins in contact", along=_IMPACT
+        "m/s", "rate of penetration when the impact begins; NaN where the run begins in contact"
     )
     separation_speed: Floats = dataset(
-        "m/s", "speed of parting when the impact ends; NaN where the run ends in contact", along=_IMPACT
+        "m/s", "speed of parting when the impact ends; NaN where the run ends in contact"
     )
     energy_lost: Floats = dataset(
-        "J", "energy lost in the snubber from the beginning of the impact to that of the next", along=_IMPACT
+        "J", "energy lost in the snubber from the beginning of the impact to that of the next"
     )
-    cut: Bools = dataset(
-        "1", "whether the impact lasts when the run begins or ends", along=_IMPACT, flags=("whole", "cut")
-    )
+    cut: Bools = dataset("1", "whether the impact lasts when the run begins or ends", flags=("whole", "cut"))
     snubbers: dict[str, SnubberImpacts] = named("snubbers", SnubberImpacts)
 
     @property
-    @stored(dataset("1", "separation speed over approach speed; NaN where either is unknown or none", along=_IMPACT))
+    @stored(dataset("1", "separation speed over approach speed; NaN where either is unknown or none"))
     def restitution(self) -> Floats:
         """(n,) nan where one is unknown, or the impact begins at rest."""
         begins = self.approach_speed > AT_REST * np.nanmax(self.approach_speed, initial=0.0)

@@ -45,18 +45,18 @@ def _after_parting(figure: str, dataset: str) -> Any:
     return attribute("", text, name="after_parting", at=dataset, default=None)
 
 
-@declared
+@declared(along=_TIME)
 class ProbeHistory:
     """Motion of one probe at the output times."""
 
     name: str = key("name of the probe")
     position: float = attribute("m", "position along the beam; the number of the mass in a chain")
-    displacement: Floats = dataset("m", "displacement relative to the base", along=_TIME)
-    absolute_displacement: Floats = dataset("m", "absolute displacement", along=_TIME)
-    velocity: Floats = dataset("m/s", "velocity relative to the base", along=_TIME)
-    absolute_acceleration: Floats = dataset("m/s^2", "absolute acceleration", along=_TIME)
+    displacement: Floats = dataset("m", "displacement relative to the base")
+    absolute_displacement: Floats = dataset("m", "absolute displacement")
+    velocity: Floats = dataset("m/s", "velocity relative to the base")
+    absolute_acceleration: Floats = dataset("m/s^2", "absolute acceleration")
     low_passed_acceleration: Floats | None = dataset(
-        "m/s^2", "absolute acceleration behind the low-pass filter of run.low_pass", along=_TIME, default=None
+        "m/s^2", "absolute acceleration behind the low-pass filter of run.low_pass", default=None
     )
     across: float | None = attribute("m", "on a plate position from its bottom edge", default=None)
     displacement_change: float | None = attribute(
@@ -85,17 +85,15 @@ class OutputHistory:
     value_after_parting: bool | None = _after_parting("peak", "value")
 
 
-@declared
+@declared(along=_TIME)
 class SnubberHistory(SnubberNumbers):
     """One snubber at the output times; between two masses the displacement is the stretch."""
 
-    force: Floats = dataset("N", "contact force on the structure, positive when it pushes", along=_TIME)
-    penetration: Floats = dataset("m", "penetration of the structure into the snubber", along=_TIME)
-    closed: Bools = dataset("1", "whether the contact is closed", along=_TIME, flags=("open", "closed"))
-    displacement: Floats = dataset(
-        "m", "displacement of the structure at the snubber, relative to the base", along=_TIME
-    )
-    velocity: Floats = dataset("m/s", "velocity of the structure at the snubber, relative to the base", along=_TIME)
+    force: Floats = dataset("N", "contact force on the structure, positive when it pushes")
+    penetration: Floats = dataset("m", "penetration of the structure into the snubber")
+    closed: Bools = dataset("1", "whether the contact is closed", flags=("open", "closed"))
+    displacement: Floats = dataset("m", "displacement of the structure at the snubber, relative to the base")
+    velocity: Floats = dataset("m/s", "velocity of the structure at the snubber, relative to the base")
     across: float | None = attribute("m", "on a plate position from its bottom edge", default=None)
     table_misfit: float | None = attribute(
         "N", "root mean square of what a force-deflection table leaves of the measured forces", default=None
@@ -109,7 +107,7 @@ class SnubberHistory(SnubberNumbers):
     force_after_parting: bool | None = _after_parting("peak force", "force")
 
 
-@declared
+@declared(along=_TIME)
 class SpringHistory:
     """One spring that is nonlinear or relaxes, at the output times."""
 
@@ -118,11 +116,11 @@ class SpringHistory:
     masses: tuple[int, ...] = attribute(
         "", "number of the mass it ties to the ground, or of the two it joins; none between points of beams"
     )
-    stretch: Floats = dataset("m", "stretch of the spring; to the ground the absolute displacement there", along=_TIME)
-    force: Floats = dataset("N", "force of the spring, positive where it pulls back a positive stretch", along=_TIME)
+    stretch: Floats = dataset("m", "stretch of the spring; to the ground the absolute displacement there")
+    force: Floats = dataset("N", "force of the spring, positive where it pulls back a positive stretch")
 
 
-@declared
+@declared(along=_TIME)
 class FrictionHistory:
     """One friction contact at the output times; between two places the displacement is the stretch."""
 
@@ -134,9 +132,9 @@ class FrictionHistory:
     start_force: float = attribute(
         "N", "friction force at the start, positive where it resists a positive displacement"
     )
-    displacement: Floats = dataset("m", "displacement along the face, relative to what it rubs on", along=_TIME)
-    force: Floats = dataset("N", "friction force, positive where it resists a positive displacement", along=_TIME)
-    stuck: Bools = dataset("1", "whether the contact sticks", along=_TIME, flags=("sliding", "stuck"))
+    displacement: Floats = dataset("m", "displacement along the face, relative to what it rubs on")
+    force: Floats = dataset("N", "friction force, positive where it resists a positive displacement")
+    stuck: Bools = dataset("1", "whether the contact sticks", flags=("sliding", "stuck"))
     sliding_share: float = attribute("1", "share of the time during which it slides")
     # of the continuous motion: None of a time-stepped or interrupted one
     slides: int | None = attribute("1", "how often sliding begins", default=None)
@@ -163,7 +161,7 @@ _FRICTION_UNITS = {
 }  # fmt: skip
 
 
-@declared
+@declared(along=_EVENT)
 class EventLog:
     """Contact events of the snubbers in order of time; breakpoints of piecewise-linear springs are not among them.
 
@@ -171,13 +169,9 @@ class EventLog:
     t = 0 (prestressed, or by the start) was in contact before: it has no closing, its first event may be an opening.
     """
 
-    time: Floats = dataset(
-        "s",
-        "time of the contact event; 0 where contact begins at the start of the run",
-        along=_EVENT,
-    )
-    snubber: Ints = dataset("1", "index of the snubber, from 0", along=_EVENT)
-    closing: Bools = dataset("1", "whether the contact closes", along=_EVENT, flags=("opening", "closing"))
+    time: Floats = dataset("s", "time of the contact event; 0 where contact begins at the start of the run")
+    snubber: Ints = dataset("1", "index of the snubber, from 0")
+    closing: Bools = dataset("1", "whether the contact closes", flags=("opening", "closing"))
 
 
 @declared
@@ -195,7 +189,7 @@ class SpectralLine:
     )
 
 
-@declared
+@declared(along=_FREQUENCY)
 class Spectrum:
     """Single-sided spectrum of one quantity of one probe, and its lines."""
 
@@ -203,8 +197,8 @@ class Spectrum:
     quantity: str = attribute("", "absolute_acceleration or displacement; of an output what it is")
     unit: str = attribute("", "unit of the quantity")
     frequency_hz: Floats = axis("Hz", "frequency")
-    amplitude: Floats = dataset("{unit}", "single-sided peak amplitude of the {quantity:words}", along=_FREQUENCY)
-    amplitude_db: Floats = dataset("dB", "20 log10(amplitude / max |x|) of the {quantity:words}", along=_FREQUENCY)
+    amplitude: Floats = dataset("{unit}", "single-sided peak amplitude of the {quantity:words}")
+    amplitude_db: Floats = dataset("dB", "20 log10(amplitude / max |x|) of the {quantity:words}")
     excitation_hz: float = attribute("Hz", "frequency of the excitation; NaN where there is none, or several")
     window: str = attribute("", "window")
     start_s: float = attribute("s", "beginning of the part that is analysed")
@@ -218,26 +212,22 @@ class Spectrum:
     rms_change: float | None = attribute("1", f"of the root mean square, {_WITH_FINER_MODEL}", default=None)
 
 
-@declared(kw_only=True)
+@declared(kw_only=True, along=("position",))
 class BodyResult:
     """Results along a body."""
 
     position: Floats = axis("m", "position along the beam, or on the plate from its left edge")
     # None where no fibre of the section is known
-    peak_bending_stress: Floats | None = dataset(
-        "Pa", "largest absolute bending stress at any time", along=("position",), default=None
-    )
+    peak_bending_stress: Floats | None = dataset("Pa", "largest absolute bending stress at any time", default=None)
     extreme_shapes: Floats = dataset(
         "m", "deflection when the first probe is lowest and highest", along=("extreme_times", "position")
     )
     extreme_times: Floats = axis("s", "times at which the first probe is lowest and highest")
-    static_shape: Floats = dataset("m", "deflection at static equilibrium", along=("position",))  # nan: there is none
+    static_shape: Floats = dataset("m", "deflection at static equilibrium")  # nan: there is none
     # of a plate only, whose bending stress is the largest of sigma_x, sigma_y and tau_xy
-    across: Floats | None = dataset(
-        "m", "position on the plate from its bottom edge", along=("position",), default=None
-    )
+    across: Floats | None = dataset("m", "position on the plate from its bottom edge", default=None)
     peak_von_mises_stress: Floats | None = dataset(
-        "Pa", "largest von Mises stress at the surface, of at least 2000 samples", along=("position",), default=None
+        "Pa", "largest von Mises stress at the surface, of at least 2000 samples", default=None
     )
 
 
@@ -258,17 +248,16 @@ class ContactInstant:
         return np.asarray(self.coordinates @ modes.shapes)
 
 
-@declared
+@declared(along=_TIME)
 class EnergyHistory:
     """Energies at the output times, relative frame; work_in = dissipated + stored - stored[0]."""
 
-    work_in: Floats = dataset("J", "work done on the structure by the excitation, in the relative frame", along=_TIME)
-    dissipated: Floats = dataset("J", "energy dissipated", along=_TIME)
+    work_in: Floats = dataset("J", "work done on the structure by the excitation, in the relative frame")
+    dissipated: Floats = dataset("J", "energy dissipated")
     stored: Floats = dataset(
         "J",
         "energy stored, kinetic and elastic, snubbers included; where supports move relative to the base, that of the "
         "degrees of freedom which they leave",
-        along=_TIME,
     )
 
 
@@ -283,7 +272,7 @@ class Work:
     processor_time_s: float = attribute("s", "processor time of the solver alone")
 
 
-@declared
+@declared(along=_FREQUENCY)
 class SignalStatistics:
     """One signal of a run with a random or sampled input, without the first part of the run."""
 
@@ -300,7 +289,7 @@ class SignalStatistics:
     crossing_rate_hz: float = attribute("Hz", "upward crossings of the mean per second")
     peaks_over_2_sigma: float = attribute("1", "share of the maxima more than 2 standard deviations above the mean")
     peaks_over_3_sigma: float = attribute("1", "share of the maxima more than 3 standard deviations above the mean")
-    density: Floats = dataset("({unit})^2/Hz", "one-sided spectral density of the {quantity}", along=_FREQUENCY)
+    density: Floats = dataset("({unit})^2/Hz", "one-sided spectral density of the {quantity}")
     # None of a sampled input, which is no process, and in files of earlier versions
     rms_low: float | None = attribute(
         "{unit}", "lower end of the interval of the root mean square, 95 % of records of a Gaussian input", default=None
@@ -315,19 +304,17 @@ class SignalStatistics:
         "{unit}", "standard deviation of the stationary linear response, every snubber always closed", default=None
     )
     density_open: Floats | None = dataset(
-        "({unit})^2/Hz", "density of the stationary linear response, every snubber always open", along=_FREQUENCY,
-        default=None,
-    )  # fmt: skip
+        "({unit})^2/Hz", "density of the stationary linear response, every snubber always open", default=None
+    )
     density_closed: Floats | None = dataset(
-        "({unit})^2/Hz", "density of the stationary linear response, every snubber always closed", along=_FREQUENCY,
-        default=None,
-    )  # fmt: skip
+        "({unit})^2/Hz", "density of the stationary linear response, every snubber always closed", default=None
+    )
     crossings_hz: Floats | None = dataset(
         "Hz", "upward crossings of each level per second, at the samples", along=("level",), default=None
     )
 
 
-@declared
+@declared(along=_FREQUENCY)
 class RandomResponse:
     """Statistics of a run with a random or sampled input, without the first part of the run."""
 
@@ -342,10 +329,8 @@ class RandomResponse:
         several=True,
     )  # the input first
     # by probe: of the absolute acceleration, of the displacement where a force drives the structure
-    transmissibility: dict[str, Complexes] = dataset(
-        "{transmissibility_unit}", "response over input (H1)", along=_FREQUENCY, per=""
-    )
-    coherence: dict[str, Floats] = dataset("1", "coherence of response and input", along=_FREQUENCY, per="")
+    transmissibility: dict[str, Complexes] = dataset("{transmissibility_unit}", "response over input (H1)", per="")
+    coherence: dict[str, Floats] = dataset("1", "coherence of response and input", per="")
     level: Floats | None = axis(  # None in files of earlier versions
         "1", "level above the mean, in standard deviations of the signal", default=None
     )
@@ -381,17 +366,17 @@ class RandomResponse:
         }  # fmt: skip
 
 
-@declared
+@declared(along=_FREQUENCY)
 class ShockSpectrum:
     """Peaks of oscillators' absolute accelerations on a base that moves as one signal does."""
 
     name: str = attribute("", "input, or the name of the probe")
     quantity: str = key("acceleration of the input, absolute_acceleration of a probe")
-    maximax: Floats = dataset("m/s^2", "largest magnitude at any time", along=_FREQUENCY)
-    primary: Floats = dataset("m/s^2", "largest magnitude during the record", along=_FREQUENCY)
-    residual: Floats = dataset("m/s^2", "largest magnitude after the end of the record", along=_FREQUENCY)
-    positive: Floats = dataset("m/s^2", "largest value at any time", along=_FREQUENCY)
-    negative: Floats = dataset("m/s^2", "magnitude of the smallest value at any time", along=_FREQUENCY)
+    maximax: Floats = dataset("m/s^2", "largest magnitude at any time")
+    primary: Floats = dataset("m/s^2", "largest magnitude during the record")
+    residual: Floats = dataset("m/s^2", "largest magnitude after the end of the record")
+    positive: Floats = dataset("m/s^2", "largest value at any time")
+    negative: Floats = dataset("m/s^2", "magnitude of the smallest value at any time")
 
 
 @declared
@@ -538,7 +523,7 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared(kw_only=True)
+@declared(kw_only=True, along=_TIME)
 class RunResult(Result):
     """Everything `beamsim run` computes."""
 
@@ -549,12 +534,8 @@ class RunResult(Result):
     probes: dict[str, ProbeHistory] = named("probes", ProbeHistory)
     snubbers: dict[str, SnubberHistory] = named("snubbers", SnubberHistory)
     # (nt,), zeros without base motion
-    base_acceleration: Floats = dataset(
-        "{base_unit}/s^2", "acceleration of the base", along=_TIME, name="base/acceleration"
-    )
-    base_displacement: Floats = dataset(
-        "{base_unit}", "displacement of the base", along=_TIME, name="base/displacement"
-    )
+    base_acceleration: Floats = dataset("{base_unit}/s^2", "acceleration of the base", name="base/acceleration")
+    base_displacement: Floats = dataset("{base_unit}", "displacement of the base", name="base/displacement")
     events: EventLog = group("events", EventLog)
     spectra: dict[tuple[str, str], Spectrum] = keyed(Spectrum,   # by probe or output and quantity
         folder="spectra", parts=_spectrum_group, called="<probe>[/displacement]",

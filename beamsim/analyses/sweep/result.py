@@ -38,23 +38,19 @@ _TIME = ("time",)
 _SECTION = ("poincare_frequency_hz", "probe")
 
 
-@declared
+@declared(along=_FREQUENCY)
 class Envelope:
     """One quantity at one place, cycle by cycle (or frequency by frequency)."""
 
     quantity: str  # "displacement", "absolute_acceleration" or "force"
     unit: str
-    maximum: Floats = dataset("{unit}", "largest {quantity:words} of a cycle", along=_FREQUENCY, name="max_{quantity}")
-    minimum: Floats = dataset("{unit}", "smallest {quantity:words} of a cycle", along=_FREQUENCY, name="min_{quantity}")
-    rms: Floats = dataset(  # mean included
-        "{unit}",
-        "root mean square of the {quantity:words} over the time of a cycle",
-        along=_FREQUENCY,
-        name="rms_{quantity}",
+    maximum: Floats = dataset("{unit}", "largest {quantity:words} of a cycle", name="max_{quantity}")
+    minimum: Floats = dataset("{unit}", "smallest {quantity:words} of a cycle", name="min_{quantity}")
+    # mean included
+    rms: Floats = dataset(
+        "{unit}", "root mean square of the {quantity:words} over the time of a cycle", name="rms_{quantity}"
     )
-    mean: Floats = dataset(
-        "{unit}", "mean of the {quantity:words} over the time of a cycle", along=_FREQUENCY, name="mean_{quantity}"
-    )
+    mean: Floats = dataset("{unit}", "mean of the {quantity:words} over the time of a cycle", name="mean_{quantity}")
     harmonics: Complexes = dataset(  # (R, C), zero to peak
         "{unit}", "amplitude of cos(order x phase) in the {quantity:words}; of order p/q over q cycles up to this one",
         along=("order", *_FREQUENCY), name="harmonic_{quantity}",
@@ -62,17 +58,13 @@ class Envelope:
     )  # fmt: skip
 
     @property
-    @stored(
-        dataset(
-            "{unit}", "largest magnitude of the {quantity:words} in a cycle", along=_FREQUENCY, name="peak_{quantity}"
-        )
-    )
+    @stored(dataset("{unit}", "largest magnitude of the {quantity:words} in a cycle", name="peak_{quantity}"))
     def peak(self) -> Floats:
         """(C,) largest absolute value."""
         return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
 
 
-@declared
+@declared(along=_FREQUENCY)
 class OutputEnvelope:
     """One of the `outputs`, cycle by cycle (or frequency by frequency)."""
 
@@ -80,10 +72,10 @@ class OutputEnvelope:
     quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
     unit: str = attribute("", "unit of the quantity")
     at: str = attribute("", "where it is: a place, a support, a joint or a body")
-    maximum: Floats = dataset("{unit}", "largest value of a cycle", along=_FREQUENCY)
-    minimum: Floats = dataset("{unit}", "smallest value of a cycle", along=_FREQUENCY)
-    rms: Floats = dataset("{unit}", "root mean square over the time of a cycle, mean included", along=_FREQUENCY)
-    mean: Floats = dataset("{unit}", "mean over the time of a cycle", along=_FREQUENCY)
+    maximum: Floats = dataset("{unit}", "largest value of a cycle")
+    minimum: Floats = dataset("{unit}", "smallest value of a cycle")
+    rms: Floats = dataset("{unit}", "root mean square over the time of a cycle, mean included")
+    mean: Floats = dataset("{unit}", "mean over the time of a cycle")
     harmonics: Complexes = dataset(
         "{unit}", "amplitude of cos(order x phase)", along=("order", *_FREQUENCY),
         imaginary="minus the amplitude of sin(order x phase)",
@@ -95,20 +87,17 @@ class OutputEnvelope:
         return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
 
 
-@declared
+@declared(along=_FREQUENCY)
 class CycleImpacts:
     """Impacts at one snubber, cycle by cycle; at each frequency of a stepped sweep means over the cycles measured."""
 
-    per_cycle: Floats = dataset("1", "impacts per cycle: closings", along=_FREQUENCY, name="impacts_per_cycle")
-    contact_time: Floats = dataset(
-        "s", "mean time in contact of an impact; NaN in a cycle without closing", along=_FREQUENCY
-    )
-    impulse: Floats = dataset("N s", "integral of the contact force over a cycle", along=_FREQUENCY)
-    energy_lost: Floats = dataset("J", "energy lost in the snubber in a cycle", along=_FREQUENCY)
+    per_cycle: Floats = dataset("1", "impacts per cycle: closings", name="impacts_per_cycle")
+    contact_time: Floats = dataset("s", "mean time in contact of an impact; NaN in a cycle without closing")
+    impulse: Floats = dataset("N s", "integral of the contact force over a cycle")
+    energy_lost: Floats = dataset("J", "energy lost in the snubber in a cycle")
     penetration_rate: Floats = dataset(
-        "m/s", "highest rate of penetration in contact, which is the approach speed unless the load still accelerates",
-        along=_FREQUENCY,
-    )  # fmt: skip
+        "m/s", "highest rate of penetration in contact, which is the approach speed unless the load still accelerates"
+    )
 
     def summary(self) -> dict[str, float]:
         """Largest values along the curve, by name."""
@@ -121,17 +110,17 @@ class CycleImpacts:
         }
 
 
-@declared
+@declared(along=_FREQUENCY)
 class CycleSliding:
     """Sliding of one friction contact, cycle by cycle; at each frequency of a stepped sweep means over the cycles
     measured. What the tangential spring springs back where sliding begins counts in the cycle in which that slide ends,
     under the force of a snubber in that in which it begins.
     """
 
-    per_cycle: Floats = dataset("1", "slides per cycle that end in sticking", along=_FREQUENCY, name="slides_per_cycle")
-    distance: Floats = dataset("m", "sliding distance in a cycle", along=_FREQUENCY)
-    energy_lost: Floats = dataset("J", "energy lost by friction in a cycle", along=_FREQUENCY)
-    wear_power: Floats = dataset("W", "mean of normal force times sliding speed", along=_FREQUENCY)
+    per_cycle: Floats = dataset("1", "slides per cycle that end in sticking", name="slides_per_cycle")
+    distance: Floats = dataset("m", "sliding distance in a cycle")
+    energy_lost: Floats = dataset("J", "energy lost by friction in a cycle")
+    wear_power: Floats = dataset("W", "mean of normal force times sliding speed")
 
     def summary(self) -> dict[str, float]:
         """Largest values along the curve, by name."""
@@ -143,17 +132,16 @@ class CycleSliding:
         }
 
 
-@declared
+@declared(along=_FREQUENCY)
 class SteadyStates:
     """What the stepped sweep found at every frequency."""
 
-    kind: tuple[str, ...] = dataset("1", "periodic, quasi-periodic, chaotic or not settled", along=_FREQUENCY)
-    period_cycles: Ints = dataset("1", "cycles after which the motion repeats, 0 where it does not", along=_FREQUENCY)
-    cycles: Ints = dataset("1", "cycles computed until the motion was steady", along=_FREQUENCY)
-    change: Floats = dataset("1", "change of the state over a period, over its size", along=_FREQUENCY)
-    lyapunov_exponent: Floats = dataset(  # nan where the motion is periodic
-        "1/s", "largest Lyapunov exponent, where the motion is not periodic", along=_FREQUENCY
-    )
+    kind: tuple[str, ...] = dataset("1", "periodic, quasi-periodic, chaotic or not settled")
+    period_cycles: Ints = dataset("1", "cycles after which the motion repeats, 0 where it does not")
+    cycles: Ints = dataset("1", "cycles computed until the motion was steady")
+    change: Floats = dataset("1", "change of the state over a period, over its size")
+    # nan where the motion is periodic
+    lyapunov_exponent: Floats = dataset("1/s", "largest Lyapunov exponent, where the motion is not periodic")
     poincare_frequency_hz: Floats = axis("Hz", "excitation frequency of each point of the Poincare sections")
     probes: tuple[str, ...] = axis("1", "name of the probe", name="probe")
     poincare_displacement: Floats = dataset("m", "probes' displacement at phase 0", along=_SECTION)
@@ -184,7 +172,7 @@ class NotchedRange:
     reduction_db: float = dataset("dB", "that level over the specified one")
 
 
-@declared
+@declared(along=_FREQUENCY)
 class Notching:
     """The level that keeps the limits: a table that is interpolated on log-log axes."""
 
@@ -192,8 +180,8 @@ class Notching:
         "", "what the levels are of: acceleration, velocity or displacement of the base, or force"
     )
     frequency_hz: Floats = axis("Hz", "excitation frequency of the table's points")  # (P,)
-    level: Floats = dataset("{unit}", "notched level, zero to peak, interpolated log-log", along=_FREQUENCY)
-    specified: Floats = dataset("{unit}", "level without notches, its steps drawn out over a cycle", along=_FREQUENCY)
+    level: Floats = dataset("{unit}", "notched level, zero to peak, interpolated log-log")
+    specified: Floats = dataset("{unit}", "level without notches, its steps drawn out over a cycle")
     trials: int = attribute("1", "motions of a few cycles that were computed to choose the level")
     limits: tuple[NotchLimit, ...] = table(
         "limits", NotchLimit, Counter("limit_number", "number of the limit"), default=()
@@ -215,7 +203,7 @@ class Notching:
         return {"limits": limits, "ranges": [{**vars(part)} for part in self.ranges], "points": self.frequency_hz.size}
 
 
-@declared
+@declared(along=_FREQUENCY)
 class SweepCurve:
     """One way through the frequencies at one level."""
 
@@ -225,9 +213,9 @@ class SweepCurve:
     level: float = attribute("{level_unit}", "level of the excitation; with a profile the factor applied to it")
     quantity: str = attribute("", "what is prescribed: acceleration, velocity or displacement of the base, or force")
     frequency_hz: Floats = axis("Hz", "excitation frequency")  # (C,) in the middle of each cycle
-    time: Floats = dataset("s", "time at the start of the cycle", along=_FREQUENCY)
+    time: Floats = dataset("s", "time at the start of the cycle")
     excitation_amplitude: Floats = dataset(
-        "{excitation_unit}", "amplitude of the base's acceleration or of the force, zero to peak", along=_FREQUENCY
+        "{excitation_unit}", "amplitude of the base's acceleration or of the force, zero to peak"
     )
     orders: Floats = axis("1", "order: frequency over excitation frequency", name="order")  # (R,)
     displacement: dict[str, Envelope] = named("probes", Envelope, given={"quantity": "displacement", "unit": "m"})
@@ -238,23 +226,20 @@ class SweepCurve:
         having="peak_absolute_acceleration",
     )
     force: dict[str, Envelope] = named("snubbers", Envelope, given={"quantity": "force", "unit": "N"})
-    contact_share: dict[str, Floats] = per_snubber("1", "share of the cycle's time in contact", along=_FREQUENCY)
-    contacts: dict[str, Ints] = per_snubber("1", "number of closings", along=_FREQUENCY)
+    contact_share: dict[str, Floats] = per_snubber("1", "share of the cycle's time in contact")
+    contacts: dict[str, Ints] = per_snubber("1", "number of closings")
     energy_error: Floats | None = dataset(
         "1",
         "imbalance of the energies that has added up since the curve began (of a stepped sweep: over the cycles "
         "evaluated at the frequency), over the largest energy of the structure",
-        along=_FREQUENCY,
         default=None,
     )
     level_unit: str = attribute("", "SI unit of the level; empty where it is the factor of a profile", default="")
     steady: SteadyStates | None = group("steady", SteadyStates, default=None)  # of a stepped sweep
     # only computed for limits, the gap also where a snubber is closed at rest
-    peak_gap: dict[str, Floats] = per_snubber(
-        "m", "largest opening of the contact in the cycle", along=_FREQUENCY, default_factory=dict
-    )
+    peak_gap: dict[str, Floats] = per_snubber("m", "largest opening of the contact in the cycle", default_factory=dict)
     peak_bending_stress: Floats | None = dataset(
-        "Pa", "largest bending stress along the beam in the cycle", along=_FREQUENCY, default=None
+        "Pa", "largest bending stress along the beam in the cycle", default=None
     )
     impacts: dict[str, CycleImpacts] = named(  # where sweep.impacts asks for them
         "snubbers", CycleImpacts, having="impacts_per_cycle", default_factory=dict
@@ -294,16 +279,14 @@ class SweepCurve:
         return gaps if self.peak_bending_stress is None else {**gaps, "bending_stress": self.peak_bending_stress}
 
 
-@declared
+@declared(along=_FREQUENCY)
 class LinearCurve:
     """Steady response of the structure without its snubbers to a unit of the excitation's amplitude."""
 
     frequency_hz: Floats = axis("Hz", "excitation frequency")
-    displacement: dict[str, Complexes] = per_probe(
-        "1", "displacement per unit of excitation, without snubbers", along=_FREQUENCY
-    )
+    displacement: dict[str, Complexes] = per_probe("1", "displacement per unit of excitation, without snubbers")
     acceleration: dict[str, Complexes] = per_probe(
-        "1", "absolute acceleration per unit of excitation", along=_FREQUENCY, name="absolute_acceleration"
+        "1", "absolute acceleration per unit of excitation", name="absolute_acceleration"
     )
     contact: dict[str, ContactLevels] = named("snubbers", ContactLevels, default_factory=dict)
 
@@ -325,16 +308,14 @@ class ResponsePeak:
     share: float = dataset("1", "share of that harmonic in the peak displacement")
 
 
-@declared
+@declared(along=_TIME)
 class SweepHistory:
     """The time history of one sweep."""
 
     time: Floats = axis("s", "time")
-    displacement: dict[str, Floats] = per_probe("m", "displacement relative to the base", along=_TIME)
-    acceleration: dict[str, Floats] = per_probe(
-        "m/s^2", "absolute acceleration", along=_TIME, name="absolute_acceleration"
-    )
-    force: dict[str, Floats] = per_snubber("N", "contact force on the structure, positive when it pushes", along=_TIME)
+    displacement: dict[str, Floats] = per_probe("m", "displacement relative to the base")
+    acceleration: dict[str, Floats] = per_probe("m/s^2", "absolute acceleration", name="absolute_acceleration")
+    force: dict[str, Floats] = per_snubber("N", "contact force on the structure, positive when it pushes")
 
 
 @declared
