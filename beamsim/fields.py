@@ -417,7 +417,7 @@ def _with_deferred(cls: Any) -> Any:
 
 
 def _may_wait(declaration: Declaration | None) -> bool:
-    return isinstance(declaration, Dataset) and (bool(declaration.along) or declaration.scale)
+    return isinstance(declaration, Dataset) and declaration.along != ()
 
 
 @dataclass_transform(
