@@ -98,14 +98,14 @@ def _harwell_boeing(path: Path, _: str | None) -> list[FileMatrix]:
     kind = shape[:3]
     if not re.fullmatch("[RC].A", kind):
         raise ValueError(f"its type is {kind or 'missing'}; real and complex assembled matrices are read")
-    rows, columns = (int(shape[k : k + 14]) for k in (14, 28))
+    rows, columns, entries = (int(shape[k : k + 14]) for k in (14, 28, 42))
     rest = iter(lines[5 if int(lengths[56:70] or 0) else 4 :])  # a line more where right-hand sides follow
-    blocks = []
-    # whole numbers fill their width; numbers with decimals have signs or blanks between them
-    patterns = [f".{{1,{width}}}" for width in re.findall(r"I(\d+)", formats)]
-    for start, pattern in zip((14, 28, 42), [*patterns, r"[-+]?[\d.]+(?:E[-+]\d\d)?"], strict=True):
-        block = islice(rest, int(lengths[start : start + 14]))
-        numbers = [number for line in block for number in re.findall(pattern, line.rstrip())]
+    blocks, counts = [], (columns + 1, entries, entries * (2 if kind[0] == "C" else 1))
+    for start, width, count in zip((14, 28, 42), re.findall(r"[IEFG](\d+)", formats), counts, strict=False):
+        block = list(islice(rest, int(lengths[start : start + 14])))
+        numbers = " ".join(block).split()
+        if len(numbers) != count:  # no blanks between them
+            numbers = [number for line in block for number in re.findall(f".{{1,{width}}}", line.rstrip())]
         blocks.append(np.array(numbers, dtype=float))
     pointers, indices = (block.astype(int) - 1 for block in blocks[:2])
     values = blocks[2].view(complex) if kind[0] == "C" else blocks[2]
