@@ -1,6 +1,6 @@
 """``python -m beamsim``."""
 
-from beamsim.cli import program
+from beamsim.cli import main
 
 if __name__ == "__main__":
-    program()
+    main()

@@ -246,11 +246,12 @@ def _begin_worker() -> None:
     from multiprocessing import parent_process
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     parent = parent_process()
 
     def end_with_parent() -> None:
         if parent is not None:
             parent.join()
-            os._exit(1)
+            signal.raise_signal(signal.SIGTERM)  # from this thread, also within a long computation
 
     threading.Thread(target=end_with_parent, daemon=True).start()

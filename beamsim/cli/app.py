@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from copy import copy
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -236,17 +234,3 @@ for module in dict.fromkeys(
     ]
 ):
     named(f"{module}:register")(app)
-
-
-def app_of(arguments: Sequence[str]) -> typer.Typer:
-    """The commands, or the one that is asked for alone: Typer reads the parameters of each when it starts."""
-    asked = [
-        command
-        for command in app.registered_commands
-        if command.callback and (command.name or command.callback.__name__) in arguments[:1]
-    ]
-    if not asked:
-        return app
-    alone = copy(app)
-    alone.registered_commands = asked
-    return alone

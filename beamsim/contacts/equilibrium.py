@@ -125,8 +125,6 @@ def find_equilibrium(
 
 def _minimum(energy: _Energy) -> Floats:
     """(n,) coordinates at which Newton's method ends."""
-    from scipy.optimize import brentq
-
     q, settled = np.zeros_like(energy.stiffness), 0
     for _ in range(200):
         gradient, size, _ = energy.slope(q)
@@ -138,13 +136,20 @@ def _minimum(energy: _Energy) -> Floats:
         before, behind = along(0.0), along(1.0)
         if before >= 0.0:
             break
-        share = 1.0 if behind <= 0.0 else brentq(along, 0.0, 1.0, xtol=1e-300, maxiter=1000)
+        share = 1.0 if behind <= 0.0 else _zero(along)
         q = q + share * step
         # a whole step that changes no contact and leaves little of the slope ends at the minimum, but for round-off
         still = share > 0.9 and behind > 0.5 * before and np.array_equal(closed, energy.penetration(q) > 0)
         still &= not energy.cubic.count or bool(np.abs(step).max() <= 1e-9 * np.abs(q).max())
         settled = settled + 1 if still else 0
     return q
+
+
+def _zero(along: Callable[[float], float]) -> float:
+    """Where between 0 and 1 a function changes its sign."""
+    from scipy.optimize import brentq  # whose import takes as long as the rest of `beamsim validate`
+
+    return float(brentq(along, 0.0, 1.0, xtol=1e-300, maxiter=1000))
 
 
 class _Newton:

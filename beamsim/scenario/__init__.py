@@ -14,16 +14,26 @@ Begin with `scenario`, the whole, and `loading`; every section has a module of i
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from beamsim.kinds import imported_into
 from beamsim.scenario.beam import Beam, ElasticSupport, PointMass, SandwichBeam, SegmentedBeam, StiffnessBeam, Supports
 from beamsim.scenario.body import Body, Located
+from beamsim.scenario.chain import Chain
+from beamsim.scenario.continuation import Continuation
 from beamsim.scenario.damping import ModalDamping, RayleighDamping, ViscousDamping
+from beamsim.scenario.designs import Grid, LatinHypercube, Sobol, Zipped
 from beamsim.scenario.driven import AppliedTo
 from beamsim.scenario.excitation import Excitation, HalfSine, Harmonic, MultiTone, NoExcitation, Step, Tone
+from beamsim.scenario.identification import IdentifyStiffness, Pad
+from beamsim.scenario.jsonschema import json_schema
 from beamsim.scenario.limits import Limits
 from beamsim.scenario.loading import load_scenario
+from beamsim.scenario.nnm import (
+    ContinueIn,
+    EnergyContinuation,
+    FrequencyContinuation,
+    NonlinearMode,
+    StiffnessFactorContinuation,
+)
+from beamsim.scenario.nnm_method import ExpansionMethod, FullPeriodMethod, RelaxedMinimisationMethod, ShootingMethod
 from beamsim.scenario.place import AtPlace, ConstantForce, PlacedForce, Probe
 from beamsim.scenario.quantities import Rate
 from beamsim.scenario.run import (
@@ -56,47 +66,8 @@ from beamsim.scenario.spring import (
     PiecewiseLinearGroundSpring,
     PiecewiseLinearLinkSpring,
 )
+from beamsim.scenario.sweep import SteppedSine, Sweep, SweptSine
 from beamsim.scenario.template import template
-
-if TYPE_CHECKING:  # imported when they are asked for, see `on_demand`
-    from beamsim.scenario.chain import Chain
-    from beamsim.scenario.continuation import Continuation
-    from beamsim.scenario.designs import Grid, LatinHypercube, Sobol, Zipped
-    from beamsim.scenario.identification import IdentifyStiffness, Pad
-    from beamsim.scenario.jsonschema import json_schema
-    from beamsim.scenario.nnm import (
-        ContinueIn,
-        EnergyContinuation,
-        FrequencyContinuation,
-        NonlinearMode,
-        StiffnessFactorContinuation,
-    )
-    from beamsim.scenario.nnm_method import ExpansionMethod, FullPeriodMethod, RelaxedMinimisationMethod, ShootingMethod
-    from beamsim.scenario.sweep import SteppedSine, Sweep, SweptSine
-
-_HOME = {
-    "Chain": "beamsim.scenario.chain",
-    "Continuation": "beamsim.scenario.continuation",
-    "ContinueIn": "beamsim.scenario.nnm",
-    "EnergyContinuation": "beamsim.scenario.nnm",
-    "ExpansionMethod": "beamsim.scenario.nnm_method",
-    "FrequencyContinuation": "beamsim.scenario.nnm",
-    "FullPeriodMethod": "beamsim.scenario.nnm_method",
-    "Grid": "beamsim.scenario.designs",
-    "IdentifyStiffness": "beamsim.scenario.identification",
-    "LatinHypercube": "beamsim.scenario.designs",
-    "NonlinearMode": "beamsim.scenario.nnm",
-    "Pad": "beamsim.scenario.identification",
-    "RelaxedMinimisationMethod": "beamsim.scenario.nnm_method",
-    "ShootingMethod": "beamsim.scenario.nnm_method",
-    "Sobol": "beamsim.scenario.designs",
-    "SteppedSine": "beamsim.scenario.sweep",
-    "StiffnessFactorContinuation": "beamsim.scenario.nnm",
-    "Sweep": "beamsim.scenario.sweep",
-    "SweptSine": "beamsim.scenario.sweep",
-    "Zipped": "beamsim.scenario.designs",
-    "json_schema": "beamsim.scenario.jsonschema",
-}
 
 __all__ = [
     "AppliedTo",
@@ -176,11 +147,3 @@ __all__ = [
     "load_scenario",
     "template",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    return imported_into(__name__, _HOME, name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOME})

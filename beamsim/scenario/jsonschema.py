@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from pydantic import create_model
-
 from beamsim.scenario.base import Schema
 from beamsim.scenario.examples import example_of
 from beamsim.scenario.merge import REPLACED_WHOLE
 from beamsim.scenario.messages import members
-from beamsim.scenario.on_demand import resolved
 from beamsim.scenario.scenario import Scenario
 
 
@@ -21,7 +18,7 @@ def json_schema() -> dict[str, Any]:
     Quantities are a number in SI units or a string with a unit; the unit ends each description. A file that
     extends another need not be complete: for it nothing is required.
     """
-    complete = _with_all_sections().model_json_schema(by_alias=True)
+    complete = Scenario.model_json_schema(by_alias=True)
     _describe(complete)
     _require_kinds(complete)
     _show_units(complete)
@@ -54,16 +51,6 @@ def json_schema() -> dict[str, Any]:
             **{f"{name}{_CHANGES}": _loosened(part) for name, part in parts.items()},
         },
     }
-
-
-def _with_all_sections() -> type[Schema]:
-    """The scenario's class with the types of the sections that are otherwise defined on demand."""
-    fields: dict[str, Any] = {
-        name: (resolved(field.annotation), field)
-        for name, field in Scenario.model_fields.items()
-        if resolved(field.annotation) is not field.annotation
-    }
-    return create_model(Scenario.__name__, __base__=Scenario, __doc__=Scenario.__doc__, **fields)
 
 
 _CHANGES = "Changes"

@@ -10,7 +10,6 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from beamsim.scenario.base import Path, Schema, single_line, tag_of
-from beamsim.scenario.on_demand import resolved
 from beamsim.scenario.quantities import FieldType
 
 MOST_HOMES = 3  # sections that a remedy names
@@ -18,7 +17,6 @@ MOST_HOMES = 3  # sections that a remedy names
 
 def members(annotation: Any, tag: str = "") -> dict[str, type[Schema]]:
     """Return the classes a field may hold, by the tag that tells them apart (`""` where there is none)."""
-    annotation = resolved(annotation)
     if get_origin(annotation) is Annotated:
         return members(get_args(annotation)[0], tag_of(annotation))
     if isinstance(annotation, type) and issubclass(annotation, Schema):

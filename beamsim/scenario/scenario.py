@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, Tag
 
@@ -13,44 +13,29 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario import checks
 from beamsim.scenario.base import Path, Schema, UnknownValueError, Variants, known, number_or_list
 from beamsim.scenario.beam import AnyBeam
+from beamsim.scenario.bodies import AnyBody
 from beamsim.scenario.body import Body, Located
+from beamsim.scenario.chain import Chain
+from beamsim.scenario.designs import Vary
 from beamsim.scenario.display import DisplayUnits
 from beamsim.scenario.distributed import AnyDeadLoad, TableShape
 from beamsim.scenario.excitation import Excitation, NoExcitation
+from beamsim.scenario.friction import AnyFriction
+from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.input_files import Record, SolvedFiles, records_of
+from beamsim.scenario.joint import AnyJoint
 from beamsim.scenario.limits import Limits
 from beamsim.scenario.names import DEFAULT_NAMES, named
-from beamsim.scenario.on_demand import on_demand
+from beamsim.scenario.nnm import NonlinearMode
 from beamsim.scenario.output import AnyOutput
 from beamsim.scenario.place import AtPlace, Probe
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.snubber import AnySnubber
-from beamsim.scenario.spring import has_own_law
+from beamsim.scenario.spring import PointGroundSpring, PointLinkSpring, has_own_law
+from beamsim.scenario.sweep import Sweep
 from beamsim.scenario.tree import Node, locate, located, path_parts
 from beamsim.scenario.warnings import MANY_SAMPLES, doubts
-
-if TYPE_CHECKING:
-    from beamsim.scenario.bodies import AnyBody
-    from beamsim.scenario.chain import Chain
-    from beamsim.scenario.designs import Vary
-    from beamsim.scenario.friction import AnyFriction
-    from beamsim.scenario.identification import IdentifyStiffness
-    from beamsim.scenario.joint import AnyJoint
-    from beamsim.scenario.nnm import NonlinearMode
-    from beamsim.scenario.spring import PointGroundSpring, PointLinkSpring
-    from beamsim.scenario.sweep import Sweep
-else:
-    AnyBody = on_demand("beamsim.scenario.bodies", "AnyBody")
-    AnyFriction = on_demand("beamsim.scenario.friction", "AnyFriction")
-    AnyJoint = on_demand("beamsim.scenario.joint", "AnyJoint")
-    Chain = on_demand("beamsim.scenario.chain", "Chain")
-    IdentifyStiffness = on_demand("beamsim.scenario.identification", "IdentifyStiffness")
-    NonlinearMode = on_demand("beamsim.scenario.nnm", "NonlinearMode")
-    PointGroundSpring = on_demand("beamsim.scenario.spring", "PointGroundSpring")
-    PointLinkSpring = on_demand("beamsim.scenario.spring", "PointLinkSpring")
-    Sweep = on_demand("beamsim.scenario.sweep", "Sweep")
-    Vary = on_demand("beamsim.scenario.designs", "Vary")
 
 
 class Scenario(Schema):

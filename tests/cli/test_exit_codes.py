@@ -1,8 +1,6 @@
 """Every exit code has one meaning, and every outcome leads to one."""
 
 import gzip
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -133,37 +131,3 @@ def test_an_exception_has_its_code(raised, code, tmp_path, monkeypatch):
     monkeypatch.setattr("beamsim.cli.validation.schema_text", fail)
     monkeypatch.setattr("beamsim.cli.failures.discard_output", lambda: None)
     assert CliRunner().invoke(app, ["schema"]).exit_code == code
-
-
-PROCESS = """
-import atexit, beamsim.cli, sys
-class Kept:
-    def __del__(self): print("freed")
-kept = Kept()
-def main():
-    atexit.register(print, "last call")
-    print("x" * 100_000)
-    {end}
-beamsim.cli.main = main
-{before}
-beamsim.cli.program()
-"""
-
-
-@pytest.mark.parametrize(
-    ("end", "before", "code", "last"),
-    [
-        ("", "", 0, ["last call"]),
-        ("sys.exit(3)", "", 3, ["last call"]),
-        ("sys.exit(3)", "atexit.register(print, 'tool')", 3, ["last call", "tool", "freed"]),
-        ("raise ValueError", "", 1, ["last call", "freed"]),
-        ("sys.exit('in words')", "", 1, ["last call", "freed"]),
-    ],
-)
-def test_the_process_ends_with_its_code_and_all_that_was_printed(end, before, code, last):
-    script = PROCESS.format(end=end, before=before)
-    plain = [sys.executable, "-I", "-S"]  # without tools that come first, as coverage does
-    path = f"import sys; sys.path[:0] = {[str(Path(beamsim.__file__).parents[1])]!r}\n"
-    done = subprocess.run([*plain, "-c", path + script], capture_output=True, text=True)
-    assert done.returncode == code, done.stderr
-    assert done.stdout.split() == ["x" * 100_000, *" ".join(last).split()]

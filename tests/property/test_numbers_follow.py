@@ -14,7 +14,6 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.base import Schema, path_text
 from beamsim.scenario.loading import replacing
-from beamsim.scenario.on_demand import resolved
 from beamsim.scenario.parameters import find_parameters, value_at
 from beamsim.scenario.quantities import PositionType
 
@@ -121,7 +120,6 @@ def test_a_place_is_the_same_in_percent_and_in_a_unit(case, unit):
 
 def sections(annotation, seen):
     """Every section that can be in a scenario, and its fields whose value can be a share."""
-    annotation = resolved(annotation)
     if isinstance(annotation, type) and issubclass(annotation, Schema):
         if annotation in seen:
             return
