@@ -88,7 +88,7 @@ KINDS = {
         result="beamsim.analyses.compare_modes.result:ModeComparison",
         commands="beamsim.cli.mode_comparison",
         texts="beamsim.cli.mode_comparison:TEXTS",
-        figures="beamsim.plots.mode_comparison:mode_comparison_figures",
+        figures="beamsim.plots.comparison:mode_comparison_figures",
     ),
 }  # fmt: skip
 

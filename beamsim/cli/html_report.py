@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -27,9 +27,6 @@ def register(app: typer.Typer) -> None:
 def report(
     result: Stored,
     output: Output = None,
-    pdf: Annotated[
-        bool, typer.Option("--pdf", help="A PDF too, printed by a Chromium or Chrome that is installed.")
-    ] = False,
     json: Json = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -37,17 +34,9 @@ def report(
     """Write one HTML file about a result. It has verdict, model, numbers, plots, animation, checks and scenario."""
     from beamsim.cli.output import output_file
     from beamsim.cli.printing import print_files
-    from beamsim.files import check_writable
-    from beamsim.report.browser import find_browser, print_pdf
 
     target = output_file(output, f"{result.stem}_report", ".html", ".htm")
-    browser = find_browser() if pdf else None
-    if browser is not None:
-        check_writable(target.with_suffix(".pdf"))
-    files = [_write(result, target, shown=not (json or quiet))]
-    if browser is not None:
-        files.append(print_pdf(browser, target, target.with_suffix(".pdf")))
-    print_files(files, as_json=json)
+    print_files([_write(result, target, shown=not (json or quiet))], as_json=json)
 
 
 def _write(path: Path, target: Path, *, shown: bool) -> Path:

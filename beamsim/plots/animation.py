@@ -10,9 +10,10 @@ import numpy as np
 
 from beamsim.dataclass import dataclass
 from beamsim.files import replacing
+from beamsim.plots.drawing import finish_positions
 from beamsim.plots.model import oblique
-from beamsim.plots.sketch import BODY, REST, STOP, Sketch
-from beamsim.plots.style import amount, finish_positions, round_length
+from beamsim.plots.sketch import BODY, REST, STOP, Sketch, scale_bar
+from beamsim.plots.style import amount, round_length
 from beamsim.structures.places import Place, ends_of
 
 if TYPE_CHECKING:
@@ -205,9 +206,7 @@ def _drawing(scene: Scene, ax: Any) -> Callable[[int], list[Any]]:
         ax.annotate(
             name, (x, y), xytext=(-4, 9), textcoords="offset points", fontsize="small", color="0.35", ha="right"
         )
-    end = right - 0.1 * (right - left) * 0.55
-    ax.plot([end, end], [-0.5 * scene.bar, 0.5 * scene.bar], color="black", linewidth=2.0)
-    ax.annotate(scene.bar_text, (end, 0.0), xytext=(4, 0), textcoords="offset points", va="center", fontsize="small")
+    scale_bar(ax, right - 0.055 * (right - left), scene.bar, scene.bar_text)
     moving = [
         ax.plot([], [], color=BODY, linewidth=1.0 if line.dots else 1.8, marker="s" if line.dots else "", markersize=7,
                 zorder=3)[0]

@@ -7,27 +7,37 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, SweptComparison
-from beamsim.plots.style import dashed_line, finish, put_title, scale_for, thinned, time_scale
+from beamsim.plots.drawing import (
+    DARK,
+    RED,
+    Curve,
+    colour_bar,
+    dashed_line,
+    draw_curves,
+    finish,
+    panels,
+    thinned,
+)
+from beamsim.plots.style import Scale, plain_scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_PREDICTED: dict[str, Any] = {"color": "#0b3c5d", "linestyle": "-", "linewidth": 1.2}
-_MEASURED: dict[str, Any] = {"color": "#d1495b", "linestyle": (0, (4, 2)), "linewidth": 1.2}
-_HIGHEST_ORDER = 12.5
-_DEEPEST_DB = 100.0
+    from beamsim.analyses.compare_modes.result import ModeComparison
+
+HIGHEST_ORDER, DEEPEST_DB = 12.5, 100.0  # of spectra
+MOST_NUMBERS = 150  # written into the cells of a matrix
+_PREDICTED: dict[str, Any] = {"color": DARK, "linestyle": "-", "linewidth": 1.2}
+_MEASURED: dict[str, Any] = {"color": RED, "linestyle": (0, (4, 2)), "linewidth": 1.2}
 
 
 def plot_histories(c: ChannelComparison, ax: Axes) -> Axes:
     """Both time histories, aligned in phase, over the time of the prediction."""
-    factor, unit = scale_for(c.unit, c.predicted_history, c.measured_history)
-    clock = time_scale()
-    ax.plot(*thinned(c.predicted_time * clock.factor, c.predicted_history * factor), label="predicted", **_PREDICTED)
+    curves = [Curve("predicted", *thinned(c.predicted_time, c.predicted_history), _PREDICTED)]
     if c.measured_time.size:
-        ax.plot(*thinned(c.measured_time * clock.factor, c.measured_history * factor), label="measured", **_MEASURED)
-    finish(ax, f"Time ({clock.unit})", f"{c.quantity.replace('_', ' ').capitalize()} ({unit})")
-    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize="small")
+        curves.append(Curve("measured", *thinned(c.measured_time, c.measured_history), _MEASURED))
+    draw_curves(ax, ("Time", plain_scale("s")), (c.quantity.replace("_", " ").capitalize(), c.unit), curves)
     return ax
 
 
@@ -35,35 +45,34 @@ def plot_spectra(c: ChannelComparison, ax: Axes) -> Axes:
     """Both spectra in dB re their own maximum, over frequency divided by excitation frequency."""
     forced = bool(np.isfinite(c.excitation_hz))
     unit = c.excitation_hz if forced else 1.0
-    top = 0.0
-    for spectrum, style, label in (
-        (c.predicted_spectrum, _PREDICTED, "predicted"),
-        (c.measured_spectrum, _MEASURED, "measured"),
-    ):
-        ax.plot(*thinned(spectrum.frequency_hz / unit, spectrum.amplitude_db), label=label, **style)
-        top = max(top, float(spectrum.amplitude_db.max()))
+    spectra = (("predicted", c.predicted_spectrum, _PREDICTED), ("measured", c.measured_spectrum, _MEASURED))
+    curves = [Curve(label, *thinned(s.frequency_hz / unit, s.amplitude_db), style) for label, s, style in spectra]
+    words = "Frequency / excitation frequency" if forced else "Frequency (Hz)"
+    draw_curves(ax, (words, ""), ("Level (dB re max)", ""), curves)
     if forced:
-        ax.set_xlim(0.0, min(_HIGHEST_ORDER, float(c.predicted_spectrum.frequency_hz[-1]) / unit))
-    ax.set_ylim(top - _DEEPEST_DB, top + 6)
-    finish(ax, "Frequency / excitation frequency" if forced else "Frequency (Hz)", "Level (dB re max)")
+        ax.set_xlim(0.0, min(HIGHEST_ORDER, float(c.predicted_spectrum.frequency_hz[-1]) / unit))
+    top = max(0.0, *(float(s.amplitude_db.max()) for _, s, _ in spectra))
+    ax.set_ylim(top - DEEPEST_DB, top + 6)
     return ax
 
 
 def plot_swept(c: SweptComparison, ax: Axes) -> Axes:
     """Response over frequency, with the peaks that are compared."""
-    factor, unit = scale_for(c.unit, c.predicted, c.measured)
-    ax.plot(c.frequency_hz, np.abs(c.predicted) * factor, label="predicted", **_PREDICTED)
-    ax.plot(c.frequency_hz, np.abs(c.measured) * factor, label="measured", **_MEASURED)
+    curves = [
+        Curve("predicted", c.frequency_hz, np.abs(c.predicted), _PREDICTED),
+        Curve("measured", c.frequency_hz, np.abs(c.measured), _MEASURED),
+    ]
     for marker, whose, style in (("o", "predicted", _PREDICTED), ("s", "measured", _MEASURED)):
-        at = [(getattr(peak, f"{whose}_hz"), getattr(peak, f"{whose}_level") * factor) for peak in c.peaks]
-        ax.plot(*np.array(at).reshape(-1, 2).T, marker, markersize=5, markerfacecolor="none", color=style["color"],
-                label=f"{whose} peaks" if at else None)  # fmt: skip
-    ax.set_yscale("log")
+        at = [(getattr(peak, f"{whose}_hz"), getattr(peak, f"{whose}_level")) for peak in c.peaks]
+        if at:
+            marks = {**style, "linestyle": "none", "marker": marker, "markersize": 5, "markerfacecolor": "none"}
+            frequency, level = np.transpose(at)
+            curves.append(Curve(f"{whose} peaks", frequency, level, marks))
     detected = {"peak": "peak", "fundamental": "fundamental of", "rms": "rms"}[c.detector]
     response = f"{detected} {c.quantity.replace('_', ' ')}".capitalize()
-    finish(ax, f"Excitation frequency (Hz), {c.curve}", f"{response} ({unit})")
-    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, fontsize="small")
-    ax.set_title(f"FRAC {c.frac:.3f}", loc="left", fontsize="small", color="0.3")
+    draw_curves(ax, ("Excitation frequency", Scale(1.0, "Hz")), (response, c.unit), curves)
+    ax.set_xlabel(f"{ax.get_xlabel()}, {c.curve}; FRAC {c.frac:.3f}")
+    ax.set_yscale("log")
     return ax
 
 
@@ -73,32 +82,54 @@ def plot_fdac(assurance: Assurance, ax: Axes) -> Axes:
                          shading="nearest")  # fmt: skip
     ends = [float(assurance.measured_hz[0]), float(assurance.measured_hz[-1])]
     dashed_line(ax, ends, ends, "equal frequencies")
-    if ax.figure is not None:
-        ax.figure.colorbar(mesh, ax=ax, label="FDAC")
+    colour_bar(ax, mesh, "FDAC")
     finish(ax, "Measured frequency (Hz)", "Predicted frequency (Hz)")
     return ax
 
 
 def comparison_figures(comparison: Comparison) -> dict[str, Figure]:
     """One figure per channel, named after place and quantity."""
-    from matplotlib.figure import Figure
-
     figures = {}
     for c in comparison.channels:
-        figure = Figure(figsize=(8.0, 6.0), layout="constrained")
-        put_title(figure, f"{comparison.title}: {c.place}")
-        above, below = figure.subplots(2)
+        title = f"{comparison.title}: {c.place}"
+        figures[f"{c.place}_{c.quantity}"], (above, below) = panels(title, 2, size=(8.0, 6.0))
         plot_histories(c, above)
         plot_spectra(c, below)
-        figures[f"{c.place}_{c.quantity}".replace(" ", "_")] = figure
     for swept in comparison.sweeps:
-        figure = Figure(figsize=(8.0, 4.8), layout="constrained")
-        put_title(figure, f"{comparison.title}: {swept.place}")
-        plot_swept(swept, figure.subplots())
-        figures[f"{swept.place}_{swept.quantity}".replace(" ", "_")] = figure
+        figures[f"{swept.place}_{swept.quantity}"], (ax,) = panels(f"{comparison.title}: {swept.place}")
+        plot_swept(swept, ax)
     if comparison.assurance is not None:
-        figure = Figure(figsize=(6.4, 5.2), layout="constrained")
-        put_title(figure, comparison.title)
-        plot_fdac(comparison.assurance, figure.subplots())
-        figures["fdac"] = figure
+        figures["fdac"], (ax,) = panels(comparison.title, size=(6.4, 5.2))
+        plot_fdac(comparison.assurance, ax)
     return figures
+
+
+def plot_mac(result: ModeComparison, ax: Axes) -> Axes:
+    """MAC by measured (down) and computed modes (across) with their frequencies; pairs are framed."""
+    from matplotlib.patches import Rectangle
+
+    drawn = ax.imshow(result.mac, vmin=0.0, vmax=1.0, cmap="Greys", aspect="auto")
+    rows, columns = result.mac.shape
+    for i, j in np.ndindex(rows, columns) if rows * columns <= MOST_NUMBERS else ():
+        value = float(result.mac[i, j])
+        colour = "white" if value > 0.55 else "0.2"
+        ax.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize="small", color=colour)
+    for i, j in enumerate(result.paired):
+        if j > 0:
+            frame = Rectangle((j - 1.5, i - 0.5), 1, 1, edgecolor=RED, facecolor="none", linewidth=1.8, clip_on=False)
+            ax.add_patch(frame).set_zorder(3)
+    ax.set_xticks(range(columns), [f"{k + 1}\n{f:.4g}" for k, f in enumerate(result.predicted_hz)], fontsize="small")
+    ax.set_yticks(range(rows), [f"{k + 1}   {f:.4g}" for k, f in enumerate(result.measured_hz)], fontsize="small")
+    ax.set_xlabel(f"Computed mode, contacts {result.contacts} (Hz)")
+    ax.set_ylabel("Measured mode (Hz)")
+    colour_bar(ax, drawn, "MAC")
+    return ax
+
+
+def mode_comparison_figures(result: ModeComparison) -> dict[str, Figure]:
+    """The matrix alone, as ``mac``."""
+    rows, columns = result.mac.shape
+    size = (min(2.6 + 0.62 * columns, 14.0), min(1.8 + 0.5 * rows, 10.0))
+    figure, (ax,) = panels(result.title, size=size)
+    plot_mac(result, ax)
+    return {"mac": figure}

@@ -11,16 +11,21 @@ import numpy as np
 from beamsim.analyses.designs.choice import Objective
 from beamsim.analyses.designs.realisations import judged
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response, SobolIndices, responses_of
-from beamsim.plots.outputs import output_label
-from beamsim.plots.style import (
+from beamsim.plots.drawing import (
+    DARK,
     MOST_CURVES,
-    Scale,
+    RED,
+    Curve,
+    Level,
+    colour_bar,
     curve_style,
+    draw_curves,
     finish,
-    legend,
-    put_title,
-    scale_for,
+    panels,
+    plain_logarithmic,
+    with_unit,
 )
+from beamsim.plots.style import scale_for
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.typing import Floats
 
@@ -37,7 +42,7 @@ MOST_MODES = 3
 MOST_SLICES = 4  # maps of one response of three or more parameters
 MOST_SLICED = 3  # responses
 CONTOURS = 5
-BESIDE_LIMIT = 0.05  # of the range of values; a contour that is closer to that of the limit is left out
+BESIDERED = 0.05  # of the range of values; a contour that is closer to that of the limit is left out
 MOST_TICKS = 6  # values of an axis that are all written out
 LIGHT = 0.55  # of the range of colours
 MOST_NUMBERED = (12, 6)  # rows and columns of a map whose cells have room for numbers
@@ -50,7 +55,6 @@ NAMED = {
 }
 LIMITING = {"largest_gap": "gap"}  # quantity -> limit, where the names differ
 _PEAK = "/peak_output"
-_LIMIT = "#d1495b"
 
 
 def shown_quantities(result: DesignsResult) -> list[str]:
@@ -67,37 +71,23 @@ def shown_quantities(result: DesignsResult) -> list[str]:
 
 def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes:
     """A quantity at every place where it is known, over the first parameter, with its limit."""
-    coordinate = result.coordinates[0]
-    x, ticks, label = _axis(coordinate)
+    x, label = _axis(result.coordinates[0])
     order = np.argsort(x, kind="stable")
-    curves = list(_curves(_of(result, quantity)))
-    scale = scale_for(_of(result, quantity)[0].unit, *(values for _, values in curves))
-    for k, (name, values) in enumerate(curves[:MOST_CURVES]):
-        style = curve_style(k)
-        band = _band(result, quantity, name)
-        if band is not None:
-            low, high = band
-            ax.fill_between(
-                x[order], low[order] * scale.factor, high[order] * scale.factor, color=style["color"], alpha=0.18,
-                linewidth=0, label="_nolegend_",
-            )  # fmt: skip
-        ax.plot(
-            x[order], values[order] * scale.factor, marker="o" if x.size <= 30 else "", markersize=3,
-            label=name or "_nolegend_", **style,
-        )  # fmt: skip
-    if (limit := _limit(result, quantity)) is not None:
-        ax.axhline(limit * scale.factor, color=_LIMIT, linewidth=1.4, label="_nolegend_")
-        ax.annotate(
-            "limit", (1.0, limit * scale.factor), xycoords=("axes fraction", "data"), ha="right", va="bottom",
-            fontsize="small", color=_LIMIT,
-        )  # fmt: skip
-    if ticks is not None:
-        ax.set_xticks(np.arange(len(ticks)), ticks)
-    elif _logarithmic(coordinate):
-        _logarithmic_axis(ax.xaxis)
-    finish(ax, label, _label(result, quantity, scale))
-    legend(ax, min(len(curves), MOST_CURVES), len(curves), "curves")
+    marks = {"marker": "o" if x.size <= 30 else "", "markersize": 3}
+    curves = [Curve(name, x[order], values[order], marks) for name, values in _curves(_of(result, quantity))]
+    across, up = (label, ""), (_words(quantity), _of(result, quantity)[0].unit)
+    _, scale = draw_curves(ax, across, up, curves, _limit_level(result, quantity))
+    for k, curve in enumerate(curves[:MOST_CURVES]):
+        if (band := _band(result, quantity, curve.label)) is not None:
+            low, high = (values[order] * scale.factor for values in band)
+            ax.fill_between(x[order], low, high, color=curve_style(k)["color"], alpha=0.18, linewidth=0)
+    _ticks_along(ax.xaxis, result.coordinates[0])
     return ax
+
+
+def _limit_level(result: DesignsResult, quantity: str) -> list[Level]:
+    limit = _limit(result, quantity)
+    return [] if limit is None else [Level("limit", limit, {"color": RED, "linewidth": 1.4})]
 
 
 def plot_response_map(
@@ -113,7 +103,7 @@ def plot_response_map(
     at : numbers of the values of all further parameters.
     best : number of the best case, which is marked if it is on the map.
     """
-    (x, xticks, xlabel), (y, yticks, ylabel) = (_axis(c) for c in result.coordinates[:2])
+    (x, xlabel), (y, ylabel) = (_axis(c) for c in result.coordinates[:2])
     quantity = _quantity(response)
     scale = scale_for(response.unit, response.values)
     every: Any = np.ma.masked_invalid(response.values * scale.factor)
@@ -121,9 +111,7 @@ def plot_response_map(
     edges = _edges(x, result.coordinates[0]), _edges(y, result.coordinates[1])
     mesh = ax.pcolormesh(*edges, values, cmap="cividis", vmin=every.min(), vmax=every.max())
     where = f", {response.place}" if response.place else ""
-    assert ax.figure is not None
-    bar = ax.figure.colorbar(mesh, ax=ax)
-    bar.set_label(_label(result, quantity, scale) + where)
+    bar = colour_bar(ax, mesh, with_unit(_words(quantity), scale) + where)
     limit = _limit(result, quantity)
     shown_limit = None if limit is None else limit * scale.factor
     starred = None if best is None else tuple(int(k) for k in np.unravel_index(best, result.shape))
@@ -140,12 +128,9 @@ def plot_response_map(
             i, j = starred[:2]
             ax.plot(x[i], y[j], marker="*", markersize=11, color="white", markeredgecolor="black", clip_on=False)
     if shown_limit is not None:
-        bar.ax.axhline(shown_limit, color=_LIMIT, linewidth=1.8)
-    for axis, ticks, coordinate in (
-        (ax.xaxis, xticks, result.coordinates[0]),
-        (ax.yaxis, yticks, result.coordinates[1]),
-    ):
-        _ticks_along(axis, ticks, coordinate)
+        bar.ax.axhline(shown_limit, color=RED, linewidth=1.8)
+    for axis, coordinate in zip((ax.xaxis, ax.yaxis), result.coordinates, strict=False):
+        _ticks_along(axis, coordinate)
     finish(ax, xlabel, ylabel)
     ax.grid(visible=False)
     return ax
@@ -161,7 +146,7 @@ def _draw_contours(ax: Axes, x: Floats, y: Floats, values: Any, limit: float | N
     levels = [
         level
         for level in MaxNLocator(CONTOURS + 1, min_n_ticks=1).tick_values(low, high)
-        if low < level < high and (within is None or abs(level - within) >= BESIDE_LIMIT * (high - low))
+        if low < level < high and (within is None or abs(level - within) >= BESIDERED * (high - low))
     ]
     if levels and min(values.shape) >= FEWEST_ALONG and high - low > 1e-9 * max(abs(low), abs(high)):
         lines = ax.contour(x, y, values, levels=levels, colors="white", linewidths=0.6)
@@ -170,7 +155,7 @@ def _draw_contours(ax: Axes, x: Floats, y: Floats, values: Any, limit: float | N
             text.set_path_effects(outline)
         lines.set_path_effects([withStroke(linewidth=1.4, foreground="0.2")])
     if within is not None:
-        line = ax.contour(x, y, values, levels=[within], colors=_LIMIT, linewidths=1.8)
+        line = ax.contour(x, y, values, levels=[within], colors=RED, linewidths=1.8)
         edge: Any = [withStroke(linewidth=3.4, foreground="white")]
         for text in ax.clabel(line, fontsize="x-small", fmt=lambda _: "limit"):
             text.set_path_effects(edge)
@@ -199,21 +184,20 @@ def _outline_beyond(ax: Axes, x: Floats, y: Floats, beyond: Any) -> None:
     sides = [[(x[i], y[j + 1]), (x[i + 1], y[j + 1])] for j, i in zip(*rows, strict=True)]
     sides += [[(x[i + 1], y[j]), (x[i + 1], y[j + 1])] for j, i in zip(*columns, strict=True)]
     edge: Any = [withStroke(linewidth=3.8, foreground="white")]
-    ax.add_collection(LineCollection(sides, colors=_LIMIT, linewidths=2.0, path_effects=edge), autolim=False)
+    ax.add_collection(LineCollection(sides, colors=RED, linewidths=2.0, path_effects=edge), autolim=False)
 
 
-def _ticks_along(axis: Any, ticks: list[str] | None, coordinate: Coordinate) -> None:
-    from matplotlib.ticker import MaxNLocator
-
-    values = np.unique(_axis(coordinate)[0])
-    if ticks is not None:
-        axis.set_ticks(np.arange(len(ticks)), ticks)
-    elif _logarithmic(coordinate):
-        _logarithmic_axis(axis)
-    else:
-        axis.set_major_locator(MaxNLocator(5))
-    if ticks is None and values.size <= MOST_TICKS:
+def _ticks_along(axis: Any, coordinate: Coordinate) -> None:
+    """Words, or numbers, all of which are written out if they are few."""
+    values, words = np.unique(_axis(coordinate)[0]), _tick_words(coordinate)
+    if _logarithmic(coordinate):
+        plain_logarithmic(axis)
+    if words:
+        axis.set_ticks(np.arange(len(words)), words)
+    elif values.size <= MOST_TICKS:
         axis.set_ticks(values, [f"{value:.4g}" for value in values])
+    elif not _logarithmic(coordinate):
+        axis.axes.locator_params(axis.axis_name, nbins=5)
 
 
 def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> Axes:
@@ -232,29 +216,27 @@ def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> 
     ax.invert_yaxis()
     ax.set_xlim(left=min(0.0, ax.get_xlim()[0]))
     response = result.responses[indices.name]
-    what = _label(result, _quantity(response), Scale(1.0, ""))
-    ax.set_title(f"{what}{f', {response.place}' if response.place else ''}", fontsize="small", loc="left")
+    ax.set_title(
+        f"{_words(_quantity(response))}{f', {response.place}' if response.place else ''}", fontsize="small", loc="left"
+    )
     finish(ax, "Share of the variance (%)", "")
     return ax
 
 
 def plot_response_scatter(result: DesignsResult, ax: Axes, coordinate: int, quantity: str) -> Axes:
     """A quantity (largest over all places) of every case over one parameter; cases beyond the limit are marked."""
-    x, ticks, label = _axis(result.coordinates[coordinate])
-    along = _cases(result, coordinate, x)
-    values = _worst(result, quantity)
-    scale = scale_for(_of(result, quantity)[0].unit, values)
+    x, label = _axis(result.coordinates[coordinate])
+    along, values = _cases(result, coordinate, x), _worst(result, quantity)
     limit = _limit(result, quantity)
     beyond = np.zeros(values.size, dtype=bool) if limit is None else values > limit
-    ax.plot(along[~beyond], values[~beyond] * scale.factor, ".", color="#0b3c5d", markersize=3)
-    ax.plot(along[beyond], values[beyond] * scale.factor, "x", color=_LIMIT, markersize=4)
-    if limit is not None:
-        ax.axhline(limit * scale.factor, color=_LIMIT, linewidth=1.2)
-    if ticks is not None:
-        ax.set_xticks(np.arange(len(ticks)), ticks)
-    elif _logarithmic(result.coordinates[coordinate]):
-        _logarithmic_axis(ax.xaxis)
-    finish(ax, label, _label(result, quantity, scale))
+    kinds = ((~beyond, {"marker": ".", "color": DARK, "markersize": 3}), (beyond, {"marker": "x", "color": RED}))
+    curves = [
+        Curve("", along[which], values[which], {"linestyle": "none", "markersize": 4, **style})
+        for which, style in kinds
+    ]
+    up = (_words(quantity), scale_for(_of(result, quantity)[0].unit, values))
+    draw_curves(ax, (label, ""), up, curves, [level._replace(label="") for level in _limit_level(result, quantity)])
+    _ticks_along(ax.xaxis, result.coordinates[coordinate])
     return ax
 
 
@@ -271,67 +253,31 @@ def _judgement(result: DesignsResult) -> str:
 
 def design_figures(result: DesignsResult) -> dict[str, Figure]:
     """All plots available for this study; the key is the last part of the file name."""
-    from matplotlib.figure import Figure
-
     if not np.any(result.solved):
         return {}
     best = result.summary["best"][0]["case"] if result.summary.get("best") else None
-
-    def panels(
-        count: int, columns: int, size: tuple[float, float], *, starred: bool = False
-    ) -> tuple[Figure, list[Axes]]:
-        rows = -(-count // columns)
-        figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
-        title = result.title + (f"   (star: best case, {result.summary['objective']})" if starred else "")
-        title += _judgement(result)
-        if title:
-            put_title(figure, title)
-        axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
-        for ax in axes[count:]:
-            ax.set_visible(False)
-        return figure, axes
-
-    quantities = shown_quantities(result)
-    dimensions = len(result.coordinates)
+    title = result.title + _judgement(result)
+    starred = title + (f"   (star: best case, {result.summary['objective']})" if best is not None else "")
+    quantities, dimensions = shown_quantities(result), len(result.coordinates)
     if dimensions == 1 or result.kind == "zip":
-        figure, axes = panels(len(quantities), min(2, len(quantities)), (5.2, 3.0))
-        for ax, quantity in zip(axes, quantities, strict=False):
+        figure, axes = _grid(title, len(quantities), 2, (5.2, 3.2))
+        for ax, quantity in zip(axes, quantities, strict=True):
             plot_response_curves(result, ax, quantity)
         return {"curves": figure}
-    if dimensions == 2 and result.kind == "grid" and min(result.shape) > 1:
-        maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == 2 and _varies(r)][:MOST_PANELS]
-        if maps:
-            figure, axes = panels(len(maps), min(2, len(maps)), (5.2, 3.6), starred=best is not None)
+    figures: dict[str, Figure] = {}
+    maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == dimensions and _varies(r)]
+    if result.kind == "grid" and min(result.shape[:2]) > 1 and maps:
+        if dimensions == 2:
+            figure, axes = _grid(starred, len(maps[:MOST_PANELS]), 2, (5.2, 3.6))
             for ax, response in zip(axes, maps, strict=False):
                 plot_response_map(result, ax, _as_judged(result, response), (), best)
             return {"maps": figure}
-    figures = {}
-    if dimensions > 2 and result.kind == "grid" and min(result.shape[:2]) > 1:
-        shown = [r for q in quantities for r in _of(result, q)[:1] if r.values.ndim == dimensions and _varies(r)]
-        if shown:
-            places = _slices(result, best)
-            rows = shown[:MOST_SLICED]
-            figure, axes = panels(len(rows) * len(places), len(places), (3.9, 3.1), starred=best is not None)
-            for k, ax in enumerate(axes):
-                at = places[k % len(places)]
-                plot_response_map(result, ax, _as_judged(result, rows[k // len(places)]), at, best)
-                ax.set_title(
-                    ", ".join(_value_text(c, i) for c, i in zip(result.coordinates[2:], at, strict=True)),
-                    fontsize="small", loc="left",
-                )  # fmt: skip
-            figures["slices"] = figure
+        figures["slices"] = _slice_maps(result, maps, best, starred)
     if result.sensitivity:
-        chosen = [s for q in quantities for s in result.sensitivity if _quantity(result.responses[s.name]) == q]
-        chosen = chosen[:MOST_PANELS] or list(result.sensitivity[:MOST_PANELS])
-        figure, axes = panels(len(chosen), min(2, len(chosen)), (4.8, 0.9 + 0.45 * dimensions))
-        for ax, indices in zip(axes, chosen, strict=False):
-            plot_sensitivity(result, ax, indices)
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize="small", frameon=False)
-        figures["sensitivity"] = figure
+        figures["sensitivity"] = _sensitivities(result, quantities, title)
     scalar = [q for q in quantities if any(r.values.shape == result.shape for r in _of(result, q))][:4]
     columns = min(dimensions, MOST_PARAMETERS)
-    figure, axes = panels(len(scalar) * columns, columns, (2.9, 2.4))
+    figures["scatter"], axes = _grid(title, len(scalar) * columns, columns, (2.9, 2.4))
     for k, ax in enumerate(axes):
         row, column = divmod(k, columns)
         plot_response_scatter(result, ax, column, scalar[row])
@@ -339,7 +285,36 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
             ax.set_xlabel("")
         if column:
             ax.set_ylabel("")
-    return figures | {"scatter": figure}
+    return figures
+
+
+def _grid(title: str, count: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
+    """Panels of a size, inches, at most so many in a row."""
+    columns = min(columns, count)
+    return panels(title, count, columns, (size[0] * columns, size[1] * -(-count // columns)))
+
+
+def _slice_maps(result: DesignsResult, maps: Sequence[Response], best: int | None, title: str) -> Figure:
+    """A row for each of the first quantities, a map for each of some values of the further parameters."""
+    places, rows = _slices(result, best), list({_quantity(r): r for r in reversed(maps)}.values())[::-1][:MOST_SLICED]
+    figure, axes = _grid(title, len(rows) * len(places), len(places), (3.9, 3.1))
+    for k, ax in enumerate(axes):
+        at = places[k % len(places)]
+        plot_response_map(result, ax, _as_judged(result, rows[k // len(places)]), at, best)
+        text = ", ".join(_value_text(c, i) for c, i in zip(result.coordinates[2:], at, strict=True))
+        ax.set_title(text, fontsize="small", loc="left")
+    return figure
+
+
+def _sensitivities(result: DesignsResult, quantities: Sequence[str], title: str) -> Figure:
+    chosen = [s for q in quantities for s in result.sensitivity if _quantity(result.responses[s.name]) == q]
+    chosen = (chosen or list(result.sensitivity))[:MOST_PANELS]
+    figure, axes = _grid(title, len(chosen), 2, (4.8, 0.9 + 0.45 * len(result.coordinates)))
+    for ax, indices in zip(axes, chosen, strict=True):
+        plot_sensitivity(result, ax, indices)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize="small", frameon=False)
+    return figure
 
 
 def _slices(result: DesignsResult, best: int | None) -> list[tuple[int, ...]]:
@@ -418,15 +393,19 @@ def _cases(result: DesignsResult, coordinate: int, x: Floats) -> Floats:
     return np.asarray(np.meshgrid(*[_axis(c)[0] for c in result.coordinates], indexing="ij")[coordinate]).ravel()
 
 
-def _axis(coordinate: Coordinate) -> tuple[Floats, list[str] | None, str]:
-    """Values along the axis, tick labels if the values are words, and the axis label."""
+def _axis(coordinate: Coordinate) -> tuple[Floats, str]:
+    """Values along the axis, words by their numbers, and the label of the axis."""
     name = coordinate.label[:1].upper() + coordinate.label[1:]
-    if not coordinate.numeric:
-        words = list(dict.fromkeys(str(v) for v in coordinate.values))
-        return np.array([words.index(str(v)) for v in coordinate.values], dtype=float), words, name
+    if words := _tick_words(coordinate):
+        return np.array([words.index(str(v)) for v in coordinate.values], dtype=float), name
     values = coordinate.values.astype(float)
     scale = scale_for(coordinate.unit, values)
-    return values * scale.factor, None, f"{name} ({scale.unit})" if scale.unit else name
+    return values * scale.factor, with_unit(name, scale)
+
+
+def _tick_words(coordinate: Coordinate) -> list[str]:
+    """The different values, if they are words."""
+    return [] if coordinate.numeric else list(dict.fromkeys(str(v) for v in coordinate.values))
 
 
 def _value_text(coordinate: Coordinate, k: int) -> str:
@@ -447,16 +426,6 @@ def _logarithmic(coordinate: Coordinate) -> bool:
     return float(np.ptp(ratios) / ratios.mean()) < float(np.ptp(steps) / steps.mean())
 
 
-def _logarithmic_axis(axis: Any) -> None:
-    """Logarithmic, with ticks at 1, 2, 5, 10, ... written as plain numbers."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
-
-    getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-
-
 def _edges(values: Floats, coordinate: Coordinate) -> Floats:
     """Edges of the cells around increasing or decreasing values."""
     logarithmic = _logarithmic(coordinate)
@@ -472,8 +441,7 @@ def _limit(result: DesignsResult, quantity: str) -> float | None:
     return result.limits.get(LIMITING.get(quantity, quantity))
 
 
-def _label(result: DesignsResult, quantity: str, scale: Scale) -> str:
+def _words(quantity: str) -> str:
     if quantity.endswith(_PEAK):
-        return output_label("Peak of", quantity.removesuffix(_PEAK), scale)
-    words = NAMED.get(quantity) or quantity.removesuffix("_hz").replace("_", " ").capitalize()
-    return f"{words} ({scale.unit})" if scale.unit else words
+        return f"Peak of {quantity.removesuffix(_PEAK)}"
+    return NAMED.get(quantity) or quantity.removesuffix("_hz").replace("_", " ").capitalize()

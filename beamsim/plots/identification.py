@@ -17,7 +17,8 @@ from beamsim.analyses.identify.result import (
     ProfileLikelihood,
     TestFit,
 )
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, put_title, scale_for
+from beamsim.plots.drawing import DARK, RED, Curve, Level, draw_curves, finish, legend, panels
+from beamsim.plots.style import Scale
 from beamsim.scenario.parameters import field_type_at, find_parameters
 from beamsim.scenario.quantities import Quantity
 from beamsim.typing import Floats
@@ -28,54 +29,50 @@ if TYPE_CHECKING:
 
     from beamsim.scenario import Scenario
 
-_MEASURED, _FITTED, _PALE = "0.45", "#d1495b", "0.8"
+_MEASURED, _DOTTED = "0.45", (0, (2, 2))
+_STIFFNESS = Scale(1e-3, "kN/m")
 
 
 def plot_frequency_curves(result: IdentificationResult, ax: Axes) -> Axes:
     """Natural frequencies over the snubber stiffness, with measured frequencies and identified stiffness."""
-    estimate = result.estimate
-    if estimate is None or result.with_snubber is None:
+    estimate, table = result.estimate, result.with_snubber
+    if estimate is None or table is None:
         raise ValueError("no stiffness was identified from frequencies")
-    for k, curve in enumerate(result.curves[:MOST_CURVES]):
-        ax.plot(curve.stiffness / 1e3, curve.frequency_hz, label=f"mode {curve.mode}", **curve_style(k))
-    table = result.with_snubber
+    curves = [Curve(f"mode {curve.mode}", curve.stiffness, curve.frequency_hz) for curve in result.curves]
+    across = ("Stiffness of the snubber", _STIFFNESS)
+    draw_curves(ax, across, ("Natural frequency", Scale(1.0, "Hz")), curves, of="modes")
     for k, measured in enumerate(table.measured_hz[: len(result.curves)]):
         if np.isfinite(measured):
             used = table.mode[k] in estimate.fit_to
             ax.axhline(
-                measured, color=_MEASURED, linestyle=(0, (2, 2)), linewidth=1.2 if used else 0.7,
+                measured, color=_MEASURED, linestyle=_DOTTED, linewidth=1.2 if used else 0.7,
                 label="measured, thick where it is fitted" if k == 0 else "_nolegend_",
             )  # fmt: skip
-    ax.axvline(estimate.stiffness / 1e3, color=_FITTED, linewidth=0.9, label=f"k = {estimate.stiffness / 1e3:.5g} kN/m")
+    at = estimate.stiffness / 1e3
+    ax.axvline(at, color=RED, linewidth=0.9, label=f"k = {at:.5g} kN/m")
     low, high = estimate.interval
     if np.isfinite(low) and np.isfinite(high):
-        ax.axvspan(low / 1e3, high / 1e3, color=_FITTED, alpha=0.12, linewidth=0)
-    for mode in estimate.fit_to:
-        ax.plot(
-            [estimate.stiffness / 1e3], [table.predicted_hz[mode - 1]], marker="o", markersize=5, color=_FITTED,
-            markerfacecolor="white", linestyle="none",
-        )  # fmt: skip
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    finish(ax, "Stiffness of the snubber (kN/m)", "Natural frequency (Hz)")
-    ax.legend(loc="best", frameon=False, fontsize="small", handlelength=2.6)
+        ax.axvspan(low / 1e3, high / 1e3, color=RED, alpha=0.12, linewidth=0)
+    fitted = [table.predicted_hz[mode - 1] for mode in estimate.fit_to]
+    ax.plot([at] * len(fitted), fitted, "o", markersize=5, color=RED, markerfacecolor="white")
+    ax.set(xscale="log", yscale="log")
+    legend(ax)
     return ax
 
 
-def plot_residuals(before: FrequencyTable, after: FrequencyTable | None, ax: Axes, names: tuple[str, str]) -> Axes:
+def plot_residuals(before: FrequencyTable, after: FrequencyTable | None, ax: Axes, title: str = "") -> Axes:
     """Difference between predicted and measured frequencies, in percent of the measured frequency."""
     known = np.isfinite(before.measured_hz)
     mode = before.mode[known].astype(float)
-    width = 0.36 if after is not None else 0.5
-    shift = width / 2 if after is not None else 0.0
+    shift = 0.0 if after is None else 0.18
     ax.axhline(0.0, color="0.4", linewidth=0.8)
-    ax.bar(mode - shift, before.difference_percent[known], width, color=_PALE, edgecolor="0.3", label=names[0])
+    ax.bar(mode - shift, before.difference_percent[known], 0.36, color="0.8", edgecolor="0.3", label="before updating")
     if after is not None:
         values = after.difference_percent[np.isfinite(after.measured_hz)]
-        ax.bar(mode + shift, values, width, color="#0b3c5d", edgecolor="#0b3c5d", label=names[1])
-        ax.legend(loc="best", frameon=False, fontsize="small")
+        ax.bar(mode + shift, values, 0.36, color=DARK, edgecolor=DARK, label="after")
+        legend(ax)
     ax.set_xticks(mode, [f"{m:.0f}" for m in mode])
-    finish(ax, "Mode", "Predicted − measured (%)")
+    finish(ax, f"Mode {title}".strip(), "Predicted − measured (%)")
     return ax
 
 
@@ -85,117 +82,97 @@ def plot_pad(pad: PadFit, axes: Sequence[Axes]) -> None:
     at = pad.frequency_hz if dynamic else pad.time
     if at is None:
         raise ValueError("nothing was measured on the pad")
-    rows = [("Storage stiffness (kN/m)" if dynamic else "Force over deflection (kN/m)", 1e-3, pad.measured_stiffness,
-             pad.curve_stiffness)]  # fmt: skip
+    stiffness = ("Storage stiffness" if dynamic else "Force over deflection", _STIFFNESS)
+    rows = [(stiffness, pad.measured_stiffness, pad.curve_stiffness)]
     if pad.measured_loss_factor is not None:
-        rows.append(("Loss factor", 1.0, pad.measured_loss_factor, pad.curve_loss_factor))
-    for ax, (label, factor, measured, fitted) in zip(axes, rows, strict=True):
-        ax.plot(
-            pad.curve_at, factor * fitted, color=_FITTED, linewidth=1.2, label=f"{pad.branch_stiffness.size} branches"
-        )
-        ax.plot(at, factor * measured, "o", color=_MEASURED, markersize=4, markerfacecolor="white", label="measured")
+        rows.append((("Loss factor", Scale(1.0, "")), pad.measured_loss_factor, pad.curve_loss_factor))
+    dots = {"linestyle": "none", "marker": "o", "markersize": 4, "markerfacecolor": "white", "color": _MEASURED}
+    for ax, (up, measured, fitted) in zip(axes, rows, strict=True):
+        line = Curve(f"{pad.branch_stiffness.size} branches", pad.curve_at, fitted, {"color": RED})
+        across = ("Frequency", Scale(1.0, "Hz")) if dynamic else ("Time", Scale(1.0, "s"))
+        draw_curves(ax, across, up, [line, Curve("measured", at, measured, dots)])
         ax.set_xscale("log")
-        finish(ax, "Frequency (Hz)" if dynamic else "Time (s)", label)
-    axes[0].legend(loc="best", frameon=False, fontsize="small")
 
 
 def plot_profile(profile: ProfileLikelihood, ax: Axes, coverage: float, unit: str = "") -> Axes:
     """Profile likelihood: misfit above its minimum, with the level that bounds the confidence interval."""
-    scale = scale_for(unit, profile.value)
-    x = profile.value * scale.factor
-    ax.plot(x, profile.misfit, color="#0b3c5d", linewidth=1.2, marker="." if x.size < 40 else "")
-    level = NormalDist().inv_cdf(0.5 + coverage / 2) ** 2
-    ax.axhline(level, color=_MEASURED, linestyle=(0, (2, 2)), linewidth=1.0)
-    ax.annotate(f"{100 * coverage:g} %", (1.0, level), xycoords=("axes fraction", "data"), ha="right", va="bottom",
-                fontsize="small", color="0.3")  # fmt: skip
-    ax.set_ylim(0.0, max(3 * level, 1e-12))
     words = parameter_label(profile.parameter)
-    unit = f" ({scale.unit})" if scale.unit else ""
-    finish(ax, f"{words[:1].upper()}{words[1:]}{unit}", "Misfit above its minimum")
+    across = (f"{words[:1].upper()}{words[1:]}", unit)
+    style = {"marker": "." if profile.value.size < 40 else ""}
+    bound = NormalDist().inv_cdf(0.5 + coverage / 2) ** 2
+    level = Level(f"{100 * coverage:g} %", bound, {"linestyle": _DOTTED})
+    curve = Curve("", profile.value, profile.misfit, style)
+    draw_curves(ax, across, ("Misfit above its minimum", ""), [curve], [level])
+    ax.set_ylim(0.0, max(3 * bound, 1e-12))
+    ax.locator_params(axis="x", nbins=3)  # panels may be narrow
     return ax
 
 
 def plot_harmonics(test: TestFit, ax: Axes) -> Axes:
     """Measured and predicted harmonic amplitudes of one test, dB re the largest measured one."""
-    for values, label, mark, colour in (
-        (test.measured, "measured", "o", "0.2"),
-        (test.before, "predicted before", "x", "0.6"),
-        (test.predicted, "predicted after", "+", _FITTED),
-    ):
-        ax.plot(test.order, _level(test, np.abs(values)), mark, color=colour, label=label, markerfacecolor="none")
-    return _finish_harmonics(test, ax, f"{Path(test.name).stem}\nAmplitude (dB re largest)")
+    marks = (
+        ("measured", "o", "0.2", np.abs(test.measured)),
+        ("predicted before", "x", "0.6", np.abs(test.before)),
+        ("predicted after", "+", RED, np.abs(test.predicted)),
+    )
+    return _draw_harmonics(test, ax, f"{Path(test.name).stem}\nAmplitude (dB re largest)", marks)
 
 
 def plot_harmonic_residuals(test: TestFit, ax: Axes) -> Axes:
     """Complex difference between predicted and measured harmonics before and after the fit, with the noise level."""
-    ax.plot(test.order, _level(test, np.abs(test.before - test.measured)), "x", color="0.6", label="before")
-    ax.plot(test.order, _level(test, np.abs(test.predicted - test.measured)), "+", color=_FITTED, label="after")
-    ax.plot(test.order, _level(test, test.noise * np.sqrt(2)), "_", color="0.3", label="noise")
-    return _finish_harmonics(test, ax, "Residual (dB re largest)")
+    marks = (
+        ("before", "x", "0.6", np.abs(test.before - test.measured)),
+        ("after", "+", RED, np.abs(test.predicted - test.measured)),
+        ("noise", "_", "0.3", test.noise * np.sqrt(2)),
+    )
+    return _draw_harmonics(test, ax, "Residual (dB re largest)", marks)
 
 
-def _level(test: TestFit, values: Floats) -> Floats:
+def _draw_harmonics(test: TestFit, ax: Axes, label: str, marks: Sequence[tuple[str, str, str, Floats]]) -> Axes:
     reference = float(np.max(np.abs(test.measured))) or 1.0
-    return np.asarray(20 * np.log10(np.maximum(values / reference, 1e-9)))
-
-
-def _finish_harmonics(test: TestFit, ax: Axes, label: str) -> Axes:
+    curves = [
+        Curve(name, test.order, 20 * np.log10(np.maximum(values / reference, 1e-9)),
+              {"linestyle": "none", "marker": mark, "color": colour, "markerfacecolor": "none"})
+        for name, mark, colour, values in marks
+    ]  # fmt: skip
+    draw_curves(ax, ("Frequency / excitation frequency", ""), (label, ""), curves)
     ax.set_xticks(test.order)
-    finish(ax, "Frequency / excitation frequency", label)
-    ax.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize="small", borderaxespad=0.1,
-        handlelength=1.2,
-    )  # fmt: skip
     return ax
 
 
 def identification_figures(result: IdentificationResult) -> dict[str, Figure]:
     """All plots available for this result; the key is the last part of the file name."""
     figures: dict[str, Figure] = {}
+    update, fit = result.update, result.nonlinear
     if result.estimate is not None and result.with_snubber is not None:
-        figure, (ax,) = _panels(result.title, 1)
+        figures["frequencies"], (ax,) = panels(result.title, size=(8.0, 4.6))
         plot_frequency_curves(result, ax)
-        figures["frequencies"] = figure
-        figure, axes = _panels(result.title, 2, height=5.6)
-        update = result.update
-        if update is not None:
-            plot_residuals(update.before, update.after, axes[0], ("before updating", "after"))
-        elif np.isfinite(result.without_snubber.measured_hz).any():
-            plot_residuals(result.without_snubber, None, axes[0], ("", ""))
-        else:
-            axes[0].set_visible(False)
-        axes[0].set_title("without the snubber", fontsize="small", loc="left")
-        plot_residuals(result.with_snubber, None, axes[1], ("", ""))
-        axes[1].set_title("with permanent contact", fontsize="small", loc="left")
-        figures["residuals"] = figure
-    elif result.update is not None:
-        figure, (ax,) = _panels(result.title, 1)
-        plot_residuals(result.update.before, result.update.after, ax, ("before updating", "after"))
-        figures["residuals"] = figure
-    profiles = _profiles(result)
-    if profiles:
+    tables: list[tuple[FrequencyTable, FrequencyTable | None, str]] = []
+    if update is not None:
+        tables.append((update.before, update.after, "without the snubber"))
+    elif np.isfinite(result.without_snubber.measured_hz).any():
+        tables.append((result.without_snubber, None, "without the snubber"))
+    if result.estimate is not None and result.with_snubber is not None:
+        tables.append((result.with_snubber, None, "with permanent contact"))
+    if update is not None or result.estimate is not None:
+        figures["residuals"], axes = panels(result.title, len(tables), size=(8.0, 1.2 + 2.4 * len(tables)))
+        for ax, (before, after, title) in zip(axes, tables, strict=True):
+            plot_residuals(before, after, ax, title)
+    if profiles := _profiles(result):
         columns = min(len(profiles), 3)
-        rows = -(-len(profiles) // columns)
-        figure, axes = _panels(result.title, rows, columns, 3.4 * rows)
-        for ax, (profile, coverage, unit) in zip(axes, profiles, strict=False):
+        size = (8.0, 3.4 * -(-len(profiles) // columns))
+        figures["profiles"], axes = panels(result.title, len(profiles), columns, size)
+        for ax, (profile, coverage, unit) in zip(axes, profiles, strict=True):
             plot_profile(profile, ax, coverage, unit)
-            if columns > 1:  # narrow panels
-                ax.locator_params(axis="x", nbins=4)
-        for ax in axes[len(profiles) :]:
-            ax.set_visible(False)
-        figures["profiles"] = figure
     if result.pad is not None:
-        panels = 1 if result.pad.measured_loss_factor is None else 2
-        figure, axes = _panels(result.title, panels, height=4.6 if panels == 1 else 5.6)
+        count = 1 if result.pad.measured_loss_factor is None else 2
+        figures["pad"], axes = panels(result.title, count, size=(8.0, 4.6 if count == 1 else 5.6))
         plot_pad(result.pad, axes)
-        figures["pad"] = figure
-    if result.nonlinear is not None:
-        tests = result.nonlinear.tests
-        figure, axes = _panels(result.title, len(tests), 2, height=0.6 + 3.0 * len(tests))
-        for k, test in enumerate(tests):
+    if fit is not None:
+        figures["harmonics"], axes = panels(result.title, 2 * len(fit.tests), 2, (8.0, 0.6 + 3.0 * len(fit.tests)))
+        for k, test in enumerate(fit.tests):
             plot_harmonics(test, axes[2 * k])
             plot_harmonic_residuals(test, axes[2 * k + 1])
-        figures["harmonics"] = figure
     return figures
 
 
@@ -217,12 +194,3 @@ def _unit(scenario: Scenario, path: str) -> str:
     places = find_parameters(scenario, path)
     field = field_type_at(scenario, places[0]) if places else None
     return field.dimension.unit if isinstance(field, Quantity) else ""
-
-
-def _panels(title: str, rows: int, columns: int = 1, height: float = 4.6) -> tuple[Figure, list[Axes]]:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, height), layout="constrained")
-    if title:
-        put_title(figure, title)
-    return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from beamsim.analyses.branch import ModeBranch
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.plots.branches import explain_dashes, mark_special, plot_branch
-from beamsim.plots.labels import put_names
-from beamsim.plots.style import curve_style, finish, scale_for
+from beamsim.plots.drawing import curve_style, finish, legend, name_beside
+from beamsim.plots.style import scale_for
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def plot_backbone(result: NormalModeResult, ax: Axes) -> Axes:
         curves = [(b.frequency_hz, y * scale.factor) for b, y in zip(result.branches, largest, strict=True)]
         _branches(ax, result, curves)
         finish(ax, "Frequency (Hz)", f"Largest deflection at the extreme ({scale.unit})")
-    _explain(ax)
+    legend(ax)
     return ax
 
 
@@ -56,7 +56,7 @@ def plot_frequency_energy(result: NormalModeResult, ax: Axes) -> Axes:
         ax.set_xscale("log")
     _branches(ax, result, [(b.energy, b.frequency_hz) for b in result.branches])
     finish(ax, "Energy (J)", "Frequency (Hz)")
-    _explain(ax)
+    legend(ax)
     return ax
 
 
@@ -124,10 +124,4 @@ def _name_tongues(ax: Axes, result: NormalModeResult, curves: list[Curve]) -> No
         if jump.ratio and jump.mode:
             at = _at(result.backbone, jump.start)
             places.setdefault(f"{jump.ratio}:1, mode {jump.mode}", (float(x[at]), float(y[at])))
-    put_names(ax, places.items(), curves)
-
-
-def _explain(ax: Axes) -> None:
-    """A legend where more than the backbone is drawn."""
-    if len(ax.get_legend_handles_labels()[0]) > 1:
-        ax.legend(loc="best", frameon=False, fontsize="small")
+    name_beside(ax, places)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.plots.labels import put_names
+from beamsim.plots.drawing import finish_positions, panels
 from beamsim.plots.save import save_figures
-from beamsim.plots.sketch import BODY, STOP, Sketch
-from beamsim.plots.style import amount, finish_positions, level_text, put_title, round_length
+from beamsim.plots.sketch import BODY, STOP, Sketch, scale_bar
+from beamsim.plots.style import amount, level_text, round_length
 from beamsim.scenario.moved_support import MovedSupport
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.structures.stations import Stations
     from beamsim.system.structural import SnubberNumbers
-    from beamsim.typing import Floats
 
 MOST_NAMES = 14  # of stops, masses, springs and probes together; more are not readable
 MOST_SQUARES = 12  # masses or nodes of a body; more are dots
@@ -58,24 +57,35 @@ def plot_model(scenario: Scenario, stations: Stations, stops: Mapping[str, Snubb
         ax.set_xticks([])
     ax.spines[["top", "right", "left"]].set_visible(False)
     if len(names) <= MOST_NAMES:
-        if (figure := ax.get_figure(root=True)) is not None:
-            figure.draw_without_rendering()  # labels look for their places in the final layout
-        outlines = [*ax.lines, *ax.patches]
-        curves = [*(_outline(each) for each in outlines), *_squares(sketch)]
-        put_names(ax, names, [(xy[:, 0], xy[:, 1]) for xy in curves])
+        _number(ax, names)
     return ax
+
+
+def _number(ax: Axes, names: Sequence[tuple[str, tuple[float, float]]]) -> None:
+    """A number at every named place, and what it is in a list below; places that coincide have one label."""
+    numbers: dict[tuple[float, float], list[str]] = {}
+    for k, (_, (x, y)) in enumerate(names, 1):
+        numbers.setdefault((float(f"{x:.3g}"), round(y, 1)), []).append(str(k))
+    for (x, y), those in numbers.items():
+        ax.annotate(
+            ", ".join(those), (x, y), xytext=(12, 7 if y - round(y) > 0.01 else -9), textcoords="offset points",
+            va="center", fontsize="small", color="0.25", zorder=9, annotation_clip=False,
+            bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "0.6", "linewidth": 0.6},
+            arrowprops={"arrowstyle": "-", "color": "0.6", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1},
+        )  # fmt: skip
+    listed = [ax.plot([], [], linestyle="none", label=f"{k}  {text}")[0] for k, (text, _) in enumerate(names, 1)]
+    figure: Any = ax.get_figure(root=True)
+    if listed:
+        figure.legend(
+            handles=listed, loc="outside lower left", ncols=2, frameon=False, fontsize="small", handlelength=0.0,
+            handletextpad=0.0,
+        )  # fmt: skip
 
 
 def model_figure(scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers]) -> Figure:
     """The sketch with its title, what excites the model, and the scale of the gaps."""
-    from matplotlib.figure import Figure
-
     rows = Sketch(scenario, stations, stops).count
-    figure = Figure(figsize=(8.0, 1.3 + 1.6 * rows), layout="constrained")
-    figure.set_dpi(150.0)  # labels are placed for it
-    if scenario.title:
-        put_title(figure, scenario.title)
-    ax = figure.subplots()
+    figure, (ax,) = panels(scenario.title, size=(8.0, 2.2 + 1.6 * rows))
     ax.set_title(excitation_text(scenario), fontsize="medium", loc="left")
     plot_model(scenario, stations, stops, ax)
     return figure
@@ -178,22 +188,6 @@ def oblique(sketch: Sketch, place: Place) -> tuple[float, float]:
     if place.across is None:
         return x, y
     return x + _SHEAR * place.across, y + _RISE * place.across / _width(sketch, place.body)
-
-
-def _outline(drawn: Any) -> Floats:
-    """(k, 2) points of a line or of the edge of a patch, in data coordinates."""
-    if hasattr(drawn, "get_xydata"):
-        return np.array(drawn.get_xydata(), dtype=float)
-    return np.array(drawn.get_patch_transform().transform(drawn.get_path().vertices), dtype=float)
-
-
-def _squares(sketch: Sketch) -> Iterator[Floats]:
-    """(k, 2) outlines of the masses of chains, about as large as they are drawn."""
-    for lines in sketch.lines.values():
-        for line in lines[:1]:
-            for x in () if line.continuous or line.x.size > MOST_SQUARES else line.x:
-                yield np.array([x, line.row]) + 0.013 * sketch.span * np.array([[-1, 0], [1, 0]])
-                yield np.array([x, line.row]) + np.array([[0.0, -0.06], [0.0, 0.06]])
 
 
 Names = Iterator[tuple[str, tuple[float, float]]]
@@ -308,9 +302,7 @@ def _stops(sketch: Sketch, ax: Axes) -> Names:
             for line in lines
         )
         end = right + 0.1 * sketch.span
-        ax.plot([end, end], [-0.5 * bar * factor, 0.5 * bar * factor], color="black", linewidth=2.0, clip_on=False)
-        ax.annotate(f"gaps:\n{amount(bar, 'm')}", (end, 0.0), xytext=(4, 0), textcoords="offset points", va="center",
-                    fontsize="small", annotation_clip=False)  # fmt: skip
+        scale_bar(ax, end, bar * factor, f"gaps:\n{amount(bar, 'm')}")
 
 
 def stop_text(name: str, stop: SnubberNumbers) -> str:

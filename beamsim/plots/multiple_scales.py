@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.plots.branches import figure_of, stretches
-from beamsim.plots.stations import finish_along, plot_along
-from beamsim.plots.style import MOST_CURVES, curve_style, finish, level_text, scale_for
+from beamsim.plots.branches import UNSTABLE, plot_branch
+from beamsim.plots.drawing import (
+    MOST_CURVES,
+    SMALL,
+    Curve,
+    curve_style,
+    draw_curves,
+    finish,
+    legend,
+    panels,
+    with_unit,
+)
+from beamsim.plots.stations import draw_along
+from beamsim.plots.style import level_text, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,39 +34,34 @@ ROUND_OFF = 1e-14  # differences below it are not drawn
 
 def comparison_figure(comparison: ExpansionComparison) -> Figure:
     """Frequency over the factor, and the relative differences of frequency and initial vector with their orders."""
-    from matplotlib.figure import Figure
-
     path, exact = comparison.path, comparison.exact
     order = np.argsort(path.factor)
-    x = path.factor[order]
-    figure = Figure(figsize=(7.5, 7.5), layout="constrained")
-    top, middle, bottom = figure.subplots(3, 1, sharex=True)
-    top.plot(x, exact.frequency_hz[order], color="black", linewidth=1.4, label="exact")
-    for k, name in ((1, "first order"), (2, "second order")):
-        top.plot(x, path.frequency_hz[order, k], label=name, **curve_style(k - 1))
+    x, factor = path.factor[order], ("Stiffness factor ε", "")
+    title = f"Mode {path.mode} by multiple scales"
+    figure, (top, *below) = panels(title, 3, size=(7.5, 7.5), sharex=True)
+    curves = [Curve("exact", x, exact.frequency_hz[order], {"color": "black"})]
+    curves += [Curve(f"{name} order", x, path.frequency_hz[order, k]) for k, name in ((1, "first"), (2, "second"))]
+    draw_curves(top, ("", ""), ("Frequency (Hz)", ""), curves)
     known = exact.frequency_hz[np.isfinite(exact.frequency_hz)]
     if known.size:  # far out the expansion leaves the picture
         room = 0.5 * max(float(np.ptp(known)), 1e-6 * path.linear_frequency_hz)
         top.set_ylim(float(known.min()) - room, float(known.max()) + room)
-    finish(top, "", "Frequency (Hz)")
-    for ax, values, orders, what in (
-        (middle, comparison.frequency_difference, comparison.frequency_orders, "Difference in frequency"),
-        (bottom, comparison.initial_difference, comparison.initial_orders, "Difference in initial vector"),
+    top.set_xscale("log")
+    for ax, values, orders, what in zip(
+        below,
+        (comparison.frequency_difference, comparison.initial_difference),
+        (comparison.frequency_orders, comparison.initial_orders),
+        ("Difference in frequency", "Difference in initial vector"),
+        strict=True,
     ):
+        curves = []
         for k in (1, 2):
-            seen = np.isfinite(values[:, k]) & (values[:, k] > 0)
             slopes = orders[np.isfinite(orders[:, k]), k]
             label = f"order {k}" + (f": observed {np.median(slopes):.2f}" if slopes.size else "")
-            seen &= values[:, k] > ROUND_OFF
-            use = order[seen[order]]
-            ax.plot(path.factor[use], values[use, k], marker=".", label=label, **curve_style(k - 1))
+            use = order[values[order, k] > ROUND_OFF]
+            curves.append(Curve(label, path.factor[use], values[use, k], {"marker": "."}))
+        draw_curves(ax, factor if ax is below[-1] else ("", ""), (what, ""), curves)
         ax.set_yscale("log")
-        finish(ax, "", what)
-        ax.legend(frameon=False, fontsize="small")
-    top.set_xscale("log")
-    top.legend(frameon=False, fontsize="small")
-    top.set_title(f"Mode {path.mode} by multiple scales", fontsize="medium", loc="left")
-    bottom.set_xlabel("Stiffness factor ε")
     return figure
 
 
@@ -65,15 +70,12 @@ def plot_initial_vectors(comparison: ExpansionComparison, stations: Stations, ax
     path, exact = comparison.path, comparison.exact
     known = np.flatnonzero(np.isfinite(exact.frequency_hz))
     k = int(known[np.argmax(path.factor[known])])
-    shapes = path.initial_displacement[k]
-    scale = scale_for("m", shapes, exact.initial_displacement[k])
-    measured = exact.initial_displacement[k] * scale.factor
-    plot_along(ax, stations, measured, "exact", color="0.7", linewidth=4.0, marker="")
-    for order, name in enumerate(("linear mode", "first order", "second order")):
-        plot_along(ax, stations, shapes[order] * scale.factor, name, **curve_style((2, 0, 1)[order]))
-    finish_along(ax, stations, f"Deflection at rest ({scale.unit})")
-    ax.set_title(f"Mode {path.mode}, stiffness factor {path.factor[k]:.3g}", fontsize="medium", loc="left")
-    ax.legend(loc="best", frameon=False, fontsize="small")
+    thick = {"color": "0.7", "linewidth": 4.0, "linestyle": "-", "marker": ""}
+    names = ("linear mode", "first order", "second order")
+    shapes = [("exact", exact.initial_displacement[k], thick)]
+    shapes += [(name, path.initial_displacement[k][order], {}) for order, name in enumerate(names)]
+    draw_along(ax, stations, "Deflection at rest", shapes)
+    legend(ax, f"Mode {path.mode}, stiffness factor {path.factor[k]:.3g}")
     return ax
 
 
@@ -81,7 +83,8 @@ def comparison_figures(comparison: ExpansionComparison, stations: Stations) -> d
     """Both pictures of a mode by multiple scales, by name; the second needs an exact motion."""
     figures = {"multiple_scales": comparison_figure(comparison)}
     if np.any(np.isfinite(comparison.exact.frequency_hz)):
-        figures["multiple_scales_initial"] = figure_of("", lambda ax: plot_initial_vectors(comparison, stations, ax))
+        figures["multiple_scales_initial"], (ax,) = panels("", size=SMALL)
+        plot_initial_vectors(comparison, stations, ax)
     return figures
 
 
@@ -89,54 +92,42 @@ def plot_expanded_response(result: FrequencyResponse, ax: Axes, probe: str) -> A
     """The expansion (thick, light) under the exact response (thin, dark): largest deflection against frequency."""
     main = [b for b in result.branches if b.period_multiple == 1]
     scale = scale_for("m", *(b.peak_displacement[probe] for b in main), *(c.first[probe] for c in result.expansion))
-    seen: set[float] = set()
     for k, c in enumerate(result.expansion):
-        colour = curve_style(k)["color"]
-        y = c.first[probe] * scale.factor
-        ax.plot(
-            *stretches(c.frequency_hz, y, c.stable, True), color=colour, alpha=0.35, linewidth=4.0,
-            solid_capstyle="butt", label=f"multiple scales, {level_text(c.level, result.level_unit)}",
-        )  # fmt: skip
-        dashes = (0, (1.2, 0.8))
-        ax.plot(
-            *stretches(c.frequency_hz, y, c.stable, False), color=colour, alpha=0.35, linewidth=4.0, linestyle=dashes
-        )
-        for b in (b for b in main if b.level == c.level):
+        colour, level = curve_style(k)["color"], level_text(c.level, result.level_unit)
+        plot_branch(ax, c.frequency_hz, c.first[probe] * scale.factor, c.stable, color=colour, width=4.0, alpha=0.35,
+                    label=f"multiple scales, {level}", solid_capstyle="butt")  # fmt: skip
+        for n, b in enumerate(b for b in main if b.level == c.level):
+            label = "_nolegend_" if n else f"exact, {level}"
             y = b.peak_displacement[probe] * scale.factor
-            label = None if c.level in seen else f"exact, {level_text(c.level, result.level_unit)}"
-            seen.add(c.level)
-            ax.plot(*stretches(b.frequency_hz, y, b.stable, True), color=colour, linewidth=1.2, label=label)
-            unstable = stretches(b.frequency_hz, y, b.stable, False)
-            ax.plot(*unstable, color=colour, linewidth=1.0, linestyle=(0, (3, 1.5)))
+            plot_branch(ax, b.frequency_hz, y, b.stable, color=colour, width=1.2, label=label)
     ax.set_ylim(bottom=0.0)
-    finish(ax, "Excitation frequency (Hz)", f"Largest deflection of {probe} ({scale.unit})")
-    ax.legend(loc="best", frameon=False, fontsize="small")
+    finish(ax, "Excitation frequency (Hz)", with_unit(f"Largest deflection of {probe}", scale))
+    legend(ax)
     return ax
 
 
 def plot_forced_orders(result: FrequencyResponse, ax: Axes) -> Axes:
     """Difference from the exact motion while springs, damping and force are made smaller together."""
+    curves = []
     for k, c in enumerate(result.expansion):
-        level = level_text(c.level, result.level_unit)
-        for order, (name, dashes) in enumerate((("leading order", (0, (4, 2))), ("first order", "-"))):
+        for order, (name, dashes) in enumerate((("leading order", UNSTABLE), ("first order", "-"))):
             slopes = c.orders[np.isfinite(c.orders[:, order]), order]
-            label = f"{level}, {name}" + (f": observed order {slopes[-1]:.2f}" if slopes.size else "")
-            style = {"color": curve_style(k)["color"], "linestyle": dashes, "linewidth": 1.1}
-            ax.plot(c.factor, c.difference[:, order], marker=".", label=label, **style)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    finish(ax, "Factor of springs, damping and force", "Difference over the motion's size")
-    ax.legend(loc="best", frameon=False, fontsize="small")
+            label = f"{level_text(c.level, result.level_unit)}, {name}"
+            label += f": observed order {slopes[-1]:.2f}" if slopes.size else ""
+            style = {"color": curve_style(k)["color"], "linestyle": dashes, "marker": "."}
+            curves.append(Curve(label, c.factor, c.difference[:, order], style))
+    across, up = ("Factor of springs, damping and force", ""), ("Difference over the motion's size", "")
+    draw_curves(ax, across, up, curves)
+    ax.set(xscale="log", yscale="log")
     return ax
 
 
 def forced_expansion_figures(result: FrequencyResponse) -> dict[str, Figure]:
     """The response of every probe with its expansion, and the orders, by name."""
-    figures = {
-        f"multiple_scales_{name}".replace("/", "_").replace(" ", "_"): figure_of(
-            result.title, partial(plot_expanded_response, result, probe=name)
-        )
-        for name in list(result.expansion[0].first)[:MOST_CURVES]
-    }
-    figures["multiple_scales_orders"] = figure_of(result.title, lambda ax: plot_forced_orders(result, ax))
+    figures = {}
+    for name in list(result.expansion[0].first)[:MOST_CURVES]:
+        figures[f"multiple_scales_{name}"], (ax,) = panels(result.title, size=SMALL)
+        plot_expanded_response(result, ax, name)
+    figures["multiple_scales_orders"], (ax,) = panels(result.title, size=SMALL)
+    plot_forced_orders(result, ax)
     return figures

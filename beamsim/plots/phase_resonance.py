@@ -6,10 +6,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.plots.branches import explain_dashes, figure_of, plot_branch
-from beamsim.plots.labels import put_names
-from beamsim.plots.stations import finish_along, plot_along
-from beamsim.plots.style import MOST_CURVES, Scale, curve_style, finish, scale_for, thinned
+from beamsim.plots.branches import explain_dashes, plot_branch
+from beamsim.plots.drawing import (
+    MOST_CURVES,
+    RED,
+    SMALL,
+    Curve,
+    curve_style,
+    draw_curves,
+    finish,
+    legend,
+    name_beside,
+    panels,
+    thinned,
+    with_unit,
+)
+from beamsim.plots.stations import draw_along
+from beamsim.plots.style import Scale, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,9 +31,7 @@ if TYPE_CHECKING:
     from beamsim.analyses.nnm.result import HeldMotion, PhaseResonanceResult
     from beamsim.structures.stations import Stations
 
-_DEEPEST_DB = 120.0
 _HIGHEST_ORDER = 20.5
-_RIDGE: dict[str, Any] = {"color": "0.55", "linewidth": 2.6, "solid_capstyle": "round", "zorder": 1}
 
 
 def _level_scale(result: PhaseResonanceResult) -> Scale:
@@ -28,99 +39,81 @@ def _level_scale(result: PhaseResonanceResult) -> Scale:
     return scale_for(result.unit, [m.level for m in result.motions])
 
 
-def plot_resonances(result: PhaseResonanceResult, ax: Axes) -> Axes:
-    """Response curves over the backbone: frequency against amplitude, named by level, unstable stretches dashed."""
-    name, level = result.probe, _level_scale(result)
-    curves = [m.curve.peak_displacement[name] for m in result.motions if m.curve is not None]
-    amplitudes = np.array([[m.predicted_amplitude[name], m.amplitude[name]] for m in result.motions])
-    scale = scale_for("m", amplitudes, *curves)
-    ridge = result.predicted
-    ax.plot(ridge.frequency_hz, ridge.amplitude[name] * scale.factor, label="nonlinear mode", **_RIDGE)
-    drawn = [(ridge.frequency_hz, ridge.amplitude[name] * scale.factor)]
-    places = {}
-    for k, m in enumerate(result.motions):
-        colour = curve_style(k)["color"]
-        if m.curve is not None:
-            x, y = m.curve.frequency_hz, m.curve.peak_displacement[name] * scale.factor
-            plot_branch(ax, x, y, m.curve.stable, color=colour, width=1.2)
-            top = int(np.argmax(y))
-            drawn.append((x, y))
-            places[_level_text(m.level, level)] = (float(x[top]), float(y[top]))
-    if any(m.curve is not None and not m.curve.stable.all() for m in result.motions):
-        explain_dashes(ax)
-    for which, marker, face, label in ((0, "o", "white", "predicted"), (1, "D", "0.15", "phase resonance")):
-        at = [m.predicted_frequency_hz if which == 0 else m.frequency_hz for m in result.motions]
-        ax.plot(
-            at, amplitudes[:, which] * scale.factor, linestyle="none", marker=marker, markersize=7 - 3 * which,
-            color="0.15", markerfacecolor=face, label=label, zorder=5 + which,
-        )  # fmt: skip
-    shown = np.concatenate([*(m.curve.frequency_hz for m in result.motions if m.curve is not None), np.zeros(0)])
-    if shown.size:
-        ax.set_xlim(float(shown.min()), float(shown.max()))
-        ax.set_ylim(0.0, 1.12 * scale.factor * max(float(np.nanmax(amplitudes)), *(float(c.max()) for c in curves)))
-    finish(ax, "Frequency (Hz)", f"Largest deflection of {name} ({scale.unit})")
-    put_names(ax, places.items(), drawn)
-    ax.legend(loc="best", frameon=False, fontsize="small")
-    return ax
-
-
 def _level_text(value: float, level: Scale) -> str:
     return f"{value * level.factor:.4g} {level.unit}"
 
 
+def plot_resonances(result: PhaseResonanceResult, ax: Axes) -> Axes:
+    """Response curves over the backbone: frequency against amplitude, named by level, unstable stretches dashed."""
+    name, level, ridge = result.probe, _level_scale(result), result.predicted
+    curves = [(k, m, m.curve) for k, m in enumerate(result.motions) if m.curve is not None]
+    amplitudes = np.array([[m.predicted_amplitude[name], m.amplitude[name]] for m in result.motions])
+    scale = scale_for("m", amplitudes, *(curve.peak_displacement[name] for _, _, curve in curves))
+    ax.plot(ridge.frequency_hz, ridge.amplitude[name] * scale.factor, label="nonlinear mode", color="0.55",
+            linewidth=2.6, solid_capstyle="round", zorder=1)  # fmt: skip
+    places = {}
+    for k, m, curve in curves:
+        x, y = curve.frequency_hz, curve.peak_displacement[name] * scale.factor
+        plot_branch(ax, x, y, curve.stable, color=curve_style(k)["color"], width=1.2)
+        places[_level_text(m.level, level)] = (float(x[np.argmax(y)]), float(y.max()))
+    if not all(curve.stable.all() for _, _, curve in curves):
+        explain_dashes(ax)
+    marks: dict[str, Any] = {"linestyle": "none", "color": "0.15"}
+    at = [m.predicted_frequency_hz for m in result.motions]
+    ax.plot(at, amplitudes[:, 0] * scale.factor, marker="o", markersize=7, markerfacecolor="white", label="predicted",
+            zorder=5, **marks)  # fmt: skip
+    at = [m.frequency_hz for m in result.motions]
+    ax.plot(at, amplitudes[:, 1] * scale.factor, marker="D", markersize=4, label="phase resonance", zorder=6, **marks)
+    if curves:
+        shown = np.concatenate([curve.frequency_hz for _, _, curve in curves])
+        ax.set_xlim(float(shown.min()), float(shown.max()))
+        ax.set_ylim(0.0, 1.12 * max(scale.factor * float(np.nanmax(amplitudes)), *(y for _, y in places.values())))
+    finish(ax, "Frequency (Hz)", with_unit(f"Largest deflection of {name}", scale))
+    name_beside(ax, places)
+    legend(ax)
+    return ax
+
+
 def plot_levels(result: PhaseResonanceResult, ax: Axes) -> Axes:
     """The level predicted against the amplitude, and the exact motions."""
-    name, level = result.probe, _level_scale(result)
-    amplitude = np.array([m.amplitude[name] for m in result.motions])
-    scale = scale_for("m", amplitude, np.array([m.predicted_amplitude[name] for m in result.motions]))
-    ridge = result.predicted
+    name, ridge = result.probe, result.predicted
     order = np.argsort(ridge.energy)
-    ax.plot(
-        ridge.amplitude[name][order] * scale.factor, ridge.level[order] * level.factor, label="energy balance",
-        **curve_style(0),
-    )  # fmt: skip
-    stable = np.array([m.stable for m in result.motions])
-    levels = np.array([m.level for m in result.motions]) * level.factor
-    for is_stable, face, label in ((True, "#d1495b", "exact, stable"), (False, "white", "exact, unstable")):
-        shown = (stable == is_stable) & np.isfinite(amplitude)
-        if np.any(shown):
-            ax.plot(
-                amplitude[shown] * scale.factor, levels[shown], linestyle="none", marker="D", markersize=6,
-                color="#d1495b", markerfacecolor=face, label=label,
-            )  # fmt: skip
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    finish(ax, f"Largest deflection of {name} ({scale.unit})", f"Level ({level.unit})")
-    ax.legend(loc="best", frameon=False, fontsize="small")
+    curves = [Curve("energy balance", ridge.amplitude[name][order], ridge.level[order])]
+    for stable, face in ((True, RED), (False, "white")):
+        shown = np.array([(m.amplitude[name], m.level) for m in result.motions if m.stable == stable]).reshape(-1, 2)
+        shown = shown[np.isfinite(shown[:, 0])]
+        if shown.size:
+            label = f"exact, {'stable' if stable else 'unstable'}"
+            marks = {"linestyle": "none", "marker": "D", "markersize": 6, "color": RED, "markerfacecolor": face}
+            curves.append(Curve(label, shown[:, 0], shown[:, 1], marks))
+    draw_curves(ax, (f"Largest deflection of {name}", "m"), ("Level", _level_scale(result)), curves)
+    ax.set(xscale="log", yscale="log")
     return ax
 
 
 def plot_held_shapes(held: HeldMotion, ax: Axes, stations: Stations) -> Axes:
     """Deflected shapes at two instants of the last period, over those of the mode (thesis, figures 4.14 and 4.17)."""
-    scale = scale_for("m", held.shapes, held.mode_shapes)
+    shapes: list[tuple[str, Any, dict[str, Any]]] = []
     for k in (0, 1):
-        style = curve_style(k) | {"linestyle": "-"}
-        label = f"held, t = {held.instants[k]:.4g} s"
-        plot_along(ax, stations, held.shapes[k] * scale.factor, label, **style)
-        style = {"color": style["color"], "linestyle": (0, (2, 2)), "linewidth": 1.8, "alpha": 0.6, "marker": ""}
-        plot_along(ax, stations, held.mode_shapes[k] * scale.factor, "nonlinear mode then", **style)
-    finish_along(ax, stations, f"Deflection ({scale.unit})")
-    ax.legend(loc="best", frameon=False, fontsize="small")
+        colour = {"color": curve_style(k)["color"]}
+        shapes.append((f"held, t = {held.instants[k]:.4g} s", held.shapes[k], {**colour, "linestyle": "-"}))
+        dotted = {**colour, "linestyle": (0, (2, 2)), "linewidth": 1.8, "alpha": 0.6, "marker": ""}
+        shapes.append(("nonlinear mode then", held.mode_shapes[k], dotted))
+    draw_along(ax, stations, "Deflection", shapes)
     return ax
 
 
 def plot_held_spectrum(held: HeldMotion, ax: Axes) -> Axes:
     """Lines over all periods, in dB of the strongest."""
-    fundamental = held.frequency_hz[held.departure.size]
-    reach = held.frequency_hz <= _HIGHEST_ORDER * fundamental
+    highest = _HIGHEST_ORDER * float(held.frequency_hz[held.departure.size])
+    reach = held.frequency_hz <= highest
     top = max(float(a[1:].max()) for a in held.amplitude.values())
-    for k, (name, a) in enumerate(list(held.amplitude.items())[:MOST_CURVES]):
-        level = 20 * np.log10(np.maximum(a / top, 1e-300))
-        ax.plot(*thinned(held.frequency_hz[reach], level[reach]), label=name, **curve_style(k))
-    ax.set_ylim(-_DEEPEST_DB, 6.0)
-    ax.set_xlim(0.0, _HIGHEST_ORDER * float(fundamental))
-    finish(ax, "Frequency (Hz)", "Amplitude (dB re largest)")
-    ax.legend(loc="upper right", frameon=False, fontsize="small")
+    curves = [
+        Curve(name, *thinned(held.frequency_hz[reach], 20 * np.log10(np.maximum(a[reach] / top, 1e-300))))
+        for name, a in held.amplitude.items()
+    ]
+    draw_curves(ax, ("Frequency", "Hz"), ("Amplitude (dB re largest)", ""), curves, of="probes")
+    ax.set(xlim=(0.0, highest), ylim=(-120.0, 6.0))
     return ax
 
 
@@ -135,25 +128,27 @@ def plot_departure(result: PhaseResonanceResult, ax: Axes) -> Axes:
                 groups.append((m.held.departure, [_level_text(m.level, level)]))
             else:
                 known.append(_level_text(m.level, level))
-    for k, (departure, texts) in enumerate(groups[:MOST_CURVES]):
-        ax.plot(np.arange(1, departure.size + 1), departure, label=", ".join(texts), **curve_style(k))
+    curves = [Curve(", ".join(texts), np.arange(1.0, d.size + 1), d) for d, texts in groups]
+    draw_curves(ax, ("Period", ""), ("Distance from the mode\n(norm of energy)", ""), curves[:MOST_CURVES], of="levels")
     ax.set_ylim(bottom=0.0)
-    finish(ax, "Period", "Distance from the mode\n(norm of energy)")
-    ax.legend(loc="best", frameon=False, fontsize="small")
     return ax
 
 
 def phase_resonance_figures(result: PhaseResonanceResult, title: str, stations: Stations) -> dict[str, Figure]:
     """Every picture of a held mode, by name; shapes and spectrum are those of the last level."""
-    figures = {
-        "phase_resonance": figure_of(title, lambda ax: plot_resonances(result, ax)),
-        "phase_resonance_level": figure_of(title, lambda ax: plot_levels(result, ax)),
-        "held_departure": figure_of(title, lambda ax: plot_departure(result, ax)),
-    }
-    last, level = result.motions[-1], _level_scale(result)
-    held = last.held
-    if held is not None:
-        under = f"{title}, {last.level * level.factor:.4g} {level.unit}, {held.departure.size} periods"
-        figures["held_shapes"] = figure_of(under, lambda ax: plot_held_shapes(held, ax, stations))
-        figures["held_spectrum"] = figure_of(under, lambda ax: plot_held_spectrum(held, ax))
+    figures: dict[str, Figure] = {}
+    for name, plot in (
+        ("phase_resonance", plot_resonances),
+        ("phase_resonance_level", plot_levels),
+        ("held_departure", plot_departure),
+    ):
+        figures[name], (ax,) = panels(title, size=SMALL)
+        plot(result, ax)
+    last = result.motions[-1]
+    if last.held is not None:
+        under = f"{title}, {_level_text(last.level, _level_scale(result))}, {last.held.departure.size} periods"
+        figures["held_shapes"], (ax,) = panels(under, size=SMALL)
+        plot_held_shapes(last.held, ax, stations)
+        figures["held_spectrum"], (ax,) = panels(under, size=SMALL)
+        plot_held_spectrum(last.held, ax)
     return figures

@@ -6,20 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from beamsim.files import replacing
-from beamsim.plots.layout import lay_out
-from beamsim.plots.png import write_png
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DOTS_PER_INCH = 150.0
-SETTINGS: Any = {  # of Matplotlib
-    "axes.formatter.min_exponent": 4,  # logarithmic axes have 0.01, 0.6 and 200 instead of powers of ten below 10^4
-    "text.hinting": "none",  # letters have their own widths, as in PDF and SVG, and take half the time
-}
 
 
 def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, form: str = "png") -> list[Path]:
@@ -30,20 +22,19 @@ def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, f
     ResultFileError
         If a file cannot be written.
     """
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     written = []
     for name, figure in figures.items():
-        path = Path(folder) / f"{stem}_{name}.{form}"
-        with replacing(path) as temporary, rc_context(SETTINGS):
-            figure.set_dpi(DOTS_PER_INCH)
-            canvas: Any = FigureCanvasAgg(figure)
-            lay_out(figure, canvas.get_renderer())
-            if form == "png":
-                canvas.draw()
-                write_png(temporary, np.asarray(canvas.buffer_rgba()), DOTS_PER_INCH)
-            else:
-                figure.savefig(temporary, format=form)
+        path = Path(folder) / f"{stem}_{name.replace('/', '_').replace(' ', '_')}.{form}"
+        with replacing(path) as temporary:
+            draw(figure, temporary, form)
         written.append(path)
     return written
+
+
+def draw(figure: Figure, target: Any, form: str = "png") -> None:
+    """Draw a figure to a file or stream."""
+    from matplotlib import rc_context
+
+    # logarithmic axes have 0.01, 0.6 and 200 in place of powers of ten; letters are as wide as in PDF and SVG
+    with rc_context({"axes.formatter.min_exponent": 4, "text.hinting": "none"}):
+        figure.savefig(target, format=form, dpi=DOTS_PER_INCH)

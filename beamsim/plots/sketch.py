@@ -158,30 +158,30 @@ class Sketch:
         sites = self.stop_sites
         for name, snubber in self.stops.items():
             site, up = sites[name], snubber.side == "below"
+            ends = [self.point(place, heights) for place in ends_of(site)]
+            row, *other = (self.point(place, np.zeros_like(heights))[1] for place in ends_of(site))
+            x, y = ends[0]
             if isinstance(site, Link):
-                (x, low), (over, high) = (self.point(place, heights) for place in ends_of(site))
-                rows = [self.point(place, np.zeros_like(heights))[1] for place in ends_of(site)]
-                apart = snubber.gap * factor + (high - low) - (rows[1] - rows[0])
+                over, high = ends[1]
+                apart = snubber.gap * factor + (high - y) - (other[0] - row)
                 shut = factor > 0 and apart < 0
-                colour, dashes = STOP if shut else "0.4", "-" if snubber.side == "approach" else "--"
-                face = low + (max(apart, 0.0) if snubber.side == "approach" else 0.0)
-                ax.plot([over, x], [high, face], linestyle=dashes, color=colour, linewidth=1.6)
-                ax.plot(
-                    x,
-                    face,
-                    marker=7,
-                    markersize=8,
-                    color=colour,
-                    linestyle="none",
-                    label=SHUT if shut else "stop",
-                    zorder=4,
-                )
-                continue
-            x, y = self.point(site, heights)
-            row = self.point(site, np.zeros_like(heights))[1]
-            face = row + (-1.0 if up else 1.0) * snubber.gap * factor
-            shut = factor > 0 and (y < face if up else y > face)
+                face = y + (max(apart, 0.0) if snubber.side == "approach" else 0.0)
+            else:
+                face = row + (-1.0 if up else 1.0) * snubber.gap * factor
+                shut = factor > 0 and (y < face if up else y > face)
+            colour = STOP if shut else "0.4"
+            if isinstance(site, Link):
+                dashes = "-" if snubber.side == "approach" else "--"
+                ax.plot([over, x], [high, face], linestyle=dashes, linewidth=1.6, color=colour)
             ax.plot(
-                x, face, marker=6 if up else 7, markersize=10, color=STOP if shut else "0.4", linestyle="none",
-                clip_on=False, label=SHUT if shut else "stop", zorder=4,
+                x, face, marker=6 if up else 7, markersize=9, linestyle="none", clip_on=False,
+                label=SHUT if shut else "stop", color=colour, zorder=4,
             )  # fmt: skip
+
+
+def scale_bar(ax: Axes, x: float, height: float, text: str) -> None:
+    """An upright bar beside the bodies that shows the scale of deflections and gaps."""
+    ax.plot([x, x], [-0.5 * height, 0.5 * height], color="black", linewidth=2.0, clip_on=False)
+    ax.annotate(
+        text, (x, 0.0), xytext=(5, 0), textcoords="offset points", va="center", fontsize="small", annotation_clip=False
+    )

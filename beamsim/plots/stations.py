@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from beamsim.plots.style import finish, scale_for
+from beamsim.plots.drawing import curve_style, finish, legend, with_unit
+from beamsim.plots.style import scale_for
 from beamsim.structures.stations import IN_PLANE
 
 if TYPE_CHECKING:
@@ -17,46 +19,42 @@ if TYPE_CHECKING:
 MOST_TICKS = 20  # of numbered masses or nodes
 
 
-def plot_along(ax: Axes, stations: Stations, shape: Floats, label: str, **style: Any) -> None:
-    """One shape (nx,) over the stations; of several bodies a curve each, with the body's name at its end."""
-    several = len(stations.parts) > 1
-    for part in stations:
-        if part.axis is IN_PLANE:
-            _plot_edges(ax, stations, part, shape, label, **style)
-            label = "_nolegend_"
-            continue
-        x = stations.position[part.stations]
-        if part.axis.continuous:
-            x = x * scale_for(part.axis.unit, x).factor
-        marker = "" if part.axis.continuous else "o"
-        y = shape[part.stations]
-        drawn: dict[str, Any] = {"marker": marker, "markersize": 4, **style}
-        ax.plot(x, y, label=label, **drawn)
-        if several:
-            ax.annotate(part.body, (x[-1], y[-1]), fontsize="x-small", color="0.4")
-        label = "_nolegend_"
+def draw_along(ax: Axes, stations: Stations, words: str, shapes: Sequence[tuple[str, Floats, dict[str, Any]]]) -> None:
+    """Shapes over the stations of all bodies, with labelled axes; of several bodies the name is at the end of each.
 
-
-def _plot_edges(ax: Axes, stations: Stations, part: StationPart, shape: Floats, label: str, **style: Any) -> None:
-    """A shape along the bottom and the top edge of a plate."""
-    assert stations.across is not None
-    x, y, deflection = (values[part.stations] for values in (stations.position, stations.across, shape))
-    factor = scale_for(part.axis.unit, x).factor
-    for edge, at in (("bottom", y.min()), ("top", y.max())):
-        on_edge = y == at
-        ax.plot(x[on_edge] * factor, deflection[on_edge], label=label, **style)
-        ends = f"{part.body} {edge}" if len(stations.parts) > 1 else edge
-        ax.annotate(ends, (x[on_edge][-1] * factor, deflection[on_edge][-1]), fontsize="x-small", color="0.4")
-        label = "_nolegend_"
-
-
-def finish_along(ax: Axes, stations: Stations, ylabel: str) -> None:
-    """Label the axes; masses have whole numbers."""
+    Parameters
+    ----------
+    shapes : label, (nx,) deflection in m, and style of each.
+    """
+    scale = scale_for("m", *(shape for _, shape, _ in shapes))
+    for k, (label, shape, style) in enumerate(shapes):
+        drawn = {**curve_style(k), "markersize": 4, **style}
+        for part in stations:
+            for name, x, y in _lines(stations, part, shape * scale.factor):
+                ax.plot(x, y, label=label, **({"marker": "" if part.axis.continuous else "o"} | drawn))
+                ax.annotate(name, (x[-1], y[-1]), fontsize="x-small", color="0.4")
+                label = "_nolegend_"
     names = []
     for part in stations:
         x = stations.position[part.stations]
         unit = f" ({scale_for(part.axis.unit, x).unit})" if part.axis.continuous else ""
         names.append(part.axis.label + unit)
-        if not part.axis.continuous and len(stations.parts) == 1:
+        if not part.axis.continuous and len(stations.parts) == 1:  # masses have whole numbers
             ax.set_xticks(x[:: -(-x.size // MOST_TICKS)])
-    finish(ax, " / ".join(dict.fromkeys(names)), ylabel)
+    finish(ax, " / ".join(dict.fromkeys(names)), with_unit(words, scale))
+    legend(ax)
+
+
+def _lines(stations: Stations, part: StationPart, shape: Floats) -> Iterator[tuple[str, Floats, Floats]]:
+    """A beam or a row of masses as one line, the bottom and the top edge of a plate as two, with their names."""
+    x, y = stations.position[part.stations], shape[part.stations]
+    if part.axis.continuous or part.axis is IN_PLANE:
+        x = x * scale_for(part.axis.unit, x).factor
+    several = len(stations.parts) > 1
+    if part.axis is not IN_PLANE:
+        yield part.body if several else "", x, y
+        return
+    assert stations.across is not None
+    across = stations.across[part.stations]
+    for edge, at in (("bottom", across.min()), ("top", across.max())):
+        yield f"{part.body} {edge}" if several else edge, x[across == at], y[across == at]

@@ -1,4 +1,4 @@
-"""Common style of all plots: lines that can be distinguished in grey print, units with a suitable prefix."""
+"""Numbers for people: units with a suitable prefix, or those that were chosen."""
 
 from __future__ import annotations
 
@@ -13,29 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.limits import STANDARD_GRAVITY
-from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
 ROUND_OFF = 1e-15  # in SI units; nothing that is shown can be known so small
-SAME_CURVE = 0.01  # relative difference up to which two curves are drawn as one
-LETTERS, HANDLE = 13.0, 6  # of a legend's size on an inch; that the line before a label is as long as
-MOST_CURVES = 6  # in one plot; more cannot be distinguished
-
-# Colours of decreasing darkness, distinguishable by colour-blind readers, each with its own dashes for grey print.
-_COLOURS = ("#0b3c5d", "#d1495b", "#3a7d44", "#e6a117", "#7b5ea7", "#6c757d")
-_DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
-    "-",
-    (0, (5, 1.5)),
-    (0, (1.2, 1.2)),
-    (0, (6, 1.5, 1.2, 1.5)),
-    (0, (9, 2)),
-    (0, (3, 1, 1.2, 1, 1.2, 1)),
-)
-
 _LONG_TIMES = (("years", 365.25 * 86400.0, 1.0), ("days", 86400.0, 2.0), ("h", 3600.0, 2.0), ("min", 60.0, 10.0))
 _MOST_CHOSEN = 1e5  # of a chosen unit of time, above which a time is shown in a longer one
 
@@ -70,9 +52,9 @@ def acceleration_scale() -> Scale:
     return Scale(*_chosen.get().get("m/s^2", (1.0 / STANDARD_GRAVITY, "g")))
 
 
-def time_scale() -> Scale:
-    """Axes of time are in seconds if no other unit is chosen."""
-    return Scale(*_chosen.get().get("s", (1.0, "s")))
+def plain_scale(unit: str) -> Scale:
+    """A unit without prefix if no other is chosen, as axes of time and position have."""
+    return Scale(*_chosen.get().get(unit, (1.0, unit)))
 
 
 def scale_for(unit: str, *values: ArrayLike) -> Scale:
@@ -116,14 +98,6 @@ def scale_for(unit: str, *values: ArrayLike) -> Scale:
     smallest = 0.1 if metres else 1.0
     prefix, size = next((p for p in allowed if largest >= smallest * p[1] ** power), allowed[-1])
     return Scale(1.0 / size**power, prefix + unit)
-
-
-def where_other(first: Floats, second: Floats) -> Floats:
-    """The second of two curves where it differs from the first by 1 %, and a point beside that; else nan."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        other = np.abs(second / first - 1.0) > SAME_CURVE
-    beside = other | np.append(other[1:], False) | np.append(False, other[:-1])
-    return np.where(beside, second, np.nan)
 
 
 def level_text(level: float, unit: str) -> str:
@@ -193,91 +167,3 @@ def round_length(value: float) -> float:
     """1, 2 or 5 times a power of ten, not above the value."""
     power = 10.0 ** math.floor(math.log10(value))
     return float(next(digit for digit in (5.0, 2.0, 1.0) if digit * power <= value) * power)
-
-
-def curve_style(index: int) -> dict[str, Any]:
-    """Colour, dashes and width of curve number ``index`` of a plot."""
-    k = index % len(_COLOURS)
-    return {"color": _COLOURS[k], "linestyle": _DASHES[k], "linewidth": 1.1}
-
-
-def put_title(figure: Figure, text: str) -> None:
-    """The title of a figure: what it is of, at its left edge."""
-    figure.suptitle(text, x=0.012, ha="left", fontsize="medium", color="0.3")
-
-
-def finish_positions(ax: Axes) -> None:
-    """Label an axis of positions that are drawn in metres: in the unit chosen for lengths, if there is one."""
-    scale = Scale(*_chosen.get().get("m", (1.0, "m")))
-    ax.set_xlabel(f"x ({scale.unit})")
-    if scale.unit != "m":
-        ax.xaxis.set_major_formatter(lambda x, _: f"{x * scale.factor:.4g}")
-
-
-def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
-    """Labels, grid and frame."""
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
-    ax.grid(visible=True, color="0.88", linewidth=0.6)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
-
-
-def dashed_line(ax: Axes, x: ArrayLike, y: ArrayLike, label: str) -> None:
-    """A line on coloured areas: white dashes on black, to be seen on dark and light ones; with a legend if labelled."""
-    ax.plot(x, y, color="black", linewidth=2.4)
-    ax.plot(x, y, color="white", linestyle=(0, (4, 3)), linewidth=1.2, label=label or None)
-    if label:
-        ax.legend(
-            loc="upper left", fontsize="small", labelcolor="white", facecolor="black", framealpha=0.7, edgecolor="none"
-        )
-
-
-def legend_columns(ax: Axes, most: int) -> int:
-    """In how many columns the labelled curves fit into the width of a panel, at most."""
-    figure, place = ax.figure, ax.get_subplotspec()
-    longest = max(map(len, ax.get_legend_handles_labels()[1]), default=0)
-    if figure is None or longest == 0:
-        return most
-    beside = 1 if place is None else place.get_gridspec().ncols
-    letters = LETTERS * figure.bbox.width / figure.get_dpi() / beside
-    return max(1, min(most, int(letters / (longest + HANDLE))))
-
-
-def legend(ax: Axes, shown: int, known: int, what: str) -> None:
-    """A legend if there is more than one labelled line; its title states how many curves are shown if some are omitted.
-
-    Parameters
-    ----------
-    shown, known : curves of ``what`` that are drawn, and how many there are.
-    """
-    entries = len(ax.get_legend_handles_labels()[1])
-    if entries > 1 or known > shown:
-        title = f"{shown} of {known} {what}" if known > shown else None
-        columns = legend_columns(ax, min(entries, 6))
-        ax.legend(
-            title=title, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, frameon=False,
-            fontsize="small", title_fontsize="small", borderaxespad=0.1, handlelength=2.6,
-        )  # fmt: skip
-
-
-def thinned(time: Floats, x: Floats, most: int = 40_000, begin: int = 0) -> tuple[Floats, Floats]:
-    """The same curve with at most about ``most`` points: the minimum and maximum of every few samples.
-
-    Parameters
-    ----------
-    time, x : (n,) arrays.
-    most : number of points that is kept as it is.
-    begin : number of the first sample.
-    """
-    count = x.size - begin
-    length = -(-2 * count // most)
-    if count <= most or length < 3:
-        return time[begin:], x[begin:]
-    time, x = time[begin:], x[begin:]
-    whole = x.size // length * length
-    blocks = x[:whole].reshape(-1, length)
-    first = np.arange(blocks.shape[0]) * length
-    pick = np.sort(np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1), axis=1).ravel()
-    pick = np.append(pick, np.arange(whole, x.size))
-    return time[pick], x[pick]

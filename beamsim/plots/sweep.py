@@ -2,35 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.compare.sweeps import peaks_of
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.plots.bounds import draw_limit
-from beamsim.plots.notching import notching_figure
-from beamsim.plots.outputs import output_label
-from beamsim.plots.style import (
+from beamsim.plots.bounds import limit_levels
+from beamsim.plots.drawing import (
+    DARK,
     MOST_CURVES,
-    curve_style,
+    RED,
+    Curve,
+    Level,
+    colour_bar,
+    dashed_line,
+    draw_curves,
     finish,
-    legend,
-    level_text,
-    put_title,
-    scale_for,
+    frequency_axis,
+    highest_in_bins,
+    panels,
     where_other,
 )
-from beamsim.plots.sweep_axes import by_frequency, envelope, frequency_axis, name_level
-from beamsim.plots.sweep_responses import (
-    has_spectrogram,
-    has_transmissibility,
-    plot_acceleration,
-    plot_spectrogram,
-    plot_transmissibility,
-)
+from beamsim.plots.notching import notching_figure
+from beamsim.plots.style import Scale, level_text, scale_for
 from beamsim.scenario.limits import OF_OUTPUTS
+from beamsim.scenario.quantities import amplitude_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,6 +43,9 @@ MOST_LEVELS = 4  # whose harmonics are drawn
 ENERGY_SHOWN = 1e-8  # of the largest, below which harmonics are not drawn
 MOST_PERIODS = 8  # that an axis numbers
 MOST_MARKS = 8  # labelled peaks in one plot
+DEEPEST_DB = 80.0
+COLUMNS, LINES = 300, 240  # of time and of frequency in a spectrogram
+WINDOWS, FEWEST_SAMPLES, RESOLVED = 8, 16, 24  # in a time history; in a window; cycles of the lowest frequency in one
 _MARKS = {
     "linear resonance": "o",
     "nonlinear resonance": "o",
@@ -53,77 +56,134 @@ _MARKS = {
 }
 
 
+def draw_sweep(
+    result: SweepResult,
+    ax: Axes,
+    up: tuple[str, str | Scale],
+    curves: Sequence[Curve],
+    levels: Sequence[Level] = (),
+    *,
+    logarithmic: bool = True,
+    of: str = "curves",
+    note: str = "",
+) -> Scale:
+    """Curves over the frequencies of the sweep; returns the scale of their values.
+
+    Parameters
+    ----------
+    up : words and SI unit, or scale, of the values.
+    note : what else the axis of frequency says.
+    """
+    _, scale = draw_curves(ax, ("Excitation frequency", Scale(1.0, "Hz")), up, curves, levels, of=of)
+    ax.set_xlabel(ax.get_xlabel() + (f", {note}" if note else ""))
+    swept = [curve.frequency_hz for curve in result.curves.values() if curve.frequency_hz.size]
+    if swept:
+        frequency_axis(ax, *(float(pick([pick(f) for f in swept])) for pick in (np.min, np.max)))
+    if logarithmic:
+        ax.set_yscale("log")
+    return scale
+
+
+def _swept(label: str, curve: SweepCurve, values: Floats, *, mean: bool = False, **style: Any) -> Curve:
+    return Curve(label, *highest_in_bins(curve.frequency_hz, values, mean=mean), style)
+
+
+def _of_level(result: SweepResult, index: int) -> list[SweepCurve]:
+    return [curve for curve in result.curves.values() if curve.level_index == index]
+
+
+def _in_direction(result: SweepResult, direction: str) -> list[SweepCurve]:
+    return [curve for curve in result.curves.values() if curve.direction == direction]
+
+
+def _level(result: SweepResult, curve: SweepCurve, *, always: bool = False) -> str:
+    """The level of a curve, where there are several."""
+    several = always or len({c.level_index for c in result.curves.values()}) > 1
+    return f", {level_text(curve.level, result.scenario.level_unit)}" if several else ""
+
+
+def _over_linear(result: SweepResult, curve: SweepCurve, values: Floats) -> Floats:
+    """What belongs to each cycle, at the frequencies of the linear structure."""
+    order = np.argsort(curve.frequency_hz)
+    return np.interp(result.linear.frequency_hz, curve.frequency_hz[order], values[order])
+
+
 def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 0) -> Axes:
     """Peak displacement over frequency, up and down, with that of the linear structure without snubbers."""
-    curves = [c for c in result.curves.values() if c.level_index == level_index]
-    scale = scale_for("m", *(c.displacement[probe].peak for c in curves))
-    if curves:
-        linear = result.linear
-        amplitude = np.interp(linear.frequency_hz, *by_frequency(curves[0], curves[0].excitation_amplitude))
-        ax.plot(
-            linear.frequency_hz,
-            np.abs(linear.displacement[probe]) * amplitude * scale.factor,
-            color="0.6",
-            linewidth=1.0,
-            label="without snubbers (linear)",
-            zorder=1,
-        )
-    for k, curve in enumerate(curves):
-        f, peak = envelope(curve, curve.displacement[probe].peak)
-        ax.plot(f, peak * scale.factor, label=f"sweep {curve.direction}", **curve_style(k))
-    names = {c.name for c in curves}
-    named = [p for p in result.peaks if p.curve in names and p.probe == probe][:MOST_MARKS]
+    curves = _of_level(result, level_index)
+    scale = scale_for("m", *(curve.displacement[probe].peak for curve in curves))
+    amplitude = _over_linear(result, curves[0], curves[0].excitation_amplitude)
+    drawn = [_swept(f"sweep {curve.direction}", curve, curve.displacement[probe].peak) for curve in curves]
+    ax.plot(
+        result.linear.frequency_hz, np.abs(result.linear.displacement[probe]) * amplitude * scale.factor,
+        color="0.6", linewidth=1.0, label="without snubbers (linear)", zorder=1,
+    )  # fmt: skip
+    named = [p for p in result.peaks if p.curve in {c.name for c in curves} and p.probe == probe][:MOST_MARKS]
     for kind in dict.fromkeys(p.kind for p in named):
-        peaks = [p for p in named if p.kind == kind]
-        ax.plot(
-            [p.frequency_hz for p in peaks],
-            [p.value_m * scale.factor for p in peaks],
-            linestyle="none",
-            marker=_MARKS[kind],
-            markersize=5,
-            markerfacecolor="white" if "harmonic" in kind else "0.2",
-            color="0.2",
-            label=kind,
-        )
-    draw_limit(ax, result.scenario.limits, "peak_displacement", scale)
-    frequency_axis(result, ax)
-    ax.set_yscale("log")
-    name_level(result, ax, level_index)
-    finish(ax, "Excitation frequency (Hz)", f"Peak displacement of {probe} ({scale.unit})")
-    ax.legend(loc="best", frameon=False, fontsize="small", handlelength=2.6)
+        peaks = [(p.frequency_hz, p.value_m * scale.factor) for p in named if p.kind == kind]
+        face = "white" if "harmonic" in kind else "0.2"
+        ax.plot(*np.transpose(peaks), linestyle="none", marker=_MARKS[kind], markersize=5, markerfacecolor=face,
+                color="0.2", label=kind)  # fmt: skip
+    limits = limit_levels(result.scenario.limits, "peak_displacement")
+    draw_sweep(result, ax, (f"Peak displacement of {probe}{_level(result, curves[0])}", scale), drawn, limits)
+    return ax
+
+
+def plot_acceleration(result: SweepResult, ax: Axes, level_index: int) -> Axes:
+    """Largest magnitude of every probe's absolute acceleration in each cycle."""
+    drawn = [
+        _swept(f"{name}, {curve.direction}", curve, curve.acceleration[name].peak)
+        for curve in _of_level(result, level_index)
+        for name in curve.acceleration
+    ]
+    limits = limit_levels(result.scenario.limits, "peak_acceleration")
+    level = _level(result, _of_level(result, level_index)[0]).replace(", ", "\nat ")
+    draw_sweep(result, ax, (f"Peak absolute acceleration{level}", "m/s^2"), drawn, limits)
+    return ax
+
+
+def has_transmissibility(result: SweepResult) -> bool:
+    """Whether the base moves, and accelerations and the fundamental were kept."""
+    return any(
+        c.acceleration and np.any(c.orders == 1.0) and amplitude_unit(c.quantity) == "m/s^2"
+        for c in result.curves.values()
+    )
+
+
+def plot_transmissibility(result: SweepResult, ax: Axes, level_index: int) -> Axes:
+    """Fundamental of every probe's absolute acceleration over that of the base, with Q of its highest peak."""
+    drawn = []
+    for curve in _of_level(result, level_index):
+        order, first = np.argsort(curve.frequency_hz), int(np.flatnonzero(curve.orders == 1.0)[0])
+        for name in curve.acceleration:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ratio = np.abs(curve.acceleration[name].harmonics[first]) / np.abs(curve.excitation_amplitude)
+            at, _, quality = max(
+                peaks_of(curve.frequency_hz[order], ratio[order]), key=lambda peak: peak[1], default=(0.0, 0.0, np.nan)
+            )
+            known = f": Q {quality:.3g} at {at:.4g} Hz" if np.isfinite(quality) else ""
+            drawn.append(_swept(f"{name}, {curve.direction}{known}", curve, ratio))
+    draw_sweep(result, ax, ("Transmissibility", Scale(1.0, "g per g")), drawn)
     return ax
 
 
 def plot_contact_force_curve(result: SweepResult, ax: Axes, level_index: int = 0) -> Axes:
     """Peak contact forces over frequency."""
-    curves = [c for c in result.curves.values() if c.level_index == level_index]
-    drawn = [(c, name) for c in curves for name in c.force]
-    scale = scale_for("N", *(c.force[name].peak for c, name in drawn))
-    for k, (curve, name) in enumerate(drawn[:6]):
-        f, peak = envelope(curve, curve.force[name].peak)
-        ax.plot(f, peak * scale.factor, label=f"{name}, {curve.direction}", **curve_style(k))
-    draw_limit(ax, result.scenario.limits, "peak_force", scale)
-    frequency_axis(result, ax)
-    name_level(result, ax, level_index)
-    finish(ax, "Excitation frequency (Hz)", f"Peak contact force ({scale.unit})")
-    legend(ax, min(len(drawn), 6), len(drawn), "curves")
+    curves = _of_level(result, level_index)
+    drawn = [_swept(f"{name}, {c.direction}", c, c.force[name].peak) for c in curves for name in c.force]
+    limits = limit_levels(result.scenario.limits, "peak_force")
+    up = (f"Peak contact force{_level(result, curves[0])}".replace(", ", "\nat "), "N")
+    draw_sweep(result, ax, up, drawn, limits, logarithmic=False)
     return ax
 
 
 def plot_output_peaks(result: SweepResult, ax: Axes, name: str) -> Axes:
     """Peaks of an output over frequency, by direction and level, with its limit."""
     curves = list(result.curves.values())
-    scale = scale_for(curves[0].outputs[name].unit, *(curve.outputs[name].peak for curve in curves))
-    several = len({curve.level_index for curve in curves}) > 1
-    for k, curve in enumerate(curves[:MOST_CURVES]):
-        f, peak = envelope(curve, curve.outputs[name].peak)
-        level = f", {level_text(curve.level, result.scenario.level_unit)}" if several else ""
-        ax.plot(f, peak * scale.factor, label=f"{curve.direction}{level}", **curve_style(k))
-    draw_limit(ax, result.scenario.limits, OF_OUTPUTS + name, scale)
-    frequency_axis(result, ax)
-    finish(ax, "Excitation frequency (Hz)", output_label("Peak of", name, scale))
+    drawn = [_swept(f"{c.direction}{_level(result, c)}", c, c.outputs[name].peak) for c in curves]
+    limits = limit_levels(result.scenario.limits, OF_OUTPUTS + name)
+    draw_sweep(result, ax, (f"Peak of {name}", curves[0].outputs[name].unit), drawn, limits, logarithmic=False)
     ax.set_ylim(bottom=0.0)
-    legend(ax, min(len(curves), MOST_CURVES), len(curves), "curves")
     return ax
 
 
@@ -133,7 +193,6 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -
     amplitude = np.abs(curve.displacement[probe].harmonics)
     top = float(np.nanmax(amplitude, initial=0.0)) or 1.0
     step = max(1, curve.frequency_hz.size // 1500)
-    drawn = None
     for r, order in enumerate(curve.orders):
         level = 20 * np.log10(np.maximum(amplitude[r, ::step], 1e-30) / top)
         drawn = ax.scatter(
@@ -146,66 +205,96 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -
     for f in result.modes.open_frequencies_hz:
         if f <= curve.orders.max(initial=1.0) * curve.frequency_hz.max():
             ax.axhline(f, color="0.75", linewidth=0.6, zorder=0)
-    if drawn is not None and ax.figure is not None:
-        ax.figure.colorbar(drawn, ax=ax, label="Amplitude (dB re largest)")
+    if curve.orders.size:
+        colour_bar(ax, drawn, "Amplitude (dB re largest)")
     finish(ax, f"Excitation frequency (Hz), {curve.direction}", f"Response frequency of {probe} (Hz)")
+    return ax
+
+
+def has_spectrogram(result: SweepResult, probe: str, level_index: int) -> bool:
+    """Whether a time history is stored that moves and is long enough for some windows."""
+    history = result.histories[level_index]
+    return history.time.size >= WINDOWS * FEWEST_SAMPLES and bool(np.any(history.displacement[probe]))
+
+
+def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int) -> Axes:
+    """Spectrum of the displacement over time, in dB re its largest line; the frequency of the sweep is dashed.
+
+    Hann windows of 24 cycles of the lowest frequency, at most an eighth of the stored time history.
+    """
+    from scipy.signal import spectrogram
+
+    history, curves = result.histories[level_index], _of_level(result, level_index)
+    rate = (history.time.size - 1) / float(history.time[-1] - history.time[0])
+    lowest, highest = (pick([pick(c.frequency_hz) for c in curves]) for pick in (np.min, np.max))
+    length = int(min(history.time.size // WINDOWS, max(RESOLVED * rate / lowest, FEWEST_SAMPLES)))
+    step = max(1, (history.time.size - length) // COLUMNS)
+    x = history.displacement[probe]
+    f, t, power = spectrogram(x, rate, "hann", length, length - step, scaling="spectrum", mode="magnitude")
+    top = max(float(np.max(curves[0].orders)), 1.0) * float(highest)
+    shown = f <= min(2.0 * top, 0.5 * rate)
+    thin = max(1, int(np.count_nonzero(shown) // LINES))
+    whole = np.count_nonzero(shown) // thin * thin
+    lines = power[shown][:whole].reshape(-1, thin, power.shape[1]).max(axis=1)
+    level = 20 * np.log10(np.maximum(lines / lines.max(), 1e-12))
+    mesh = ax.pcolormesh(history.time[0] + t, f[shown][:whole:thin], level, cmap="cividis", vmin=-DEEPEST_DB, vmax=0.0,
+                         shading="nearest", rasterized=True)  # fmt: skip
+    for k, curve in enumerate(curves):
+        dashed_line(ax, curve.time, curve.frequency_hz, "" if k else "frequency of the sweep")
+    colour_bar(ax, mesh, "Level (dB re largest)")
+    finish(ax, "Time (s)", f"Frequency in the displacement of {probe} (Hz)")
+    ax.set_xlim(history.time[0] + t[0], history.time[0] + t[-1])
     return ax
 
 
 def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str) -> Axes:
     """Peak displacement divided by excitation amplitude for each level; all but the first where they differ by 1 %."""
-    curves = [c for c in result.curves.values() if c.direction == direction]
-    ratios = []
-    for curve in curves[:6]:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratios.append(curve.displacement[probe].peak / curve.excitation_amplitude)
-    scale, unit = _per_level(curves, *ratios)
-    for k, (curve, ratio) in enumerate(zip(curves, ratios, strict=False)):
-        f, value = envelope(curve, ratio * scale)
-        if k == 0:
-            first = f, value
-        else:
-            value = where_other(np.interp(f, *first), value)
-        level = level_text(curve.level, result.scenario.level_unit)
-        ax.plot(f, value, label=level if np.any(np.isfinite(value)) else f"{level} (the same)", **curve_style(k))
-    frequency_axis(result, ax)
-    ax.set_yscale("log")
-    finish(ax, f"Excitation frequency (Hz), {direction}", f"Peak displacement of {probe} / level ({unit})")
-    legend(ax, min(len(curves), 6), len(curves), "levels")
+    curves = _in_direction(result, direction)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = [curve.displacement[probe].peak / curve.excitation_amplitude for curve in curves]
+    levels = [_level(result, curve, always=True)[2:] for curve in curves]
+    drawn = _where_others(list(map(_swept, levels, curves, ratios)))
+    up = (f"Peak displacement of {probe} / level", _per_level(curves, *ratios))
+    draw_sweep(result, ax, up, drawn, of="levels", note=direction)
     return ax
+
+
+def _where_others(curves: Sequence[Curve]) -> list[Curve]:
+    """The first curve, and the others where they differ from it."""
+    drawn = list(curves[:1])
+    for curve in curves[1:]:
+        y = where_other(np.interp(curve.x, curves[0].x, curves[0].y), curve.y)
+        label = curve.label if np.any(np.isfinite(y)) else f"{curve.label} (the same)"
+        drawn.append(curve._replace(label=label, y=y))
+    return drawn
 
 
 def plot_harmonic_energy(result: SweepResult, axes: list[Axes], probe: str, direction: str) -> None:
     """Mean-square response in each harmonic divided by mean-square excitation, a panel for each level."""
-    curves = [c for c in result.curves.values() if c.direction == direction][: len(axes)]
+    curves = _in_direction(result, direction)[: len(axes)]
     ratios = [np.abs(c.displacement[probe].harmonics[:MOST_CURVES]) / c.excitation_amplitude for c in curves]
-    scale, unit = _per_level(curves, *ratios)
-    top = max((float(np.nanmax((ratio * scale) ** 2, initial=0.0)) for ratio in ratios), default=0.0)
+    scale = _per_level(curves, *ratios)
+    squared = Scale(scale.factor**2, f"({scale.unit})²")
+    top = max((float(np.nanmax(ratio**2, initial=0.0)) for ratio in ratios), default=0.0) * squared.factor
     for ax, curve, ratio in zip(axes, curves, ratios, strict=True):
-        for r, order in enumerate(curve.orders[:MOST_CURVES]):
-            f, value = envelope(curve, (ratio[r] * scale) ** 2, mean=True)
-            label = f"order {Fraction(float(order)).limit_denominator(12)}"
-            ax.plot(f, value, label=label, **curve_style(r))
-        frequency_axis(result, ax)
-        ax.set_yscale("log")
+        drawn = [
+            _swept(f"order {Fraction(float(order)).limit_denominator(12)}", curve, ratio[r] ** 2, mean=True)
+            for r, order in enumerate(curve.orders[:MOST_CURVES])
+        ]
+        level = _level(result, curve, always=True)[2:]
+        draw_sweep(result, ax, (f"Mean square of {probe}\n/ that of {level},", squared), drawn, note=direction)
+        if ax is not axes[-1]:
+            ax.set_xlabel("")
         if 0.0 < top < np.inf:
             ax.set_ylim(ENERGY_SHOWN * top, 3.0 * top)
-        finish(
-            ax,
-            f"Excitation frequency (Hz), {direction}" if ax is axes[-1] else "",
-            f"Mean square of {probe}\n/ that of the level, ({unit})²",
-        )
-        ax.set_title(level_text(curve.level, result.scenario.level_unit), loc="left", fontsize="small")
-    if curves:
-        legend(axes[0], min(curves[0].orders.size, MOST_CURVES), curves[0].orders.size, "orders")
 
 
-def _per_level(curves: list[SweepCurve], *ratios: Floats) -> tuple[float, str]:
-    """Factor and unit in which displacements divided by the excitation, in SI units, are shown."""
+def _per_level(curves: list[SweepCurve], *ratios: Floats) -> Scale:
+    """In which displacements divided by the excitation are shown."""
     excitation = curves[0].excitation_unit if curves else "m/s^2"
     level = scale_for(excitation)
     length = scale_for("m", *(ratio / level.factor for ratio in ratios))
-    return length.factor / level.factor, f"{length.unit} per {level.unit.replace('^2', '²')}"
+    return Scale(length.factor / level.factor, f"{length.unit} per {level.unit.replace('^2', '²')}")
 
 
 def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
@@ -213,50 +302,34 @@ def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
 
     Further levels are drawn where they differ from the first by 1 %.
     """
-    curves = [c for c in result.curves.values() if c.direction == direction]
-    drawn = [(c, name) for c in curves for name in c.contact_share]
-    first: dict[str, tuple[Floats, Floats]] = {}
-    for k, (curve, name) in enumerate(drawn[:MOST_CURVES]):
-        cycles = max(1, curve.frequency_hz.size // 600)  # averaged for one point
-        whole = curve.frequency_hz.size // cycles * cycles
-        f = curve.frequency_hz[:whole].reshape(-1, cycles).mean(axis=1)
-        order = np.argsort(f)
-        f, share = f[order], curve.contact_share[name][:whole].reshape(-1, cycles).mean(axis=1)[order]
-        label = f"{name}, {level_text(curve.level, result.scenario.level_unit)}"
-        if name in first:
-            share = where_other(np.interp(f, *first[name]), share)
-            label += "" if np.any(np.isfinite(share)) else " (the same)"
-        first.setdefault(name, (f, share))
-        ax.plot(f, 100 * share, label=label, **curve_style(k))
-    frequency_axis(result, ax)
+    curves = _in_direction(result, direction)
+    by_snubber = [
+        [_swept(f"{name}{_level(result, c, always=True)}", c, c.contact_share[name], mean=True) for c in curves]
+        for name in curves[0].contact_share
+    ]
+    drawn = [curve for levels in zip(*map(_where_others, by_snubber), strict=True) for curve in levels]
+    up = ("Time in contact", Scale(100.0, "%"))
+    draw_sweep(result, ax, up, drawn, logarithmic=False, note=direction)
     ax.set_ylim(-2, 102)
-    finish(ax, f"Excitation frequency (Hz), {direction}", "Time in contact (%)")
-    legend(ax, min(len(drawn), MOST_CURVES), len(drawn), "curves")
     return ax
 
 
 def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
     """Level at which contact begins or is lost, over frequency, with the levels of the sweep."""
     linear = result.linear
-    unit = next((c.excitation_unit for c in result.curves.values()), "m/s^2")
-    scale = scale_for(unit)
-    for k, (name, levels) in enumerate(list(linear.contact.items())[:MOST_CURVES]):
+    scale = scale_for(next(iter(result.curves.values())).excitation_unit)
+    drawn = []
+    for name, levels in linear.contact.items():
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
-        level = levels.changing * scale.factor
-        if np.nanmax(level, initial=0.0) == 0.0:  # it just touches at rest: a logarithmic axis has no zero
-            ax.plot([], [], linestyle="none", label=f"{name}: {what} at any level")
+        if np.nanmax(levels.changing, initial=0.0) == 0.0:  # it just touches at rest: a logarithmic axis has no zero
+            drawn.append(Curve(f"{name}: {what} at any level", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
         else:
-            ax.plot(linear.frequency_hz, level, label=f"{name}: {what}", **curve_style(k))
-    for index, curve in enumerate({c.level_index: c for c in result.curves.values()}.values()):
-        swept, amplitude = by_frequency(curve, np.abs(curve.excitation_amplitude))
-        label = "sweep" if index == 0 else None
-        ax.plot(swept, amplitude * scale.factor, color="0.6", linewidth=0.8, zorder=0, label=label)
-    frequency_axis(result, ax)
-    ax.set_yscale("log")
-    finish(ax, "Excitation frequency (Hz)", f"Level ({scale.unit})")
-    known = len(linear.contact)
-    title = f"{MOST_CURVES} of {known} snubbers" if known > MOST_CURVES else None
-    ax.legend(loc="best", frameon=False, fontsize="small", title=title, title_fontsize="small")
+            drawn.append(Curve(f"{name}: {what}", linear.frequency_hz, levels.changing))
+    for k, curve in enumerate({c.level_index: c for c in result.curves.values()}.values()):
+        order = np.argsort(curve.frequency_hz)
+        ax.plot(curve.frequency_hz[order], np.abs(curve.excitation_amplitude[order]) * scale.factor, color="0.6",
+                linewidth=0.8, zorder=0, label="_nolegend_" if k else "sweep")  # fmt: skip
+    draw_sweep(result, ax, ("Level", scale), drawn, of="snubbers")
     return ax
 
 
@@ -264,15 +337,11 @@ def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
     """Preload needed to keep contact at the highest excitation of the sweep, over frequency."""
     linear = result.linear
     curve = max(result.curves.values(), key=lambda c: float(c.excitation_amplitude.max(initial=0.0)))
-    amplitude = np.interp(linear.frequency_hz, *by_frequency(curve, curve.excitation_amplitude))
-    needed = {name: levels.preload_needed * amplitude for name, levels in linear.contact.items()}
-    scale = scale_for("N", *needed.values())
-    for k, (name, values) in enumerate(needed.items()):
-        ax.plot(linear.frequency_hz, values * scale.factor, label=name, **curve_style(k))
-    frequency_axis(result, ax)
-    ax.set_yscale("log")
-    finish(ax, "Excitation frequency (Hz)", f"Preload needed to keep contact ({scale.unit})")
-    legend(ax, min(len(needed), 6), len(needed), "snubbers")
+    amplitude = _over_linear(result, curve, curve.excitation_amplitude)
+    drawn = [
+        Curve(name, linear.frequency_hz, levels.preload_needed * amplitude) for name, levels in linear.contact.items()
+    ]
+    draw_sweep(result, ax, ("Preload needed to keep contact", "N"), drawn, of="snubbers")
     return ax
 
 
@@ -281,23 +350,21 @@ def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
     curve = result.curves[curve_name]
     assert curve.steady is not None
     kind = np.array(curve.steady.kind)
+    whole: dict[str, Any] = {"clip_on": False, "zorder": 3, "linestyle": "none"}  # marks at the ends of the axis
+    dots = {**whole, "marker": "o", "markersize": 3, "color": DARK}
     periodic = kind == "periodic"
-    period = curve.steady.period_cycles[periodic]
-    whole: dict[str, Any] = {"clip_on": False, "zorder": 3}  # marks at the ends of the axis
-    ax.plot(curve.frequency_hz[periodic], period, "o", markersize=3, color="#0b3c5d", label="periodic", **whole)
-    for k, name in enumerate(("quasi-periodic", "chaotic", "not settled")):
-        here = kind == name
-        if here.any():
-            ax.plot(curve.frequency_hz[here], np.zeros(here.sum()), "x+1"[k], markersize=6, color="#d1495b", label=name,
-                    **whole)  # fmt: skip
-    longest = int(np.max(period, initial=1))
+    drawn = [Curve("periodic", curve.frequency_hz[periodic], curve.steady.period_cycles[periodic], dots)]
+    for mark, name in zip("x+1", ("quasi-periodic", "chaotic", "not settled"), strict=True):
+        here = curve.frequency_hz[kind == name]
+        if here.size:
+            marks = {**whole, "marker": mark, "markersize": 6, "color": RED}
+            drawn.append(Curve(name, here, np.zeros(here.size), marks))
+    draw_sweep(result, ax, ("Period (cycles of the excitation)", ""), drawn, logarithmic=False, note=curve.direction)
+    longest = int(np.max(drawn[0].y, initial=1))
     ticks = {k: str(k) for k in range(1, longest + 1, -(-longest // MOST_PERIODS))}
     if not periodic.all():
         ticks = {0: "none", **ticks}
     ax.set_yticks(list(ticks), list(ticks.values()))
-    frequency_axis(result, ax)
-    finish(ax, f"Excitation frequency (Hz), {curve.direction}", "Period (cycles of the excitation)")
-    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, fontsize="small", handlelength=1.2)
     return ax
 
 
@@ -305,83 +372,56 @@ def plot_poincare(result: SweepResult, ax: Axes, curve_name: str, probe: str) ->
     """Poincaré sections of the motions that are not periodic: displacement at phase 0 over frequency."""
     curve = result.curves[curve_name]
     assert curve.steady is not None
-    index = list(curve.displacement).index(probe)
-    displacement = curve.steady.poincare_displacement[:, index]
-    scale = scale_for("m", displacement)
-    ax.plot(curve.steady.poincare_frequency_hz, displacement * scale.factor, "ok", markersize=1.3, markeredgewidth=0)
-    frequency_axis(result, ax)
-    finish(ax, f"Excitation frequency (Hz), {curve.direction}", f"Displacement of {probe}\nat phase 0 ({scale.unit})")
+    displacement = curve.steady.poincare_displacement[:, list(curve.displacement).index(probe)]
+    dots = {"linestyle": "none", "marker": "o", "color": "black", "markersize": 1.3, "markeredgewidth": 0}
+    drawn = [Curve("", curve.steady.poincare_frequency_hz, displacement, dots)]
+    up = (f"Displacement of {probe}\nat phase 0", "m")
+    draw_sweep(result, ax, up, drawn, logarithmic=False, note=curve.direction)
     return ax
 
 
 def sweep_figures(result: SweepResult) -> dict[str, Figure]:
     """All plots available for this result; the key is the last part of the file name."""
-    from matplotlib.figure import Figure
-
-    def page(height: float = 4.8, rows: int = 1) -> tuple[Figure, list[Axes]]:
-        figure = Figure(figsize=(8.0, height), layout="constrained")
-        if result.title:
-            put_title(figure, result.title)
-        return figure, list(figure.subplots(rows, 1, squeeze=False).ravel())
-
-    figures: dict[str, Figure] = {}
     if not result.curves:
-        return figures
-    last = list(result.curves.values())[-1]
-    probe = next(iter(last.displacement))
-    direction = next(iter(result.curves.values())).direction
-    for index in sorted({c.level_index for c in result.curves.values()}):
-        figure, (ax,) = page()
-        plot_response(result, ax, probe, index)
-        figures[f"response_{index}"] = figure
+        return {}
+    figures: dict[str, Figure] = {}
+
+    def draw(name: str, *plots: Any) -> None:
+        """A panel for each plot, one below the other."""
+        figures[name], axes = panels(result.title, len(plots), size=(8.0, max(4.8, 3.2 * len(plots))))
+        for ax, plot in zip(axes, plots, strict=True):
+            plot(result, ax)
+
+    last, first = list(result.curves.values())[-1], next(iter(result.curves.values()))
+    probe, direction = next(iter(last.displacement)), first.direction
+    indices = sorted({c.level_index for c in result.curves.values()})
+    for index in indices:
+        draw(f"response_{index}", partial(plot_response, probe=probe, level_index=index))
     if last.acceleration:
-        both = has_transmissibility(result)
-        figure, axes = page(8.0 if both else 4.8, 2 if both else 1)
-        plot_acceleration(result, axes[0], last.level_index)
-        if both:
-            plot_transmissibility(result, axes[1], last.level_index)
-        figures["acceleration"] = figure
+        plots = [plot_acceleration, *([plot_transmissibility] if has_transmissibility(result) else [])]
+        draw("acceleration", *(partial(plot, level_index=last.level_index) for plot in plots))
     for index in result.histories:
-        if not has_spectrogram(result, probe, index):
-            continue
-        figure, (ax,) = page()
-        plot_spectrogram(result, ax, probe, index)
-        figures[f"spectrogram_{index}"] = figure
-    figure, (ax,) = page()
-    plot_waterfall(result, ax, probe, last.name)
-    figures["waterfall"] = figure
+        if has_spectrogram(result, probe, index):
+            draw(f"spectrogram_{index}", partial(plot_spectrogram, probe=probe, level_index=index))
+    draw("waterfall", partial(plot_waterfall, probe=probe, curve_name=last.name))
     if last.force:
-        figure, (above, below) = page(6.4, 2)
-        plot_contact_force_curve(result, above, last.level_index)
-        plot_contact(result, below, direction)
-        figures["contact"] = figure
+        force = partial(plot_contact_force_curve, level_index=last.level_index)
+        draw("contact", force, partial(plot_contact, direction=direction))
     if last.outputs:
-        names = list(last.outputs)[:MOST_CURVES]
-        figure, axes = page(max(4.8, 2.6 * len(names)), len(names))
-        for ax, name in zip(axes, names, strict=True):
-            plot_output_peaks(result, ax, name)
-        figures["outputs"] = figure
+        draw("outputs", *(partial(plot_output_peaks, name=name) for name in list(last.outputs)[:MOST_CURVES]))
     if result.linear.contact:
-        figure, (above, below) = page(6.4, 2)
-        plot_contact_levels(result, above)
-        plot_preload_needed(result, below)
-        figures["contact_levels"] = figure
-    if len({c.level_index for c in result.curves.values()}) > 1:
-        figure, (ax,) = page()
-        plot_level_family(result, ax, probe, direction)
-        figures["levels"] = figure
-        shown = min(len([c for c in result.curves.values() if c.direction == direction]), MOST_LEVELS)
-        figure, axes = page(max(4.8, 2.6 * shown), shown)
+        draw("contact_levels", plot_contact_levels, plot_preload_needed)
+    if len(indices) > 1:
+        draw("levels", partial(plot_level_family, probe=probe, direction=direction))
+        shown = min(len(_in_direction(result, direction)), MOST_LEVELS)
+        figures["harmonic_energy"], axes = panels(result.title, shown, size=(8.0, max(4.8, 2.6 * shown)))
         plot_harmonic_energy(result, axes, probe, direction)
-        figures["harmonic_energy"] = figure
     for curve in result.curves.values():
         if curve.notching is not None:
-            figures[f"notching_{curve.name}"] = notching_figure(curve, result.title, partial(frequency_axis, result))
+            figures[f"notching_{curve.name}"] = notching_figure(curve, result.title)
     if last.steady is not None:
-        has_sections = last.steady.poincare_frequency_hz.size > 0  # of motions that are not periodic
-        figure, axes = page(6.4 if has_sections else 4.4, 1 + has_sections)
-        plot_steady_states(result, axes[0], last.name)
-        if has_sections:
-            plot_poincare(result, axes[1], last.name, probe)
-        figures["steady_states"] = figure
+        plots = [partial(plot_steady_states, curve_name=last.name)]
+        if last.steady.poincare_frequency_hz.size:  # of motions that are not periodic
+            plots.append(partial(plot_poincare, curve_name=last.name, probe=probe))
+        draw("steady_states", *plots)
     return figures

@@ -11,7 +11,8 @@ from beamsim.analyses.result import MARGINS
 from beamsim.plots.model import excitation_text, model_figure
 from beamsim.plots.style import amount, margin_text
 from beamsim.report.animated import NOTE
-from beamsim.report.page import Cells, Page, Verdict, labelled, listing, picture, table
+from beamsim.report.interactive import interactive_plots
+from beamsim.report.page import Cells, Page, Verdict, captioned, labelled, listing, picture, table
 from beamsim.report.trust import changes, checks, doubts, untrusted, versions
 from beamsim.structures.assembly import snubber_site
 
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
     from beamsim.system.structural import SnubberNumbers
 
 CHANGES_SHOWN = 60
+HOW_TO_READ = (
+    '<p class="note screen">Drag to zoom, double-click to go back, click a name in a legend to hide its curve. '
+    "Long curves are thinned to what a screen shows; the result file has every point.</p>"
+)
 
 
 class SketchedModel(NamedTuple):
@@ -64,7 +69,14 @@ def page_of(
     page.add("Contact", *(table(cells) for cells in contact_tables(result)))
     if scene is not None:
         page.add("Motion", page.animated(scene.as_json(), NOTE))
-    page.add("Plots", _how_to_read(figures), *(page.plot(name, figure) for name, figure in figures.items()))
+    plots = interactive_plots(result)
+    pictures = {name: figure for name, figure in figures.items() if name not in plots}
+    page.add(
+        "Plots",
+        HOW_TO_READ if plots else "",
+        *(page.plot(name, described) for name, described in plots.items()),
+        *(captioned(name, picture(figure, name)) for name, figure in pictures.items()),
+    )
     page.add("Why these numbers can be trusted", *_trust(result))
     page.add(
         "Scenario", f"<details><summary>YAML, as it was run</summary>{listing(result.scenario.to_yaml())}</details>"
@@ -216,15 +228,6 @@ def _cell(value: Any, unit: str) -> str:
     if unit == "%":
         return f"{100 * value:.3g} %"
     return amount(value, unit) if unit and math.isfinite(value) else str(value)
-
-
-def _how_to_read(figures: Mapping[str, Figure]) -> str:
-    if not figures:
-        return ""
-    return (
-        '<p class="note screen">Drag to zoom, double-click to go back, click a name in a legend to hide its curve. '
-        "Long curves are thinned to what a screen shows; the result file has every point.</p>"
-    )
 
 
 def _trust(result: Result) -> Iterator[str]:

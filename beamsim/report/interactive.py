@@ -1,418 +1,257 @@
-"""Figures of matplotlib as descriptions for plotly: every plot of the package becomes one that can be zoomed and read.
+"""Plots of a page that can be zoomed and read, made from the numbers of a result: descriptions for plotly.
 
-Curves, bars, areas, heat maps and labels of a figure keep colours, dashes, scales and limits; a figure that holds
-something else is to be shown as it is, which `plotly_of` says with None. Curves of many points are thinned to what a
-screen shows: the lowest and highest value of every few samples of a history, and points at equal distances along a
-curve that turns back.
+What is not here is shown as the picture that the command draws. Curves of many points are thinned to what a screen
+shows: the lowest and highest value of every few samples.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from functools import singledispatch
+from typing import Any
 
 import numpy as np
 
-from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from beamsim.analyses.compare.result import Comparison
+from beamsim.analyses.compare_modes.result import ModeComparison
+from beamsim.analyses.designs.result import DesignsResult
+from beamsim.analyses.identify.result import IdentificationResult
+from beamsim.analyses.nnm.result import NormalModeResult
+from beamsim.analyses.response.result import FrequencyResponse
+from beamsim.analyses.result import Result
+from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.sweep.result import SweepResult
+from beamsim.orbits.branch import special_name
+from beamsim.plots.branches import UNSTABLE
+from beamsim.plots.drawing import MOST_CURVES, Curve, curve_style, thinned, with_unit
+from beamsim.plots.style import Scale, level_text, plain_scale, scale_for
+from beamsim.typing import Floats
 
 MOST_POINTS = 3000  # of a curve
-PANEL, SINGLE = 270, 380  # px, height of one of several panels and of one alone
-MOST_DECADES, MOST_POWERS = 3.0, 8  # of an axis with digits between powers of ten; labelled powers
-_BARRED = 0.2  # share of the width between panels with colour bars
-_GAP = (0.09, 70)  # between panels: share of the width, px
-_MARKERS = {
-    "o": "circle", ".": "circle", "s": "square", "^": "triangle-up", "v": "triangle-down", "D": "diamond",
-    "d": "diamond-tall", "x": "x-thin", "+": "cross-thin", "*": "star", "|": "line-ns", "_": "line-ew",
-    "6": "triangle-up", "7": "triangle-down", ">": "triangle-right", "<": "triangle-left",
-}  # fmt: skip
-_STEPS = {"steps-post": "hv", "steps-pre": "vh", "steps": "vh", "steps-mid": "hvh"}
-_PIXEL = 96 / 72  # px in a point
+Plots = dict[str, dict[str, Any]]
+_FREQUENCY = ("Excitation frequency", Scale(1.0, "Hz"))
 
 
-def plotly_of(figure: Figure) -> dict[str, Any] | None:
-    """Data and layout of a figure for plotly; None where it holds what has no counterpart (filled contours)."""
-    panels = [ax for ax in figure.axes if ax.get_visible() and ax.get_label() != "<colorbar>"]
-    if not panels or any(_unknown(ax) for ax in panels):
-        return None
-    rows, columns = _grid(panels)
-    barred = any(ax.get_label() == "<colorbar>" for ax in figure.axes)
-    height = SINGLE if rows == 1 else PANEL * rows
-    layout: dict[str, Any] = {
-        "height": height, "margin": {"l": 70, "r": 20, "t": 40, "b": 55}, "annotations": [], "shapes": [],
-        "hovermode": "closest", "paper_bgcolor": "white", "plot_bgcolor": "white",
-        "font": {"family": "system-ui, sans-serif", "size": 12, "color": "#222"},
-        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.01, "yanchor": "bottom",
-                   "font": {"size": 11}},
-    }  # fmt: skip
-    if any(_title(ax) for ax in panels):
-        layout["legend"]["y"] = 1.0 + 20 / (height - 95)  # above the titles
-    data: list[dict[str, Any]] = []
-    for number, ax in enumerate(panels, 1):
-        suffix = "" if number == 1 else str(number)
-        _place(layout, ax, suffix, rows, columns, height, _BARRED if barred else _GAP[0])
-        named = ax.get_legend() is not None
-        for trace in _traces(ax):
-            _fit_bar(trace, layout[f"xaxis{suffix}"]["domain"], layout[f"yaxis{suffix}"]["domain"])
-            trace |= {"xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
-            trace["showlegend"] = named and bool(trace.get("name"))
-            if trace.get("name"):
-                trace["legendgroup"] = trace["name"]
-            data.append(trace)
-        layout["shapes"] += list(_shapes(ax, suffix))
-        layout["annotations"] += list(_annotations(ax, suffix))
-    return {"data": data, "layout": layout}
+@singledispatch
+def interactive_plots(result: Result) -> Plots:
+    """The plots by the names of the pictures whose place they take."""
+    return {}
 
 
-def _unknown(ax: Axes) -> bool:
-    from matplotlib.contour import ContourSet
+@interactive_plots.register
+def _(result: RunResult) -> Plots:
+    time, clock = result.time, ("Time", plain_scale("s"))
 
-    return ax.name != "rectilinear" or any(isinstance(c, ContourSet) and c.filled for c in ax.collections)
+    def history(words: str, unit: str, places: Any, field: str) -> dict[str, Any]:
+        shown = list(places.items())[:MOST_CURVES]
+        curves = [Curve(name, *thinned(time, getattr(of, field), MOST_POINTS)) for name, of in shown]
+        return plot(clock, (words, unit), curves)
+
+    kind = "absolute" if result.low_pass_hz is None else "low_passed"
+    plots = {
+        "displacement": history("Relative displacement", "m", result.probes, "displacement"),
+        "acceleration": history("Acceleration", "m/s^2", result.probes, f"{kind}_acceleration"),
+    }
+    if result.snubbers:
+        plots["contact_force"] = history("Contact force", "N", result.snubbers, "force")
+    spectra = [s for s in result.spectra.values() if s.quantity == "absolute_acceleration"]
+    curves = [Curve(s.probe, *thinned(s.frequency_hz, s.amplitude_db, MOST_POINTS)) for s in spectra]
+    plots["spectrum"] = plot(("Frequency", Scale(1.0, "Hz")), ("Acceleration (dB re peak)", ""), curves)
+    return plots
 
 
-def _grid(panels: Sequence[Axes]) -> tuple[int, int]:
-    specs: list[Any] = [ax.get_subplotspec() for ax in panels]
-    if any(spec is None for spec in specs):
-        return len(panels), 1
-    rows, columns = specs[0].get_gridspec().get_geometry()
-    return rows, columns
+@interactive_plots.register
+def _(result: SweepResult) -> Plots:
+    curves = list(result.curves.values())
+
+    def peaks(words: str, unit: str, of: Callable[[Any], Any], log: str) -> dict[str, Any]:
+        drawn = []
+        for curve in curves:
+            order, level = np.argsort(curve.frequency_hz), level_text(curve.level, result.scenario.level_unit)
+            for name, envelope in of(curve).items():
+                values = thinned(curve.frequency_hz[order], envelope.peak[order], MOST_POINTS)
+                drawn.append(Curve(f"{name}, {curve.direction}, {level}", *values))
+        return plot(_FREQUENCY, (words, unit), drawn, log=log)
+
+    plots = {"response_0": peaks("Peak displacement", "m", lambda curve: curve.displacement, "y")}
+    if curves and curves[0].acceleration:
+        plots["acceleration"] = peaks("Peak acceleration", "m/s^2", lambda curve: curve.acceleration, "y")
+    if curves and curves[0].force:
+        plots["contact"] = peaks("Peak contact force", "N", lambda curve: curve.force, "")
+    return plots
 
 
-def _place(layout: dict[str, Any], ax: Axes, suffix: str, rows: int, columns: int, height: int, across: float) -> None:
-    """Give a panel its axes and its share of the figure."""
-    spec: Any = ax.get_subplotspec()
-    row, column = (spec.rowspan.start, spec.colspan.start) if spec is not None else (int(suffix or 1) - 1, 0)
-    down = _GAP[1] / (height - 95)
-    room = across if across > _GAP[0] else 0.0  # to the right of the last one
-    width = (1 - room - across * (columns - 1)) / columns
-    tall = (1 - down * (rows - 1)) / rows
-    left, top = column * (width + across), 1 - row * (tall + down)
-    domains = ([left, left + width], [max(top - tall, 0.0), top])
-    for letter, other, domain, axis, limits, scale, label in (
-        ("x", "y", domains[0], ax.xaxis, ax.get_xlim(), ax.get_xscale(), ax.get_xlabel()),
-        ("y", "x", domains[1], ax.yaxis, ax.get_ylim(), ax.get_yscale(), ax.get_ylabel()),
+@interactive_plots.register
+def _(result: FrequencyResponse) -> Plots:
+    words = "Excitation frequency" if result.parameter == "frequency" else result.parameter.capitalize()
+    first = result.branches[0]
+    plots = {}
+    for kind, up, unit, names in (
+        ("response", "Peak displacement", "m", first.peak_displacement),
+        ("force", "Peak contact force", "N", first.peak_force),
     ):
-        limits = float(limits[0]), float(limits[1])
-        logarithmic = scale == "log"
-        layout[f"{letter}axis{suffix}"] = {
-            "domain": domain, "anchor": f"{other}{suffix}", "title": {"text": plain(label), "standoff": 8},
-            "type": "log" if logarithmic else "linear",
-            "range": [math.log10(end) if logarithmic else end for end in limits],
-            "showline": True, "linecolor": "#444", "gridcolor": "#e4e4e4", "zeroline": False, "ticks": "outside",
-            "exponentformat": "power", "automargin": letter == "y",
-            **(_decades(*limits) if logarithmic else {}), **_ticks(axis),
-        }  # fmt: skip
-    if title := _title(ax):
-        layout["annotations"].append(
-            {"text": plain(title), "xref": f"x{suffix} domain", "yref": f"y{suffix} domain", "x": 0.5, "y": 1.0,
-             "yanchor": "bottom", "showarrow": False, "font": {"size": 12}}
-        )  # fmt: skip
+        field = "peak_displacement" if kind == "response" else "peak_force"
+        for name in list(names)[:MOST_CURVES]:
+            curves = [
+                curve
+                for b in result.branches
+                for curve in _branch(level_text(b.level, result.level_unit), b, b.parameter, getattr(b, field)[name])
+            ]
+            plots[f"{kind}_{name}"] = plot((words, result.unit), (f"{up} of {name}", unit), curves)
+    return plots
 
 
-def _title(ax: Axes) -> str:
-    return str(ax.get_title() or ax.get_title(loc="left"))
+def _branch(label: str, branch: Any, x: Floats, y: Floats) -> list[Curve]:
+    """Stable and unstable stretches, and the special points."""
+    curves = [Curve(label, x, np.where(branch.stable, y, np.nan), {"linestyle": "-"})]
+    if not branch.stable.all():
+        unstable = np.where(branch.stable, np.nan, y)
+        curves.append(Curve(f"{label}, unstable", x, unstable, {"linestyle": UNSTABLE}))
+    for kind in dict.fromkeys(event.kind for event in branch.special):
+        at = [int(np.argmin(np.abs(branch.parameter - e.parameter))) for e in branch.special if e.kind == kind]
+        curves.append(Curve(special_name(kind), x[at], y[at], {"marker": "o"}))
+    return curves
 
 
-def _decades(low: float, high: float) -> dict[str, Any]:
-    """Numbers on a logarithmic axis: 1, 2, 5 or all digits written out, powers of ten alone over many decades."""
-    decades = math.log10(high / low)
-    if decades > MOST_DECADES:
-        return {"dtick": math.ceil(decades / MOST_POWERS)}
-    return {"dtick": "D2" if decades > 1.0 else "D1", "tickformat": "~g"}
-
-
-def _fit_bar(trace: dict[str, Any], across: Sequence[float], upright: Sequence[float]) -> None:
-    """Put the colour bar of a trace beside its panel."""
-    bar = trace.get("colorbar") or trace.get("marker", {}).get("colorbar")
-    if bar is not None:
-        bar |= {"x": across[1] + 0.008, "xanchor": "left", "y": sum(upright) / 2, "len": upright[1] - upright[0]}
-        bar |= {"lenmode": "fraction", "tickfont": {"size": 10}}
-
-
-def _ticks(axis: Any) -> dict[str, Any]:
-    """Ticks that were set by hand: none, or those with texts."""
-    from matplotlib.ticker import FixedFormatter, FixedLocator
-
-    locator: Any = axis.get_major_locator()
-    formatter = axis.get_major_formatter()
-    if not isinstance(locator, FixedLocator):
-        return {}
-    ticks = [float(each) for each in locator()]
-    if not ticks:
-        return {"showticklabels": False, "ticks": "", "showgrid": False, "showline": False}
-    if isinstance(formatter, FixedFormatter):
-        return {"tickvals": ticks, "ticktext": [plain(text) for text in formatter.seq]}
-    return {"tickvals": ticks}
-
-
-def _traces(ax: Axes) -> Iterator[dict[str, Any]]:
-    """Areas and heat maps first, so that curves lie on them."""
-    for image in ax.images:
-        yield _image(image)
-    for collection in ax.collections:
-        yield from _collection(collection)
-    yield from _areas(ax)
-    for line in sorted(ax.lines, key=lambda each: each.get_zorder()):
-        if line.get_visible() and _in_data(ax, line) == (True, True):
-            trace = _line(ax, line)
-            if trace is not None:
-                yield trace
-
-
-def _in_data(ax: Axes, artist: Any) -> tuple[bool, bool]:
-    """Whether x and y of what is drawn are data."""
-    return tuple(artist.get_transform().contains_branch_seperately(ax.transData))
-
-
-def _line(ax: Axes, line: Any) -> dict[str, Any] | None:
-    x, y = (_filled(v) for v in line.get_data(orig=False))
-    marker = _MARKERS.get(str(line.get_marker()))
-    drawn = line.get_linestyle() not in ("None", "none", " ", "") and line.get_linewidth() > 0
-    if x.size == 0 or not (marker or drawn):
-        return None
-    if drawn and line.get_drawstyle() == "default":
-        keep = thinning(ax, x, y)
-        x, y = x[keep], y[keep]
-    trace: dict[str, Any] = {"type": "scatter", "mode": "+".join(["lines"] * drawn + ["markers"] * bool(marker))}
-    trace |= {"x": numbers(x, 8), "y": numbers(y)}
-    name = str(line.get_label())
-    if not name.startswith("_"):
-        trace["name"] = plain(name)
-    colour = _colour(line.get_color(), line.get_alpha())
-    if drawn:
-        trace["line"] = {"color": colour, "width": round(max(line.get_linewidth() * _PIXEL, 1.0), 2)}
-        dashes = getattr(line, "_unscaled_dash_pattern", (0, None))[1]
-        if dashes is not None:
-            lengths = [max(each * line.get_linewidth() * _PIXEL, 1.0) for each in dashes]
-            trace["line"]["dash"] = ",".join(f"{each:.1f}px" for each in lengths)
-        if line.get_drawstyle() in _STEPS:
-            trace["line"]["shape"] = _STEPS[line.get_drawstyle()]
-    if marker:
-        edge = _colour(line.get_markeredgecolor(), line.get_alpha())
-        thin = "thin" in marker or "line" in marker
-        face = edge if thin else _colour(line.get_markerfacecolor(), line.get_alpha())
-        trace["marker"] = {
-            "symbol": marker, "size": round(line.get_markersize() * _PIXEL, 1), "color": face,
-            "line": {"color": edge, "width": 1.2},
-        }  # fmt: skip
-    trace["hovertemplate"] = "%{x:.6~g}, %{y:.5~g}"
-    return trace
-
-
-def _areas(ax: Axes) -> Iterator[dict[str, Any]]:
-    """Bars, polygons and steps, those of one colour together."""
-    labels = {id(patch): container.get_label() for container in ax.containers for patch in container}
-    areas: dict[tuple[str, str, str, float], list[Any]] = {}
-    for patch in ax.patches:
-        if not patch.get_visible() or _in_data(ax, patch) != (True, True):
+@interactive_plots.register
+def _(result: DesignsResult) -> Plots:
+    plots, coordinates = {}, result.coordinates
+    for response in list(result.responses.values())[:MOST_CURVES]:
+        if not all(c.numeric for c in coordinates[:2]) or not np.isfinite(response.values).any():
             continue
-        vertices = patch.get_patch_transform().transform_path(patch.get_path()).to_polygons(closed_only=False)
-        label = str(labels.get(id(patch), patch.get_label()))
-        edge = _colour(patch.get_edgecolor()) if patch.get_linewidth() else "rgba(0,0,0,0)"
-        face = _colour(patch.get_facecolor()) if patch.get_fill() else "rgba(0,0,0,0)"
-        key = ("" if label.startswith("_") else plain(label), face, edge, float(patch.get_linewidth()))
-        areas.setdefault(key, []).extend(vertices)
-    for (name, face, edge, width), polygons in areas.items():
-        yield _area(polygons, name, face, edge, width)
+        words, across = f"{response.quantity.replace('_', ' ')} {response.place}".strip(), _coordinate(coordinates[0])
+        values = response.values
+        if values.shape == result.shape and len(coordinates) == 2 and result.kind == "grid":
+            x, y = (c.values.astype(float) for c in coordinates)
+            up = _coordinate(coordinates[1])
+            plots[f"map of {words}"] = heat_map(across, up, (words, response.unit), x, y, values.T)
+        elif values.shape == result.shape and values.ndim == 1:
+            x = coordinates[0].values.astype(float)
+            plots[words] = plot(across, (words, response.unit), [Curve("", x, values, {"marker": "o"})])
+    return plots
 
 
-def _area(polygons: Sequence[Any], name: str, face: str, edge: str, width: float) -> dict[str, Any]:
-    xy = _joined(polygons)
-    trace = {
-        "type": "scatter", "mode": "lines", "fill": "toself", "fillcolor": face, "x": numbers(xy[:, 0], 8),
-        "y": numbers(xy[:, 1]), "line": {"color": edge, "width": round(width * _PIXEL, 2)}, "hoverinfo": "x+y",
-    }  # fmt: skip
-    return trace | ({"name": name} if name else {})
+def _coordinate(coordinate: Any) -> tuple[str, str]:
+    return coordinate.label, coordinate.unit
 
 
-def _joined(parts: Sequence[Any]) -> Floats:
-    """(k, 2) polygons or lines one after the other, with a gap between them."""
-    gap = np.full((1, 2), np.nan)
-    return np.concatenate([each for part in parts for each in (part, gap)][:-1] or [gap])
+@interactive_plots.register
+def _(result: IdentificationResult) -> Plots:
+    plots, up = {}, ("Natural frequency", Scale(1.0, "Hz"))
+    if result.curves:
+        curves = [Curve(f"mode {curve.mode}", curve.stiffness, curve.frequency_hz) for curve in result.curves]
+        plots["frequencies"] = plot(("Stiffness of the snubber", "N/m"), up, curves, log="xy")
+    tables = [("without the snubber", result.without_snubber), ("with permanent contact", result.with_snubber)]
+    if result.update is not None:
+        tables += [("before updating", result.update.before), ("after", result.update.after)]
+    drawn = [
+        Curve(label, table.mode.astype(float), table.difference_percent, {"marker": "o"})
+        for label, table in tables
+        if table is not None and np.isfinite(table.measured_hz).any()
+    ]
+    if drawn:
+        plots["residuals"] = plot(("Mode", ""), ("Predicted − measured (%)", ""), drawn)
+    return plots
 
 
-def _collection(collection: Any) -> Iterator[dict[str, Any]]:
-    from matplotlib.collections import LineCollection, PathCollection, PolyCollection, QuadMesh
-    from matplotlib.contour import ContourSet
-
-    if not collection.get_visible():
-        return
-    label = str(collection.get_label())
-    name = "" if label.startswith("_") else plain(label)
-    levels: Any = getattr(collection, "levels", ())
-    if isinstance(collection, QuadMesh):
-        yield _mesh(collection)
-    elif isinstance(collection, ContourSet):
-        colours, widths = collection.get_edgecolor(), np.atleast_1d(collection.get_linewidth())
-        for k, path in enumerate(collection.get_paths()):
-            if polygons := path.to_polygons(closed_only=False):
-                colour, width = _colour(colours[k % len(colours)]), float(widths[k % len(widths)])
-                yield {**_stroke(polygons, colour, width), "text": f"{levels[k]:.4g}", "hoverinfo": "text"}
-    elif isinstance(collection, LineCollection):
-        colours, widths = collection.get_edgecolor(), np.atleast_1d(collection.get_linewidth())
-        trace = _stroke(collection.get_segments(), _colour(colours[0]), float(widths[0]))
-        yield trace | ({"name": name} if name else {})
-    elif isinstance(collection, PathCollection):
-        yield _points(collection, name)
-    elif isinstance(collection, PolyCollection):
-        polygons = [vertices for path in collection.get_paths() for vertices in path.to_polygons(closed_only=False)]
-        yield _area(polygons, name, _colour(collection.get_facecolor()[0]), "rgba(0,0,0,0)", 0.0)
+@interactive_plots.register
+def _(result: NormalModeResult) -> Plots:
+    hertz = ("Frequency", Scale(1.0, "Hz"))
+    if result.parameter == "stiffness_factor":
+        curves = [c for b in result.branches for c in _branch(b.kind, b, b.parameter, b.frequency_hz)]
+        return {"backbone": plot(("Stiffness factor ε", ""), hertz, curves)}
+    largest = [np.abs(b.initial_displacement).max(axis=1) for b in result.branches]
+    branches = zip(result.branches, largest, strict=True)
+    curves = [c for b, y in branches for c in _branch(b.kind, b, b.frequency_hz, y)]
+    return {"backbone": plot(hertz, ("Largest deflection at the extreme", "m"), curves)}
 
 
-def _stroke(segments: Sequence[Any], colour: str, width: float) -> dict[str, Any]:
-    xy = _joined(segments)
-    line = {"color": colour, "width": round(width * _PIXEL, 2)}
-    return {"type": "scatter", "mode": "lines", "x": numbers(xy[:, 0], 8), "y": numbers(xy[:, 1]), "line": line}
+@interactive_plots.register
+def _(result: Comparison) -> Plots:
+    plots = {}
+    for c in result.channels:
+        curves = [
+            Curve("predicted", *thinned(c.predicted_time, c.predicted_history, MOST_POINTS)),
+            Curve("measured", *thinned(c.measured_time, c.measured_history, MOST_POINTS)),
+        ]
+        words = f"{c.quantity.replace('_', ' ')} of {c.place}"
+        plots[f"history of {c.place}"] = plot(("Time", plain_scale("s")), (words, c.unit), curves)
+    for swept in result.sweeps:
+        curves = [Curve(of, swept.frequency_hz, np.abs(getattr(swept, of))) for of in ("predicted", "measured")]
+        up = (swept.quantity.replace("_", " "), swept.unit)
+        plots[f"{swept.place}_{swept.quantity}"] = plot(_FREQUENCY, up, curves, log="y")
+    return plots
 
 
-def _points(collection: Any, name: str) -> dict[str, Any]:
-    xy = np.ma.filled(collection.get_offsets(), np.nan)
-    sizes = np.sqrt(np.atleast_1d(collection.get_sizes())) * _PIXEL
-    marker: dict[str, Any] = {"size": round(float(sizes.max()), 1)}
-    if collection.get_array() is not None:
-        low, high = collection.get_clim()
-        marker |= {"color": numbers(np.ma.filled(collection.get_array(), np.nan)), "cmin": low, "cmax": high}
-        marker |= {"colorscale": _colour_scale(collection), "showscale": True, "colorbar": _bar(collection)}
-    else:
-        marker["color"] = _colour(collection.get_facecolor()[0])
-    trace = {"type": "scatter", "mode": "markers", "x": numbers(xy[:, 0], 8), "y": numbers(xy[:, 1]), "marker": marker}
-    return trace | ({"name": name} if name else {})
+@interactive_plots.register
+def _(result: ModeComparison) -> Plots:
+    rows, columns = (np.arange(1.0, 1 + size) for size in result.mac.shape)
+    return {"mac": heat_map(("Computed mode", ""), ("Measured mode", ""), ("MAC", ""), columns, rows, result.mac)}
 
 
-def _mesh(mesh: Any) -> dict[str, Any]:
-    corners = np.asarray(mesh.get_coordinates())
-    values = _filled(mesh.get_array())
-    return _heat(mesh, corners[0, :, 0], corners[:, 0, 1], values.reshape(corners.shape[0] - 1, corners.shape[1] - 1))
+def plot(
+    across: tuple[str, str | Scale], up: tuple[str, str | Scale], curves: Sequence[Curve], *, log: str = ""
+) -> dict[str, Any]:
+    """Curves in SI units as data and layout for plotly.
+
+    Parameters
+    ----------
+    across, up : words and SI unit, or scale, of an axis.
+    log : the letters of logarithmic axes.
+    """
+    x, y = (
+        unit if isinstance(unit, Scale) else scale_for(unit, *(getattr(curve, name) for curve in curves))
+        for (_, unit), name in ((across, "x"), (up, "y"))
+    )
+    data, named = [], set[str]()
+    for k, curve in enumerate(curves):
+        style = {**curve_style(k), **curve.style}
+        dashes = style["linestyle"]
+        line = {"color": style["color"], "width": 1.5}
+        if not isinstance(dashes, str):
+            line["dash"] = ",".join(f"{2 * each:g}px" for each in dashes[1])
+        data.append(
+            {"type": "scatter", "mode": "markers" if "marker" in style else "lines", "name": plain(curve.label),
+             "x": numbers(curve.x * x.factor, 8), "y": numbers(curve.y * y.factor), "line": line,
+             "marker": {"color": style["color"], "size": 7}, "legendgroup": plain(curve.label),
+             "showlegend": bool(curve.label) and curve.label not in named, "hovertemplate": "%{x:.6~g}, %{y:.5~g}"}
+        )  # fmt: skip
+        named.add(curve.label)
+    return {"data": data, "layout": _layout(with_unit(across[0], x), with_unit(up[0], y), log)}
 
 
-def _image(image: Any) -> dict[str, Any]:
-    values = _filled(image.get_array())
-    left, right, bottom, top = image.get_extent()
-    x, y = np.linspace(left, right, values.shape[1] + 1), np.linspace(top, bottom, values.shape[0] + 1)
-    return _heat(image, x, y, values)
-
-
-def _heat(mappable: Any, x: Floats, y: Floats, values: Floats) -> dict[str, Any]:
-    low, high = mappable.get_clim()
-    return {
-        "type": "heatmap", "x": numbers(x, 8), "y": numbers(y, 8), "z": [numbers(row) for row in values],
-        "zmin": low, "zmax": high, "colorscale": _colour_scale(mappable), "colorbar": _bar(mappable),
+def heat_map(
+    across: tuple[str, str], up: tuple[str, str], of: tuple[str, str], x: Floats, y: Floats, values: Floats
+) -> dict[str, Any]:
+    """Values (ny, nx) over two axes, in SI units, as data and layout for plotly."""
+    scales = [scale_for(unit, known) for (_, unit), known in ((across, x), (up, y), (of, values))]
+    labels = [with_unit(words, scale) for (words, _), scale in zip((across, up, of), scales, strict=True)]
+    data = {
+        "type": "heatmap", "x": numbers(x * scales[0].factor), "y": numbers(y * scales[1].factor),
+        "z": [numbers(row * scales[2].factor) for row in values], "colorscale": "Cividis",
+        "colorbar": {"title": {"text": plain(labels[2]), "side": "right"}},
         "hovertemplate": "%{x:.6~g}, %{y:.6~g}: %{z:.5~g}<extra></extra>",
     }  # fmt: skip
+    return {"data": [data], "layout": _layout(labels[0], labels[1], "")}
 
 
-def _bar(mappable: Any) -> dict[str, Any]:
-    bar = mappable.colorbar
-    label = "" if bar is None else bar.ax.get_ylabel() or bar.ax.get_xlabel()
-    return {"title": {"text": plain(label), "side": "right"}, "thickness": 14, "outlinewidth": 0}
-
-
-def _colour_scale(mappable: Any) -> list[list[Any]]:
-    return [[float(share), _colour(mappable.cmap(share))] for share in np.linspace(0.0, 1.0, 11)]
-
-
-def _shapes(ax: Axes, suffix: str) -> Iterator[dict[str, Any]]:
-    """Lines and bands across a whole panel."""
-    across: list[Any] = [
-        each for each in (*ax.lines, *ax.patches) if each.get_visible() and _in_data(ax, each) != (True, True)
-    ]
-    for artist in across:
-        in_x, in_y = _in_data(ax, artist)
-        if in_x == in_y:
-            continue
-        line = hasattr(artist, "get_xdata")
-        if line:
-            x, y = (np.asarray(v, dtype=float) for v in artist.get_data(orig=False))
-        else:
-            x, y = artist.get_patch_transform().transform(artist.get_path().vertices).T
-        shape: dict[str, Any] = {
-            "type": "line" if line else "rect", "layer": "below", "xref": f"x{suffix}" if in_x else f"x{suffix} domain",
-            "yref": f"y{suffix}" if in_y else f"y{suffix} domain",
-            "x0": float(x.min()), "x1": float(x.max()), "y0": float(y.min()), "y1": float(y.max()),
-        }  # fmt: skip
-        if line:
-            shape["line"] = {"color": _colour(artist.get_color(), artist.get_alpha()), "width": artist.get_linewidth()}
-            shape["line"]["dash"] = {"-": "solid", ":": "dot"}.get(artist.get_linestyle(), "dash")
-        else:
-            shape |= {"fillcolor": _colour(artist.get_facecolor()), "line": {"width": 0}}
-        if ax.get_legend() is not None and not str(artist.get_label()).startswith("_"):
-            shape |= {"name": plain(str(artist.get_label())), "showlegend": True}
-        yield shape
-
-
-def _annotations(ax: Axes, suffix: str) -> Iterator[dict[str, Any]]:
-    from matplotlib.text import Annotation
-
-    texts: list[Any] = list(ax.texts)
-    for text in texts:
-        if not text.get_visible() or not text.get_text():
-            continue
-        note = isinstance(text, Annotation)
-        in_data = text.xycoords == "data" if isinstance(text, Annotation) else _in_data(ax, text) == (True, True)
-        x, y = text.xy if isinstance(text, Annotation) else text.get_position()
-        if in_data and ax.get_xscale() == "log":
-            x = math.log10(x) if x > 0 else 0.0
-        if in_data and ax.get_yscale() == "log":
-            y = math.log10(y) if y > 0 else 0.0
-        described: dict[str, Any] = {
-            "text": plain(text.get_text()), "x": float(x), "y": float(y), "showarrow": False,
-            "xref": f"x{suffix}" if in_data else f"x{suffix} domain",
-            "yref": f"y{suffix}" if in_data else f"y{suffix} domain",
-            "xanchor": str(text.get_ha()),
-            "yanchor": {"center_baseline": "middle", "baseline": "bottom", "center": "middle"}.get(
-                str(text.get_va()), str(text.get_va())
-            ),
-            "font": {"size": round(max(float(text.get_size()) * 1.1, 9.0), 1), "color": _colour(text.get_color())},
-        }  # fmt: skip
-        if note and isinstance(text, Annotation) and text.anncoords == "offset points":
-            right, up = (float(v) * _PIXEL for v in text.xyann)
-            described |= {"xshift": round(right, 1), "yshift": round(up, 1)}
-        yield described
-
-
-def _filled(values: Any) -> Floats:
-    """Masked values become nan."""
-    filled: Floats = np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
-    return filled
-
-
-def thinning(ax: Axes, x: Floats, y: Floats) -> Ints:
-    """Numbers of the points that draw the same curve on a screen."""
-    if x.size <= MOST_POINTS:
-        return np.arange(x.size)
-    finite = np.isfinite(x) & np.isfinite(y)
-    if np.all(finite) and np.all(np.diff(x) >= 0.0):
-        length = -(-2 * x.size // MOST_POINTS)
-        whole = x.size // length * length
-        blocks, first = y[:whole].reshape(-1, length), np.arange(whole // length) * length
-        ends = np.append(0, np.arange(min(whole, x.size - 1), x.size))
-        return np.unique(np.concatenate([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1), ends]))
-    spans = [max(abs(high - low), 1e-300) for low, high in (ax.get_xlim(), ax.get_ylim())]
-    steps = np.hypot(np.diff(np.where(finite, x, 0.0)) / spans[0], np.diff(np.where(finite, y, 0.0)) / spans[1])
-    steps = np.where(finite[1:] & finite[:-1], steps, 0.0)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    number = np.floor(along / (along[-1] or 1.0) * MOST_POINTS)
-    keep = np.concatenate([[True], np.diff(number) > 0])
-    edge = np.concatenate([[False], finite[1:] != finite[:-1]])  # both sides of a gap
-    keep |= edge | np.concatenate([edge[1:], [True]])
-    return np.flatnonzero(keep)
+def _layout(xlabel: str, ylabel: str, log: str) -> dict[str, Any]:
+    axis = {"showline": True, "linecolor": "#444", "gridcolor": "#e4e4e4", "zeroline": False, "ticks": "outside"}
+    axes = {
+        f"{letter}axis": {**axis, "title": {"text": plain(label)}, "type": "log" if letter in log else "linear"}
+        for letter, label in (("x", xlabel), ("y", ylabel))
+    }
+    return {
+        "height": 380, "margin": {"l": 70, "r": 20, "t": 40, "b": 55}, "hovermode": "closest", "plot_bgcolor": "white",
+        "font": {"family": "system-ui, sans-serif", "size": 12, "color": "#222"},
+        "legend": {"orientation": "h", "x": 0, "y": 1.01, "yanchor": "bottom", "font": {"size": 11}}, **axes,
+    }  # fmt: skip
 
 
 def numbers(values: Floats, digits: int = 6) -> list[float | None]:
     """Plain numbers with so many digits; None where there is none."""
     return [float(f"{value:.{digits}g}") if math.isfinite(value) else None for value in np.asarray(values, float)]
-
-
-def _colour(colour: Any, alpha: float | None = None) -> str:
-    from matplotlib.colors import to_rgba
-
-    red, green, blue, opacity = to_rgba(colour, alpha)
-    parts = ",".join(str(round(255 * part)) for part in (red, green, blue))
-    return f"rgb({parts})" if opacity == 1.0 else f"rgba({parts},{opacity:.3g})"
 
 
 def plain(text: str) -> str:

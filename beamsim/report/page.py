@@ -10,26 +10,20 @@ import base64
 import gzip
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cache
 from html import escape
 from importlib.resources import files
 from importlib.util import find_spec
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
-from beamsim.plots.layout import lay_out
-from beamsim.plots.png import png_bytes
-from beamsim.report.interactive import plotly_of
+from beamsim.plots.save import draw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-DOTS_PER_INCH = 120.0
 
 
 @dataclass(frozen=True)
@@ -69,16 +63,11 @@ class Page:
         if any(parts):
             self.sections.append((heading, "\n".join(part for part in parts if part)))
 
-    def plot(self, name: str, figure: Figure) -> str:
-        """A figure of matplotlib that can be zoomed, or its picture where that is not possible; returns the HTML."""
-        caption = f"<figcaption>{escape(name.replace('_', ' ').capitalize())}</figcaption>"
-        described = plotly_of(figure)
-        if described is None:
-            return f"<figure>{caption}{picture(figure, name)}</figure>"
+    def plot(self, name: str, described: dict[str, Any]) -> str:
+        """A plot that can be zoomed, by its description for plotly; returns the HTML."""
         self.plots.append(described)
-        number = len(self.plots) - 1
-        height = described["layout"]["height"]
-        return f'<figure>{caption}<div id="plot-{number}" style="height:{height}px"></div></figure>'
+        place = f'<div id="plot-{len(self.plots) - 1}" style="height:{described["layout"]["height"]}px"></div>'
+        return captioned(name, place)
 
     def animated(self, scene: dict[str, Any], note: str) -> str:
         """A canvas that plays a scene; a page has one. Returns the HTML."""
@@ -170,14 +159,15 @@ def listing(text: str) -> str:
 
 def picture(figure: Figure, name: str) -> str:
     """A figure as a picture within the page."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    figure.set_dpi(DOTS_PER_INCH)
-    canvas: Any = FigureCanvasAgg(figure)
-    lay_out(figure, canvas.get_renderer())
-    canvas.draw()
-    coded = base64.b64encode(png_bytes(np.asarray(canvas.buffer_rgba()), DOTS_PER_INCH)).decode()
+    stream = BytesIO()
+    draw(figure, stream)
+    coded = base64.b64encode(stream.getvalue()).decode()
     return f'<img alt="{escape(name.replace("_", " "))}" src="data:image/png;base64,{coded}">'
+
+
+def captioned(name: str, html: str) -> str:
+    """A plot under its name."""
+    return f"<figure><figcaption>{escape(name.replace('_', ' ').capitalize())}</figcaption>{html}</figure>"
 
 
 def embedded(data: Any) -> str:

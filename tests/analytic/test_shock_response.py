@@ -14,7 +14,7 @@ from beamsim.analyses.run.result import ShockResponse, ShockSpectrum
 from beamsim.analyses.run.shock_response import frequencies_of, shock_spectra
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
-from beamsim.plots.shock_response import plot_shock_response
+from beamsim.plots.run import plot_shock_response
 from beamsim.scenario import load_scenario
 from beamsim.scenario.run import ShockSpectrumSettings
 from beamsim.store.export import export_result

@@ -65,8 +65,7 @@ def same(a, b):
 
 
 @pytest.mark.parametrize("kind", ["swept_sine", pytest.param("stepped", marks=pytest.mark.slow)])
-def test_sweep_writes_prints_and_draws(here, kind, monkeypatch):
-    monkeypatch.setattr("beamsim.plots.save.lay_out", lambda *_: None)  # drawn in tests/cli/test_result_files.py
+def test_sweep_writes_prints_and_draws(here, kind):
     options = [] if kind == "swept_sine" else ["--set", STEPPED]
     done = call("case.yaml", *options)
     assert done.exit_code == 0, done.output

@@ -597,17 +597,17 @@ def test_a_second_signal_while_the_file_is_written_ends_at_once(name, invoked, m
 def test_a_signal_while_a_picture_is_written_keeps_the_result(number, code, invoked, monkeypatch):
     from beamsim.plots import save
 
-    whole = save.write_png
+    whole = save.draw
 
-    def half(path, *given):
+    def half(figure, path, *given):
         if pictures:
             path.write_bytes(b"half of one")
             os.kill(os.getpid(), number)
         pictures.append(path)
-        whole(path, *given)
+        whole(figure, path, *given)
 
     pictures = []
-    monkeypatch.setattr(save, "write_png", half)
+    monkeypatch.setattr(save, "draw", half)
     done = invoked("run", "--json")
     assert done.exit_code == code, done.output
     assert "the whole result is in case.h5; `beamsim plot case.h5` plots it" in done.stderr

@@ -58,8 +58,7 @@ def test_cubic_chain_passes_the_published_period():
     assert 1 / backbone.frequency_hz[-1] < 3.93 < 1 / backbone.frequency_hz[0]
 
 
-def test_nnm_writes_a_file_and_pictures(tmp_path, monkeypatch):
-    monkeypatch.setattr("beamsim.plots.save.lay_out", lambda *_: None)  # half of the time; tests/unit/test_plots_run.py
+def test_nnm_writes_a_file_and_pictures(tmp_path):
     done = invoke("nnm", CONFIGS / "nnm_chain_mass_5.yaml", "-o", tmp_path, "--json")
     assert done.exit_code == 0
     summary = json.loads(done.stdout)

@@ -17,12 +17,12 @@ from typer.testing import CliRunner
 from beamsim.cli.app import app
 from beamsim.errors import MethodError
 from beamsim.report import page
-from beamsim.report.browser import PROGRAMS, browser_command
 
 STORED = Path(__file__).parents[1] / "data" / "results"
 KINDS = [
     "run_chain", "run_random", "sweep", "continuation", "designs", "identify_update", "nnm", "compare", "compare_modes",
 ]  # fmt: skip
+PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 LARGEST = 6_000_000  # bytes
 BROWSER = next(filter(None, map(shutil.which, PROGRAMS)), None)
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome is installed")
@@ -84,8 +84,11 @@ def tried(file, tmp_path):
     tried = tmp_path / "tried.html"
     text = file.read_text(encoding="utf-8")
     tried.write_text(text.replace("</body>", TRIAL + "</body>"), encoding="utf-8")
-    arguments = ("--window-size=1100,1600", "--virtual-time-budget=30000", "--dump-dom", tried.as_uri())
-    command = browser_command(BROWSER, tmp_path / "profile", *arguments)
+    command = [
+        BROWSER, "--headless=new", "--disable-gpu", "--no-first-run", "--disable-extensions", "--disable-dev-shm-usage",
+        "--disable-background-networking", f"--user-data-dir={tmp_path / 'profile'}", "--no-sandbox",
+        "--window-size=1100,1600", "--virtual-time-budget=30000", "--dump-dom", tried.as_uri(),
+    ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, timeout=180, check=True)
     return json.loads(re.search(r'<output id="trial">(.*?)</output>', done.stdout, re.S)[1].replace("&amp;", "&"))
 
@@ -153,22 +156,8 @@ def test_a_broken_script_is_noticed(tmp_path):
     assert "broken" in " ".join(tried(file, tmp_path)["errors"])
 
 
-@needs_browser
-@pytest.mark.slow  # starts a browser
-def test_pdf_through_the_print_style(tmp_path):
-    done = invoked("report", stored("run_chain", tmp_path), "-o", tmp_path, "--pdf", "--json")
-    assert done.exit_code == 0, done.output
-    printed = Path(json.loads(done.stdout)["files"][1])
-    assert printed.read_bytes().startswith(b"%PDF-")
-    assert printed.stat().st_size > 50_000
-
-
-def test_a_missing_library_or_browser_is_an_error_with_a_remedy(tmp_path, monkeypatch):
+def test_a_missing_library_is_an_error_with_a_remedy(tmp_path, monkeypatch):
     file = stored("run_chain", tmp_path)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    done = invoked("report", file, "-o", tmp_path, "--pdf")
-    assert done.exit_code == 2
-    assert "BEAMSIM_BROWSER" in done.output
     page.plotly.cache_clear()
     with monkeypatch.context() as patched:
         patched.setattr(page, "find_spec", lambda name: None)

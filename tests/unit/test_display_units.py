@@ -14,7 +14,7 @@ from beamsim.cli.response_report import TEXTS
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.plots.run import run_figures
-from beamsim.plots.style import acceleration_scale, amount, level_text, scale_for, shown_in
+from beamsim.plots.style import amount, level_text, scale_for, shown_in
 from beamsim.scenario import load_scenario
 
 STORED = Path(__file__).parents[1] / "data" / "results"
@@ -43,7 +43,7 @@ def test_amounts_are_shown_in_the_units_chosen():
         assert amount(5.0, "N/m") == "5 N/m"  # not chosen
     assert amount(851.8, "N") == "851.8 N"
     assert amount(1.5, "s") == "1.5 s"  # times over a second are in seconds
-    assert acceleration_scale().unit == "g"
+    assert scale_for("m/s^2").unit == "g"
 
 
 def test_continuations_and_outcomes_use_them():

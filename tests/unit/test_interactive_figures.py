@@ -1,91 +1,51 @@
-"""Figures as plotly draws them: the same curves, scales and labels; thinned curves keep their extremes."""
+"""Plots for plotly: the numbers of the result with units; thinned curves keep their extremes."""
+
+import math
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
-from beamsim.report.interactive import MOST_POINTS, plotly_of, thinning
+from beamsim.plots.drawing import Curve
+from beamsim.report.interactive import MOST_POINTS, heat_map, interactive_plots, plot
 
 
 def test_curves_keep_data_style_and_scales():
-    figure = Figure()
-    above, below = figure.subplots(2)
-    above.plot([1.0, 10.0, 100.0], [1.0, np.nan, 3.0], color="#123456", linestyle="--", marker="o", label="one")
-    above.set(xscale="log", xlim=(1.0, 100.0), xlabel="Frequency (Hz)", ylabel="Level (g)")
-    above.axhline(2.0, color="red", linestyle=":", label="limit")
-    above.set_title("level 1 g", loc="left")
-    above.legend()
-    below.bar([1.0, 2.0], [3.0, -4.0], width=0.5, color="#abcdef")
-    below.annotate("here", (1.0, 3.0), xytext=(5, 6), textcoords="offset points")
-    described = plotly_of(figure)
-    curve, bars = described["data"]
-    assert curve["x"] == [1.0, 10.0, 100.0]
-    assert curve["y"] == [1.0, None, 3.0]
-    assert (curve["mode"], curve["line"]["color"], curve["name"]) == ("lines+markers", "rgb(18,52,86)", "one")
-    assert curve["showlegend"]
-    assert "px" in curve["line"]["dash"]
+    curves = [
+        Curve("one", np.array([1.0, 10.0, 100.0]), np.array([1e-3, np.nan, 3e-3]), {"color": "#123456", "marker": "o"}),
+        Curve("two & <three>", np.array([1.0]), np.array([2e-3])),
+    ]
+    described = plot(("Frequency", "Hz"), ("Displacement", "m"), curves, log="x")
+    one, two = described["data"]
+    assert one["x"] == [1.0, 10.0, 100.0]
+    assert one["y"] == [1.0, None, 3.0]
+    assert (one["mode"], one["line"]["color"], one["name"]) == ("markers", "#123456", "one")
+    assert two["name"] == "two &amp; &lt;three>"
+    assert two["mode"] == "lines"
+    assert "px" in two["line"]["dash"]  # told apart without colour
     layout = described["layout"]
-    assert layout["xaxis"]["type"] == "log"
-    np.testing.assert_allclose(layout["xaxis"]["range"], [0.0, 2.0])
+    assert (layout["xaxis"]["type"], layout["yaxis"]["type"]) == ("log", "linear")
     assert layout["xaxis"]["title"]["text"] == "Frequency (Hz)"
-    assert (layout["xaxis"]["dtick"], layout["xaxis"]["tickformat"]) == ("D2", "~g")  # 20, not a small 2 beside 10
-    limit = layout["shapes"][0]
-    assert (limit["y0"], limit["xref"], limit["name"], limit["line"]["dash"]) == (2.0, "x domain", "limit", "dot")
-    assert limit["showlegend"]
-    assert layout["legend"]["y"] > 1.02  # above the title
-    assert layout["yaxis"]["domain"][0] > layout["yaxis2"]["domain"][1]
-    assert bars["fillcolor"] == "rgb(171,205,239)"
-    assert bars["xaxis"] == "x2"
-    assert min(v for v in bars["y"] if v is not None) == -4.0
-    assert layout["annotations"][-1]["text"] == "here"
+    assert layout["yaxis"]["title"]["text"] == "Displacement (mm)"
 
 
 def test_maps_keep_values_and_colour_bars():
-    figure = Figure()
-    ax = figure.subplots()
-    drawn = ax.pcolormesh([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
-    figure.colorbar(drawn, ax=ax, label="Peak force (N)")
-    (heat,) = plotly_of(figure)["data"]
+    values = np.array([[1e3, 2e3, 3e3], [4e3, 5e3, math.nan]])
+    x, y = np.array([1.0, 2.0, 3.0]), np.array([0.0, 1e-3])
+    (heat,) = heat_map(("Stiffness", "N/m"), ("Gap", "m"), ("Peak force", "N"), x, y, values)["data"]
     assert heat["type"] == "heatmap"
-    assert heat["z"] == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
-    assert heat["x"] == [0.0, 1.0, 2.0, 3.0]
-    assert heat["colorbar"]["title"]["text"] == "Peak force (N)"
+    assert heat["z"] == [[1.0, 2.0, 3.0], [4.0, 5.0, None]]
+    assert heat["x"] == [1.0, 2.0, 3.0]
+    assert heat["y"] == [0.0, 1.0]
+    assert heat["colorbar"]["title"]["text"] == "Peak force (kN)"
 
 
-def test_filled_contours_are_left_to_their_picture():
-    figure = Figure()
-    figure.subplots().contourf(np.arange(9.0).reshape(3, 3))
-    assert plotly_of(figure) is None
-
-
-def test_thinned_histories_keep_their_extremes_and_ends():
-    figure = Figure()
-    ax = figure.subplots()
-    time = np.linspace(0.0, 1.0, 100_000)
-    values = np.sin(300.0 * time)
-    values[54_321], values[77_777] = 9.0, -9.0
-    ax.plot(time, values)
-    keep = thinning(ax, time, values)
-    assert keep.size <= 1.05 * MOST_POINTS
-    assert {0, 54_321, 77_777, 99_999} <= set(keep.tolist())
-
-
-def test_thinned_loops_stay_close_to_the_curve_and_keep_their_gaps():
-    figure = Figure()
-    ax = figure.subplots()
-    angle = np.linspace(0.0, 40.0 * np.pi, 200_001)
-    x, y = np.cos(angle) * (1 + 0.01 * angle), np.sin(angle)
-    y[100_000:100_100] = np.nan
-    ax.plot(x, y)
-    keep = thinning(ax, x, y)
-    assert keep.size <= 1.1 * MOST_POINTS
-    assert np.isnan(y[keep]).any()
-    chord = np.hypot(np.diff(x[keep]), np.diff(y[keep]))
-    assert np.nanmax(chord) < 0.1
-
-
-@pytest.mark.parametrize("size", [0, 1, 2])
-def test_short_curves(size):
-    figure = Figure()
-    figure.subplots().plot(np.arange(float(size)), np.arange(float(size)))
-    assert len(plotly_of(figure)["data"]) == (size > 0)
+def test_histories_are_those_of_the_result(fabricated_run):
+    result = fabricated_run()
+    plots = interactive_plots(result)
+    assert {"displacement", "acceleration", "contact_force", "spectrum"} == set(plots)
+    first = plots["displacement"]["data"][0]
+    known = result.probes["tip"].displacement
+    shown = np.array(first["y"], dtype=float) / 1e3
+    assert first["name"] == "tip"
+    assert len(shown) <= 1.05 * MOST_POINTS
+    assert (shown.max(), shown.min()) == pytest.approx((known.max(), known.min()), rel=1e-5)

@@ -12,8 +12,8 @@ import beamsim
 from beamsim.analyses.run import histories
 from beamsim.fields import rows_of
 from beamsim.flow import moments, trajectory
+from beamsim.plots.drawing import thinned
 from beamsim.plots.run import plot_displacement
-from beamsim.plots.style import thinned
 from beamsim.store import export, flat, hdf5
 from beamsim.store.export import export_result
 from beamsim.store.results import open_run, write_result

@@ -10,7 +10,7 @@ from matplotlib.text import Text
 
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.report import table_rows
-from beamsim.plots.labels import LINE, SIZE, put_beside, put_names
+from beamsim.plots.drawing import name_beside
 from beamsim.plots.mode_branches import plot_backbone, plot_frequency_energy
 from beamsim.plots.nnm import plot_configuration
 from beamsim.scenario import load_scenario
@@ -25,49 +25,20 @@ def result():
     return nnm(load_scenario(CONFIGS / "nnm_never_at_rest.yaml", changes))
 
 
-def drawn(names, curve):
-    """Boxes of names put on axes, in pixels, and the curve's pixels."""
+def test_names_beside_a_panel_stay_clear_of_each_other_and_of_curves():
+    x = np.linspace(0, 10, 2001)
+    names = {f"{n}:1, mode {n % 4}": (0.1 * k, 60 + 20 * np.tanh(0.1 * k)) for k, n in enumerate((17, 6, 16, 15, 5))}
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     ax = figure.add_subplot()
-    ax.plot(*curve)
-    put_names(ax, names.items(), [curve])
+    ax.plot(x, 60 + 20 * np.tanh(x))
+    name_beside(ax, names)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    for text in ax.texts:
-        text.update_positions(canvas.get_renderer())
-    # the name alone, without its leader
-    return [Text.get_window_extent(text) for text in ax.texts], ax.transData.transform(np.transpose(curve)), ax
-
-
-def test_names_at_the_ends_of_curves_are_moved_apart():
-    ax = Figure().add_subplot()
-    ax.set(xlim=(0.0, 1.0), ylim=(0.0, 100.0))
-    put_beside(ax, {"0": (1.0, 50.0), "1": (1.0, 51.0), "2": (1.0, 90.0), "3": (1.0, 120.0)})
-    assert [(text.get_text(), round(float(text.xyann[1]), 1)) for text in ax.texts][::2] == [("0", 0.0), ("2", 0.0)]
-    above = ax.texts[1]
-    apart = ax.transData.transform((1.0, 51.0)) - ax.transData.transform((1.0, 50.0))
-    assert above.get_text() == "1"
-    assert above.xyann[1] + apart[1] * 72.0 / ax.figure.dpi == pytest.approx(LINE * SIZE)
-
-
-def test_names_stay_clear_of_each_other_and_of_curves():
-    x = np.linspace(0, 10, 2001)
-    curve = (x, 60 + 20 * np.tanh(x))
-    names = {f"{n}:1, mode {n % 4}": (0.1 * k, 60 + 20 * np.tanh(0.1 * k)) for k, n in enumerate((17, 6, 16, 15, 5))}
-    boxes, dots, ax = drawn(names, curve)
+    boxes = [Text.get_window_extent(text) for text in ax.texts]  # the name alone, without its leader
     for k, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[:k])
-        inside = (dots[:, 0] > box.x0) & (dots[:, 0] < box.x1) & (dots[:, 1] > box.y0) & (dots[:, 1] < box.y1)
-        assert not inside.any()
-        assert ax.bbox.x0 < box.x0
-        assert box.x1 < ax.bbox.x1
-    assert [text.get_text() for text in ax.texts] == list(names)
-
-
-def test_a_place_without_room_still_gets_its_name():
-    x = np.tile([0.0, 1.0], 200)
-    boxes, _, _ = drawn({"only": (0.5, 0.5)}, (x, np.linspace(0, 1, 400)))  # covered all over
-    assert len(boxes) == 1
+        assert ax.bbox.x1 < box.x0 < box.x1 <= figure.bbox.x1
+    assert [text.get_text() for text in ax.texts] == list(names)[::-1]  # in the order of their heights
 
 
 def test_branches_in_energy(result):

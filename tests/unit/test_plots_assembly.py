@@ -9,7 +9,7 @@ from beamsim.plots.plates import plate_figures
 from beamsim.plots.run import run_figures
 from beamsim.plots.save import save_figures
 from beamsim.plots.sketch import Sketch
-from beamsim.plots.stations import finish_along, plot_along
+from beamsim.plots.stations import draw_along
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_run, write_result
 from beamsim.structures.places import Place
@@ -119,7 +119,7 @@ def test_plate_pictures_fill_their_figure_and_name_the_snubbers():
     assert len(panels) == 3
     assert min(ax.get_position().x0 for ax in panels) < 0.15
     assert max(ax.get_position().x1 for ax in panels) > 0.8
-    texts = [text.get_text() for ax in figure.axes if ax.get_legend() for text in ax.get_legend().get_texts()]
+    texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert texts == ["snubber below", "snubber above"]
     straight = plate_figures(beamsim.run(load_scenario({**case, "gravity": 0.0})))["plate_deflections"]
     assert len([ax for ax in straight.axes if ax.get_title(loc="left")]) == 2  # nothing bends it at rest
@@ -140,8 +140,7 @@ def test_many_nodes_are_numbered_so_that_they_can_be_read():
 
     ax = Figure().subplots()
     stations = Stations.of_recoveries([Recovery("m", NODES, np.arange(1.0, 136.0), np.zeros((135, 0)))])
-    plot_along(ax, stations, np.zeros(135), "shape")
-    finish_along(ax, stations, "Deflection (m)")
+    draw_along(ax, stations, "Deflection", [("shape", np.zeros(135), {})])
     assert 10 <= len(ax.get_xticks()) <= 20
 
 

@@ -13,7 +13,6 @@ from beamsim.analyses.run.random_response import LEVELS, cross_density, crossing
 from beamsim.cli.report import table_rows
 from beamsim.flow.stopping import Stopped, heeding
 from beamsim.inputs.random_input import noise
-from beamsim.plots.layout import lay_out
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_run, write_run
@@ -93,7 +92,7 @@ def test_the_statistics_are_stored_and_drawn(result, tmp_path):
         np.testing.assert_array_equal(a.density, b.density)
     figure = run_figures(result)["random"]
     canvas = FigureCanvasAgg(figure)
-    lay_out(figure, canvas.get_renderer())
+    canvas.draw()
     for label in (ax.yaxis.label.get_window_extent(canvas.get_renderer()) for ax in figure.axes):
         assert label.y0 >= 0.0
         assert label.y1 <= figure.bbox.y1
@@ -165,7 +164,7 @@ def test_a_measured_shock_that_ends_before_the_densities_begin_is_drawn(tmp_path
     result = beamsim.run(load_scenario(OSCILLATOR | {"excitation": excitation, "run": {"duration": "4 s"}}))
     assert result.random.input.density.max() < 1e-30
     figure = run_figures(result)["random"]
-    lay_out(figure, FigureCanvasAgg(figure).get_renderer())
+    FigureCanvasAgg(figure).draw()
     (density,) = figure.axes  # there is no transmissibility of an input that is over
     assert density.get_yscale() == "log"
     assert density.lines[0].get_label() == "input (over before)"
@@ -290,5 +289,5 @@ def test_doubts_leave_room_for_the_curves(result):
     summary = {**result.summary, "doubtful": [f"random.{name}" for name in names]}
     summary["convergence"] = {**result.summary["convergence"], "random": dict.fromkeys(names, 0.05)}
     figure = run_figures(dataclasses.replace(result, summary=summary))["random"]
-    lay_out(figure, FigureCanvasAgg(figure).get_renderer())
+    FigureCanvasAgg(figure).draw()
     assert min(ax.get_position().width for ax in figure.axes) > 0.7
