@@ -32,13 +32,13 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, NamedTuple, TypeVar, dataclass_transform
 
 import numpy as np
 
 from beamsim.codecs import OUTCOME, Codec
-from beamsim.dataclass import dataclass
 
 _DECLARED = "declared"
 _Value = TypeVar("_Value")

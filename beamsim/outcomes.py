@@ -14,12 +14,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 from string import Formatter
 from typing import Any, Self
-
-from beamsim.dataclass import dataclass
 
 MOST_LISTED = 6  # items of a list that are written out
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from beamsim.cli.failures import interruption_behind, say
-from beamsim.dataclass import dataclass
 from beamsim.errors import ExitCode, LimitExceededError, Problem, ScenarioError, StoppedEarlyError
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeKind

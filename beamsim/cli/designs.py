@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time as clock
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from beamsim.cli.conclusion import Reporting, conclude, keep
 from beamsim.cli.failures import say
 from beamsim.cli.progress import progress_of
-from beamsim.dataclass import dataclass
 from beamsim.errors import ExitCode, StoppedEarlyError
 
 if TYPE_CHECKING:

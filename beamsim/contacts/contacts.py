@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from beamsim.contacts.laws import INTERNAL, OWN, PRESSING, ContactLaw, LawArrays, OneSidedSpring, kelvin_voigt
-from beamsim.dataclass import dataclass
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 

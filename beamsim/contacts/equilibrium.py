@@ -12,12 +12,11 @@ follows; what is left is to say whether the minimum is the only one.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamsim.contacts.force_curve import fitted_numbers
-from beamsim.dataclass import dataclass
 from beamsim.errors import NotTrustedError
 from beamsim.typing import Bools, Floats, Ints
 

@@ -10,9 +10,10 @@ none finds one.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 

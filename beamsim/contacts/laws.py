@@ -31,14 +31,13 @@ afterwards is lost at the event. A law of another kind is another list of phases
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 OWN, PRESSING, INTERNAL = 3, 3, 6  # columns of its own motion, the force that presses it, first internal state
@@ -97,7 +96,7 @@ class Phase:
     guards: tuple[Guard, ...]
     touching: bool  # shown to users as closed; of friction whether it sticks
     springs: tuple[LawSpring, ...] = ()
-    lost: LawRow = LawRow()  # the part of the force whose work is lost: c, R and mu
+    lost: LawRow = field(default_factory=LawRow)  # the part of the force whose work is lost: c, R and mu
     rates: tuple[LawRow, ...] = ()  # (r,) of the internal states, which rest by default
     losses: tuple[float, ...] = ()  # (r,) l, N s/m
     holds: bool = False  # the force is what keeps the penetration at its value

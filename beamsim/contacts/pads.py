@@ -14,7 +14,7 @@ There is a phase in contact and a released phase for each segment of the curve.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -31,7 +31,6 @@ from beamsim.contacts.laws import (
     kelvin_voigt,
     piecewise_linear,
 )
-from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 

@@ -14,6 +14,7 @@ energy is convex.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,6 @@ from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.laws import ContactLaw, piecewise_linear
 from beamsim.contacts.pads import MaxwellBranch, relaxing_law
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.structures.places import ends_of, site_of

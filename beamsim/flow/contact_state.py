@@ -13,12 +13,12 @@ Sources are numbered: inputs 0 … F-1, free amplitudes from F.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.held import held_contacts
 from beamsim.flow.invariant_blocks import Block, BlockForm, SimpleModes, block_diagonalise, second_order_blocks
 from beamsim.flow.moments import SegmentOutputs

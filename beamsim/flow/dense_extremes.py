@@ -7,13 +7,12 @@ of u it is a sum of terms as those of closed-form motions, and the search of :mo
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.extrema import Search, Waves
 from beamsim.flow.kernels import EPS
 from beamsim.typing import Floats

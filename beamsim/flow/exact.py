@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from copy import copy
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from beamsim.contacts.contacts import Watched
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import (
     ContactState,
     LinearOutput,

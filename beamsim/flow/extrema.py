@@ -18,10 +18,10 @@ it and its derivatives.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import GROWTH
 from beamsim.flow.extrema_kernels import TOLERANCE, Known, Sums, search
 from beamsim.flow.stopping import check_stop

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.stopping import check_stop

@@ -7,9 +7,10 @@ contacts hold one motion together, they are those of the smallest sum of squares
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Bools, Floats, Ints
 

@@ -12,13 +12,12 @@ over a bounded time. Method after Bavely and Stewart, SIAM J. Numer. Anal. 16 (1
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.typing import Complexes, Floats, Ints
 
 LARGEST_PROJECTOR = 200.0  # norm of a block's spectral projector above which blocks are merged

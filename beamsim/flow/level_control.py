@@ -12,12 +12,11 @@ at every cycle by itself would overshoot from one to the next, since a response 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Log, March, Motion

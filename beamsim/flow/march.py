@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.stopping import check_stop, never
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints

@@ -7,10 +7,10 @@ times :math:`e^{-i \omega \tau}`. Their integrals over a time are moments :math:
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 

@@ -5,14 +5,13 @@ Shared by all flows of :mod:`beamsim.flow.periodic_flow`.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.dataclass import dataclass
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints

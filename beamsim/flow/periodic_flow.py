@@ -9,13 +9,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.dataclass import dataclass
 from beamsim.flow.passage import (
     ContactDirection,
     Level,

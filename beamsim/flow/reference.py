@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.held import held_contacts

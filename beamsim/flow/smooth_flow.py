@@ -8,14 +8,13 @@ a step the series is a polynomial, on which the search of the exact flow misses 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.dataclass import dataclass
 from beamsim.flow.first_derivatives import HIGHEST_DERIVATIVE, ROUND_OFF, decisive
 from beamsim.flow.passage import (
     ContactDirection,

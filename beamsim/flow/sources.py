@@ -7,12 +7,11 @@ Source 0 is the constant one, which carries dead loads and gaps.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.streamed import StreamedSignal, common_record
 from beamsim.typing import Complexes, Floats, Ints

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.trajectory import Trajectory

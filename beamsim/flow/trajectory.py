@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema, Search, Waves, turning_points

@@ -11,11 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.exact import LONGEST_WINDOW_RADIANS, ExactFlow
 from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.passage import (

@@ -31,12 +31,12 @@ changed, and everywhere d, v and the acceleration that is applied are derivative
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.fields import Entry, attribute, declared
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile

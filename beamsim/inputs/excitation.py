@@ -6,11 +6,11 @@ start from d = d' = 0.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.drift import Correction, jumps
 from beamsim.inputs.legs import Leg, make_leg

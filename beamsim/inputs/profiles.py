@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamsim.dataclass import dataclass
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.typing import Floats, Ints
 

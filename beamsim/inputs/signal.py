@@ -11,10 +11,11 @@ integration, so the base displacement follows exactly from a base acceleration.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamsim.dataclass import dataclass
 from beamsim.typing import Complexes, Floats, Ints
 
 MOST_PIECES = 4_000_000  # of a signal that is made as a whole

@@ -15,7 +15,7 @@ tolerance. All quantities are relative to the window, so a long sweep does not l
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import factorial
 from typing import Any
@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.dataclass import dataclass
 from beamsim.inputs.drift import SAME_TURNS, Correction, leg_pieces, motion_without_drift
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile

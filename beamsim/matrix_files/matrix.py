@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from beamsim.dataclass import dataclass
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Directions of a node in the order of their numbers 1 to 6."""

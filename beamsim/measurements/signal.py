@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.measurements.headings import label_of, split_heading
 from beamsim.scenario import units
 from beamsim.typing import Complexes, Floats

@@ -13,9 +13,10 @@ harmonics.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.typing import Complexes, Floats
 
 SAMPLES_A_HARMONIC = 8

@@ -9,12 +9,11 @@ the motion dominated by the requested mode. Such jumps are recorded; a point tha
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, at_parameter, follow_orbits, solve_at
 from beamsim.orbits.reversible import BrakeOrbits

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Complexes, Floats
 

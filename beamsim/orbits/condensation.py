@@ -12,11 +12,10 @@ The solutions are the same and :math:`Z_S` is regular wherever the springs feel 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats
 

@@ -8,11 +8,11 @@ condition for the phase of the motion where the start does not fix it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint

@@ -11,13 +11,12 @@ from __future__ import annotations
 from bisect import bisect
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from scipy.optimize import brentq
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.passage import NotFinite
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint
 from beamsim.outcomes import Outcome, OutcomeCode

@@ -13,11 +13,11 @@ Equilibria*, 2000).
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.passage import ContactDirection, Frequency, Parameter, Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint

@@ -8,11 +8,10 @@ the others: Newton's method takes the least-squares solution of a consistent sys
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import Passage

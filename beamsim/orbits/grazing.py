@@ -7,14 +7,13 @@ side, so that its root is found to round-off, whatever corner the branch itself 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import ClassVar, Protocol
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import Passage

@@ -19,14 +19,13 @@ that, so that the cost does not grow with the model.
 from __future__ import annotations
 
 from collections.abc import Callable, MutableMapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.flow.passage import Passage, PeriodicForcing
 from beamsim.flow.periodic_flow import PeriodicFlow

@@ -7,9 +7,10 @@ everything but round-off.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.march import Motion
 from beamsim.orbits.steady import CycleStepper, velocity_weights
 

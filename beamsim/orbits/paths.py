@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.dataclass import dataclass
 from beamsim.flow.passage import ContactDirection, StructureDirection
 from beamsim.flow.periodic_flow import PeriodicFlow
 

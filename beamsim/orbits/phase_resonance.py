@@ -26,12 +26,12 @@ is monotonic there. A periodic motion is found with the frequency free and its o
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import root_scalar
 
-from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, correct
 from beamsim.orbits.panels import gauss_panels

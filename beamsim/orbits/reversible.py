@@ -14,9 +14,10 @@ pairs with :math:`(\\mu + 1/\\mu)/2 = 1 + 2\\,\\mathrm{eig}(b^T c)`: the motion 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.conservative import ConservativeOrbits, on_unit_circle
 from beamsim.orbits.spring_families import SpringFamily

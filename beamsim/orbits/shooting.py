@@ -8,13 +8,12 @@ with the contacts' internal states. The Jacobian is the monodromy matrix less on
 from __future__ import annotations
 
 from collections.abc import Callable, MutableMapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage, StructureDirection
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import floquet_multipliers

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.dataclass import dataclass
 from beamsim.flow.passage import ContactDirection, Parameter, moved_system
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow

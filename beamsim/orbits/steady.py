@@ -7,11 +7,10 @@ after p cycles to a tolerance, with the remaining change estimated from the rate
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.trajectory import Trajectory

@@ -11,11 +11,10 @@ shift in time, :math:`\\delta v = \\nabla V(q_0)`; it is set aside by bordering 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint
 from beamsim.orbits.continuation import Settings, follow_orbits, locate
 from beamsim.orbits.free_orbits import free_of, slowest_instant

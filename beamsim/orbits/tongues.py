@@ -6,11 +6,10 @@ here by asking for a share instead of a parameter, and followed until the energy
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, correct
 from beamsim.orbits.reversible import BrakeOrbits

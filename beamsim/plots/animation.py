@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.files import replacing
 from beamsim.plots.drawing import finish_positions
 from beamsim.plots.model import oblique

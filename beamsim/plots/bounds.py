@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.plots.drawing import Level
+from beamsim.plots.drawing import Guide
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import site_of
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 _DASHES = {"below": (0, (7, 2.5)), "above": (0, (7, 2.5, 1.5, 2.5))}  # of the face of a stop on this side
 
 
-def limit_levels(limits: Limits | None, name: str, *, both_signs: bool = False) -> list[Level]:
+def limit_levels(limits: Limits | None, name: str, *, both_signs: bool = False) -> list[Guide]:
     """The limit ``name``, where there is one."""
     limit = None if limits is None else limits.given.get(name)
     if limit is None:
         return []
     style = {"linestyle": ":", "linewidth": 1.6}
-    return [Level("limit", limit, style), *([Level("", -limit, style)] if both_signs else [])]
+    return [Guide("limit", limit, style), *([Guide("", -limit, style)] if both_signs else [])]
 
 
-def face_levels(result: RunResult, drawn: Collection[str]) -> Iterator[Level]:
+def face_levels(result: RunResult, drawn: Collection[str]) -> Iterator[Guide]:
     """Where each stop on the base that is at the place of a drawn probe touches the body."""
     scenario = result.scenario
     body = next(iter(scenario.all_bodies), "")
@@ -39,4 +39,4 @@ def face_levels(result: RunResult, drawn: Collection[str]) -> Iterator[Level]:
         side = "below" if stop.side == "below" else "above"
         if np.isfinite(stop.gap):
             face = (-1.0 if side == "below" else 1.0) * stop.gap
-            yield Level(f"face of {stop.name}", face, {"linewidth": 0.9, "linestyle": _DASHES[side]})
+            yield Guide(f"face of {stop.name}", face, {"linewidth": 0.9, "linestyle": _DASHES[side]})

@@ -15,7 +15,7 @@ from beamsim.plots.drawing import (
     MOST_CURVES,
     SMALL,
     Curve,
-    Level,
+    Guide,
     curve_style,
     draw_curves,
     draw_levels,
@@ -69,7 +69,7 @@ def _draw(
     up: tuple[str, str],
     values: Values,
     overlaid: Sequence[tuple[OverlayCurve, Floats]] = (),
-    limits: Sequence[Level] = (),
+    limits: Sequence[Guide] = (),
     *,
     logarithmic: bool = False,
 ) -> Axes:

@@ -16,7 +16,7 @@ from beamsim.plots.drawing import (
     MOST_CURVES,
     RED,
     Curve,
-    Level,
+    Guide,
     colour_bar,
     curve_style,
     draw_curves,
@@ -85,9 +85,9 @@ def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes
     return ax
 
 
-def _limit_level(result: DesignsResult, quantity: str) -> list[Level]:
+def _limit_level(result: DesignsResult, quantity: str) -> list[Guide]:
     limit = _limit(result, quantity)
-    return [] if limit is None else [Level("limit", limit, {"color": RED, "linewidth": 1.4})]
+    return [] if limit is None else [Guide("limit", limit, {"color": RED, "linewidth": 1.4})]
 
 
 def plot_response_map(

@@ -43,7 +43,7 @@ class Curve(NamedTuple):
     style: dict[str, Any] = {}  # noqa: RUF012 - never changed
 
 
-class Level(NamedTuple):
+class Guide(NamedTuple):
     """A line across a panel that curves are compared with, in SI units."""
 
     label: str
@@ -88,7 +88,7 @@ def draw_curves(
     across: tuple[str, str | Scale],
     up: tuple[str, str | Scale],
     curves: Sequence[Curve],
-    levels: Iterable[Level] = (),
+    levels: Iterable[Guide] = (),
     *,
     of: str = "curves",
     known: int = 0,
@@ -115,7 +115,7 @@ def draw_curves(
     return x, y
 
 
-def draw_levels(ax: Axes, levels: Iterable[Level], largest: float, scale: Scale) -> None:
+def draw_levels(ax: Axes, levels: Iterable[Guide], largest: float, scale: Scale) -> None:
     """Lines to compare curves with, whose largest magnitude is given; those far above would leave no room for them."""
     for level in levels:
         if abs(level.value) <= FARTHEST * largest:

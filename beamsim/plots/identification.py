@@ -17,7 +17,7 @@ from beamsim.analyses.identify.result import (
     ProfileLikelihood,
     TestFit,
 )
-from beamsim.plots.drawing import DARK, RED, Curve, Level, draw_curves, finish, legend, panels
+from beamsim.plots.drawing import DARK, RED, Curve, Guide, draw_curves, finish, legend, panels
 from beamsim.plots.style import Scale
 from beamsim.scenario.parameters import field_type_at, find_parameters
 from beamsim.scenario.quantities import Quantity
@@ -100,7 +100,7 @@ def plot_profile(profile: ProfileLikelihood, ax: Axes, coverage: float, unit: st
     across = (f"{words[:1].upper()}{words[1:]}", unit)
     style = {"marker": "." if profile.value.size < 40 else ""}
     bound = NormalDist().inv_cdf(0.5 + coverage / 2) ** 2
-    level = Level(f"{100 * coverage:g} %", bound, {"linestyle": _DOTTED})
+    level = Guide(f"{100 * coverage:g} %", bound, {"linestyle": _DOTTED})
     curve = Curve("", profile.value, profile.misfit, style)
     draw_curves(ax, across, ("Misfit above its minimum", ""), [curve], [level])
     ax.set_ylim(0.0, max(3 * bound, 1e-12))

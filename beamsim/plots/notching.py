@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve
-from beamsim.plots.drawing import DARK, RED, Curve, Level, draw_curves, frequency_axis, legend, panels
+from beamsim.plots.drawing import DARK, RED, Curve, Guide, draw_curves, frequency_axis, legend, panels
 from beamsim.plots.style import Scale
 from beamsim.scenario.notching import limited_quantity
 
@@ -40,7 +40,7 @@ def plot_limited_response(curve: SweepCurve, limit: NotchLimit, ax: Axes) -> Axe
     assert curve.notching is not None
     order = np.argsort(curve.frequency_hz)
     peak = limited_peak(curve, limit.name)[order]
-    level = Level("limit", limit.limit, {"color": RED, "linestyle": (0, (5, 1.5)), "linewidth": 1.4})
+    level = Guide("limit", limit.limit, {"color": RED, "linestyle": (0, (5, 1.5)), "linewidth": 1.4})
     words = limit.name.replace("probes.", "").replace("snubbers.", "").replace(".", " ")
     response = [Curve("", curve.frequency_hz[order], peak, {"linewidth": 1.0})]
     _, scale = draw_curves(ax, _FREQUENCY, (words, limit.unit), response, [level])

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.scenario.joint import origins
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.structures.places import Link, Place, Site, ends_of

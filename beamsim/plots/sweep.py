@@ -17,7 +17,7 @@ from beamsim.plots.drawing import (
     MOST_CURVES,
     RED,
     Curve,
-    Level,
+    Guide,
     colour_bar,
     dashed_line,
     draw_curves,
@@ -61,7 +61,7 @@ def draw_sweep(
     ax: Axes,
     up: tuple[str, str | Scale],
     curves: Sequence[Curve],
-    levels: Sequence[Level] = (),
+    levels: Sequence[Guide] = (),
     *,
     logarithmic: bool = True,
     of: str = "curves",
@@ -274,7 +274,7 @@ def plot_harmonic_energy(result: SweepResult, axes: list[Axes], probe: str, dire
     curves = _in_direction(result, direction)[: len(axes)]
     ratios = [np.abs(c.displacement[probe].harmonics[:MOST_CURVES]) / c.excitation_amplitude for c in curves]
     scale = _per_level(curves, *ratios)
-    squared = Scale(scale.factor**2, f"({scale.unit})²")
+    squared = Scale(scale.factor**2, "")
     top = max((float(np.nanmax(ratio**2, initial=0.0)) for ratio in ratios), default=0.0) * squared.factor
     for ax, curve, ratio in zip(axes, curves, ratios, strict=True):
         drawn = [
@@ -282,7 +282,9 @@ def plot_harmonic_energy(result: SweepResult, axes: list[Axes], probe: str, dire
             for r, order in enumerate(curve.orders[:MOST_CURVES])
         ]
         level = _level(result, curve, always=True)[2:]
-        draw_sweep(result, ax, (f"Mean square of {probe}\n/ that of {level},", squared), drawn, note=direction)
+        draw_sweep(
+            result, ax, (f"Mean square of {probe}\n/ that of {level}, ({scale.unit})²", squared), drawn, note=direction
+        )
         if ax is not axes[-1]:
             ax.set_xlabel("")
         if 0.0 < top < np.inf:

@@ -16,6 +16,7 @@ import inspect
 import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
 from itertools import pairwise
@@ -33,7 +34,6 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import ScenarioError
 
 Path = tuple[str | int, ...]

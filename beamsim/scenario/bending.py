@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, Tag
 
-from beamsim.dataclass import dataclass
 from beamsim.scenario.base import Path, Schema, Variants, fail, path_text
 from beamsim.scenario.quantities import (
     BendingStiffness,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path as FilePath
 from typing import Any
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import Path, Schema, path_text, walk
 from beamsim.scenario.quantities import FileType

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from beamsim.dataclass import dataclass
 from beamsim.scenario.base import BY_KIND, Variants, counted, fail
 from beamsim.scenario.maxwell import Maxwell
 from beamsim.scenario.names import Named

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic.json_schema import JsonSchemaValue
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem
 from beamsim.scenario import units
 from beamsim.scenario.base import Schema, fail, path_text, suggestion

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem
 from beamsim.scenario.base import path_text, suggestion
 from beamsim.scenario.limits import output_dimension, unit_of_dimension

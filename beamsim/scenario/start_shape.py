@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from pydantic.json_schema import JsonSchemaValue
 
-from beamsim.dataclass import dataclass
 from beamsim.scenario import units
 from beamsim.scenario.quantities import FieldType
 from beamsim.scenario.units import Dimension

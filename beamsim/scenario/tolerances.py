@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic_core import PydanticCustomError
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem
 from beamsim.scenario.base import path_text
 from beamsim.scenario.designs import (

@@ -17,11 +17,11 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache
 from typing import Any
 
-from beamsim.dataclass import dataclass
 from beamsim.scenario.common_units import common_factor
 
 

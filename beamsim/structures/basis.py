@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.places import LoadSite
 from beamsim.structures.supports import UnitMotion

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.given_field import GivenField, WeightedValues

@@ -8,12 +8,11 @@ integral exact for polynomial shapes. Each stands for a point force, from which 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 _HERMITE = 3  # degree of the shape functions

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import DIRECTIONS, MODAL, Dof
 from beamsim.measurements.csv_table import read_rows

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.dof_table import TRANSLATIONS
 from beamsim.typing import Floats
 

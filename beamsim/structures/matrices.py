@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.matrix_files.matrix import MODAL
 from beamsim.structures.base_motion import UPWARDS, BaseDirection

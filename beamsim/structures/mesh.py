@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -21,7 +22,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamsim.dataclass import dataclass
 from beamsim.typing import Floats, Ints
 
 # Coefficients of xi^0 .. xi^3; columns 2 and 4 are multiplied by h later.

@@ -11,11 +11,11 @@ with L the inertia under a motion of the base and m the mass of the body.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.typing import Floats
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.distributed import Distributed
 
 Point = float | tuple[float, float]

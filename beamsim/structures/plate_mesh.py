@@ -8,11 +8,11 @@ are divided by the plate's length and width; the degrees of freedom at a node ar
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.mesh import Mesh, build_mesh, shape_functions
 from beamsim.typing import Floats, Ints
 

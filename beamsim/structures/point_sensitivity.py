@@ -18,11 +18,11 @@ A spring between two parts that nothing else joins has :math:`1/k = 1/k_1 + 1/k_
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.scenario.base import walk
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.structures.assembly import assemble, couplings_of, snubber_site

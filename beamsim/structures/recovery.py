@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.basis import LoadPattern
 from beamsim.structures.distributed import Distributed

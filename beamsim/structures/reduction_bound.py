@@ -13,12 +13,12 @@ What damping adds is in docs/theory.md, section 4.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.damping import stated_parts
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.sturm import frequency_beyond

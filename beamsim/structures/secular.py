@@ -17,12 +17,12 @@ accuracy is limited only by the conditioning.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 _EPS = float(np.finfo(float).eps)

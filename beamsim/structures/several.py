@@ -8,14 +8,13 @@ are joined (`beamsim.structures.joined`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.distributed import Distributed

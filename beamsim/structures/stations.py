@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.fields import attribute, axis, dataset, declared
 from beamsim.typing import Floats, Ints
 

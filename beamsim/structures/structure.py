@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs

@@ -16,13 +16,12 @@ acceleration: the force on s while they move and the degrees of freedom do not, 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.places import DEFLECTION, SLOPE, Link, LoadSite, Place, Site

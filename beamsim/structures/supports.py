@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
-from beamsim.dataclass import dataclass
 from beamsim.structures.places import Place, Site, ends_of
 from beamsim.typing import Floats
 

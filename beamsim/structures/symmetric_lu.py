@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.typing import Floats, Ints
 
 _FAR_BELOW = 0.01  # of the smallest eigenvalue: the error of factors whose signs count

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +20,6 @@ from beamsim.contacts.springs import (
     pressed_by,
     spring_contacts,
 )
-from beamsim.dataclass import dataclass
 from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz

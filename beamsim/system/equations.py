@@ -10,13 +10,12 @@ or what the coordinates stand for.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.dataclass import dataclass
 from beamsim.inputs.signal import Signal
 from beamsim.typing import Complexes, Floats, Ints
 

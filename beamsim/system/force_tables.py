@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +13,6 @@ from pydantic_core import PydanticCustomError
 
 from beamsim.contacts.force_curve import ForceCurve, fit_curve
 from beamsim.contacts.hysteresis import fit_branch, loop_width
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.headings import is_time
 from beamsim.measurements.read import read_file

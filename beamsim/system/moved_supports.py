@@ -10,11 +10,11 @@ shape :math:`\psi = -K_{qq}^{-1} K_{qb}`, so that there :math:`C_{qb} = -C_{qq} 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text, suggestion
 from beamsim.scenario.moved_support import MovedSupport

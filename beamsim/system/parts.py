@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.scenario.moved_support import ROTATION_TAKES, TRANSLATION_TAKES
 from beamsim.scenario.run import ModeStart, ReleasedForceStart

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,6 @@ import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.springs import SpringInfo
-from beamsim.dataclass import dataclass
 from beamsim.fields import Counter, attribute, dataset, declared, group, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.dataclass import dataclass
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real
 from beamsim.orbits.harmonic_balance import (
     _Forces,

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.outputs import exact_flow
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import never
 from beamsim.flow.transient import simulate

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import DIRECTIONS, MODAL
 from beamsim.scenario import Scenario

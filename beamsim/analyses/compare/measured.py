@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from beamsim.analyses.run.records import project
-from beamsim.dataclass import dataclass
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.typing import Complexes, Floats, Ints
 

@@ -6,7 +6,7 @@ Time histories of a swept sine are first tracked over its cycles (`beamsim.analy
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Literal
 
@@ -16,7 +16,6 @@ from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, Swe
 from beamsim.analyses.compare.tracking import Followed, beginning, check_beginning, filtered, track
 from beamsim.analyses.sweep.peaks import LEAST_PROMINENCE, prominent_maxima
 from beamsim.analyses.sweep.result import Envelope, SweepCurve, SweepResult
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE

@@ -9,11 +9,11 @@ fundamental. Over N cycles that is a tracking filter whose bandwidth is the N-th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from beamsim.analyses.sweep.result import SweepCurve
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.typing import Complexes, Floats, Ints

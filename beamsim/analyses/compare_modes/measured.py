@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from beamsim.dataclass import dataclass
+from dataclasses import dataclass
+
 from beamsim.scenario.place import AtPlace
 from beamsim.typing import Complexes, Floats
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from beamsim.analyses.designs.responses import (
@@ -20,7 +21,6 @@ from beamsim.analyses.designs.responses import (
     sweep_responses,
 )
 from beamsim.analyses.designs.result import CaseOutcome
-from beamsim.dataclass import dataclass
 from beamsim.errors import BeamsimError, Problem, ScenarioError
 from beamsim.flow.stopping import never
 from beamsim.outcomes import Outcome, OutcomeCode

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -20,7 +20,6 @@ from beamsim.analyses.designs.result import (
     Coordinate,
 )
 from beamsim.analyses.designs.sampling import latin_hypercube, listed_values, sobol
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import suggestion
 from beamsim.scenario.designs import (

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.designs.result import RealisedResponse, Tolerance
 from beamsim.analyses.designs.sampling import latin_hypercube
-from beamsim.dataclass import dataclass
 from beamsim.scenario.designs import Path, Value
 from beamsim.scenario.tolerances import ToleratedParameter, tolerances_of, tolerated_parameters
 from beamsim.typing import Floats, Ints

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 
 from beamsim.analyses.result import Result
 from beamsim.codecs import JSON, as_text, outcome_of_text
-from beamsim.dataclass import dataclass
 from beamsim.fields import Axes, Counter, Entry, attribute, axis, dataset, declared, key, keyed, numbered, stored
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.designs import Value

@@ -11,11 +11,11 @@ G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432).
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from beamsim.contacts.pads import MaxwellBranch
-from beamsim.dataclass import dataclass
 from beamsim.typing import Complexes, Floats
 
 MOST_BRANCHES = 8

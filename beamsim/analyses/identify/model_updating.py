@@ -12,6 +12,7 @@ the whole list. Supports are not numbers: every combination of the four kinds is
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import product
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,6 @@ import numpy as np
 
 from beamsim.analyses.identify.contact_point import free_frequencies
 from beamsim.analyses.identify.result import FrequencyTable, ModelUpdate, ParameterEstimate, ProfileLikelihood
-from beamsim.dataclass import dataclass
 from beamsim.errors import ScenarioError
 from beamsim.scenario.loading import replacing
 from beamsim.typing import Floats

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,6 @@ from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimat
 from beamsim.analyses.identify.steady import NoSteadyVibrationError, SteadyVibration, steady_vibration
 from beamsim.analyses.identify.table_segments import SoughtSegment, segment_warnings, sought_segments, unreached
 from beamsim.analyses.identify.uncertainty import widening
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit

@@ -8,10 +8,10 @@ because every f_j increases with k. Algorithm 1 of the thesis (Hazim 2010) is ke
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.structures.secular import SpringPoint

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.identify.model_updating import Sought
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.system.force_tables import curves_of
 from beamsim.typing import Bools, Floats

@@ -7,6 +7,7 @@ quantiles transform exactly. Several: the interval in which the profile likeliho
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,6 @@ import numpy as np
 
 from beamsim.analyses.identify.result import ProfileLikelihood, Sensitivity
 from beamsim.analyses.identify.stiffness import MeasuredModes, misfit
-from beamsim.dataclass import dataclass
 from beamsim.scenario.base import path_text
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.secular import SpringPoint

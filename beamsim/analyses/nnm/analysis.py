@@ -5,7 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,7 +41,6 @@ from beamsim.analyses.nnm.summary import nnm_summary
 from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced
 from beamsim.analyses.table_reach import forces_beyond_tables
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at

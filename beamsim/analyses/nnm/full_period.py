@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.interruption import Stop, Stopped, never, until
-from beamsim.dataclass import dataclass
 from beamsim.errors import NotTrustedError
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, follow_orbits

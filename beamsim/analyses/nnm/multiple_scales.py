@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.nnm.paths import flexible_mode, held_energy, spring_family
 from beamsim.analyses.nnm.result import SAFELY, ExactModes, ExpansionComparison, ExpansionPath
-from beamsim.dataclass import dataclass
 from beamsim.errors import locating
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at

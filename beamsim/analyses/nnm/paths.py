@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,6 @@ from beamsim.analyses.interruption import Stop, Stopped, heeding, never, until
 from beamsim.analyses.nnm.result import UNITS, BranchJump
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.branch import BranchPoint, OrbitBranch

@@ -7,7 +7,7 @@ shooting (:mod:`beamsim.orbits.phase_resonance` holds both).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,6 @@ from beamsim.analyses.nnm.result import (
 from beamsim.analyses.response.paths import level_unit, periodic_forcing
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.run.orbit_energy import energy_error
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow

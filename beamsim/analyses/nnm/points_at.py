@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, at_parameter, locate
 from beamsim.orbits.reversible import BrakeOrbits

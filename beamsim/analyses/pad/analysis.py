@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,7 +18,6 @@ from beamsim.analyses.pad.restitution import (
 )
 from beamsim.analyses.pad.rubber_block import LARGEST_STRAIN, block_modulus, block_stiffness
 from beamsim.contacts.force_curve import ForceCurve, fit_curve
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasurementError
 from beamsim.system.force_tables import read_forces

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.response.branches import first_orbit
 from beamsim.analyses.response.coexisting import periodic_states
-from beamsim.dataclass import dataclass
 from beamsim.errors import locating
 from beamsim.orbits.branch import BranchPoint, FailedSearch, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings

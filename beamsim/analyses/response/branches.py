@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterable
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Protocol
 
@@ -18,7 +18,6 @@ from scipy.optimize import brentq
 
 from beamsim.analyses.interruption import Stop, Stopped, heeding, never, until
 from beamsim.analyses.response.stopping_contacts import explained
-from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import (
     INTERRUPTED,
     BranchPoint,

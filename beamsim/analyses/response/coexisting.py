@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol
 
@@ -16,7 +17,6 @@ import numpy as np
 
 from beamsim.analyses.interruption import until
 from beamsim.analyses.response.branches import Budget, ShootingTracer, Tracer, coincides, follow, joined
-from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, at_parameter, follow_orbits, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess

@@ -8,13 +8,12 @@ with the snubber closed. From its mode v, :math:`\partial\Omega^2/\partial k = (
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.snubbers import dashpot_from_ratio
-from beamsim.dataclass import dataclass
 from beamsim.typing import Floats
 
 

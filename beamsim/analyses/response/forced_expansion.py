@@ -7,7 +7,7 @@ everything small is made smaller by a common factor, at the same detuning agains
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,6 @@ import numpy as np
 from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.response.paths import periodic_forcing
 from beamsim.analyses.response.result import ForcedExpansionComparison, FrequencyResponse
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.stopping import check_stop

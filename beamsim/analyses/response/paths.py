@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.response.contact_rates import MovedContact
 from beamsim.analyses.response.motion import DrivenSignals
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import ContactDirection, PeriodicForcing
 from beamsim.flow.periodic_flow import PeriodicFlow

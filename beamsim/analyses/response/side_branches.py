@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from beamsim.analyses.interruption import Stopped, heeding
@@ -12,7 +14,6 @@ from beamsim.analyses.response.branches import (
     joined,
     walk,
 )
-from beamsim.dataclass import dataclass
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Settings, follow_orbits
 from beamsim.orbits.shooting import ForcedOrbits

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,7 +41,6 @@ from beamsim.analyses.run.outputs import (
 )
 from beamsim.analyses.run.parting import LONGER, ContactEvents, PartingTimes, parting, sensitivity
 from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
-from beamsim.dataclass import dataclass
 from beamsim.errors import ScenarioError
 from beamsim.fields import changed, figure_in_words
 from beamsim.flow.stopping import check_stop

@@ -6,6 +6,7 @@ These are root mean squares and lines of the spectra, and the statistics of a ra
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,6 @@ from beamsim.analyses.run.records import Record, SampledRecord
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, ShockResponse, Spectrum
 from beamsim.analyses.run.spectra import QUANTITIES, records_of
 from beamsim.analyses.run.spectrum import WORTH_LISTING, found_again
-from beamsim.dataclass import dataclass
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats

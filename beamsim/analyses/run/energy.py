@@ -6,13 +6,13 @@ the motion. Relative frame; what the motion of a ground-mounted snubber does to 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from beamsim.analyses.run.outputs import OutputSet, stack, velocities
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import penetration_of_states

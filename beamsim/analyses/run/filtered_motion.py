@@ -12,13 +12,13 @@ not jump. Motions with powers of time are led through panels (`low_pass`), whose
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from beamsim.analyses.run.linear_filter import Extreme, cubic_factors, higher, lower, recurrence
 from beamsim.analyses.run.low_pass import LowPassFilter, butterworth, known_times
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory

@@ -7,6 +7,7 @@ the static force the slider moves by what the spring springs back; this counts a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,6 @@ import numpy as np
 from beamsim.analyses.run.intervals import BLOCKS, LEAST, SKIPPED, FigureInterval, Sums, jackknife
 from beamsim.contacts.friction import DIRECTION, STICK
 from beamsim.contacts.springs import FRICTION
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory

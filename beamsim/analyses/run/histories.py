@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import cached_property, partial
 from typing import Any, Protocol
 
@@ -18,7 +18,6 @@ from beamsim.analyses.run.figures import Extremes, sampled_extremes
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import OutputSet
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.dataclass import dataclass
 from beamsim.fields import by_rows, later
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.stopping import Stopped, check_stop, heeding

@@ -11,7 +11,7 @@ Of random inputs the figures have intervals (`beamsim.analyses.run.intervals`), 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,6 @@ from beamsim.analyses.run.energy import contact_losses
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow, SnubberImpacts
 from beamsim.analyses.run.intervals import BLOCKS, LEAST, SKIPPED, FigureInterval, Sums, jackknife
 from beamsim.analyses.run.outputs import bending_stress, stack
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints

@@ -10,10 +10,10 @@ Between the ends of panels the output is the cubic through values and slopes the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import check_stop
 from beamsim.typing import Complexes, Floats, Ints

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +33,6 @@ from beamsim.analyses.run.result import (
 from beamsim.analyses.run.spectra import SPECTRAL_GROUPS, spectra_of_motion, spectra_of_samples
 from beamsim.contacts.hardening import residual_crush
 from beamsim.contacts.springs import FRICTION
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import later
 from beamsim.flow.stretches import MotionInStretches

@@ -6,12 +6,12 @@ integrated in closed form; of cubic springs by Gauss-Legendre rules on panels th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors
-from beamsim.dataclass import dataclass
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.trajectory import Trajectory

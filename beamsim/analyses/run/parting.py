@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.stretches import MotionInStretches
 from beamsim.flow.trajectory import Trajectory

@@ -8,14 +8,13 @@ rate enters.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 
 from beamsim.analyses.run.windows import Window
-from beamsim.dataclass import dataclass
 from beamsim.flow.fourier import MotionPart
 from beamsim.typing import Complexes, Floats
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
@@ -11,7 +12,6 @@ import numpy as np
 from beamsim.analyses.run.records import SampledRecord
 from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.run.windows import Window
-from beamsim.dataclass import dataclass
 from beamsim.fields import later
 from beamsim.typing import Floats
 

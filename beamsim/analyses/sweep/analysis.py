@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +26,6 @@ from beamsim.analyses.sweep.result import (
     SweepWork,
 )
 from beamsim.analyses.table_reach import forces_beyond_tables
-from beamsim.dataclass import dataclass
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.stopping import never
 from beamsim.inputs.profile_file import read_profile

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Any
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from beamsim.analyses.run.energy import contact_motion, power_factors, stored_energy
 from beamsim.analyses.run.outputs import stack
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.swept import SweepWindows, move

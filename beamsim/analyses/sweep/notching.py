@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamsim.analyses.sweep.outputs import SweepOutputs
 from beamsim.analyses.sweep.result import Envelope, NotchedRange, Notching, NotchLimit, OutputEnvelope, SweepCurve
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.level_control import LevelControl

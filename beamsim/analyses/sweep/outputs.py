@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,6 @@ from beamsim.analyses.sweep.result import (
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import DIRECTION, STICK, sliding_limit, snap
 from beamsim.contacts.springs import FRICTION
-from beamsim.dataclass import dataclass
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.system.structural import StructuralSystem

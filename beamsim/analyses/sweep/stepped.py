@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -13,7 +14,6 @@ from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
 from beamsim.analyses.sweep.energy import balanced, energy_errors
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
-from beamsim.dataclass import dataclass
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Motion
 from beamsim.flow.stopping import never

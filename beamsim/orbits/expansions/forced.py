@@ -23,11 +23,11 @@ first-order change of the nonlinear mode's frequency: the response curve leans a
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.orbits.aft import one_sided
 from beamsim.orbits.expansions.free import HARMONICS, RESONANT, product_harmonics, rest_clearances

@@ -31,12 +31,11 @@ smaller factors than the rest. The *uniform* expansion keeps :math:`\omega` in t
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.errors import MethodError
 from beamsim.orbits.aft import cubic as cubic_harmonics
 from beamsim.orbits.aft import one_sided

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.dataclass import dataclass
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.typing import Floats
 
