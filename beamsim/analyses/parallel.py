@@ -7,25 +7,25 @@ thread for linear algebra.
 from __future__ import annotations
 
 import os
-import time as clock
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
+from threading import Event
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from beamsim.errors import NotTrustedError, ScenarioError
-from beamsim.interrupts import deferred
+from beamsim.interrupts import Stop, never, until
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor, Future
+    from concurrent.futures import Future
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 UNGUARDED = 97  # exit code of a worker that was about to start workers itself
-_ASKED_EVERY_S = 0.05  # whether the caller is interrupted
+_ASKED_EVERY_S = 0.05  # whether to stop
 _AHEAD = 3  # tasks queued per worker, so that none is idle
 
 
@@ -38,61 +38,45 @@ def default_workers() -> int:
 
 
 def on_threads(
-    function: Callable[[Item], Result], items: Sequence[Item], workers: int, stop: Callable[[], None]
+    function: Callable[[Item, Stop], Result], items: Sequence[Item], workers: int, stop: Stop = never
 ) -> Iterator[Result]:
-    """Yield ``function(item)`` for every item, computed by threads of this process; one is the calling thread itself.
+    """Yield what a function gives for every item, computed by threads of this process; one is the calling thread.
 
-    ``function`` spends its time in compiled code that lets go of the interpreter. Where the caller is interrupted,
-    ``stop`` tells the functions that are under way to end.
+    Parameters
+    ----------
+    function : of an item and of whether to end meanwhile. It spends its time in compiled code that lets go of the
+        interpreter.
+    items : to be computed.
+    workers : number of threads.
+    stop : asked whether to end; what is under way then may be yielded or not.
     """
     from concurrent.futures import ThreadPoolExecutor
 
     workers = max(1, min(workers, len(items)))
     if workers == 1:
-        yield from map(function, items)
+        yield from until((function(item, stop) for item in items), stop)
         return
-    with deferred() as take_effect:
-        pool = ThreadPoolExecutor(workers)
-        done = False
-        try:
-            yield from _completed(pool, function, items, _AHEAD * workers, take_effect)
-            done = True
-        finally:
-            if not done:
-                stop()
-            pool.shutdown(wait=True, cancel_futures=True)
+    ended = Event()
+    pool = ThreadPoolExecutor(workers)
+    tasks = (pool.submit(function, item, lambda: stop() or ended.is_set()) for item in items)
+    try:
+        yield from _completed(tasks, _AHEAD * workers, stop)
+    finally:
+        ended.set()
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _completed(
-    pool: Executor,
-    function: Callable[[Item], Result],
-    items: Iterable[Item],
-    most: int,
-    take_effect: Callable[[], None],
-) -> Iterator[Result]:
-    """Yield what the workers of a pool return, in the order of completion; at most `most` tasks are queued."""
-    remaining = iter(items)
-    queued: set[Future[Result]] = set()
-    while True:
-        take_effect()
-        queued.update(pool.submit(function, item) for item in islice(remaining, most - len(queued)))
-        if not queued:
-            return
-        ready, queued = _first_of(queued, take_effect)
-        yield from (future.result() for future in ready)
-
-
-def _first_of(
-    queued: set[Future[Result]], take_effect: Callable[[], None]
-) -> tuple[set[Future[Result]], set[Future[Result]]]:
-    """The tasks that are done, as soon as there is one, and the others."""
+def _completed(tasks: Iterator[Future[Result]], most: int, stop: Stop) -> Iterator[Result]:
+    """Yield the results of tasks that are submitted one by one, in the order of completion; at most `most` wait."""
     from concurrent.futures import FIRST_COMPLETED, wait
 
-    while True:
-        ready, others = wait(queued, timeout=_ASKED_EVERY_S, return_when=FIRST_COMPLETED)
-        if ready:
-            return ready, others
-        take_effect()
+    queued: set[Future[Result]] = set()
+    while not stop():
+        queued.update(islice(tasks, most - len(queued)))
+        if not queued:
+            return
+        ready, queued = wait(queued, timeout=_ASKED_EVERY_S, return_when=FIRST_COMPLETED)
+        yield from (future.result() for future in ready)
 
 
 def on_this_machine(
@@ -100,11 +84,18 @@ def on_this_machine(
     items: Sequence[Item],
     workers: int,
     prepare: Callable[[Item | None], None],
+    stop: Stop = never,
 ) -> Iterator[Result]:
-    """Yield ``function(item)`` for every item, computed by processes; a single worker is the calling process itself.
+    """Yield ``function(item)`` for every item, computed by processes.
 
-    First, one worker calls ``prepare`` with the first item (which fills the cache of the compiler for all) while the
-    others call it with None.
+    Parameters
+    ----------
+    function : of an item.
+    items : to be computed.
+    workers : number of processes.
+    prepare : called first, by one worker with the first item (which fills the cache of the compiler for all), by the
+        others with None.
+    stop : asked whether to end; what is under way then is given up.
 
     Raises
     ------
@@ -118,27 +109,23 @@ def on_this_machine(
     from multiprocessing import current_process, get_context
 
     workers = max(1, min(workers, len(items)))
-    if workers == 1:
-        yield from map(function, items)
-        return
     if getattr(current_process(), "_inheriting", False):  # a worker importing a script without a guard
         raise SystemExit(UNGUARDED)
-    with _one_thread_each(), deferred() as take_effect:
+    with _one_thread_each():
         pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
         done, processes = False, []
         try:
-            preparing = {pool.submit(prepare, items[0] if k == 0 else None) for k in range(workers)}
+            preparing = [pool.submit(prepare, items[0] if k == 0 else None) for k in range(workers)]
             processes = _processes(pool)
-            while preparing:
-                ready, preparing = _first_of(preparing, take_effect)
-                for future in ready:
-                    future.result()
-            yield from _completed(pool, function, items, _AHEAD * workers, take_effect)
-            done = True
+            for _ in _completed(iter(preparing), workers, stop):
+                pass
+            yield from _completed((pool.submit(function, item) for item in items), _AHEAD * workers, stop)
+            done = not stop()
         except BrokenProcessPool:
             processes = processes or _processes(pool)
             pool.shutdown(wait=True)  # the pool's own thread collects the exit codes: before, they may be unknown
-            take_effect()  # a signal to all processes of a group, of which the workers die
+            if stop():  # a signal to all processes of a group, of which the workers die
+                return
             if any(process.exitcode == UNGUARDED for process in processes):
                 raise ScenarioError(
                     "worker processes cannot start: they import the calling script, which starts workers again; put "
@@ -164,8 +151,14 @@ def on_cluster(
     items: Sequence[Item],
     address: str,
     prepare: Callable[[Item | None], None],
+    stop: Stop = never,
 ) -> Iterator[Result]:
     """Yield ``function(item)`` for every item, computed by the workers of a Dask scheduler.
+
+    Parameters
+    ----------
+    function, items, prepare, stop : as of `on_this_machine`.
+    address : of the scheduler.
 
     Raises
     ------
@@ -191,25 +184,10 @@ def on_cluster(
         threads = sum(client.nthreads().values())
         if threads == 0:
             raise ScenarioError(f"--scheduler {address}: has no workers; start some with `dask worker {address}`")
-        with deferred() as take_effect:
-
-            def wait_for(ready: Callable[[], bool]) -> None:
-                while not ready():
-                    take_effect()
-                    clock.sleep(_ASKED_EVERY_S)
-
-            prepared = client.submit(prepare, items[0], pure=False)
-            wait_for(prepared.done)
-            prepared.result()
-            remaining = iter(items)
-            first = [client.submit(function, item, pure=False) for item in islice(remaining, _AHEAD * threads)]
-            queue = distributed.as_completed(first, loop=client.loop)
-            while not queue.is_empty():
-                take_effect()
-                wait_for(queue.has_ready)
-                yield next(queue).result()
-                for item in islice(remaining, 1):
-                    queue.add(client.submit(function, item, pure=False))
+        pool = client.get_executor(pure=False)
+        for _ in _completed(iter([pool.submit(prepare, items[0])]), 1, stop):
+            pass
+        yield from _completed((pool.submit(function, item) for item in items), _AHEAD * threads, stop)
     except (OSError, TimeoutError) as error:
         raise NotTrustedError(
             f"lost the connection to the cluster at {address} ({error}); continue with --resume"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from beamsim.cli.failures import interruption_behind, say
+from beamsim.cli.failures import say
 from beamsim.errors import ExitCode, LimitExceededError, Problem, ScenarioError, StoppedEarlyError
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeKind
@@ -78,19 +78,18 @@ class Computation:
 
 @contextmanager
 def concluded(kind: str, target: Path, reporting: Reporting) -> Iterator[Computation]:
-    """A block that computes a result under signals; at its end the result is written, plotted and printed.
+    """A block that computes a result; at its end the result is written, plotted and printed, all under signals.
 
     The block assigns ``result``. Parameters and errors are those of `keep` and `conclude`.
     """
-    import beamsim.store.results  # noqa: F401 - here, since after a signal its import would take a tenth of a second
     from beamsim.cli.interruption import interruptible
 
     with interruptible() as interrupted:
         computation = Computation(interrupted)
         yield computation
         assert computation.result is not None
-        result = keep(kind, computation.result, target, reporting, interrupted)
-    conclude(kind, result, target, reporting, interrupted.signal)
+        result = keep(kind, computation.result, target, reporting)
+        conclude(kind, result, target, reporting, interrupted)
 
 
 @contextmanager
@@ -102,18 +101,14 @@ def located(scenario: Scenario) -> Iterator[None]:
         raise scenario.located(error) from None
 
 
-def keep(kind: str, result: _Result, target: Path, reporting: Reporting, interrupted: Interruption) -> _Result:
-    """Write the result file; returns the result to conclude with.
-
-    A first signal that comes meanwhile waits until the file is complete. Long histories are read from the file
-    afterwards.
+def keep(kind: str, result: _Result, target: Path, reporting: Reporting) -> _Result:
+    """Write the result file; returns the result to conclude with, of long histories as it is in the file.
 
     Raises
     ------
     ResultFileError
         If a file cannot be written.
     """
-    interrupted.begin_writing(target.name)
     from beamsim.cli.progress import progress_of
     from beamsim.fields import RowBlocks
     from beamsim.store.results import open_result, write_result
@@ -123,15 +118,14 @@ def keep(kind: str, result: _Result, target: Path, reporting: Reporting, interru
     return open_result(target, kind) if isinstance(vars(result).get("time"), RowBlocks) else result
 
 
-def conclude(kind: str, result: Result, target: Path, reporting: Reporting, signal: int = 0) -> None:
+def conclude(kind: str, result: Result, target: Path, reporting: Reporting, interrupted: Interruption) -> None:
     """Plot and print a result that has been written, and raise the error for the exit code of its outcome.
 
     Parameters
     ----------
     kind : of the result, one of `beamsim.kinds.KINDS`.
     target : the result file; the plots are written to the same folder.
-    signal : number of the signal that stopped the computation or came while the file was written (no plots are made
-        then), or 0.
+    interrupted : whether a signal stopped the computation, or came while the file was written (no plots are made then).
 
     Raises
     ------
@@ -143,15 +137,15 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, sign
     from beamsim.plots.style import shown_in
 
     with shown_in(result.scenario.display_scales):
-        _conclude(kind, result, target, reporting, signal)
+        _conclude(kind, result, target, reporting, interrupted)
 
 
-def _conclude(kind: str, result: Result, target: Path, reporting: Reporting, signal: int) -> None:
+def _conclude(kind: str, result: Result, target: Path, reporting: Reporting, interrupted: Interruption) -> None:
     files = [target]
-    if reporting.plots and not signal:
-        signal = _plot(kind, result, target, reporting, files)
-    elif not result.outcome.interrupted:
-        signal = signal if reporting.plots else 0  # nothing was left out
+    if reporting.plots and not interrupted():
+        files += _plots(kind, result, target, reporting, interrupted)
+    left_out = reporting.plots or result.outcome.interrupted
+    signal = interrupted.signal if left_out else 0
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
     if reporting.json or not reporting.quiet:
@@ -173,21 +167,16 @@ def _conclude(kind: str, result: Result, target: Path, reporting: Reporting, sig
             raise LimitExceededError("; ".join(exceeded))
 
 
-def _plot(kind: str, result: Result, target: Path, reporting: Reporting, files: list[Path]) -> int:
-    """Save the plots and add them to the files; returns the number of the signal that ended this, or 0."""
-    from beamsim.cli.interruption import interruptible
+def _plots(kind: str, result: Result, target: Path, reporting: Reporting, interrupted: Interruption) -> Iterator[Path]:
+    """Save the plots, until a signal comes."""
     from beamsim.cli.progress import progress_of
     from beamsim.plots.save import save_figures
 
-    try:
-        with interruptible() as interrupted, progress_of(f"plotting {target.name}", shown=reporting.progress):
-            for name, figure in named(KINDS[kind].figures)(result).items():
-                files += save_figures({name: figure}, target.parent, target.stem)
-    except BaseException as error:
-        ended = isinstance(error, KeyboardInterrupt | SystemExit) or interruption_behind(error) is not None
-        if not (interrupted.signal and ended):
-            raise
-    return interrupted.signal
+    with progress_of(f"plotting {target.name}", shown=reporting.progress):
+        for name, figure in named(KINDS[kind].figures)(result).items():
+            yield from save_figures({name: figure}, target.parent, target.stem)
+            if interrupted():
+                return
 
 
 def exit_code(outcome: Outcome, signal: int = 0) -> int:

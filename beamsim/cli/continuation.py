@@ -43,5 +43,5 @@ def continue_response(
             from beamsim.analyses.response.forced_expansion import with_forced_expansion
 
             with located(scenario):
-                result = with_forced_expansion(result, computation.stop)
+                result = with_forced_expansion(result)
         computation.result = result

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time as clock
 from dataclasses import dataclass, replace
 from pathlib import Path
+from signal import SIGINT
 from typing import TYPE_CHECKING, Any
 
 from beamsim.cli.conclusion import Reporting, conclude, keep
 from beamsim.cli.failures import say
+from beamsim.cli.interruption import interruptible
 from beamsim.cli.progress import progress_of
-from beamsim.errors import ExitCode, StoppedEarlyError
+from beamsim.errors import StoppedEarlyError
 
 if TYPE_CHECKING:
     from beamsim.analyses.designs.plan import DesignPlan
@@ -51,7 +53,8 @@ def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions, repor
         return
     if not reporting.quiet:
         say(f"beamsim: {target} is complete; there is nothing to compute")
-    conclude("designs", stored, target, replace(reporting, plots=False))
+    with interruptible() as interrupted:
+        conclude("designs", stored, target, replace(reporting, plots=False), interrupted)
 
 
 def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
@@ -72,12 +75,12 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
     from beamsim.analyses.designs.analysis import design_study
     from beamsim.analyses.designs.gathering import gather
     from beamsim.analyses.designs.table import CaseTable
-    from beamsim.cli.interruption import interruptible, raised_again
     from beamsim.store.journal import Journal, journal_path
     from beamsim.store.results import write_designs
 
     cases = len(plan.tasks)
-    with Journal(journal_path(target), plan.fingerprint, resume=options.resume) as journal:
+    journal_file = journal_path(target)
+    with Journal(journal_file, plan.fingerprint, resume=options.resume) as journal, interruptible() as interrupted:
         if journal.dropped:
             say(f"beamsim: warning: starting again; --resume would have kept {journal.dropped} of {cases} cases")
         elif journal.known and not reporting.quiet:
@@ -89,17 +92,18 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
             nonlocal saved
             journal.add(outcome)
             table.add(outcome)
-            stop_if_asked()
             if clock.monotonic() - saved > SAVED_EVERY_S:
                 write_designs(gather(plan, table, clock.monotonic() - begin), target)
                 saved = clock.monotonic()
 
         try:
-            with progress_of(f"{cases} cases", shown=reporting.progress) as progress, raised_again() as stop_if_asked:
+            with progress_of(f"{cases} cases", shown=reporting.progress) as progress:
                 result = design_study(
                     plan, workers=options.workers, scheduler=options.scheduler, known=journal.known, each=store,
-                    progress=progress,
+                    progress=progress, stop=interrupted,
                 )  # fmt: skip
+            if table.count < cases:
+                raise KeyboardInterrupt
         except BaseException as error:
             if not table.count:
                 journal.remove()
@@ -107,12 +111,9 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
             write_designs(gather(plan, table, clock.monotonic() - begin), target)
             kept = f"{table.count} of {cases} cases are in {target}; --resume computes the others"
             if isinstance(error, KeyboardInterrupt):
-                raise StoppedEarlyError(f"interrupted; {kept}", ExitCode.INTERRUPTED) from None
-            if isinstance(error, SystemExit) and error.code == ExitCode.TERMINATED:
-                raise StoppedEarlyError(f"interrupted; {kept}", ExitCode.TERMINATED) from None
+                raise StoppedEarlyError(f"interrupted; {kept}", 128 + (interrupted.signal or SIGINT)) from None
             say(f"beamsim: {kept}")
             raise
-        with interruptible() as interrupted:
-            result = keep("designs", result, target, reporting, interrupted)
-            journal.remove()
-    conclude("designs", result, target, reporting, interrupted.signal)
+        result = keep("designs", result, target, reporting)
+        journal.remove()
+        conclude("designs", result, target, reporting, interrupted)

@@ -47,7 +47,7 @@ def identify_stiffness(
     with concluded("identify-stiffness", target, reporting) as computation, bar as progress:
         from beamsim.analyses.identify.analysis import identify_stiffness as identify
 
-        computation.result = identify(scenario, read_tests(scenario, case.parent), progress)
+        computation.result = identify(scenario, read_tests(scenario, case.parent), progress, computation.stop)
 
 
 @guarded

@@ -122,7 +122,10 @@ def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resum
         from beamsim.store.results import write_sweep
         from beamsim.store.sweep import earlier_sweep
 
-        computation.result = compute(
+        result = compute(
             scenario, progress, stop=computation.stop, save=lambda part: write_sweep(part, target),
             resume=earlier_sweep(target, scenario) if resume else None,
         )  # fmt: skip
+        if not result.curves:  # it was interrupted before its first cycle
+            raise KeyboardInterrupt
+        computation.result = result

@@ -24,7 +24,6 @@ import numpy as np
 
 from beamsim.flow.contact_state import GROWTH
 from beamsim.flow.extrema_kernels import TOLERANCE, Known, Sums, search
-from beamsim.flow.stopping import check_stop
 from beamsim.typing import Complexes, Floats, Ints
 
 PARTS_AT_ONCE = 256  # which bounds the memory
@@ -76,7 +75,6 @@ class Waves:
     def batches(self) -> Iterator[tuple[Ints, Sums]]:
         """The parts, some after the other: their numbers (m,), and the outputs on them."""
         for first in range(0, self.time.size, PARTS_AT_ONCE):
-            check_stop()
             rows = np.arange(first, min(first + PARTS_AT_ONCE, self.time.size))
             yield rows, self.sums(rows)
 
@@ -124,13 +122,7 @@ class Search:
         return cls(Known(found, when, top, share, every, first, squares is not None))
 
     def add(self, waves: Sequence[Waves]) -> None:
-        """Look at parts of a motion together.
-
-        Raises
-        ------
-        Stopped
-            Where a stop is requested.
-        """
+        """Look at parts of a motion together."""
         if not self.known.every.size:
             return
         for wave in waves:
@@ -154,11 +146,6 @@ def turning_points(waves: Sequence[Waves]) -> tuple[Ints, Ints, Floats, Floats]:
     wave, row : (m,) numbers of the waves and of their parts, in no order.
     time : (m,) s.
     value : (m,)
-
-    Raises
-    ------
-    Stopped
-        Where a stop is requested.
     """
     largest = Search.of(1)
     largest.add(waves)

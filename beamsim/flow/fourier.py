@@ -9,7 +9,6 @@ import numpy as np
 
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.state_tables import visited_states
-from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Complexes, Floats
 
@@ -79,7 +78,6 @@ class MotionPart:
         m, count = self.motion, self.table.shape[2]
         squares = np.zeros(count)
         for number in visited_states(m.state):  # sums of products of terms serve all outputs
-            check_stop()
             state, segments = m.flow.states[number], np.flatnonzero(m.state == number)
             terms = m.outputs(state, segments, np.ones((state.term_basis.size, 1), dtype=complex))
             c = state.coefficients(self.output_of(state.phases), m.flow.sources)
@@ -130,7 +128,6 @@ def fourier_integrals(motion: Trajectory, table: Complexes, omega: Floats) -> Co
         functions = motion.outputs(state, segments, alone if state.exponential else coefficients)
         both = functions.with_conjugates()
         for first in range(0, omega.size, columns):
-            check_stop()
             part = slice(first, first + columns)
             turned = np.exp(np.multiply.outer(elapsed, -1j * omega[part]))
             sums = both.fourier_sums(motion.equal_lengths[segments], omega[part], turned)

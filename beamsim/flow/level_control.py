@@ -20,12 +20,12 @@ import numpy as np
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Log, March, Motion
-from beamsim.flow.stopping import never
 from beamsim.flow.swept_motion import SweptLoads, carriers, under_windows
 from beamsim.flow.transient import motion_of, start
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.swept import windows_of_cycles
+from beamsim.interrupts import never
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Floats, Ints
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from beamsim.flow.stopping import check_stop, never
+from beamsim.interrupts import never
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from beamsim.flow.exact import ExactFlow
 
 SEGMENTS_A_CALL = 2048  # between two reports of progress
-EVALUATIONS_A_CALL = 50_000  # of the compiled march, between which signals are handled: less than half a second
+EVALUATIONS_A_CALL = 50_000  # of the compiled march, between which it may be stopped: less than half a second
 
 
 class Log(NamedTuple):
@@ -156,7 +156,6 @@ class March:
         while self.outcome.complete and code != DONE:
             log = Log.sized(SEGMENTS_A_CALL, motion.y.size, max(self.max_events + 1 - self.events, 0))
             most = min(self.max_evaluations - self.evaluations, EVALUATIONS_A_CALL)
-            check_stop()
             code, n_seg, n_ev, n_eval = motion.advance(flow, end, log, most)
             self.segments, self.events = self.segments + n_seg, self.events + n_ev
             self.evaluations += n_eval

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.flow.stopping import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 NEAR = 1e-3  # a rate over the exponents that cancel in it, below which integrals come from moments
@@ -223,8 +222,7 @@ def _distant(rate: Complexes, size: Floats, times: Floats) -> Bools:
 
 
 def blocks(count: int, width: int) -> Iterator[slice]:
-    """Ranges of rows of a table of a width, with a check whether to stop before each."""
+    """Ranges of rows of a table of a width, which bound the memory."""
     rows = max(1, AT_ONCE // max(width, 1))
     for first in range(0, count, rows):
-        check_stop()
         yield slice(first, first + rows)

@@ -17,7 +17,7 @@ from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.held import held_contacts
-from beamsim.flow.stopping import never
+from beamsim.interrupts import never
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Bools, Floats, Ints
 

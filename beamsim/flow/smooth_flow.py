@@ -26,10 +26,9 @@ from beamsim.flow.passage import (
     check_finite,
 )
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.flow.stopping import check_stop
 from beamsim.typing import Bools, Floats
 
-STEPS_A_CALL = 128  # of the compiled integration, between which signals are handled
+STEPS_A_CALL = 128  # of the compiled integration, for which its log has room
 MOST_STEPS = 131072  # of a passage
 RADIANS = 3.0  # of the fastest mode, the longest step
 _FACTORIAL = np.cumprod(np.maximum(np.arange(HIGHEST_DERIVATIVE + 1.0), 1.0))
@@ -139,7 +138,6 @@ class SmoothFlow(PeriodicFlow):
             np.empty(room, dtype=np.int64), np.empty(room, dtype=np.bool_),
         )  # fmt: skip
         while True:
-            check_stop()
             code, t, begins, count, events = carry_smooth(arrays, t, end, begins, motion, log)
             rows = [count] * 4 + [events] * 3
             parts.append(tuple(column[:used].copy() for column, used in zip(log, rows, strict=True)))

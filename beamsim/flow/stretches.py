@@ -14,9 +14,8 @@ import numpy as np
 
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.march import Log, March
-from beamsim.flow.stopping import never
 from beamsim.flow.transient import motion_of, start
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.interrupts import never
 from beamsim.typing import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -115,15 +114,6 @@ class MotionInStretches(March):
         self._motion.piece = 0
         return self.flow.on_pieces(first, last + 1)
 
-    def cut(self, end: float) -> None:
-        """Forget what is after a checkpoint's time, where the evaluation was interrupted."""
-        kept = [point for point in self._checkpoints if point.time <= end]
-        self._checkpoints, self._motion = kept, kept[-1].copy()
-        self._events = [_before(part, end) for part in self._events]
-        self._shares = [part for part in self._shares if part[0] <= end]
-        self._latest = None
-        self.outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=self.end, unit="s")
-
     def within(self, begin: float, end: float) -> Trajectory:
         """The segments of a part of the motion; see `beamsim.flow.trajectory.Trajectory.within`.
 
@@ -211,11 +201,4 @@ def _events_of(stretch: Trajectory) -> Log:
     return Log.sized(0, stretch.y.shape[1], 0)._replace(
         event_time=stretch.event_time.copy(), event_contact=stretch.event_contact.copy(),
         event_phase=stretch.event_phase.copy(),
-    )  # fmt: skip
-
-
-def _before(log: Log, end: float) -> Log:
-    kept = log.event_time < end
-    return log._replace(
-        event_time=log.event_time[kept], event_contact=log.event_contact[kept], event_phase=log.event_phase[kept]
     )  # fmt: skip

@@ -14,7 +14,6 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema, Search, Waves, turning_points
 from beamsim.flow.moments import SegmentOutputs, blocks, equal_times, weighted_moments
 from beamsim.flow.state_tables import visited_states
-from beamsim.flow.stopping import check_stop
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -122,7 +121,6 @@ class Trajectory:
             factors = np.stack([table.real, -table.imag], axis=1).reshape(2 * table.shape[0], outputs)
             rows = max(1, VALUES_AT_ONCE // max(factors.shape))
             for first in range(0, entries.size, rows):
-                check_stop()
                 part = entries[first : first + rows]
                 visits, at = np.unique(segment[part], return_inverse=True)
                 given = self.flow.sources.amplitudes_at(self.time[visits], self.piece[visits])
@@ -256,11 +254,6 @@ class Trajectory:
         Returns
         -------
         Values in the units of the outputs (K,) or (W, K), and times, s.
-
-        Raises
-        ------
-        Stopped
-            Where a stop is requested.
         """
         outputs = output_of(self.flow.system.contacts.start).row.shape[0]
         largest = max(float(np.abs(self.y).max(initial=0.0)), float(np.abs(self.final_y).max(initial=0.0)))
@@ -282,11 +275,6 @@ class Trajectory:
         ----------
         output_of : the output, by the phases of the contacts.
         segments : increasing numbers of those that are looked at.
-
-        Raises
-        ------
-        Stopped
-            Where a stop is requested.
         """
         found = [(segments[:0], segments[:0], np.zeros(0), np.zeros(0))]  # segment, order in it, time, value
         first = 0
@@ -403,7 +391,6 @@ class Trajectory:
         tau = equal_times(tau, self._resolution)
         of_entry, out = self.state[segment], np.empty((tau.size, weight.shape[1]))
         for number in visited_states(of_entry):
-            check_stop()
             state, entries = self.flow.states[number], np.flatnonzero(of_entry == number)
             left, right = left_of(state.phases), right_of(state.phases)
             acting = np.flatnonzero(left.acts & right.acts)  # open contacts have no force
@@ -496,7 +483,6 @@ class Trajectory:
         outputs = output_of(self.flow.system.contacts.start).row.shape[0]
         out = np.zeros((*exponent.shape, outputs), dtype=complex)
         for number in visited_states(self.state):
-            check_stop()
             state, some = self.flow.states[number], np.flatnonzero(self.state == number)
             output = output_of(state.phases)
             acting = np.flatnonzero(output.acts)  # open contacts have no force

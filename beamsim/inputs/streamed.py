@@ -80,10 +80,6 @@ class CubicRecord:
             self._few = t.copy(), out
         return np.asarray(out[integral])
 
-    def keep(self, times: Floats, values: Floats) -> None:
-        """Keep values (3, nt) of the record and its integrals at times (nt,), until many others are asked for."""
-        self._few = times, values
-
     def _make(self, number: int) -> tuple[Signal, Signal, Signal]:
         first = number * PIECES_OF_A_BLOCK
         last = min(first + PIECES_OF_A_BLOCK, self.pieces)

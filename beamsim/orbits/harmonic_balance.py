@@ -30,7 +30,6 @@ from beamsim.errors import MethodError
 from beamsim.flow.passage import Passage, PeriodicForcing
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
-from beamsim.flow.stopping import check_stop
 from beamsim.flow.variational import VariationalFlow, floquet_multipliers
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
 from beamsim.orbits.branch import BranchPoint, Orbit
@@ -225,7 +224,6 @@ class ForcedBalance:
 
     def residual(self, u: Floats) -> tuple[Floats, Floats, HarmonicMotion]:
         """The balance, its exact Jacobian, and the motion."""
-        check_stop()
         omega, level = self.at(float(u[-1]))
         if not (np.isfinite(omega) and omega > 0):
             raise ArithmeticError("the frequency became negative")

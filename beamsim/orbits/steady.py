@@ -20,10 +20,6 @@ from beamsim.typing import Floats
 DISTINCT = 100.0  # a longer period counts only where the changes over shorter ones are so many tolerances
 
 
-class MotionStopped(Exception):
-    """A motion was stopped from outside."""
-
-
 @dataclass
 class CycleStepper(March):
     """Carries a state cycle by cycle through a flow whose loads may change between calls.
@@ -63,7 +59,6 @@ class CycleStepper(March):
         Raises
         ------
         ArithmeticError : when the work exceeds ``max_evaluations``.
-        MotionStopped : when ``stop`` says so.
         """
         return np.array([motion.y.copy() for _ in self._logs(motion, cycles)])
 
@@ -76,8 +71,6 @@ class CycleStepper(March):
         motion.time, motion.piece = 0.0, 0
         for k in range(cycles):
             log = self.on(self.flow, motion, (k + 1) * self.period)
-            if self.outcome.interrupted:
-                raise MotionStopped
             if not self.outcome.complete:
                 raise ArithmeticError(f"{self.evaluations} evaluations of the contact gaps were not enough")
             self.cycles += 1

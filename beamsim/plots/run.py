@@ -377,7 +377,8 @@ def run_figures(result: RunResult) -> dict[str, Figure]:
         draw("spring_force", plot_spring_force)
     if result.outputs:
         draw("outputs", *(_of(plot_output, name) for name in list(result.outputs)[:MOST_CURVES]))
-    draw("spectrum", *(_of(plot_spectrum, quantity) for quantity in ("absolute_acceleration", "displacement")))
+    if result.spectra:
+        draw("spectrum", *(_of(plot_spectrum, quantity) for quantity in ("absolute_acceleration", "displacement")))
     places = list(result.snubbers)[:MOST_CURVES] or list(result.probes)[:1]
     draw("phase_portrait", *(_of(plot_phase_portrait, name) for name in places), columns=min(len(places), 3),
          height=5.0 if len(places) <= 3 else 6.4)  # fmt: skip

@@ -1,4 +1,4 @@
-"""Commands that a signal reaches end long before their work is done, with what was found kept."""
+"""Commands that a signal reaches end before their work is done, with what was found kept."""
 
 import os
 import signal

@@ -6,11 +6,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from sampling import slow_after
 from typer.testing import CliRunner
 
 import beamsim
-from beamsim.analyses.response.forced_expansion import compare_forced_expansion, with_forced_expansion
+from beamsim.analyses.response.forced_expansion import compare_forced_expansion
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
@@ -116,25 +115,3 @@ def test_only_beside_a_continuation(tmp_path):
     done = CliRunner().invoke(app, ["sweep", str(CONFIGS / "sweep_up_down.yaml"), "--compare", "multiple_scales"])
     assert done.exit_code == 2
     assert "kind: continuation" in done.output
-
-
-@pytest.mark.parametrize("share", slow_after(1, [0.05, 0.5, 0.95]))
-def test_an_expansion_that_is_stopped_leaves_the_response(share):
-    """During the curve, its pictures and the exact motions."""
-    response = beamsim.frequency_response(load_scenario(OSCILLATOR))
-    asked, last = 0, None
-
-    def stop():
-        nonlocal asked
-        asked += 1
-        return asked == last
-
-    assert with_forced_expansion(response, stop).expansion
-    assert asked > 100
-    asked, last = 0, int(share * asked)
-    part = with_forced_expansion(response, stop)
-    assert asked == last
-    assert part.outcome.interrupted
-    assert part.status == part.summary["status"] == "interrupted during the expansion"
-    assert part.branches is response.branches
-    assert not part.expansion

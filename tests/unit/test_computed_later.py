@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import analysis, energy, histories
+from beamsim.analyses.run import energy, histories
 from beamsim.analyses.run.figures import searched_extremes
 from beamsim.analyses.run.outputs import bending_stress, exact_flow, in_every_state, output_groups
 from beamsim.cli.report import table_rows
@@ -144,14 +144,3 @@ def test_figures_are_those_of_the_histories():
     imbalance = energies.work_in - energies.dissipated - (energies.stored - energies.stored[0])
     assert np.abs(imbalance).max() < 1e-9 * energies.stored.max()
     assert summary["energy_error"] < 1e-9
-
-
-def test_an_energy_history_that_is_interrupted_is_unknown(monkeypatch):
-    monkeypatch.setattr(histories, "GRACE_S", 0.0)
-    stopped = []
-    result = analysis.run(
-        load_scenario(CONFIGS / "one_sided_65hz.yaml", ["run.duration=0.4 s"]), stop=lambda: bool(stopped)
-    )
-    assert result.outcome.complete
-    stopped.append(True)
-    assert np.all(np.isnan(result.energy.stored))

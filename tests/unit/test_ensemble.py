@@ -123,11 +123,11 @@ def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path,
     file = tmp_path / "gaps.h5"
     real, solved = cases.CaseSolver.solve, []
 
-    def until_the_third(self, task):
+    def until_the_third(self, task, stop):
         if len(solved) == 2:
             raise KeyboardInterrupt
         solved.append(task.index)
-        return real(self, task)
+        return real(self, task, stop)
 
     with monkeypatch.context() as patch:
         patch.setattr(cases.CaseSolver, "solve", until_the_third)
@@ -184,8 +184,7 @@ def test_a_measured_input_is_found_beside_its_scenario(tmp_path, monkeypatch):
 def test_a_case_that_is_interrupted_ends_at_once(scenario):
     study = plan_draws(scenario, {"excitation.level": [1.0]}).tasks
     asked = []
-    solver = cases.CaseSolver(study.study, stop=lambda: asked.append(1) or True)
-    outcome = solver.solve(study[0])
+    outcome = cases.CaseSolver(study.study).solve(study[0], lambda: asked.append(1) or True)
     assert not outcome.outcome.complete
     assert outcome.values == {}
     assert len(asked) <= 2

@@ -7,12 +7,9 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run import exact_motion, parting
-from beamsim.analyses.run import motion as run_motion
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.errors import ScenarioError
 from beamsim.flow import exact, stretches
-from beamsim.flow.stopping import Stopped
-from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs import streamed
 from beamsim.inputs.random_input import random_signals
 from beamsim.outcomes import OutcomeCode
@@ -154,6 +151,17 @@ def test_an_interrupted_motion_keeps_what_it_reached(in_stretches, pieces_made):
     assert 0 < result.summary["events"] < whole.summary["events"]
 
 
+def test_an_interruption_in_the_first_stretch_keeps_it():
+    result = beamsim.run(scenario(low_pass=1000.0, impacts={}), stop=lambda: True)
+    assert result.outcome.code is OutcomeCode.INTERRUPTED
+    assert result.time.size >= 1
+    assert result.summary["energy_error"] < 1e-9
+    assert np.isfinite(result.probes["tip"].low_passed_acceleration).all()
+    assert result.impacts is not None
+    assert result.random is None
+    assert any("kept" in text and "spectra" not in text for text in result.warnings)
+
+
 def test_what_needs_the_whole_motion_is_refused():
     with pytest.raises(ScenarioError, match=r"run.srs.*run.memory"):
         beamsim.run(scenario(srs={"from": 20.0, "to": 500.0}))
@@ -192,83 +200,6 @@ def test_a_filter_impacts_and_fatigue_of_stretches_are_those_of_a_kept_motion(fi
         np.testing.assert_allclose(of_parts.range[order[0]], values, rtol=0, atol=1e-7 * values.max())
     damage = {name: body.damage for name, body in whole.fatigue.items()}
     assert {name: body.damage for name, body in parts.fatigue.items()} == pytest.approx(damage, rel=1e-6)
-
-
-def test_an_interruption_evaluates_nothing_again(monkeypatch, pieces_made):
-    """Inputs of the few samples were made again from the whole record, and the last part marched for spectra."""
-    reached = []
-    asked = scenario(low_pass=1000.0, impacts={})
-    after = []
-
-    def stop():
-        if len(reached) > 8 and not after:
-            pieces_made.clear()
-            after.append(True)
-        return bool(after)
-
-    blocks, make = [], streamed.CubicRecord._make
-
-    def counted(record, number):
-        blocks.append(number)
-        return make(record, number)
-
-    monkeypatch.setattr(streamed.CubicRecord, "_make", counted)
-    result = beamsim.run(asked, progress=reached.append, stop=stop)
-    assert result.outcome.code is OutcomeCode.INTERRUPTED
-    before = len(blocks)
-    assert np.isfinite(result.base_acceleration).all()
-    assert np.isfinite(result.probes["tip"].absolute_displacement).all()
-    assert len(blocks) == before
-    assert sum(pieces_made) <= 3 * 512  # of the stretch that was begun, and of the two extreme states
-    assert result.impacts.begin.size > 0
-    assert np.isfinite(result.probes["tip"].low_passed_acceleration).all()
-    cut_short = [text for text in result.warnings if "spectra" in text and "spectra are made of samples" not in text]
-    assert cut_short == []
-
-
-@pytest.mark.parametrize("memory", [64e6, 1e9], ids=["in stretches", "kept"])
-def test_an_interruption_of_the_spectra_samples_few_times(monkeypatch, memory):
-    """All samples were computed for spectra of samples, 17 s at 200 kHz over 40 s; the input was made four times and
-    the largest stress searched, another second, where the motion is kept."""
-    reached = []
-
-    def interrupted(*arguments):
-        reached.append(True)
-        raise Stopped
-
-    sampled, sample, made, make = [], Trajectory.sample, [], streamed.CubicRecord._make
-
-    def counted(motion, times, output_of):
-        sampled.append(times.size)
-        return sample(motion, times, output_of)
-
-    def counted_block(record, number):
-        made.extend([number] * bool(reached))
-        return make(record, number)
-
-    monkeypatch.setattr(run_motion, "SAMPLES_OF_A_STOPPED_RUN", 100)
-    monkeypatch.setattr(run_motion, "spectra_of_motion", interrupted)
-    monkeypatch.setattr(Trajectory, "sample", counted)
-    monkeypatch.setattr(streamed.CubicRecord, "_make", counted_block)
-    monkeypatch.setattr(exact_motion, "searched_extremes", None)
-    result = beamsim.run(scenario(memory=memory, sample_rate=20000.0), stop=lambda: bool(reached))
-    assert result.outcome.code is OutcomeCode.INTERRUPTED
-    assert 50 < result.time.size <= 101
-    assert np.isfinite(result.probes["tip"].displacement).all()
-    assert np.isfinite(result.base_acceleration).all()
-    assert np.isfinite(result.probes["tip"].absolute_displacement).all()
-    assert sorted(made) == sorted(set(made))
-    assert max(sampled) < 600  # of 2801
-    assert any("output times one is kept" in warning for warning in result.warnings)
-    assert result.bodies["beam"].peak_bending_stress.max() > 0.0
-
-
-def test_an_interruption_in_the_first_stretch_keeps_samples(monkeypatch):
-    monkeypatch.setattr("beamsim.analyses.run.histories.GRACE_S", 0.0)
-    result = beamsim.run(scenario(low_pass=1000.0), stop=lambda: True)
-    assert result.outcome.code is OutcomeCode.INTERRUPTED
-    assert result.time.size >= 1
-    assert np.isnan(result.summary["energy_error"])
 
 
 def test_a_finer_model_is_compared_on_the_first_part():

@@ -10,7 +10,6 @@ import pytest
 import beamsim
 from beamsim.analyses.response.paths import response_model
 from beamsim.flow.passage import NotFinite
-from beamsim.flow.stopping import Stopped, heeding
 from beamsim.orbits.continuation import Settings, newton
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 
@@ -63,11 +62,3 @@ def test_loads_that_are_not_finite_are_refused(problem):
     with pytest.raises(NotFinite):
         problem.residual(guess)
     assert newton(problem, guess, row, scale, SETTINGS) is None
-
-
-def test_a_request_to_stop_ends_it(problem):
-    row = np.zeros(problem.flow.size + 1)
-    row[-1] = 1.0
-    guess = np.append(np.zeros(problem.flow.size), problem.flow.omega)
-    with heeding(lambda: True), pytest.raises(Stopped):
-        newton(problem, guess, row, problem.scale(guess)[0], SETTINGS)

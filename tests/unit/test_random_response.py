@@ -11,7 +11,6 @@ from beamsim.analyses.gapping import transfer
 from beamsim.analyses.run.linear_prediction import linear_structures
 from beamsim.analyses.run.random_response import LEVELS, cross_density, crossing_rates, rms_interval
 from beamsim.cli.report import table_rows
-from beamsim.flow.stopping import Stopped, heeding
 from beamsim.inputs.random_input import noise
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
@@ -177,18 +176,6 @@ def test_cross_density_is_that_of_scipy(count, length):
     x, y = np.random.default_rng(5).normal(size=(2, count))
     _, expected = csd(x, y, 50.0, nperseg=length, detrend="constant")
     np.testing.assert_allclose(cross_density(x, y, 50.0, length), expected, atol=1e-14 * np.abs(expected).max())
-
-
-def test_a_request_to_stop_ends_the_statistics_between_segments():
-    asked = []
-
-    def stop():
-        asked.append(1)
-        return len(asked) > 3
-
-    with heeding(stop), pytest.raises(Stopped):
-        cross_density(np.zeros(1000), np.zeros(1000), 50.0, 100)
-    assert len(asked) == 4
 
 
 def oscillator_deviations(stiffness: float, dashpot: float) -> tuple[float, float]:

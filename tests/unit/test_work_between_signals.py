@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import histories
-from beamsim.analyses.run import motion as run_motion
 from beamsim.analyses.run.energy import energy_history
 from beamsim.analyses.run.outputs import exact_flow, output_groups
 from beamsim.contacts.contacts import Contacts
@@ -17,7 +15,6 @@ from beamsim.flow import fourier, march_kernels
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import EVALUATIONS_A_CALL
 from beamsim.flow.moments import SegmentOutputs
-from beamsim.flow.stopping import Stopped, heeding
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
@@ -83,43 +80,6 @@ def test_a_search_that_takes_long_goes_on_in_pieces(calls):
     np.testing.assert_array_equal(part.states_at(at), whole.states_at(at))
 
 
-def test_a_search_for_extremes_asks_often_whether_to_stop():
-    """A motion of 10,000 periods of two modes with equal peaks, of which none rules out the others."""
-    contacts = Contacts(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool), ())
-    system = PiecewiseLinearSystem(np.array([40.0, 90.0]), np.zeros((2, 2)), contacts, np.zeros(2))
-    whole = simulate(ExactFlow(system, Forcing(np.zeros((0, 2)), ()), 1e4), np.array([1.0, 1.0, 0.0, 0.0]))
-    both = whole.flow.empty_output(1)
-    both.row[0, :2] = 1.0
-    asked = []
-    with heeding(lambda: bool(asked.append(0))):
-        whole.extrema(lambda _: both)
-    assert len(asked) > 10
-    with pytest.raises(Stopped), heeding(lambda: True):
-        whole.extrema(lambda _: both)
-
-
-def test_a_stopped_run_keeps_its_motion(monkeypatch):
-    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml")
-    whole = beamsim.run(scenario)
-    part = beamsim.run(scenario, stop=lambda: True)  # after the first piece of the march
-    assert part.outcome.code is OutcomeCode.INTERRUPTED
-    assert 0.0 < part.time[-1] < whole.time[-1]
-    assert part.summary["energy_error"] < 1e-9  # short enough to be evaluated in time
-    longer = whole.probes["tip"].displacement
-    np.testing.assert_allclose(part.probes["tip"].displacement, longer[: part.time.size], atol=1e-13 * longer.max())
-    monkeypatch.setattr(histories, "GRACE_S", 0.0)
-    bare = beamsim.run(scenario, stop=lambda: True)
-    assert np.isnan(bare.summary["energy_error"])
-    assert any("interrupted during the evaluation" in warning for warning in bare.warnings)
-    low = bare.probes["tip"].displacement.min()
-    assert bare.summary["min_displacement_m"]["tip"] == pytest.approx(low, rel=1e-12)  # sampled in another way
-    asked = count()
-    reference = beamsim.run(load_scenario(CONFIGS / "one_sided_65hz.yaml", ["run.method=reference"]),
-                            stop=lambda: next(asked) >= 300)  # fmt: skip
-    assert reference.outcome.code is OutcomeCode.INTERRUPTED
-    assert 0.0 < reference.time[-1] <= reference.outcome.numbers["parameter"] < 0.8
-
-
 def test_fourier_integrals_in_pieces_are_those_in_one(monkeypatch):
     system = build_system(load_scenario(CONFIGS / "one_sided_65hz.yaml"))
     motion = simulate(exact_flow(system, 0.8), system.initial_state)
@@ -135,28 +95,22 @@ def test_fourier_integrals_in_pieces_are_those_in_one(monkeypatch):
     np.testing.assert_allclose(pieces, whole, rtol=1e-12, atol=1e-13 * np.abs(whole).max())
 
 
-def test_a_run_that_is_stopped_during_its_spectra_has_those_of_its_samples(monkeypatch):
+def test_a_stopped_run_keeps_its_motion():
     scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml")
-    whole, asked, summed = beamsim.run(scenario), [], SegmentOutputs.fourier_sums
-    monkeypatch.setattr(SegmentOutputs, "fourier_sums", lambda *of: asked.append(1) or summed(*of))
-    part = beamsim.run(scenario, stop=lambda: bool(asked))
-    assert len(asked) == 1  # nothing is worked out after that
+    whole = beamsim.run(scenario)
+    part = beamsim.run(scenario, stop=lambda: True)  # after the first piece of the march
     assert part.outcome.code is OutcomeCode.INTERRUPTED
-    np.testing.assert_array_equal(part.time, whole.time)
-    assert part.summary["energy_error"] == whole.summary["energy_error"]
-    for key, spectrum in part.spectra.items():
-        assert spectrum.rms == pytest.approx(whole.spectra[key].rms, rel=0.05)
-
-
-def test_a_stopped_run_with_many_samples_keeps_some_of_its_whole_motion(monkeypatch):
-    monkeypatch.setattr(run_motion, "SAMPLES_OF_A_STOPPED_RUN", 50)
-    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml")
-    whole = beamsim.run(scenario, stop=lambda: False)
-    part = beamsim.run(scenario, stop=lambda: True)
-    step = round((part.time[1] - part.time[0]) * scenario.run.output_rate)
-    assert part.time.size <= 50
-    assert any(f"of {step} output times one is kept" in warning for warning in part.warnings)
-    assert part.outcome.numbers["parameter"] - part.time[-1] < 1.01 * (part.time[1] - part.time[0])
-    displacement = whole.probes["tip"].displacement[::step][: part.time.size]
-    of_largest = 1e-15 * np.abs(displacement).max()
-    np.testing.assert_allclose(part.probes["tip"].displacement, displacement, rtol=1e-12, atol=of_largest)
+    assert 0.0 < part.time[-1] < whole.time[-1]
+    assert part.summary["energy_error"] < 1e-9
+    longer = whole.probes["tip"].displacement
+    np.testing.assert_allclose(part.probes["tip"].displacement, longer[: part.time.size], atol=1e-13 * longer.max())
+    assert part.summary["min_displacement_m"]["tip"] <= part.probes["tip"].displacement.min()
+    stored = whole.energy.stored[: part.time.size]
+    np.testing.assert_allclose(part.energy.stored, stored, rtol=1e-9, atol=1e-12 * stored.max())
+    assert not part.spectra
+    assert "convergence" not in part.summary
+    asked = count()
+    reference = beamsim.run(load_scenario(CONFIGS / "one_sided_65hz.yaml", ["run.method=reference"]),
+                            stop=lambda: next(asked) >= 300)  # fmt: skip
+    assert reference.outcome.code is OutcomeCode.INTERRUPTED
+    assert 0.0 < reference.time[-1] <= reference.outcome.numbers["parameter"] < 0.8

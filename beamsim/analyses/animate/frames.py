@@ -16,8 +16,8 @@ import numpy as np
 from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.stopping import never
 from beamsim.flow.transient import simulate
+from beamsim.interrupts import never
 from beamsim.scenario.run import OrbitStart
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place, ends_of

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from threading import Event
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,7 @@ from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine, on_threads
 from beamsim.errors import Problem, ScenarioError
+from beamsim.interrupts import Stop, never
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
@@ -32,6 +32,7 @@ def design_study(
     known: Iterable[CaseOutcome] = (),
     each: Callable[[CaseOutcome], None] | None = None,
     progress: Callable[[float], None] | None = None,
+    stop: Stop = never,
 ) -> DesignsResult:
     """Solve every case of a scenario with ``vary``.
 
@@ -46,6 +47,8 @@ def design_study(
     known : outcomes of an earlier, unfinished study.
     each : called with every new outcome, in the order of completion.
     progress : called with the fraction of cases done.
+    stop : asked between cases, and within those of runs and swept sines, whether to end; the result then holds the
+        cases that were solved.
 
     Raises
     ------
@@ -67,7 +70,9 @@ def design_study(
     table = CaseTable(len(plan.tasks), known)
     if progress is not None:
         progress(table.count / len(plan.tasks))
-    for outcome in _solved(plan, table, workers, scheduler):
+    for outcome in _solved(plan, table, workers, scheduler, stop):
+        if outcome.outcome.interrupted:
+            continue
         table.add(outcome)
         if each is not None:
             each(outcome)
@@ -76,16 +81,16 @@ def design_study(
     return gather(plan, table, clock.perf_counter() - begin)
 
 
-def _solved(plan: DesignPlan, table: CaseTable, workers: int | None, scheduler: str | None) -> Iterator[CaseOutcome]:
+def _solved(
+    plan: DesignPlan, table: CaseTable, workers: int | None, scheduler: str | None, stop: Stop
+) -> Iterator[CaseOutcome]:
     """The cases that are not in the table yet, in the order of completion."""
     tasks = replace(plan.tasks, cases=np.flatnonzero(~table.known))
     if not tasks:
         return iter(())
     if scheduler is not None:
-        return on_cluster(solve_case, tasks, scheduler, warm_up)
-    count = workers or default_workers()
-    if plan.study.analysis not in THREADED:
-        return on_this_machine(solve_case, tasks, count, warm_up)
-    interrupted = Event()
-    solver = CaseSolver(plan.study, interrupted.is_set)
-    return on_threads(solver.solve, tasks, count, interrupted.set)
+        return on_cluster(solve_case, tasks, scheduler, warm_up, stop)
+    count = min(workers or default_workers(), len(tasks))
+    if plan.study.analysis in THREADED or count == 1:
+        return on_threads(CaseSolver(plan.study).solve, tasks, count, stop)
+    return on_this_machine(solve_case, tasks, count, warm_up, stop)

@@ -22,7 +22,7 @@ from beamsim.analyses.designs.responses import (
 )
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import BeamsimError, Problem, ScenarioError
-from beamsim.flow.stopping import never
+from beamsim.interrupts import Stop, never
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.designs import Value
 from beamsim.scenario.loading import load_scenario
@@ -65,7 +65,7 @@ class CaseTask:
 class Analysis:
     """How a case is solved."""
 
-    solve: Callable[[Scenario, CaseSolver], tuple[Responses, Outcome]]  # responses and outcome
+    solve: Callable[[Scenario, CaseSolver, Stop], tuple[Responses, Outcome]]  # responses and outcome
     rehearse: Callable[[Scenario], object]  # a short case that compiles all functions needed
 
 
@@ -86,17 +86,16 @@ def analysis_of(scenario: Scenario) -> str:
 class CaseSolver:
     """Solves the cases of one study; what they share is built once. May be used by several threads."""
 
-    def __init__(self, study: Study, stop: Callable[[], bool] = never) -> None:
+    def __init__(self, study: Study) -> None:
         self.study = study
         self.shared = SharedBuilds()
-        self.stop = stop
 
-    def solve(self, task: CaseTask) -> CaseOutcome:
-        """Solve one case; an error becomes part of the outcome, so that the other cases continue."""
+    def solve(self, task: CaseTask, stop: Stop = never) -> CaseOutcome:
+        """Solve one case, unless it is to stop; an error becomes part of the outcome, so that other cases continue."""
         begin = clock.thread_time()
         try:
             scenario = self.study.scenario(task.values)
-            values, outcome = ANALYSES[self.study.analysis].solve(scenario, self)
+            values, outcome = ANALYSES[self.study.analysis].solve(scenario, self, stop)
         except BeamsimError as error:
             values, outcome = {}, Outcome.of(OutcomeCode.FAILED, reason="; ".join(str(error).splitlines()))
         except (ArithmeticError, ValueError, RuntimeError) as error:
@@ -135,7 +134,7 @@ def warm_up(task: CaseTask | None) -> None:
             return  # reported when the case is solved
 
 
-def _solve_run(scenario: Scenario, solver: CaseSolver) -> tuple[Responses, Outcome]:
+def _solve_run(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Responses, Outcome]:
     from beamsim.analyses.run.analysis import run
     from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
     from beamsim.system.build import build_system
@@ -145,9 +144,9 @@ def _solve_run(scenario: Scenario, solver: CaseSolver) -> tuple[Responses, Outco
     if gives_figures(scenario):
         asked = entries_of(solver.study.asked, scenario.excitation.kind)
         system = build_system(scenario, solver.shared, assessed=False, recovered=needs_recovery(asked))
-        figures, outcome = asked_figures(system, settings, asked, solver.stop)
+        figures, outcome = asked_figures(system, settings, asked, stop)
         return run_responses(figures), outcome
-    result = run(scenario, stop=solver.stop)
+    result = run(scenario, stop=stop)
     return run_responses(entries_of_result(result)), result.outcome
 
 
@@ -162,10 +161,10 @@ def _rehearse_run(scenario: Scenario) -> object:
     return run(scenario.model_copy(update={"run": settings}))
 
 
-def _solve_sweep(scenario: Scenario, solver: CaseSolver) -> tuple[Responses, Outcome]:
+def _solve_sweep(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Responses, Outcome]:
     from beamsim.analyses.sweep.analysis import sweep
 
-    result = sweep(scenario, stop=solver.stop)
+    result = sweep(scenario, stop=stop)
     return sweep_responses(result), result.outcome
 
 
@@ -181,10 +180,10 @@ def _rehearse_sweep(scenario: Scenario) -> object:
     return sweep(scenario.model_copy(update={"sweep": settings.model_copy(update=change)}))
 
 
-def _solve_response(scenario: Scenario, solver: CaseSolver) -> tuple[Responses, Outcome]:
+def _solve_response(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Responses, Outcome]:
     from beamsim.analyses.response.analysis import frequency_response
 
-    result = frequency_response(scenario)
+    result = frequency_response(scenario, stop=stop)
     return response_responses(result), result.outcome
 
 

@@ -34,6 +34,7 @@ from beamsim.analyses.identify.stiffness import (
 from beamsim.analyses.identify.table_slope import compared, table_slope, with_factor
 from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile, widening
 from beamsim.errors import Problem, ScenarioError
+from beamsim.interrupts import Stop, never
 from beamsim.outcomes import COMPLETE
 from beamsim.structures.assembly import joined_to
 from beamsim.structures.secular import SpringPoint
@@ -55,6 +56,7 @@ def identify_stiffness(
     scenario: Scenario,
     measurements: Sequence[MeasuredSignal] = (),
     progress: Callable[[float], None] | None = None,
+    stop: Stop = never,
 ) -> IdentificationResult:
     """Identify the parameters listed in the section ``identify_stiffness`` of a scenario.
 
@@ -63,6 +65,7 @@ def identify_stiffness(
     scenario : with that section.
     measurements : one signal for each of ``identify_stiffness.nonlinear.tests``, read from their files.
     progress : called repeatedly with the fraction done.
+    stop : asked after each start of a fit to vibrations, and before its profiles, whether to end with the best so far.
 
     Raises
     ------
@@ -70,13 +73,16 @@ def identify_stiffness(
         If no parameters explain the measurements, with the reason and a remedy.
     """
     try:
-        return _identify(scenario, measurements, progress)
+        return _identify(scenario, measurements, progress, stop)
     except ScenarioError as error:
         raise scenario.located(error) from None
 
 
 def _identify(
-    scenario: Scenario, measurements: Sequence[MeasuredSignal], progress: Callable[[float], None] | None
+    scenario: Scenario,
+    measurements: Sequence[MeasuredSignal],
+    progress: Callable[[float], None] | None,
+    stop: Stop,
 ) -> IdentificationResult:
     begin, processor = clock.perf_counter(), clock.process_time()
     section = scenario.identify_stiffness
@@ -143,7 +149,7 @@ def _identify(
             current = with_factor(current, section.snubber, resting.factor)
         elif estimate is not None:
             current = _with_stiffness(current, section.snubber, estimate.stiffness)
-        nonlinear = fit_nonlinear(current, section, measurements, progress)
+        nonlinear = fit_nonlinear(current, section, measurements, progress, stop)
         warnings += nonlinear.warnings
     pad = None
     if section.pad is not None and section.pad.data is not None:

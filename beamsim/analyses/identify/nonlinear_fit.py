@@ -27,6 +27,7 @@ from beamsim.analyses.identify.steady import NoSteadyVibrationError, SteadyVibra
 from beamsim.analyses.identify.table_segments import SoughtSegment, segment_warnings, sought_segments, unreached
 from beamsim.analyses.identify.uncertainty import widening
 from beamsim.errors import Problem, ScenarioError
+from beamsim.interrupts import Stop, never
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.loading import replacing
@@ -57,8 +58,17 @@ def fit_nonlinear(
     section: IdentifyStiffness,
     signals: Sequence[MeasuredSignal],
     progress: Callable[[float], None] | None = None,
+    stop: Stop = never,
 ) -> NonlinearEstimate:
     """Fit ``section.nonlinear.estimate`` to measured signals, one per test, in SI units.
+
+    Parameters
+    ----------
+    scenario : with the initial values.
+    section : what is sought.
+    signals : one for each test.
+    progress : called with the share of the starts that is done.
+    stop : asked after each start, and before the profiles, whether to end with the best so far.
 
     Raises
     ------
@@ -98,6 +108,8 @@ def fit_nonlinear(
             continue
         if progress is not None:
             progress((index + 1) / (nonlinear.starts + 1))
+        if solutions and stop():
+            break
     if not solutions:
         raise ScenarioError(
             Problem(
@@ -129,11 +141,16 @@ def fit_nonlinear(
     if agreeing < len(solutions) and agreeing == 1 and len(solutions) > 1:
         warnings.append("only one start reached the lowest misfit: there are other minima; use better initial values")
     predicted = [h.copy() for h in fit.last]
-    profiles = _profiles(fit, x, covariance, misfit, scale) if nonlinear.profiles else ()
+    interrupted = stop()
+    profiles = _profiles(fit, x, covariance, misfit, scale) if nonlinear.profiles and not interrupted else ()
     with np.errstate(all="ignore"):
         correlation = covariance / np.outer(deviation, deviation)
     without = [n.parameter for n, column in zip(numbers, jacobian.T, strict=False) if np.any(np.isnan(column))]
     outcomes = []
+    if interrupted:
+        outcomes.append(
+            Outcome.of(OutcomeCode.INTERRUPTED, done=index + 1, total=nonlinear.starts, unit_of_work="starts")
+        )
     if best.status == 0:  # of least_squares: it ran out of evaluations
         outcomes.append(Outcome.of(OutcomeCode.FIT_LIMIT, evaluations=_MOST_EVALUATIONS))
     if without:
@@ -149,7 +166,7 @@ def fit_nonlinear(
         misfit_before=misfit_before,
         misfit=misfit,
         degrees_of_freedom=freedom,
-        starts=nonlinear.starts,
+        starts=index + 1,
         starts_agreeing=agreeing,
         profiles=profiles,
         responses=fit.responses,

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.branch import ModeBranch, SpecialPointResult
-from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.nnm.full_period import FullPeriodBranches, follow_full_period
 from beamsim.analyses.nnm.multiple_scales import (
     compare_expansion,
@@ -19,14 +17,7 @@ from beamsim.analyses.nnm.multiple_scales import (
     expansion_path,
     modes_of,
 )
-from beamsim.analyses.nnm.orbits import (
-    PERIODS,
-    PERIODS_AFTER_A_STOP,
-    branch_result,
-    mode_shape,
-    orbit_motion,
-    special_points,
-)
+from beamsim.analyses.nnm.orbits import branch_result, mode_shape, orbit_motion, special_points
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath, alike, mode_path
 from beamsim.analyses.nnm.phase_resonance import hold_mode
 from beamsim.analyses.nnm.points_at import RequestedPoint, with_requested_points
@@ -42,6 +33,7 @@ from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced
 from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.errors import Problem, ScenarioError
+from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.reversible import linear_mode
@@ -96,15 +88,13 @@ def nnm(
     scenario : with a section ``nnm``.
     progress : called with the completed fraction of the path.
     compare : other methods to compare with it: any of :data:`COMPARISONS`.
-    stop : called after every passage of a motion; once it returns True the result holds the points so far, with the
-        outcome "interrupted".
+    stop : called after every point; once it returns True the result holds the points so far, with the outcome
+        "interrupted".
 
     Raises
     ------
     ScenarioError
         Where the scenario asks for no mode, or for one that doesn't exist.
-    KeyboardInterrupt
-        Where it was time to stop before there was a point.
     """
     begin = clock.perf_counter()
     if scenario.nnm is None:
@@ -122,17 +112,13 @@ def nnm(
     shown, point = _shown(branches)
     branch = branches[shown]
     state = np.concatenate([branch.coordinates[point], branch.coordinate_velocities[point]])
-    motion = orbit_motion(
-        system, work.flow_of(shown, point), state, 1.0 / float(branch.frequency_hz[point]),
-        PERIODS_AFTER_A_STOP if stop() else PERIODS,
-    )  # fmt: skip
+    motion = orbit_motion(system, work.flow_of(shown, point), state, 1.0 / float(branch.frequency_hz[point]))
     branches = (*branches[:shown], replace(branch, motion=motion), *branches[shown + 1 :])
     resonance = None
     if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance", stop):
-        with work.given_up("nnm.phase_resonance"):
-            resonance = hold_mode(
-                scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
-            )
+        resonance = hold_mode(
+            scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
+        )
     outcome = job.shown_in(with_failed_searches(_outcome(work, resonance), failed))
     outcome = reduction_checked(balanced(outcome, branches, branch.unit), system.modes)
     result = NormalModeResult(
@@ -182,14 +168,6 @@ class _MethodResults:
             return False
         return True
 
-    @contextmanager
-    def given_up(self, step: str) -> Iterator[None]:
-        """Record the step as left out where an interruption ends it before there is anything to keep."""
-        try:
-            yield
-        except Stopped:
-            self.left_out.append(step)
-
     def flow_of(self, branch: int, point: int) -> Any:
         """The flow of a point of the result's branches."""
         branches = [self.followed.backbone, *self.followed.tongues]
@@ -237,26 +215,21 @@ def _followed(
         relaxing = solver
     elif "relaxed_minimisation" in compare:
         relaxing = RelaxedMinimisationMethod()
-    followed, requested = job.follow(progress, stop), list[tuple[int, RequestedPoint]]()
-    with suppress(Stopped), heeding(stop):
-        followed, requested = _with_points(scenario, job, followed)
+    followed, requested = _with_points(scenario, job, job.follow(progress, stop))
     work = _MethodResults(followed, 0.0, requested=requested)
     work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
     if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting", stop):
-        with work.given_up("full-period shooting"):
-            work.full_period = follow_full_period(job, work.followed, solver, progress, stop)
+        work.full_period = follow_full_period(job, work.followed, solver, progress, stop)
     work.processor_time_s = clock.process_time() - begin
     if relaxing is not None and work.goes_on("relaxed minimisation", stop):
-        with work.given_up("relaxed minimisation"):
-            work.relaxed = compare_relaxed(
-                job, work.followed, work.processor_time_s, relaxing, system.deflection, progress, stop
-            )
+        work.relaxed = compare_relaxed(
+            job, work.followed, work.processor_time_s, relaxing, system.deflection, progress, stop
+        )
     if "multiple_scales" in compare and work.goes_on("the expansion", stop):
-        with work.given_up("the expansion"), heeding(stop):
-            path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
-            work.expansion = compare_expansion(
-                system, path, modes_of(system, path, *exact_points(system, path, work.followed))
-            )
+        path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
+        work.expansion = compare_expansion(
+            system, path, modes_of(system, path, *exact_points(system, path, work.followed))
+        )
     return work
 
 
@@ -365,14 +338,14 @@ def _shown(branches: tuple[ModeBranch, ...]) -> tuple[int, int]:
 def _outcome(work: _MethodResults, resonance: PhaseResonanceResult | None) -> Outcome:
     """How the first of the methods that did not end well ended; or the shares of energy at the backbone's end."""
     ends = [work.followed.backbone.outcome]
-    if work.left_out:
-        ends.append(Outcome.of(OutcomeCode.INTERRUPTED, before=work.left_out))
     if work.full_period is not None:
         ends.append(work.full_period.outcome)
     if work.relaxed is not None and (work.relaxing or work.relaxed.outcome.interrupted):
         ends.append(work.relaxed.outcome)
     if resonance is not None:
         ends.append(resonance.outcome)
+    if work.left_out:
+        ends.append(Outcome.of(OutcomeCode.INTERRUPTED, before=work.left_out))
     outcome = combined(ends)
     backbone = work.followed.backbone.outcome
     return backbone if outcome is COMPLETE and ("share" in backbone.numbers or backbone.parts) else outcome

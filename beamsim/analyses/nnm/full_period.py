@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stop, Stopped, never, until
 from beamsim.errors import NotTrustedError
+from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, follow_orbits
 from beamsim.orbits.free_orbits import FullPeriodPath
@@ -64,8 +64,6 @@ def follow_full_period(
         reached.append(point)
         if progress is not None:
             progress(len(reached) / len(points))
-    if not reached and stop():
-        raise Stopped
     if not reached:
         raise NotTrustedError(f"full-period shooting found no motion to start from: {path.outcome}")
     breakings = list(until(_breakings(branches, gaps), stop)) if settings.branches and not stop() else []

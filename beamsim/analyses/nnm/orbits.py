@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.branch import ModeBranch, OrbitMotion, SpecialPointResult
-from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.nnm.result import UNITS
 from beamsim.analyses.run.orbit_energy import energy_error
+from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import Settings
 from beamsim.orbits.free_orbits import slowest_instant
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 SAMPLES = 1024  # of a period, in the stored motion
 HARMONICS = 20
 PERIODS = 50  # of the spectrum, as in the thesis
-PERIODS_AFTER_A_STOP = 5
 RATE = 512  # samples a period of the spectrum
 
 
@@ -101,12 +100,9 @@ def special_points(
     for a, b in pairwise(branches.backbone.points):
         if job.shown(a.parameter) in cut:
             continue
-        try:
-            with heeding(stop):
-                points = special_between(orbits, a, b, settings, failed)
-        except Stopped:
+        if stop():
             return tuple(special), failed, True
-        for located in points:
+        for located in special_between(orbits, a, b, settings, failed):
             period = orbits.split(located.point.u)[1]
             name = names[located.contact] if located.contact >= 0 else ""
             special.append(
@@ -115,10 +111,8 @@ def special_points(
     return tuple(special), failed, False
 
 
-def orbit_motion(
-    system: StructuralSystem, flow: Any, state: Floats, period: float, periods: int = PERIODS
-) -> OrbitMotion:
-    """One motion over a period from a state, and its spectrum over 50 or other periods of the exact flow.
+def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: float) -> OrbitMotion:
+    """One motion over a period from a state, and its spectrum over 50 periods of the exact flow.
 
     ``state`` is (2n,). The flow is carried on from period to period without being put back on the periodic motion: an
     unstable one drifts away, and the spectrum then shows it.
@@ -137,7 +131,7 @@ def orbit_motion(
         c = 2.0 * np.fft.rfft(q[:-1] @ shape)[: HARMONICS + 1] / SAMPLES
         c[0] *= 0.5
         harmonics[name] = c
-    frequency, lines, drift = _spectrum(flow, start, period, periods, probes, n)
+    frequency, lines, drift = _spectrum(flow, start, period, PERIODS, probes, n)
     return OrbitMotion(
         time=time,
         displacement={name: q @ shape for name, shape in probes.items()},
@@ -145,7 +139,7 @@ def orbit_motion(
         force={s.name: flow.system.contacts.laws[i].static_force(delta[:, i]) for i, s in enumerate(system.snubbers)},
         stations=q @ system.deflection.T,
         harmonics=harmonics,
-        periods=periods,
+        periods=PERIODS,
         spectrum_frequency_hz=frequency,
         spectrum=lines,
         drift=drift,

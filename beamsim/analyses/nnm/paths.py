@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stop, Stopped, heeding, never, until
 from beamsim.analyses.nnm.result import UNITS, BranchJump
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
+from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
@@ -90,18 +90,12 @@ class ModePath:
         ------
         ScenarioError
             Where it has nowhere to begin.
-        KeyboardInterrupt
-            Where it was time to stop before it began.
         """
-        try:
-            with heeding(stop):
-                if self.parameter == "stiffness_factor":
-                    return self._in_factor(progress, stop)
-                if self.parameter == "energy":
-                    return self._in_energy(np.log(self.first), np.log(self.last), progress, stop)
-                return self._in_frequency(progress, stop)
-        except Stopped:  # before the first point
-            raise KeyboardInterrupt from None
+        if self.parameter == "stiffness_factor":
+            return self._in_factor(progress, stop)
+        if self.parameter == "energy":
+            return self._in_energy(np.log(self.first), np.log(self.last), progress, stop)
+        return self._in_frequency(progress, stop)
 
     def _in_factor(self, progress: Callable[[float], None] | None, stop: Stop) -> ModeBranches:
         orbits = BrakeOrbits(self.family, energy=self.energy)

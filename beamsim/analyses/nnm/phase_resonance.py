@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.nnm.paths import refuse_phase_resonance
 from beamsim.analyses.nnm.result import (
     HeldMotion,
@@ -30,6 +29,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
+from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, follow_orbits, locate, solve_at
 from beamsim.orbits.phase_resonance import (
@@ -231,25 +231,18 @@ def hold_mode(
     loads, unit = periodic_forcing(scenario, damped), level_unit(scenario)
     held = _Levels(orbits, points, damped, loads, settings.mode - 1, factor, alike, unit)
     levels = [float(level) for level in section.levels] or [excitation.level]
-    with heeding(stop):
-        predicted, probe = _predicted(held, levels)
+    predicted, probe = _predicted(held, levels)
     motions = []
     for index, level in enumerate(levels):
         at = f"nnm.phase_resonance.levels[{index}]" if section.levels else "excitation.level"
-        try:
-            with heeding(stop):
-                motion = held.at(level, lambda m: m.level)
-                if motion is None:
-                    raise ScenarioError(_beyond(held, predicted, level, at))
-                motions.append(_resonance(held, motion, level, probe, section.span, section.periods))
-        except Stopped:
-            break
+        motion = held.at(level, lambda m: m.level)
+        if motion is None:
+            raise ScenarioError(_beyond(held, predicted, level, at))
+        motions.append(_resonance(held, motion, level, probe, section.span, section.periods))
         if progress is not None:
             progress((index + 1) / len(levels))
         if stop():
             break
-    if not motions:
-        raise Stopped
     missing = [m.level for m in motions if not m.found]
     outcome = COMPLETE
     if len(motions) < len(levels):

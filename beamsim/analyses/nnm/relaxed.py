@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stop, Stopped, heeding, never, until
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import RelaxedComparison
+from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
@@ -47,8 +47,7 @@ def compare_relaxed(
     orbits, points = branches.problem, branches.backbone.points
     factors = np.linspace(job.first, job.last, settings.steps + 1)[1:]
     begin = clock.process_time()
-    with heeding(stop):
-        exact = [branches.at_factor(float(factor)) for factor in factors]
+    exact = [branches.at_factor(float(factor)) for factor in factors]
     shooting_passages = orbits.family.passages
     shooting_time_s += clock.process_time() - begin
     steps: list[RelaxedStep] = []
@@ -60,8 +59,6 @@ def compare_relaxed(
         if not step.reached:
             outcome = _why(step, settings)
             break
-    if not steps:
-        raise Stopped
     if outcome.complete and len(steps) < settings.steps:
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="relaxed minimisation", **_place(steps[-1]))
     return _compared(orbits, steps, exact[: len(steps)], settings, outcome, field, shooting_passages, shooting_time_s)

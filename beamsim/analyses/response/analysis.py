@@ -12,7 +12,6 @@ import numpy as np
 
 from beamsim.analyses.branch import FoldBranch, OutputExtremes, ResponseBranch, SpecialPointResult
 from beamsim.analyses.deflections import deflection_warnings
-from beamsim.analyses.interruption import Stop, Stopped, never
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.response.branches import (
@@ -36,6 +35,7 @@ from beamsim.analyses.response.side_branches import leavings, side_branches
 from beamsim.analyses.run.orbit_energy import balance_error, balanced, energy_error, largest_error
 from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.errors import Problem, ScenarioError
+from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.shooting import STABLE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
@@ -45,9 +45,9 @@ from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.paths import FollowedParameter
+    from beamsim.analyses.response.result import OverlayCurve
     from beamsim.scenario import Scenario
 
-POINTS_OF_A_STOPPED_RESPONSE = 100  # evaluated in a quarter of a second
 SHARE_OF_OVERLAY = 0.2  # of the progress bar
 
 
@@ -60,8 +60,7 @@ def frequency_response(
     ----------
     scenario : with a ``sweep`` section of kind continuation and a harmonic excitation.
     progress : called with the fraction that is done, which never falls.
-    stop : asked after every passage of a motion; once it says so, the result holds what there is, and its status
-        "interrupted".
+    stop : asked after every point; once it says so, the result holds what there is, and its status "interrupted".
 
     Raises
     ------
@@ -80,8 +79,6 @@ def frequency_response(
     branches: list[ResponseBranch] = []
     folds: list[FoldBranch] = []
     outcomes: list[Outcome] = []
-    halted = False
-    left_out: tuple[str, ...] = ()
     for index, level in enumerate(levels):
         part = _part(grown, curves_share * index / len(levels), curves_share / len(levels))
         if branches and stop():
@@ -98,26 +95,24 @@ def frequency_response(
             from beamsim.analyses.response.folds import follow_folds
 
             folds += follow_folds(model, traced, level, budget)
-        results, left_out, halted = _responses(model, traced, level, stop)
-        branches += results
+        branches += [_response(model, branch, level, stop) for branch in traced]
     if not branches:
         raise KeyboardInterrupt
     outcome = _combined(outcomes)
     if isinstance(settings.method, HarmonicBalance):
         outcome = _trusted(outcome, branches, settings.method.largest_error, model.followed)
     outcome = reduction_checked(balanced(outcome, branches, model.followed.unit), model.system.modes)
-    overlay = {}
+    overlay: dict[str, OverlayCurve] | None = {}
+    interrupted = stop()
     missing = [f"level {level:.4g} {scenario.level_unit}" for level in levels[len(outcomes) :]]
-    if settings.overlay is not None and stop():
-        missing.append("sweep.overlay")
-    elif settings.overlay is not None:
+    if settings.overlay is not None:
         from beamsim.analyses.response.overlay import swept_overlay
 
-        try:
-            overlay = swept_overlay(scenario, _part(grown, curves_share, SHARE_OF_OVERLAY), stop)
-        except (Stopped, KeyboardInterrupt):
+        part = _part(grown, curves_share, SHARE_OF_OVERLAY)
+        overlay = None if interrupted else swept_overlay(scenario, part, stop)
+        if overlay is None:
             missing.append("sweep.overlay")
-    if halted or missing:
+    if interrupted or missing:
         parts = outcome.parts if outcome.code is COMPLETE.code else (outcome,)
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, *parts, left=missing)
     f, second = model.followed, model.second
@@ -130,7 +125,6 @@ def frequency_response(
             *scenario.warnings,
             *model.system.warnings,
             *(model.system.certificate_warnings if isinstance(settings.method, HarmonicBalance) else ()),
-            *left_out,
             *deflection_warnings(scenario, model.system.modes, (branch.peak_displacement for branch in branches)),
             *forces_beyond_tables(scenario, (branch.peak_force for branch in branches)),
         ),
@@ -144,38 +138,8 @@ def frequency_response(
         second_parameter="" if second is None else second.kind,
         second_unit="" if second is None else second.unit,
         second_snubber="" if second is None else second.snubber,
-        overlay=overlay,
+        overlay=overlay or {},
     ).with_summary(**_summary(model, outcome, branches, folds, clock.process_time() - processor))
-
-
-def _responses(
-    model: ResponseModel, traced: list[OrbitBranch], level: float, stop: Stop
-) -> tuple[list[ResponseBranch], tuple[str, ...], bool]:
-    """The branches of a level evaluated, of few points once it is time to stop; a warning, and whether it was."""
-    results: list[ResponseBranch] = []
-    left_out: tuple[str, ...] = ()
-    halted = False
-    while traced:
-        if not halted and stop():
-            halted = True
-            traced, left_out = _few(traced)
-        results.append(_response(model, traced[0], level, stop))
-        cut = not halted and results[-1].parameter.size < len(traced[0].points)
-        traced = traced[1:]
-        if cut:
-            halted = True
-            traced, left_out = _few(traced)
-            left_out = ("interrupted: of the rest of a branch few points are kept", *left_out)
-    return results, left_out, halted
-
-
-def _few(traced: list[OrbitBranch]) -> tuple[list[OrbitBranch], tuple[str, ...]]:
-    """Of many points those that are quickly evaluated, with a warning."""
-    step = -(-sum(len(branch.points) for branch in traced) // POINTS_OF_A_STOPPED_RESPONSE)
-    if step <= 1:
-        return traced, ()
-    few = [replace(branch, points=(*branch.points[:-1:step], branch.points[-1])) for branch in traced]
-    return few, (f"interrupted: of {step} points of a branch one is kept",)
 
 
 def _part(progress: Callable[[float], None], first: float, share: float) -> Callable[[float], None]:

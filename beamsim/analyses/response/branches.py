@@ -16,8 +16,8 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.optimize import brentq
 
-from beamsim.analyses.interruption import Stop, Stopped, heeding, never, until
 from beamsim.analyses.response.stopping_contacts import explained
+from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.branch import (
     INTERRUPTED,
     BranchPoint,
@@ -221,11 +221,7 @@ def trace_range(
     begin = first
     for count in range(MOST_BEGINNINGS):
         tried.append(begin)
-        try:
-            with heeding(budget.stop):
-                start = tracer.begin(begin, last - first if count == 0 else first - last)
-        except Stopped:
-            break
+        start = tracer.begin(begin, last - first if count == 0 else first - last)
         if start is not None:
             # forward from the first value and back from the last, from anywhere else both ways
             directions = [1.0] if begin in (first, last) else [1.0, -1.0]
@@ -325,12 +321,7 @@ def walk(
         if outcome is not None and outcome.code is OutcomeCode.BACK_TO_PERIOD:
             break
         if points:
-            try:
-                with heeding(budget.stop):
-                    between = along(points[-1], point, special_between(points[-1], point, branch.settings, failed))
-            except Stopped:  # special points of this step are not known: it is left out
-                outcome = INTERRUPTED.but(parameter=points[-1].parameter)
-                break
+            between = along(points[-1], point, special_between(points[-1], point, branch.settings, failed))
             special += between
             points += [s.point for s in between]
         points.append(point)

@@ -12,12 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.response.paths import periodic_forcing
 from beamsim.analyses.response.result import ForcedExpansionComparison, FrequencyResponse
 from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.passage import PeriodicForcing
-from beamsim.flow.stopping import check_stop
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.forced import ResonantForcing, SteadyMotion
@@ -41,16 +39,9 @@ NEAR_TIP = 0.8  # of the largest amplitude: where orders are observed
 FARTHEST = 0.5  # from the expansion, against the motion, for an exact motion to belong to it
 
 
-def with_forced_expansion(result: FrequencyResponse, stop: Stop = never) -> FrequencyResponse:
-    """The response curve with the expansion near its mode; see `compare_forced_expansion`.
-
-    Once ``stop`` says so, the expansion is left out and the result marked as interrupted.
-    """
-    try:
-        with heeding(stop):
-            expansion = compare_forced_expansion(result.scenario)
-    except Stopped:
-        return result.interrupted("the expansion")
+def with_forced_expansion(result: FrequencyResponse) -> FrequencyResponse:
+    """The response curve with the expansion near its mode; see `compare_forced_expansion`."""
+    expansion = compare_forced_expansion(result.scenario)
     summary = {**result.summary, "multiple_scales": [_summary(comparison) for comparison in expansion]}
     return replace(result, expansion=expansion, summary=summary)
 
@@ -165,7 +156,6 @@ class _Expansion:
         amplitudes = np.unique(np.concatenate([np.geomspace(min(smallest, 0.5 * tip), tip, CURVE_POINTS), near_tip]))
         below, above = [], []
         for a in amplitudes * (1.0 - 1e-12):
-            check_stop()
             sides = r.detunings(float(a))
             if sides:
                 below.append(r.motion(float(a), sides[0]))
@@ -190,7 +180,6 @@ class _Expansion:
 
     def peaks(self, coefficients: Complexes) -> dict[str, float]:
         """Largest deflection of a period at each probe."""
-        check_stop()
         phase = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
         wave = np.exp(1j * np.multiply.outer(phase, np.arange(coefficients.shape[0])))
         x = (wave @ coefficients).real

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
-from beamsim.analyses.interruption import Stop, Stopped, never
 from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import Problem, ScenarioError
+from beamsim.interrupts import Stop, never
 from beamsim.scenario.continuation import Continuation
 from beamsim.scenario.sweep import SweptSine
 
@@ -20,15 +20,13 @@ if TYPE_CHECKING:
 
 def swept_overlay(
     scenario: Scenario, progress: Callable[[float], None] | None = None, stop: Stop = never
-) -> dict[str, OverlayCurve]:
-    """The swept sine that a continuation's ``overlay`` asks for, at the same levels.
+) -> dict[str, OverlayCurve] | None:
+    """The swept sine that a continuation's ``overlay`` asks for, at the same levels; None where it is interrupted.
 
     Raises
     ------
     ScenarioError
         Where the structure or the rate cannot be swept.
-    Stopped, KeyboardInterrupt
-        Once ``stop`` says so.
     """
     settings = scenario.sweep
     assert isinstance(settings, Continuation)
@@ -40,7 +38,7 @@ def swept_overlay(
     )
     result = sweep(scenario.model_copy(update={"sweep": swept, "limits": None}), progress, stop=stop)
     if result.outcome.interrupted:
-        raise Stopped
+        return None
     if not result.complete:
         raise ScenarioError(Problem("sweep.overlay", f"was not computed: {result.status}", "leave it out"))
     return {name: _overlaid(curve, result.title, "") for name, curve in result.curves.items()}

@@ -3,7 +3,6 @@ for, and at the maxima of the continuous curve."""
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -11,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stop, Stopped, heeding, never
 from beamsim.analyses.response.motion import MeasuredMotion
+from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, at_parameter, between
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -21,7 +20,6 @@ EDGE = 1e-12  # of the range, by which a point may lie beyond its end
 SHARE = 1e-4  # of a step, to which a maximum is located: its height is then good to the square of this
 GOLDEN = 0.5 * (3.0 - np.sqrt(5.0))
 MOST_PLACES = 40  # evaluated in the search for a maximum
-POINTS_AFTER_A_STOP = 75  # evaluated of the rest of a branch, in a tenth of a second
 SAME_HEIGHT = 1e-10  # relative difference below which a stored point is the maximum
 
 SETTINGS = Settings()
@@ -83,10 +81,9 @@ def with_maxima(
 ) -> tuple[OrbitBranch, list[MeasuredMotion]]:
     """The branch with a point at the largest value of each quantity, and all points measured.
 
-    Once ``stop`` says so, no more maxima are located, and few of the points that are not measured yet are kept; all of
-    them where it says so from the beginning.
+    Once ``stop`` says so, no more maxima are located.
     """
-    points, measured = _measured(branch.points, measure, stop)
+    points, measured = list(branch.points), [measure(point) for point in branch.points]
     for quantity in quantities:
         if stop():
             break
@@ -96,28 +93,8 @@ def with_maxima(
         ]
         k = int(np.argmax(values))
         if np.isfinite(values[k]):
-            try:
-                with heeding(stop):
-                    _insert_maximum(branch.problem, points, measured, k, measure, quantity)
-            except Stopped:
-                break
+            _insert_maximum(branch.problem, points, measured, k, measure, quantity)
     return replace(branch, points=tuple(points)), measured
-
-
-def _measured(
-    points: Sequence[BranchPoint], measure: Measure, stop: Stop
-) -> tuple[list[BranchPoint], list[MeasuredMotion]]:
-    """Points and their motions; once ``stop`` says so, of the rest `POINTS_AFTER_A_STOP` or fewer and the last one."""
-    kept: list[BranchPoint] = []
-    measured: list[MeasuredMotion] = []
-    rest, stopped = deque(points), stop()
-    while rest:
-        if not stopped and stop():
-            stopped, every = True, -(-len(rest) // POINTS_AFTER_A_STOP)
-            rest = deque([*list(rest)[:-1:every], rest[-1]])
-        kept.append(rest.popleft())
-        measured.append(measure(kept[-1]))
-    return kept, measured
 
 
 def _insert_maximum(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.analyses.interruption import Stopped, heeding
 from beamsim.analyses.response.branches import (
     Budget,
     Half,
@@ -99,11 +98,7 @@ def _branches(
     """One branch of doubled period; at a branch point those to both sides."""
     problem, event = leaving.branch.problem, leaving.event
     if event.kind == "period_doubling":
-        try:
-            with heeding(budget.stop):
-                switched = switch_at_period_doubling(problem, event)
-        except Stopped:
-            return []
+        switched = switch_at_period_doubling(problem, event)
         return [] if switched is None else [_followed(*switched, [], reach, budget, share)]
     started: list[OrbitBranch] = []
     others = [branch for branch in known if branch is not leaving.branch]
@@ -112,12 +107,7 @@ def _branches(
         leaving.branch.points[max(k - 1, 0)],
         leaving.branch.points[min(k + 1, len(leaving.branch.points) - 1)],
     )
-    try:
-        with heeding(budget.stop):
-            starts = switch_at_branch_point(problem, event, after.u - before.u)
-    except Stopped:
-        return []
-    for start in starts:
+    for start in switch_at_branch_point(problem, event, after.u - before.u):
         if not coincides(start, [*others, *started]) and not budget.spent():
             started.append(_followed(problem, start, [*known, *started], reach, budget, share))
     return started

@@ -14,7 +14,7 @@ from beamsim.analyses.run.result import Against, AgainstFigure, EventLog, RunRes
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import figures_of_motion
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.stopping import never
+from beamsim.interrupts import never
 from beamsim.system.build import build_system
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,9 +20,8 @@ from beamsim.analyses.run.outputs import (
 )
 from beamsim.analyses.run.random_response import LEAST_SAMPLES
 from beamsim.analyses.run.stretches import StretchFigures
-from beamsim.errors import NotTrustedError
 from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.stopping import Stopped, heeding, never
+from beamsim.interrupts import Stop, never
 from beamsim.outcomes import Outcome
 from beamsim.scenario.run import OrbitStart
 from beamsim.typing import Floats
@@ -79,7 +78,7 @@ def asked_figures(
     system: StructuralSystem,
     settings: Run,
     asked: Collection[str],
-    stop: Callable[[], bool] = never,
+    stop: Stop = never,
 ) -> tuple[dict[str, Any], Outcome]:
     """Some entries of the summary of a run, and its outcome.
 
@@ -89,24 +88,15 @@ def asked_figures(
     ----------
     system : of a scenario for which `gives_figures`.
     asked : among `ENTRIES`; what the system does not have (a stress, snubbers) is left out.
-    stop : asked several times a second whether to give up.
-
-    Raises
-    ------
-    NotTrustedError
-        Once ``stop`` says so.
+    stop : asked between blocks of events whether to end; then only what does not need the whole motion is found.
     """
     motion, _ = motion_in_stretches(system, settings, most_events=settings.max_events, stop=stop)
     groups = output_groups(system, motion.flow)
     searched = _searched(system, motion.flow, groups, {_SEARCHED[entry] for entry in asked if entry in _SEARCHED})
     figures, squares = StretchFigures(searched), MeanSquares(groups, settings, asked)
-    try:
-        with heeding(stop):
-            for stretch in motion.stretches():
-                figures.add(stretch)
-                squares.add(stretch)
-    except Stopped:
-        raise NotTrustedError("interrupted") from None
+    for stretch in motion.stretches():
+        figures.add(stretch)
+        squares.add(stretch)
     balance = figures.balance.result()
     outcome = balance.checked(with_limit(motion.outcome))
     found: dict[str, Any] = {name: value for name, value in static_figures(system).items() if name in _STATIC}

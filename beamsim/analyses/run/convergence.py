@@ -43,7 +43,6 @@ from beamsim.analyses.run.parting import LONGER, ContactEvents, PartingTimes, pa
 from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
 from beamsim.errors import ScenarioError
 from beamsim.fields import changed, figure_in_words
-from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -128,7 +127,7 @@ def check_convergence(
     first: Solution,
     derived: DerivedFigures,
     shared: SharedBuilds,
-    solve: Callable[[StructuralSystem], Solution] | None,
+    solve: Callable[[StructuralSystem], Solution | None] | None,
     disturbed: Callable[[float, float], ContactEvents] | None,
 ) -> Convergence:
     """Solve the case again with a finer model and compare the figures.
@@ -138,7 +137,7 @@ def check_convergence(
     first : the solution whose figures are reported.
     derived : its spectra and statistics.
     shared : what its system was built from.
-    solve : solves the finer model; None where there can be none.
+    solve : solves the finer model, or returns None where that is interrupted; None where there can be none.
     disturbed : see `sensitivity`; None of a motion from time stepping.
     """
     begin = clock.process_time()
@@ -157,6 +156,8 @@ def check_convergence(
         second = solve(build_system(finer, shared, assessed=False))
     except ScenarioError as error:
         return Convergence({}, reason="; ".join(problem.message for problem in error.problems))
+    if second is None:
+        return Convergence({}, reason="interrupted")
     parted = parting(first.events, second.events)
     end = min(first.end, second.end)
     scatter: Changes = {}
@@ -174,7 +175,6 @@ def check_convergence(
         changes, scatter = _statistical(first, early, later, windows, list(_windows(second, parted, end)))
         parts = derived.parts(WINDOWS)
         one, other = (derived.again(s.system, s.trajectory, parts) for s in (first, second) if s.trajectory)
-        check_stop()
         changes |= _changes(one, other)
         if parts > 1:
             scatter |= _with_lines(derived, _changes(one, other, scatter=True))[0]
@@ -182,7 +182,6 @@ def check_convergence(
         changes = _changes([_compared(first.figures)], [_compared(second.figures)])
         if (motion := second.trajectory or second.sampled) is not None:
             changes |= _changes([derived.reported()], derived.again(second.system, motion))
-    check_stop()
     changes, lines = _with_lines(derived, changes)
     for entry, quantity in (("rms_displacement_m", "displacement"), ("rms_acceleration_g", MAIN_QUANTITY)):
         if isinstance(of_probes := changes.get(entry), dict):
@@ -311,8 +310,8 @@ def solve_exactly(
     settings: Run,
     work: Work,
     stop: Callable[[], bool],
-) -> Solution:
-    """The figures of a finer model.
+) -> Solution | None:
+    """The figures of a finer model; None where its march is interrupted.
 
     Parameters
     ----------
@@ -320,6 +319,8 @@ def solve_exactly(
     stop : see `simulate`.
     """
     trajectory = march_again(system, settings, settings.duration, work, stop)
+    if trajectory.outcome.interrupted:
+        return None
     events = ContactEvents.of(trajectory, len(system.snubbers))
     behind = behind_filter(system, settings, trajectory)
     figures = solution_figures(system, settings, trajectory, behind)
@@ -339,12 +340,10 @@ def march_again(
 ) -> Trajectory:
     """The motion of a model that is nearly that of the run; parameters as of `solve_exactly`."""
     flow = exact_flow(system, duration, settings.most_contact_states, memory=settings.memory)
-    trajectory = simulate(
+    return simulate(
         flow, system.initial_state, max_events=4 * work.events + 1000, stop=stop,
         max_evaluations=10 * work.evaluations + 1_000_000,
     )  # fmt: skip
-    check_stop()
-    return trajectory
 
 
 def solution_figures(

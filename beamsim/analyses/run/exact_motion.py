@@ -3,33 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.run.energy import EnergyBalance
-from beamsim.analyses.run.figures import Extreme, Extremes, sampled_extremes, searched_extremes
+from beamsim.analyses.run.figures import Extreme, searched_extremes
 from beamsim.analyses.run.friction import friction_contacts
-from beamsim.analyses.run.histories import COMPONENTS, ExactHistories, Grace
-from beamsim.analyses.run.motion import (
-    KEPT,
-    RunMotion,
-    breakpoints,
-    events_of,
-    memory_of,
-    step_of_few,
-    with_limit,
-)
+from beamsim.analyses.run.histories import COMPONENTS, ExactHistories
+from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, memory_of, with_limit
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.run.outputs import MOTION_SHARE, energies_of_rows, events_in_memory, exact_flow, pieces_of
+from beamsim.analyses.run.outputs import MOTION_SHARE, events_in_memory, exact_flow, pieces_of
 from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import Work
-from beamsim.analyses.run.stretches import ROUND_OFF, FewSamples, RunFigures, outer
+from beamsim.analyses.run.stretches import ROUND_OFF, RunFigures, outer
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.stopping import Stopped, check_stop, heeding
 from beamsim.flow.stretches import CHECKPOINT_PIECES, MotionInStretches
-from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
@@ -37,7 +25,6 @@ if TYPE_CHECKING:
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Run
 
-EVALUATION = "the evaluation of the motion"
 BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
 STRETCH_SHARE = 0.064  # of the memory, for the pieces of a stretch
 COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that of a finer model
@@ -98,10 +85,7 @@ def exact_motion_of(
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
 ) -> RunMotion:
-    """The motion in closed form, with its figures.
-
-    After a request to stop there is little time for its evaluation: later stretches that are not evaluated are left
-    out; of the first one samples are kept, without energy balance and peaks between them.
+    """The motion in closed form, with its figures, evaluated and forgotten stretch by stretch.
 
     Parameters
     ----------
@@ -117,106 +101,39 @@ def exact_motion_of(
     motion, limit = motion_in_stretches(system, settings, progress=progress, stop=stop)
     if not motion.one_stretch:
         _refuse_what_needs_all(system, settings)
-    figures, grace = RunFigures(system, settings, motion.flow, times), Grace(stop)
-    step = step_of_few(times.size)
-    few = None if motion.one_stretch else FewSamples(figures.groups, motion.flow, times.every(step))
-    evaluated = _evaluate(motion, figures, few, grace)
+    figures = RunFigures(system, settings, motion.flow, times)
+    for stretch in motion.stretches():
+        figures.add(stretch)
     if motion.end * (1.0 + ROUND_OFF) < times.last:
         times = times.until(motion.end)
-    step = step_of_few(times.size) if few is None else step
-    sampled = None if few is None else few.histories()
-    exact = ExactHistories(motion, figures.groups, times, grace)
-    balance = figures.balance.result() if evaluated else EnergyBalance.unknown()
-    outcome = balance.checked(with_limit(motion.outcome, limit))
-    if not evaluated:
-        figures.give_up()
-        figures.extremes = _extremes_of_samples(system, figures, exact.every(step))
-        outcome = Outcome.of(OutcomeCode.INTERRUPTED, during=EVALUATION) if outcome.complete else outcome
-    interrupted, behind = outcome.interrupted, figures.low_passed
-    return replace(
-        _motion_of(system, settings, motion, figures, exact),
-        outcome=outcome,
-        balance=balance,
-        histories=exact if not interrupted else sampled or exact.every(step),
-        von_mises={} if sampled and interrupted else _von_mises(system, exact, figures.searched),
-        low_passed=None if behind is None else behind.reached[:: step if interrupted else 1],
-        trajectory=None if interrupted else _analysed(motion, settings),
-        few=sampled,
-        warnings=(
-            *([KEPT.format(step)] if interrupted and step > 1 else ()),
-            *([] if evaluated else [_missing(settings)]),
-            *([] if motion.one_stretch else [_forgotten(motion, settings, interrupted=interrupted)]),
-        ),
-    )
-
-
-def _evaluate(motion: MotionInStretches, figures: RunFigures, few: FewSamples | None, stop: Callable[[], bool]) -> bool:
-    """March, evaluate and forget; False where a request to stop leaves not even the first stretch evaluated."""
-    end, evaluated = 0.0, True
-    for stretch in motion.stretches():
-        try:
-            with heeding(stop):
-                figures.add(stretch)
-        except Stopped:
-            if end > 0.0:
-                motion.cut(end)
-                break
-            evaluated = False
-        if few is not None:
-            few.add(stretch)
-        if not evaluated:
-            break
-        end = stretch.end
-    return evaluated
-
-
-def _extremes_of_samples(system: StructuralSystem, figures: RunFigures, histories: ExactHistories) -> Extremes:
-    """What is quickly known of a motion."""
-    extremes = histories.extremes(figures.searched)
-    if system.energy_outputs:
-        energies = energies_of_rows(system.energy_outputs, histories.values["energy"])
-        extremes["energy"] = sampled_extremes(histories.time, energies)
-    return extremes
-
-
-def _motion_of(
-    system: StructuralSystem,
-    settings: Run,
-    motion: MotionInStretches,
-    figures: RunFigures,
-    histories: ExactHistories,
-) -> RunMotion:
-    """The motion with what does not depend on how far its evaluation came."""
+    histories, balance = ExactHistories(motion, figures.groups, times), figures.balance.result()
     extremes, searched = figures.extremes, figures.searched
-    times = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
-    order = np.argsort(times)
+    of_first_probe = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
+    order = np.argsort(of_first_probe)
 
     def of_stations() -> Extreme:
-        """The extremes at every station; after a request to stop values that they reach, and the largest of all."""
-        highest: Extreme | None = None
-        try:
-            with heeding(histories.stop.stop):
-                check_stop()
-                for part in motion.again():
-                    found = searched_extremes(part, {"stress": searched["stress"]}, one_figure=())["stress"]
-                    highest = outer(highest, found)
-        except Stopped:
+        """The extremes at every station; of an interrupted motion values that they reach, and the largest of all."""
+        if motion.outcome.interrupted:
             return extremes["stress"]
+        highest: Extreme | None = None
+        for part in motion.again():
+            found = searched_extremes(part, {"stress": searched["stress"]}, one_figure=())["stress"]
+            highest = outer(highest, found)
         assert highest is not None
         return highest
 
     return RunMotion(
         method="exact",
-        outcome=motion.outcome,
+        outcome=balance.checked(with_limit(motion.outcome, limit)),
         histories=histories,
-        balance=EnergyBalance.unknown(),
+        balance=balance,
         events=events_of(system, motion),
         contact_events=ContactEvents.of(motion, len(system.snubbers)),
         breakpoints=breakpoints(system, motion),
         extremes=extremes,
         station_extremes=of_stations,
-        extreme_times=times,
-        extreme_states=motion.states_at(times[order])[order],
+        extreme_times=of_first_probe,
+        extreme_states=motion.states_at(of_first_probe[order])[order],
         state_at=lambda time: motion.states_at(np.array([time]))[0],
         contact_share=motion.contact_share(),
         work=Work(
@@ -226,10 +143,14 @@ def _motion_of(
             states=len(motion.flow.visited),
             processor_time_s=motion.processor_time_s,
         ),
+        low_passed=None if figures.low_passed is None else figures.low_passed.reached,
+        trajectory=_analysed(motion, settings),
         parts=motion.again,
+        von_mises=_von_mises(system, histories, searched),
         impacts=figures.impacts,
         memory=memory_of(motion.flow, settings),
         compared_s=None if motion.one_stretch else COMPARED_SHARE * _kept_s(motion, settings),
+        warnings=() if motion.one_stretch else (_forgotten(motion, settings),),
     )
 
 
@@ -247,22 +168,16 @@ def _analysed(motion: MotionInStretches, settings: Run) -> Trajectory:
     return motion.within(max(motion.end - min(room, settings.spectrum.last or room), 0.0), motion.end)
 
 
-def _missing(settings: Run) -> str:
-    """What a motion lacks whose evaluation was interrupted."""
-    unfiltered = "; accelerations are unfiltered" if settings.low_pass is not None else ""
-    missing = "the energy balance, or peaks between the samples, are missing"
-    return f"interrupted during the evaluation: {missing}{unfiltered}"
-
-
-def _forgotten(motion: MotionInStretches, settings: Run, *, interrupted: bool) -> str:
+def _forgotten(motion: MotionInStretches, settings: Run) -> str:
     """What becomes of a motion that does not fit into the memory."""
     kept = f"the motion is kept {motion.stretch_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
-    if not interrupted:
-        last = motion.end - float(_analysed(motion, settings).time[0])
-        kept += f"; spectra and rms_* are those of the last {last:.3g} s"
-        if settings.convergence != "off":
-            compared = COMPARED_SHARE * _kept_s(motion, settings)
-            kept += f", a finer model is compared on the first {compared:.3g} s"
+    if motion.outcome.interrupted:
+        return kept
+    last = motion.end - float(_analysed(motion, settings).time[0])
+    kept += f"; spectra and rms_* are those of the last {last:.3g} s"
+    if settings.convergence != "off":
+        compared = COMPARED_SHARE * _kept_s(motion, settings)
+        kept += f", a finer model is compared on the first {compared:.3g} s"
     return kept
 
 

@@ -38,11 +38,6 @@ def searched_extremes(
     searched : outputs by group.
     one_figure : groups of which only the lowest and the highest value of all outputs is sought; the others keep values
         that they reach.
-
-    Raises
-    ------
-    Stopped
-        Where a stop is requested.
     """
     outputs, phases = OutputSet(dict(searched)), trajectory.flow.system.contacts.start
     share: list[Ints] = []

@@ -20,7 +20,6 @@ import numpy as np
 from beamsim.analyses.run.linear_filter import Extreme, cubic_factors, higher, lower, recurrence
 from beamsim.analyses.run.low_pass import LowPassFilter, butterworth, known_times
 from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -130,7 +129,6 @@ class FilteredSegments:
         state = np.zeros((poles.size, outputs), dtype=complex)
         parts = []
         for part in trajectory.parts():
-            check_stop()
             begin, end, fourth = _forced(part, part.flow.output_table(output_of), poles)
             decay = np.exp(poles * part.length[:, None])  # (S, 2)
             free = np.empty_like(begin)
@@ -148,7 +146,6 @@ class FilteredSegments:
         """(nt, k) at increasing times."""
         out = np.empty((times.size, self.parts[0].free.shape[2]))
         for first in range(0, times.size, AT_ONCE):
-            check_stop()
             block = slice(first, first + AT_ONCE)
             (out[block],) = self._at(times[block], slopes=False)
         return out
@@ -168,7 +165,6 @@ class FilteredSegments:
         count = max(int(np.ceil((end - begin) / longest)), 1)
         found = _unknown(self.parts[0].free.shape[2])
         for first in range(0, count, AT_ONCE):
-            check_stop()
             number = np.arange(first, min(first + AT_ONCE, count) + 1)
             at: Floats = begin + (end - begin) / count * number.astype(float)
             value, slope = self._at(at, slopes=True)

@@ -16,7 +16,6 @@ from beamsim.analyses.run.model_check import convergence_of, disturbed_system
 from beamsim.analyses.run.motion import RunMotion, output_times, spectra_of
 from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.summary import figures_of_motion
-from beamsim.flow.stopping import Stopped, check_stop, heeding
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
@@ -49,8 +48,6 @@ def checked_on_first_part(
     assert excitation.kind == "random"
     if settings.convergence == "off" or not motion.outcome.complete:
         return None
-    if stop():
-        return Convergence({}, reason="interrupted")
     duration = motion.compared_s
     first = _first_part_of(scenario, excitation, settings, duration)
     assert first.run is not None
@@ -58,11 +55,7 @@ def checked_on_first_part(
     part = exact_motion_of(of_part, first.run, output_times(first.run), None, stop)
     if not part.outcome.complete:
         return Convergence({}, reason="interrupted" if part.outcome.interrupted else part.outcome.text)
-    try:
-        with heeding(stop):
-            spectra = spectra_of(first, of_part, part)
-    except Stopped:
-        return Convergence({}, reason="interrupted")
+    spectra = spectra_of(first, of_part, part)
     probes = {probe.name for probe in of_part.probes}
     of_probes = {key: spectra[key] for key in spectra if key[0] in probes}
     derived = DerivedFigures(first, of_probes, None, np.zeros(0), None)
@@ -76,19 +69,14 @@ def checked_on_first_part(
         most = 4 * motion.work.events + 1000
         marched, _ = motion_in_stretches(again, settings, most_events=most, stop=stop)
         for stretch in marched.stretches():
-            check_stop()
             if stretch.end >= end:
                 break
         return ContactEvents.of(marched, len(again.snubbers)).until(min(end, marched.end))
 
     known = static_figures(system)
     figures = {name: value for name, value in figures_of_motion(system, motion).items() if name not in known}
-    try:
-        with heeding(stop):
-            whole = followed_to_the_end(checked, duration, motion.contact_events, disturbed, figures)
-    except Stopped:
-        return replace(checked, reason="interrupted")
-    return replace(whole, lines={})
+    whole = followed_to_the_end(checked, duration, motion.contact_events, disturbed, figures)
+    return replace(checked, reason="interrupted") if stop() else replace(whole, lines={})
 
 
 def _first_part_of(scenario: Scenario, excitation: RandomInput, settings: Run, duration: float) -> Scenario:

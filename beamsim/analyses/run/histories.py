@@ -5,7 +5,6 @@ A block is the same whoever asks for it, so that a history has the same bits in 
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
@@ -13,39 +12,21 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from beamsim.analyses.run.energy import energies, power_factors, unknown_energies
-from beamsim.analyses.run.figures import Extremes, sampled_extremes
+from beamsim.analyses.run.energy import energies, power_factors
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import OutputSet
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.fields import by_rows, later
 from beamsim.flow.contact_state import OutputOf
-from beamsim.flow.stopping import Stopped, check_stop, heeding
 from beamsim.flow.stretches import MotionInStretches
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Bools, Floats
 
-GRACE_S = 0.2  # of processor time, for the evaluation of a motion that is stopped
 ENERGIES = tuple(field.name for field in fields(EnergyHistory))
 VALUES_A_BLOCK = 2**20  # outputs and states of all times of a block
 COMPONENTS = 3  # of the stress at the surface of a plate: sigma_x, sigma_y, tau_xy
 _STRESSES_AT_ONCE = 256  # samples
-MOST_STRESSES = 5_000  # samples of the stress of a motion that was stopped
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress of every station starts
-
-
-class Grace:
-    """Time that remains for evaluating a motion once it is to be stopped."""
-
-    def __init__(self, stop: Callable[[], bool]) -> None:
-        self.stop = stop
-        self.since: float | None = None  # s of processor time, when that was first seen
-
-    def __call__(self) -> bool:
-        """Whether the time is over."""
-        if self.since is None and self.stop():
-            self.since = clock.process_time()
-        return self.since is not None and clock.process_time() - self.since >= GRACE_S
 
 
 HistoryOf = Callable[[Floats, Mapping[str, Floats]], Floats]  # of times and, by group, of outputs there
@@ -79,10 +60,7 @@ class Histories(Protocol):
         """(nt,) values that are known."""
 
     def energies(self) -> EnergyHistory:
-        """Energies, nan where their computation was interrupted."""
-
-    def every(self, step: int) -> Histories:
-        """Those at one of ``step`` output times."""
+        """Energies."""
 
 
 @dataclass(frozen=True)
@@ -119,12 +97,6 @@ class SampledHistories:
         """Energies."""
         return self.energy
 
-    def every(self, step: int) -> SampledHistories:
-        """Those at one of ``step`` output times."""
-        values = {name: group[::step] for name, group in self.values.items()}
-        energy = EnergyHistory(*(getattr(self.energy, name)[::step] for name in ENERGIES))
-        return SampledHistories(self.time[::step], values, self.touching[::step], energy)
-
 
 class ExactHistories:
     """Those of a motion in closed form.
@@ -133,11 +105,10 @@ class ExactHistories:
     ----------
     groups : the outputs.
     times : of the outputs.
-    stop : asked several times a second whether to give up the energies and peaks.
     """
 
-    def __init__(self, motion: MotionInStretches, groups: OutputSet, times: OutputTimes, stop: Grace) -> None:
-        self._motion, self._groups, self.stop, self.times = motion, groups, stop, times
+    def __init__(self, motion: MotionInStretches, groups: OutputSet, times: OutputTimes) -> None:
+        self._motion, self._groups, self.times = motion, groups, times
         columns = groups(motion.flow.system.contacts.start).row.shape[0] + motion.flow.size
         most = VALUES_A_BLOCK // columns
         if not motion.one_stretch:
@@ -145,7 +116,6 @@ class ExactHistories:
         self.block_size: int = 1 << max(most, 1).bit_length() - 1  # times of a block
         self._latest: dict[str, tuple[int, Any]] = {}  # number and contents of the last block of each kind
         self._work: list[Floats] = [np.zeros(2)]  # dissipated and put in before each block that was reached
-        self._energies_given_up = False
 
     @property
     def count(self) -> int:
@@ -216,14 +186,7 @@ class ExactHistories:
     def _energies_after(self, number: int) -> EnergyHistory:
         times, motion = self._part(number)
         begin = float(self.times.rows(number * self.block_size - 1, number * self.block_size)[0]) if number else 0.0
-        history = unknown_energies(times.size)
-        if not self._energies_given_up:
-            try:
-                with heeding(self.stop):
-                    check_stop()
-                    history = energies(motion, times, self._power_factors, begin, self._work[number])
-            except Stopped:
-                self._energies_given_up = True
+        history = energies(motion, times, self._power_factors, begin, self._work[number])
         if number == len(self._work) - 1 and times.size:
             self._work.append(np.array([history.dissipated[-1], history.work_in[-1]]))
         return history
@@ -262,7 +225,7 @@ class ExactHistories:
         return EnergyHistory(*(np.concatenate([getattr(block, name) for block in blocks]) for name in ENERGIES))
 
     def energies(self) -> EnergyHistory:
-        """Energies, nan where their computation was interrupted."""
+        """Energies."""
 
         def of(name: str) -> Floats:
             return self._history(  # type: ignore[no-any-return]
@@ -270,20 +233,6 @@ class ExactHistories:
             )
 
         return EnergyHistory(*map(of, ENERGIES))
-
-    def every(self, step: int) -> ExactHistories:
-        """Those at one of ``step`` output times."""
-        return ExactHistories(self._motion, self._groups, self.times.every(step), self.stop)
-
-    def extremes(self, searched: Mapping[str, OutputOf]) -> Extremes:
-        """Extremes of the samples of some outputs; of the stress, which is no history and has many places, of few."""
-        few = self.times.every(max(1, self.count // MOST_STRESSES)).all
-        return {
-            name: sampled_extremes(self.time, self.values[name])
-            if name in self.values
-            else sampled_extremes(few, self._motion.sample(few, output_of))
-            for name, output_of in searched.items()
-        }
 
     def von_mises(self, stress_of: OutputOf, of_body: slice) -> Floats:
         """(nx,) largest von Mises stress of the samples; rows are sigma_x, sigma_y and tau_xy of all stations."""

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.stopping import check_stop
 from beamsim.typing import Complexes, Floats, Ints
 
 NODES = 8
@@ -83,7 +82,6 @@ def panels(times: Floats, signal: Signal, longest: float) -> tuple[Iterator[Pane
 
     def blocks() -> Iterator[Panels]:
         for first in range(0, ends.size - 1, BLOCK):
-            check_stop()
             block, part = ends[first : first + BLOCK + 1], of_panel[first : first + BLOCK]
             length = lengths[part[0] : part[-1] + 1]
             which = part - part[0]

@@ -16,7 +16,6 @@ import numpy as np
 
 from beamsim.analyses.gapping import pressed_phases, static_penetration, transfer
 from beamsim.analyses.run.result import MAIN_QUANTITY
-from beamsim.flow.stopping import check_stop
 from beamsim.inputs.random_input import density
 from beamsim.scenario.broadband import RandomInput
 from beamsim.system.equations import SineLoads
@@ -143,7 +142,6 @@ def _names(system: StructuralSystem) -> list[tuple[str, str]]:
 
 def _squared_responses(system: StructuralSystem, phases: Ints, frequency: Floats) -> Floats:
     """(F, k) squared magnitudes for a unit of the input."""
-    check_stop()
     contacts, snubbers = system.dynamics.contacts, slice(len(system.snubbers))
     rows = np.array([probe.shape for probe in system.probes]).reshape(-1, system.dynamics.size)
     omega = 2 * np.pi * frequency[:, None]

@@ -19,7 +19,6 @@ from beamsim.analyses.run.motion import RunMotion, output_times
 from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.stepped_motion import stepped_motion_of
 from beamsim.analyses.run.summary import figures_of_motion
-from beamsim.flow.stopping import Stopped, check_stop, heeding
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.structural import StructuralSystem
 
@@ -46,10 +45,11 @@ def convergence_of(
     if settings.convergence == "off" or not motion.outcome.complete:
         return None
 
-    def solve(finer: StructuralSystem) -> Solution:
+    def solve(finer: StructuralSystem) -> Solution | None:
         if finer.cubic.count:
             again = stepped_motion_of(finer, settings, output_times(settings), None, stop)
-            check_stop()
+            if again.outcome.interrupted:
+                return None
             assert again.contact_events is not None
             sampled = OutputSamples(again.histories.time, again.histories.values)
             return Solution(finer, settings, figures_of_motion(finer, again), again.contact_events, sampled=sampled)
@@ -64,15 +64,11 @@ def convergence_of(
         again = march_again(disturbed_system(system, share), settings, end, motion.work, stop)
         return ContactEvents.of(again, len(system.snubbers))
 
-    try:
-        with heeding(stop):
-            check_stop()  # before a finer model is built
-            return check_convergence(
-                scenario, first, derived, shared, None if isinstance(settings.start, OrbitStart) else solve,
-                None if motion.trajectory is None else disturbed,
-            )  # fmt: skip
-    except Stopped:
-        return Convergence({}, reason="interrupted")
+    checked = check_convergence(
+        scenario, first, derived, shared, None if isinstance(settings.start, OrbitStart) else solve,
+        None if motion.trajectory is None else disturbed,
+    )  # fmt: skip
+    return Convergence({}, reason="interrupted") if stop() else checked
 
 
 def disturbed_system(system: StructuralSystem, share: float) -> StructuralSystem:

@@ -47,8 +47,6 @@ if TYPE_CHECKING:
     from beamsim.scenario import Run, Scenario
 
 MOST_SAMPLES = 50_000_000
-SAMPLES_OF_A_STOPPED_RUN = 20_000
-KEPT = "interrupted: of {} output times one is kept"
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 
 
@@ -89,7 +87,6 @@ class RunMotion:
     parts: Callable[[], Iterable[Trajectory]] = tuple  # all of it, one after the other
     von_mises: Mapping[str, Floats] = field(default_factory=dict)  # (nx,) Pa, largest of the samples, by plate
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
-    few: Histories | None = None  # evenly spaced samples, where all take as long as the march
     impacts: ImpactRecord | None = None  # of the closed form, where it is evaluated
     compared_s: float | None = None  # s, first part that is compared with a finer model, where not all is kept
     warnings: tuple[str, ...] = ()
@@ -120,11 +117,6 @@ def memory_of(flow: ExactFlow, settings: Run) -> dict[str, int]:
     """Bounds on the memory of a run, for the summary."""
     kept = {"contact_states_kept": len(flow.states)} if flow.dropped else {}
     return {"memory_bytes": round(settings.memory), **kept}
-
-
-def step_of_few(count: int) -> int:
-    """Of so many output times, every which one is kept of a run that is stopped."""
-    return max(-(-count // SAMPLES_OF_A_STOPPED_RUN), 1)
 
 
 def pull_warnings(system: StructuralSystem, motion: RunMotion) -> list[str]:

@@ -25,7 +25,6 @@ from beamsim.analyses.run.intervals import CONFIDENCE, SKIPPED
 from beamsim.analyses.run.linear_prediction import LinearStructures
 from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics
 from beamsim.fields import later, rows_of
-from beamsim.flow.stopping import check_stop
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.typing import Complexes, Floats
 
@@ -49,11 +48,6 @@ def random_response(
     force : (nt,) N, the force where a force drives the structure, not the base.
     stationary : whether the input is a process of which the run is a sample, so that its figures have an interval.
     predicted : the linear structures with all snubbers open and with all closed.
-
-    Raises
-    ------
-    Stopped
-        On a request to stop that is heeded, see `beamsim.flow.stopping`.
     """
     times = rows_of(result, "time")
     first = int(SKIPPED * times.size)
@@ -72,7 +66,6 @@ def random_response(
         return cross_density(x, x, rate, length).real
 
     def statistics(signal: _Observed, x: Floats) -> SignalStatistics:
-        check_stop()
         figures: dict[str, Any] = statistics_of(x, rate) | (rms_interval(x) if stationary else {})
         return SignalStatistics(
             name=signal.name, quantity=signal.quantity, unit=signal.unit, density=density(x),
@@ -151,7 +144,6 @@ def _histories(
         values = np.empty((len(some), last - first))
         size = max(getattr(block, "block", 1) for block in blocks)  # which all share
         for number in range(first // size, -(-last // size)):
-            check_stop()
             row, end = max(number * size, first), min((number + 1) * size, last)
             for value, block in zip(values, blocks, strict=True):
                 value[row - first : end - first] = block[row:end]
@@ -167,7 +159,6 @@ def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
     total = np.zeros(length // 2 + 1, dtype=complex)
     starts = range(0, x.size - length + 1, length - length // 2)
     for start in starts:
-        check_stop()
         a, b = (np.fft.rfft(window * (part - part.mean())) for part in (z[start : start + length] for z in (x, y)))
         total += a.conj() * b
     total *= 2.0 / (len(starts) * rate * (window @ window))
@@ -224,7 +215,6 @@ def rms_interval(x: Floats) -> dict[str, float]:
     of_spectrum = y if y.size < _LONG_RECORD else y[: prev_fast_len(y.size, real=True)]
     lines = np.fft.rfft(of_spectrum)[1:]
     power = lines.real**2 + lines.imag**2
-    check_stop()
     squares = y * y
     square, fourth = float(np.mean(squares)), float(np.mean(squares * squares))
     if square == 0.0:

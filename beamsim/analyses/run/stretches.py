@@ -6,17 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from beamsim.analyses.run.energy import BalanceOfStretches, energies_of_segments, unknown_energies
+from beamsim.analyses.run.energy import BalanceOfStretches, energies_of_segments
 from beamsim.analyses.run.figures import Extreme, Extremes, energy_extremes, searched_extremes
 from beamsim.analyses.run.filtered_motion import filtered
-from beamsim.analyses.run.histories import SampledHistories
 from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.low_pass import LowPassFilter
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.run.outputs import OutputSet, output_groups, searched_outputs
+from beamsim.analyses.run.outputs import output_groups, searched_outputs
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.stopping import check_stop
 from beamsim.flow.trajectory import Trajectory
 from beamsim.scenario.run import Run
 from beamsim.system.structural import StructuralSystem
@@ -38,14 +36,7 @@ class StretchFigures:
         self.balance, self.extremes = BalanceOfStretches(), Extremes()
 
     def add(self, stretch: Trajectory) -> None:
-        """Include the next stretch.
-
-        Raises
-        ------
-        Stopped
-            On a request to stop that is heeded, see `beamsim.flow.stopping`.
-        """
-        check_stop()
+        """Include the next stretch."""
         balance = energies_of_segments(stretch)
         found = self.found(stretch)
         self.balance.add(*balance)
@@ -85,12 +76,6 @@ class RunFigures(StretchFigures):
             found["acceleration"] = self.low_passed.add(stretch)
         return found
 
-    def give_up(self) -> None:
-        """Forget what was gathered: the evaluation of the first stretch was interrupted."""
-        self.balance, self.extremes, self.impacts = BalanceOfStretches(), {}, None
-        if self.low_passed is not None:
-            self.searched["acceleration"], self.low_passed = self.groups.groups["acceleration"], None
-
 
 class LowPassed:
     """Accelerations behind the filter at all output times, led through it stretch by stretch.
@@ -121,39 +106,6 @@ class LowPassed:
     def reached(self) -> Floats:
         """(nt, probes) up to where the motion is evaluated."""
         return self.values[: self._reached]
-
-
-class FewSamples:
-    """Evenly spaced samples of a motion that is forgotten, which are kept for an interruption.
-
-    Parameters
-    ----------
-    groups : outputs that are sampled.
-    flow : of the motion; what its inputs are made of is sampled too, while it is at hand.
-    times : that are kept.
-    """
-
-    def __init__(self, groups: OutputSet, flow: ExactFlow, times: OutputTimes) -> None:
-        assert flow.record is not None
-        self._groups, self._record, self._times = groups, flow.record, times
-        self._start, self._reached = flow.system.contacts.start, 0
-        self._parts: list[tuple[Floats, ...]] = []
-
-    def add(self, stretch: Trajectory) -> None:
-        """Sample the next stretch."""
-        upto = max(self._times.until(stretch.end).size, self._reached)
-        at = self._times.rows(self._reached, upto)
-        touching = stretch.flow.system.contacts.touching(stretch.phases_at(at)).astype(float)
-        inputs = np.stack([self._record.at(at, integral) for integral in range(3)], axis=1)
-        self._parts.append((at, stretch.sample(at, self._groups), touching, inputs))
-        self._reached = upto
-
-    def histories(self) -> SampledHistories:
-        """Those of the samples so far."""
-        at, values, touching, inputs = (np.concatenate(column) for column in zip(*self._parts, strict=True))
-        self._record.keep(at, inputs.T)
-        by_group = self._groups.split(values, self._start)
-        return SampledHistories(at, by_group, touching.astype(bool), unknown_energies(at.size))
 
 
 def outer(before: Extreme | None, new: Extreme) -> Extreme:

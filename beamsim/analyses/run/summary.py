@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -47,13 +49,12 @@ def summary_of_run(
     spectra: dict[tuple[str, str], Spectrum],
     stop: Callable[[], bool],
 ) -> dict[str, Any]:
-    """What does not repeat a field of the result."""
+    """What does not repeat a field of the result; root mean squares are nan where the spectra were left out."""
     probes = [p.name for p in system.probes]
+    rms = defaultdict(lambda: math.nan, {key: spectrum.rms for key, spectrum in spectra.items()})
     summary: dict[str, Any] = {
-        "rms_displacement_m": by_name(probes, np.array([spectra[p, "displacement"].rms for p in probes])),
-        "rms_acceleration_g": by_name(
-            probes, np.array([spectra[p, MAIN_QUANTITY].rms for p in probes]) / STANDARD_GRAVITY
-        ),
+        "rms_displacement_m": by_name(probes, np.array([rms[p, "displacement"] for p in probes])),
+        "rms_acceleration_g": by_name(probes, np.array([rms[p, MAIN_QUANTITY] for p in probes]) / STANDARD_GRAVITY),
         **figures_of_motion(system, motion),
         "events": int(motion.events.time.size),
         "linear": motion.work.events == 0 and system.cubic.count == 0,
@@ -64,7 +65,7 @@ def summary_of_run(
     }
     summary["peak_times_s"] = peak_times(system, motion.extremes, summary)
     if system.outputs:
-        summary["rms_output"] = {o.name: spectra[o.name, o.kind].rms for o in system.linear_outputs}
+        summary["rms_output"] = {o.name: rms[o.name, o.kind] for o in system.linear_outputs}
         summary["output_unit"] = {output.name: output.unit for output in system.outputs}
     if system.base_correction is not None:
         summary |= system.base_correction.summary()

@@ -27,8 +27,8 @@ from beamsim.analyses.sweep.result import (
 )
 from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.stopping import never
 from beamsim.inputs.profile_file import read_profile
+from beamsim.interrupts import never
 from beamsim.outcomes import Outcome, OutcomeCode, combined
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.limits import OF_OUTPUTS
@@ -59,7 +59,8 @@ def sweep(
     ----------
     scenario : with a ``sweep`` section of kind swept_sine or stepped and a harmonic excitation.
     progress : called with the fraction done.
-    stop : asked several times a second whether to end; the result then holds the levels and cycles up to there.
+    stop : asked between cycles, frequencies and levels whether to end; the result then holds those up to there,
+        which may be none.
     save : called with the partial result after the first level and repeatedly later.
     resume : partial result of an interrupted sweep of the same scenario; its levels are not computed again.
 
@@ -67,8 +68,6 @@ def sweep(
     ------
     ScenarioError
         If the scenario cannot be swept.
-    KeyboardInterrupt
-        If it was stopped before anything was computed.
     """
     settings, excitation = _settings(scenario), scenario.excitation
     assert isinstance(excitation, Harmonic | Forces)
@@ -120,8 +119,6 @@ def sweep(
             save(done.result())
             # saving takes at most a tenth of the time
             next_save = clock.perf_counter() + max(SAVED_EVERY_S, 10.0 * (clock.perf_counter() - started))
-    if not done.curves and stop():
-        raise KeyboardInterrupt
     return done.result()
 
 

@@ -12,10 +12,10 @@ from beamsim.analyses.sweep.result import Envelope, NotchedRange, Notching, Notc
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.level_control import LevelControl
-from beamsim.flow.stopping import never
 from beamsim.flow.swept_motion import SweptLoads
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile, power_of
+from beamsim.interrupts import never
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.notching import BASE_FORCE, LimitedQuantity, base_force_of, limited_quantity
 from beamsim.scenario.scenario import Scenario

@@ -16,12 +16,12 @@ from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Motion
-from beamsim.flow.stopping import never
 from beamsim.flow.transient import start
 from beamsim.inputs.profiles import acceleration_amplitude, phase_of_acceleration
 from beamsim.inputs.signal import Signal
+from beamsim.interrupts import never
 from beamsim.orbits.lyapunov import largest_exponent
-from beamsim.orbits.steady import CycleStepper, MotionStopped, Settled, settle
+from beamsim.orbits.steady import CycleStepper, Settled, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import level_unit
@@ -79,20 +79,20 @@ def step_level(
     forcing, observers, period = under(float(directions[0][1][0]))
     flow = ExactFlow(system.dynamics, forcing, period, observers)
     motion, _ = start(flow, system.initial_state)
-    stepper = CycleStepper(flow, period, stop=stop)
+    stepper = CycleStepper(flow, period)
     outputs = SweepOutputs(system, settings.accelerations, limited, settings.impacts)
     curves, outcome, done = [], COMPLETE, 0
     for direction, frequencies in directions:
         points: list[_Point] = []
         for f in frequencies:
+            if done and stop():
+                outcome = Outcome.of(OutcomeCode.INTERRUPTED, before=f"{f:.6g} Hz")
+                break
             forcing, observers, period = under(float(f))
             stepper.use(stepper.flow.under(forcing, observers, period), period, motion)
             amplitude = acceleration_amplitude(abs(level), quantity, float(f))
             try:
                 points.append(_point(stepper, motion, settings, float(f), amplitude, outputs))
-            except MotionStopped:
-                outcome = Outcome.of(OutcomeCode.INTERRUPTED, before=f"{f:.6g} Hz")
-                break
             except ArithmeticError as error:
                 outcome = Outcome.of(OutcomeCode.NO_STEADY_STATE, parameter=float(f), unit="Hz", reason=str(error))
                 break

@@ -14,13 +14,13 @@ from beamsim.analyses.sweep.notching import Limited, compared, limited_of, not_h
 from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, SweepWork
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.stopping import never
 from beamsim.flow.swept_motion import SweptLoads, SweptMotion
 from beamsim.inputs.drift import CorrectionSize, jumps
 from beamsim.inputs.legs import Leg, make_leg
 from beamsim.inputs.profiles import Profile, make_profile, phase_of_acceleration, power_of
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
+from beamsim.interrupts import never
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SweptSine
