@@ -17,6 +17,7 @@ from beamsim.analyses.nnm.analysis import nnm
 from beamsim.analyses.response.analysis import frequency_response
 from beamsim.cli.conclusion import exit_code
 from beamsim.cli.interruption import STOPPING, interruptible
+from beamsim.measurements.channels import read_tests
 from beamsim.outcomes import COMPLETE
 from beamsim.plots.continuation import frequency_response_figures
 from beamsim.plots.nnm import nnm_figures
@@ -135,6 +136,17 @@ def test_a_stepped_sine_keeps_the_frequencies_it_has():
     part = beamsim.sweep(load_scenario(CONFIGS / "one_sided_65hz.yaml", [sweep]), request, stop=request.stop)
     assert part.status == "interrupted before 64 Hz"
     assert part.curves["up_0"].frequency_hz.tolist() == [60.0, 62.0]
+
+
+def test_a_fit_keeps_the_best_so_far():
+    scenario = load_scenario(CONFIGS / "identify_nonlinear.yaml")
+    tests = read_tests(scenario, CONFIGS)
+    request = After(1)
+    part = beamsim.identify_stiffness(scenario, tests, request, request.stop)
+    assert part.status == "interrupted after 1 of 3 starts"
+    assert part.nonlinear.starts == 1
+    assert part.nonlinear.misfit < 0.1 * part.nonlinear.misfit_before
+    assert part.nonlinear.profiles == ()
 
 
 def test_nothing_found_is_nothing_kept(monkeypatch):
@@ -277,6 +289,18 @@ def test_a_second_signal_ends_at_once(under_way, tmp_path):
     assert process.returncode == 130
     assert errors == "beamsim: interrupted; no incomplete file was left\n"
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.slow
+def test_a_signal_during_an_identification_keeps_the_best_so_far(under_way, tmp_path):
+    starts = "identify_stiffness.nonlinear.starts=8"
+    process = under_way("identify-stiffness", CONFIGS / "identify_nonlinear.yaml", "--set", starts, "-o", "case.h5")
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate("go on\n", timeout=120)
+    assert process.returncode == 130, errors
+    assert os.listdir(tmp_path) == ["case.h5"]
+    kept = beamsim.open_identification(tmp_path / "case.h5")
+    assert kept.status == f"interrupted after {POINTS} of 8 starts"
 
 
 LONG = {
