@@ -53,7 +53,7 @@ def open_consistent(path: Path | str, kind: str = "") -> Any:
 def _is_curve(items: Items, place: str, complete: bool) -> bool:
     """Whether an array is a quantity over the time of a run, or the displacement of a probe along a complete curve.
 
-    Energies are left out, which are NaN where their computation was interrupted.
+    Energies are left out: where they are not finite, the outcome says so.
     """
     item = items[place]
     if item.values is None or item.values.dtype.kind != "f" or parent(place) == "/energy":

@@ -39,12 +39,6 @@ def stored_energy(flow: ExactFlow, y: Floats, penetration: Floats, phases: Ints)
     )
 
 
-def unknown_energies(count: int) -> EnergyHistory:
-    """Of a motion that was not evaluated."""
-    missing = np.full(count, np.nan)
-    return EnergyHistory(missing, missing, missing)
-
-
 @dataclass(frozen=True)
 class EnergyBalance:
     """Energies at some times, and how far they are from balance."""
@@ -53,11 +47,6 @@ class EnergyBalance:
     error: float  # largest imbalance over max(stored energy, integral of |power in|); 0 for a motionless structure
     lost_at: float | None  # s, from when on it is larger than `LARGEST_ERROR`
     exchanged: float = np.nan  # J, integral of the loads' power without its sign
-
-    @classmethod
-    def unknown(cls) -> EnergyBalance:
-        """Of a motion that was not evaluated."""
-        return cls(unknown_energies(0), np.nan, None)
 
     @classmethod
     def of(cls, times: Floats, history: EnergyHistory, exchanged: float) -> EnergyBalance:
@@ -110,9 +99,7 @@ class BalanceOfStretches:
 
     def result(self, history: EnergyHistory | None = None) -> EnergyBalance:
         """That of all stretches; ``history`` are energies to keep with it."""
-        history = unknown_energies(0) if history is None else history
-        if not self._worst:
-            return EnergyBalance.unknown()
+        history = EnergyHistory(*np.zeros((3, 0))) if history is None else history
         scale = self._scale
         if scale == 0.0:
             return EnergyBalance(history, 0.0, None, self._exchanged)
