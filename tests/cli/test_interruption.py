@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from pkgutil import resolve_name
 
 import numpy as np
 import pytest
@@ -23,6 +22,7 @@ from beamsim.plots.continuation import frequency_response_figures
 from beamsim.plots.nnm import nnm_figures
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
+from beamsim.store import hdf5
 from beamsim.store.results import open_nnm, open_response
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -463,9 +463,7 @@ def signals_in(monkeypatch, module, name, *numbers):
 @pytest.mark.parametrize("plots", [True, False])
 @pytest.mark.parametrize("name", WRITTEN)
 def test_a_signal_while_the_file_is_written_waits_for_it(name, plots, invoked, monkeypatch):
-    from beamsim.store import declared
-
-    signals_in(monkeypatch, declared, "_write_member", signal.SIGTERM)
+    signals_in(monkeypatch, hdf5, "_create", signal.SIGTERM)
     done = invoked(name, *([] if plots else ["--no-plots"]))
     assert "; press again to stop immediately" in done.output
     assert os.listdir() == ["case.h5"]
@@ -479,12 +477,10 @@ def test_a_signal_while_the_file_is_written_waits_for_it(name, plots, invoked, m
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-@pytest.mark.parametrize("place", ["declared._write_member", "stored._Sink.flush", "stored._Sink.truncate"])
+@pytest.mark.parametrize("place", ["_create", "_fill"])
 @pytest.mark.parametrize("name", ["run", "long histories"])
 def test_a_second_signal_while_the_file_is_written_ends_at_once(name, place, number, code, invoked, monkeypatch):
-    """Wherever: HDF5 makes an error of its own of what is raised where it calls back."""
-    owner, _, function = f"beamsim.store.{place}".rpartition(".")
-    signals_in(monkeypatch, resolve_name(owner), function, number, number)
+    signals_in(monkeypatch, hdf5, place, number, number)
     Path("case.h5").write_bytes(b"old")
     done = invoked(name)
     assert done.exit_code == code, done.output
