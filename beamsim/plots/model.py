@@ -57,18 +57,24 @@ def plot_model(scenario: Scenario, stations: Stations, stops: Mapping[str, Snubb
         ax.set_xticks([])
     ax.spines[["top", "right", "left"]].set_visible(False)
     if len(names) <= MOST_NAMES:
-        _number(ax, names)
+        _number(ax, names, 0.06 * sketch.span)
     return ax
 
 
-def _number(ax: Axes, names: Sequence[tuple[str, tuple[float, float]]]) -> None:
-    """A number at every named place, and what it is in a list below; places that coincide have one label."""
+def _number(ax: Axes, names: Sequence[tuple[str, tuple[float, float]]], near: float) -> None:
+    """A number at every named place, and what it is in a list below; places that coincide have one label.
+
+    Parameters
+    ----------
+    near : distance (m in the sketch) within which something to the right of a place has its number to the left.
+    """
     numbers: dict[tuple[float, float], list[str]] = {}
     for k, (_, (x, y)) in enumerate(names, 1):
         numbers.setdefault((float(f"{x:.3g}"), round(y, 1)), []).append(str(k))
     for (x, y), those in numbers.items():
+        beside = -20 if any(0.0 < other - x < near for other, _ in numbers) else 12
         ax.annotate(
-            ", ".join(those), (x, y), xytext=(12, 7 if y - round(y) > 0.01 else -9), textcoords="offset points",
+            ", ".join(those), (x, y), xytext=(beside, 7 if y - round(y) > 0.01 else -9), textcoords="offset points",
             va="center", fontsize="small", color="0.25", zorder=9, annotation_clip=False,
             bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "0.6", "linewidth": 0.6},
             arrowprops={"arrowstyle": "-", "color": "0.6", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1},
