@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from beamsim.kinds import KINDS, imported_into
+from beamsim.kinds import KINDS, named
 from beamsim.version import __version__
 
 if TYPE_CHECKING:
@@ -168,7 +168,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    return imported_into(__name__, _HOME, name)
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return named(f"{_HOME[name]}:{name}")
 
 
 def __dir__() -> list[str]:

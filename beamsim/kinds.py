@@ -7,8 +7,6 @@ to their documentation, and to Python as a function and a class of the package. 
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Mapping
 from enum import StrEnum
 from importlib import import_module
 from typing import Any, NamedTuple, Self
@@ -97,21 +95,6 @@ def named(place: str) -> Any:
     """The function or class at ``module:name``."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)
-
-
-def imported_into(module: str, homes: Mapping[str, str], name: str) -> Any:
-    """What a module's ``__getattr__`` returns: the name from the module that is its home, kept in the one that asks.
-
-    Raises
-    ------
-    AttributeError
-        If the name has no home.
-    """
-    if name not in homes:
-        raise AttributeError(f"module {module!r} has no attribute {name!r}")
-    value = named(f"{homes[name]}:{name}")
-    setattr(sys.modules[module], name, value)
-    return value
 
 
 def kind_of_class(cls: type) -> str:

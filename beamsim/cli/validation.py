@@ -63,14 +63,16 @@ def draw_model(valid: Validated, folder: Path, stem: str) -> list[Path]:
     ResultFileError
         If the picture cannot be written.
     """
-    from beamsim.plots.model import save_model
+    from beamsim.plots.model import model_figure
+    from beamsim.plots.save import save_figures
     from beamsim.plots.style import shown_in
     from beamsim.system.build import build_system
 
     scenario = valid.scenario
     system = valid.system or build_system(scenario, assessed=False)
     with shown_in(scenario.display_scales):
-        return save_model(scenario, system.stations, {stop.name: stop for stop in system.snubbers}, folder, stem)
+        stops = {stop.name: stop for stop in system.snubbers}
+        return save_figures({"sketch": model_figure(scenario, system.stations, stops)}, folder, stem)
 
 
 def schema_text() -> str:

@@ -42,7 +42,7 @@ MOST_MODES = 3
 MOST_SLICES = 4  # maps of one response of three or more parameters
 MOST_SLICED = 3  # responses
 CONTOURS = 5
-BESIDERED = 0.05  # of the range of values; a contour that is closer to that of the limit is left out
+BESIDE_LIMIT = 0.05  # of the range of values; a contour that is closer to that of the limit is left out
 MOST_TICKS = 6  # values of an axis that are all written out
 LIGHT = 0.55  # of the range of colours
 MOST_NUMBERED = (12, 6)  # rows and columns of a map whose cells have room for numbers
@@ -138,7 +138,6 @@ def plot_response_map(
 
 def _draw_contours(ax: Axes, x: Floats, y: Floats, values: Any, limit: float | None) -> None:
     """Labelled contours, that of the limit in its own colour and thick, with a white edge in grey print."""
-    from matplotlib.patheffects import withStroke
     from matplotlib.ticker import MaxNLocator
 
     low, high = float(values.min()), float(values.max())
@@ -146,20 +145,22 @@ def _draw_contours(ax: Axes, x: Floats, y: Floats, values: Any, limit: float | N
     levels = [
         level
         for level in MaxNLocator(CONTOURS + 1, min_n_ticks=1).tick_values(low, high)
-        if low < level < high and (within is None or abs(level - within) >= BESIDERED * (high - low))
+        if low < level < high and (within is None or abs(level - within) >= BESIDE_LIMIT * (high - low))
     ]
     if levels and min(values.shape) >= FEWEST_ALONG and high - low > 1e-9 * max(abs(low), abs(high)):
-        lines = ax.contour(x, y, values, levels=levels, colors="white", linewidths=0.6)
-        outline: Any = [withStroke(linewidth=1.6, foreground="0.2")]  # readable on light cells, too
-        for text in ax.clabel(lines, fontsize="x-small", fmt="%g"):
-            text.set_path_effects(outline)
-        lines.set_path_effects([withStroke(linewidth=1.4, foreground="0.2")])
+        _outlined(ax, ax.contour(x, y, values, levels=levels, colors="white", linewidths=0.6), "%g", "0.2", 1.5)
     if within is not None:
         line = ax.contour(x, y, values, levels=[within], colors=RED, linewidths=1.8)
-        edge: Any = [withStroke(linewidth=3.4, foreground="white")]
-        for text in ax.clabel(line, fontsize="x-small", fmt=lambda _: "limit"):
-            text.set_path_effects(edge)
-        line.set_path_effects(edge)
+        _outlined(ax, line, {within: "limit"}, "white", 3.4)
+
+
+def _outlined(ax: Axes, lines: Any, text: Any, colour: str, width: float) -> None:
+    """Label contours, and give them an edge by which they are seen on light and dark cells."""
+    from matplotlib.patheffects import withStroke
+
+    edge: Any = [withStroke(linewidth=width, foreground=colour)]
+    for drawn in (lines, *ax.clabel(lines, fontsize="x-small", fmt=text)):
+        drawn.set_path_effects(edge)
 
 
 def _write_cells(ax: Axes, x: Floats, y: Floats, values: Any, norm: Any, starred: tuple[int, ...] | None) -> None:

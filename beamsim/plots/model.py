@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.plots.drawing import finish_positions, panels
-from beamsim.plots.save import save_figures
 from beamsim.plots.sketch import BODY, STOP, Sketch, scale_bar
 from beamsim.plots.style import amount, level_text, round_length
 from beamsim.scenario.moved_support import MovedSupport
@@ -95,19 +93,6 @@ def model_figure(scenario: Scenario, stations: Stations, stops: Mapping[str, Snu
     ax.set_title(excitation_text(scenario), fontsize="medium", loc="left")
     plot_model(scenario, stations, stops, ax)
     return figure
-
-
-def save_model(
-    scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers], folder: Path | str, stem: str
-) -> list[Path]:
-    """Save the sketch as ``<stem>_sketch.png``; returns the file.
-
-    Raises
-    ------
-    ResultFileError
-        If the file cannot be written.
-    """
-    return save_figures({"sketch": model_figure(scenario, stations, stops)}, folder, stem)
 
 
 def excitation_text(scenario: Scenario) -> str:
