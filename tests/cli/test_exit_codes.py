@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 import beamsim
 from beamsim.cli.app import app
 from beamsim.cli.conclusion import EXIT_CODES, Reporting, conclude, exit_code
+from beamsim.cli.interruption import Interruption
 from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, OutcomeKind
 
@@ -22,7 +23,7 @@ UNTRUSTED = Outcome.of(OutcomeCode.HARMONICS_NEGLECTED, parameter=3.0, unit="Hz"
 def ended(result, **more):
     """Exit code of a command that ends with a result."""
     try:
-        conclude("run", result, Path("case.h5"), Reporting(plots=False, quiet=True, **more))
+        conclude("run", result, Path("case.h5"), Reporting(plots=False, quiet=True, **more), Interruption())
     except (StoppedEarlyError, LimitExceededError) as error:
         return error.exit_code
     return 0
