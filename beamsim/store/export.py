@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 from beamsim.store.flat import Items, joined, last, parent
-from beamsim.store.results import decode_summary, open_with_items
+from beamsim.store.results import decode_summary, open_result, open_with_items
 
 ROWS_AT_ONCE = 2**16  # of a table that are turned into text together
 _UNITS = {"": "", "1": "", "degree": "deg", "kg^-0.5": "per_sqrt_kg", "kg^0.5 m": "m_sqrt_kg"}
@@ -299,8 +299,7 @@ def remark_on_places(path: Path) -> str:
     """That nodes of imported bodies have no coordinates in a universal file of a result; empty where all have some."""
     from beamsim.store.records import bodies_without_places
 
-    result, items = open_with_items(path)
-    bodies = bodies_without_places(items, result.scenario)
+    bodies = bodies_without_places(open_result(path))
     if not bodies:
         return ""
     return (

@@ -14,10 +14,9 @@ coordinates are in no data set 15, and the header names their bodies.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.store.flat import Item, Items, joined, last, parent
 from beamsim.store.uff import (
@@ -25,8 +24,8 @@ from beamsim.store.uff import (
     GENERAL,
     LOAD_CODES,
     ORDINATES,
-    TIME_RESPONSE,
     UP,
+    Function,
     Source,
     header_151,
     record_55,
@@ -39,21 +38,13 @@ from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
+    from beamsim.system.structural import ModeTable
 
 Coordinates = tuple[float, float, float]  # m
 APART = 0.1  # between bodies, of the longest
 
 _OF_SNUBBERS = ("force", "penetration")
 _STATISTICS = ("peak_", "max_", "min_", "rms_", "mean_", "harmonic_")
-
-
-class _Function(NamedTuple):
-    quantity: str
-    label: str
-    x: Floats
-    y: NDArray[Any]
-    kind: int
-    over: str = ""
 
 
 def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
@@ -66,7 +57,7 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
     """
     import pyuff
 
-    stations = _stations(items)
+    stations = _stations(result)
     heights = _heights(stations)
     nodes, upside_down = _stored_nodes(items, heights) if "/base" in items else _nodes(result.scenario, heights)
     placed = _placed(stations, heights)
@@ -84,12 +75,7 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
             if place in nodes and function.x.size > 1:
                 node = list(nodes).index(place) + first
                 turned = function.quantity == "force" and name in upside_down
-                records.append(
-                    record_58(
-                        source, name, function.quantity, item.unit, node, function.x, function.y, label=function.label,
-                        kind=function.kind, direction=-UP if turned else UP, over=function.over,
-                    )
-                )  # fmt: skip
+                records.append(record_58(source, function, name, node, -UP if turned else UP))
     if not records:
         return []
     number = _numbers(stations, first + len(nodes))
@@ -98,41 +84,31 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
     known = np.all(np.isfinite(points), axis=1)
     x, y, z = points[known].T
     of_nodes = pyuff.prepare_15(node_nums=numbers[known], x=x, y=y, z=z)
-    nowhere = _without_places(stations, placed, result.scenario)
+    nowhere = bodies_without_places(result)
     remark = f"nodes without coordinates: {', '.join(nowhere)}" if nowhere else ""
-    shapes = _mode_shapes(items, stations, placed, number, source, result.scenario)
+    shapes = [] if stations is None else _mode_shapes(result, placed, number, source)
     return [header_151(source, remark), of_nodes, *shapes, *records]
 
 
-def bodies_without_places(items: Items, scenario: Scenario) -> list[str]:
+def bodies_without_places(result: Any) -> list[str]:
     """Names of the imported bodies of whose nodes some have no coordinates, so that other programs cannot draw them."""
-    stations = _stations(items)
-    return _without_places(stations, _placed(stations, _heights(stations)), scenario)
-
-
-def _without_places(stations: Stations | None, placed: Floats, scenario: Scenario) -> list[str]:
+    stations = _stations(result)
     if stations is None:
         return []
+    placed = _placed(stations, _heights(stations))
     lacking = [part.body for part in stations if not np.all(np.isfinite(placed[part.stations]))]
-    return lacking if len(stations.parts) > 1 else list(scenario.all_bodies)[: len(lacking)]
+    return lacking if len(stations.parts) > 1 else list(result.scenario.all_bodies)[: len(lacking)]
 
 
-def _stations(items: Items) -> Stations | None:
-    """Where the mode shapes of a result are stored; None where there are none."""
-    position, body = items.get("/modes/position"), items.get("/modes/body")
-    if position is None or "/modes/shapes" not in items:
-        return None
-    names, axes = (None, None) if body is None else (tuple(map(str, body.attributes[key])) for key in ("names", "axes"))
-    beside = (items.get(f"/modes/{name}") for name in ("across", "points"))
-    return Stations(
-        position.values, position.unit, position.meaning, None if body is None else body.values, names, axes,
-        *(None if item is None else item.values for item in beside),
-    )  # fmt: skip
+def _stations(result: Any) -> Stations | None:
+    """Where the mode shapes of a result are known; None where there are none."""
+    stations: Stations | None = getattr(getattr(result, "modes", None), "stations", None)
+    return stations if stations is not None and stations.position.size else None
 
 
 def _heights(stations: Stations | None) -> dict[str, float]:
     """By body the z of its nodes, m; of imported bodies what is added to it."""
-    if stations is None or not stations.position.size:
+    if stations is None:
         return {}
     lengths = [np.ptp(stations.position[part.stations]) for part in stations if part.axis.continuous]
     if stations.points is not None:
@@ -142,7 +118,7 @@ def _heights(stations: Stations | None) -> dict[str, float]:
 
 def _placed(stations: Stations | None, heights: dict[str, float]) -> Floats:
     """(nx, 3) coordinates of the stations of the modes, m; NaN for nodes of imported bodies that have none."""
-    if stations is None or not stations.position.size:
+    if stations is None:
         return np.zeros((0, 3))
     y = np.zeros(stations.position.size) if stations.across is None else np.nan_to_num(stations.across)
     placed = np.stack([stations.position, y, np.zeros(y.size)], axis=1)
@@ -204,13 +180,10 @@ def _numbers(stations: Stations | None, first: int) -> Ints:
     return numbers
 
 
-def _mode_shapes(
-    items: Items, stations: Stations | None, placed: Floats, number: Ints, source: Source, scenario: Scenario
-) -> list[dict[str, Any]]:
-    """The lines through the stations of the modes, and a record for each mode."""
-    if stations is None or not stations.position.size:
-        return []
-    several = len(stations.parts) > 1
+def _mode_shapes(result: Any, placed: Floats, number: Ints, source: Source) -> list[dict[str, Any]]:
+    """The lines through the stations (nx,) of the modes, at places (nx, 3), and a record for each mode."""
+    modes: ModeTable = result.modes
+    stations, several = modes.stations, len(modes.stations.parts) > 1
     lines = []
     for k, part in enumerate(stations, 1):
         nodes = number[part.stations]
@@ -220,15 +193,13 @@ def _mode_shapes(
             through = _lines(nodes, *placed[part.stations, :2].T)
         if several or part.axis is not NODES:
             lines.append(trace_lines(k, part.body, through))
-    along = [_direction(scenario, part.body) if part.axis is NODES else DEFLECTION for part in stations]
+    along = [_direction(result.scenario, part.body) if part.axis is NODES else DEFLECTION for part in stations]
     sizes = [part.stations.stop - part.stations.start for part in stations]
     direction = np.repeat(along, sizes).tolist()
-    frequencies, damping, shapes = (
-        items[f"/modes/{name}"].values for name in ("open_frequencies_hz", "damping_ratios", "shapes")
-    )
+    each = zip(modes.open_frequencies_hz, modes.damping_ratios, modes.shapes, strict=True)
     records = [
         record_55(source, mode, float(f), float(np.nan_to_num(ratio)), number, shape, direction)
-        for mode, (f, ratio, shape) in enumerate(zip(frequencies, damping, shapes, strict=True), 1)
+        for mode, (f, ratio, shape) in enumerate(each, 1)
     ]
     return [*lines, *records]
 
@@ -316,7 +287,7 @@ def _label(path: str, name: str, quantity: str) -> str:
     return path.strip("/").replace("/", " ").replace("_", " ").removesuffix(" real")
 
 
-def _functions(items: Items, path: str, place: str) -> Iterator[_Function]:
+def _functions(items: Items, path: str, place: str) -> Iterator[Function]:
     """Functions in an array: one, one for each order of harmonics, or none."""
     item, name = items[path], last(path).removesuffix("_real")
     if last(path).endswith("_imag") or item.values.dtype.kind != "f":
@@ -333,7 +304,7 @@ def _functions(items: Items, path: str, place: str) -> Iterator[_Function]:
         return
     text, names = _label(path, place, quantity), [last(axis) for axis in item.axes]
     if names == ["time"]:
-        yield _Function(quantity, text, items[item.axes[0]].values, y, TIME_RESPONSE)
+        yield Function(quantity, item.unit, text, items[item.axes[0]].values, y)
         return
     frequencies = {k: x for k, axis in enumerate(item.axes) if (x := _frequency(items, axis)) is not None}
     if len(frequencies) != 1:
@@ -341,10 +312,10 @@ def _functions(items: Items, path: str, place: str) -> Iterator[_Function]:
     (along, x), *_ = frequencies.items()
     if y.ndim == 1:
         over = _input(items) if path.startswith("/linear/") else ""
-        yield _Function(quantity, text, x, y, FREQUENCY_RESPONSE if over else GENERAL, over)
+        yield Function(quantity, item.unit, text, x, y, FREQUENCY_RESPONSE if over else GENERAL, over)
     elif y.ndim == 2 and "order" in names:
         for order, values in zip(items[item.axes[1 - along]].values, np.moveaxis(y, along, 1), strict=True):
-            yield _Function(quantity, f"{text} order {order:g}", x, values, GENERAL)
+            yield Function(quantity, item.unit, f"{text} order {order:g}", x, values, GENERAL)
 
 
 def _frequency(items: Items, axis: str) -> Floats | None:

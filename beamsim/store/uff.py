@@ -40,51 +40,56 @@ class Source(NamedTuple):
     maker: str
 
 
-def record_58(
-    source: Source,
-    name: str,
-    quantity: str,
-    unit: str,
-    node: int,
-    x: Floats,
-    y: NDArray[Any],
-    *,
-    label: str = "",
-    kind: int = TIME_RESPONSE,
-    direction: int = UP,
-    over: str = "",
-) -> dict[str, Any]:
+class Function(NamedTuple):
+    """A quantity at one place over time or frequency."""
+
+    quantity: str  # one of `ORDINATES`
+    unit: str
+    label: str  # first line of the record
+    x: Floats  # s of a time response, otherwise Hz
+    y: NDArray[Any]  # may be complex
+    kind: int = TIME_RESPONSE
+    over: str = ""  # of a frequency response the input: "acceleration" of the base, or one of `LOAD_CODES`
+
+
+def record_58(source: Source, function: Function, name: str, node: int, direction: int = UP) -> dict[str, Any]:
     """One function at one place, for :mod:`pyuff`.
+
+    An equally spaced abscissa is stored as start and increment with 6 digits; if that is not exact, the record is
+    stored in binary (58b) with all abscissae.
 
     Parameters
     ----------
+    source : of the file.
+    function : what is recorded.
     name : of the probe or snubber.
-    quantity : one of `ORDINATES`.
-    x, y : time (s) for a time response, otherwise frequency (Hz); the ordinate may be complex. An equally spaced
-        abscissa is stored as start and increment with 6 digits; if that is not exact, the record is stored in
-        binary (58b) with all abscissae.
-    label : first line of the record; by default name and quantity.
-    over : for a frequency response, the input quantity: "acceleration" of the base, or one of `LOAD_CODES`.
+    node, direction : where, and along which axis.
+
+    Returns
+    -------
+    dict
+        The data set.
     """
-    specific, length_exponent, force_exponent = ORDINATES[quantity]
-    of_frequency = kind != TIME_RESPONSE
+    specific, length_exponent, force_exponent = ORDINATES[function.quantity]
+    of_frequency, x, y = function.kind != TIME_RESPONSE, function.x, function.y
+    quantity = function.quantity.replace("_", " ")
     exact = False
     if x.size > 1:
         increment = (x[-1] - x[0]) / (x.size - 1)
         even = np.allclose(np.diff(x), increment, rtol=1e-9, atol=0.0) and increment > 0
         exact = bool(even) and all(abs(float(f"{v:.5e}") - v) <= 1e-12 * increment for v in (x[0], increment))
-    below = {"": (0, 0, 0), "acceleration": (12, 1, 0), **LOAD_CODES}[over]
+    below = {"": (0, 0, 0), "acceleration": (12, 1, 0), **LOAD_CODES}[function.over]
     return {
         "type": 58,
         "binary": 0 if exact else 1,
-        "func_type": kind,
+        "func_type": function.kind,
         "rsp_ent_name": _ascii(name, 10),
         "rsp_node": node,
         "rsp_dir": direction,
         "ref_ent_name": "NONE",
         "ref_node": 0,
         "ref_dir": 0,
-        "id1": _ascii(label or f"{name} {quantity.replace('_', ' ')}", 80),
+        "id1": _ascii(function.label, 80),
         "id2": _ascii(source.title, 80),
         "id3": _date(source.created),
         "id4": _ascii(source.maker, 80),
@@ -95,8 +100,8 @@ def record_58(
         "ordinate_spec_data_type": specific,
         "ordinate_len_unit_exp": length_exponent,
         "ordinate_force_unit_exp": force_exponent,
-        "ordinate_axis_lab": _ascii(quantity.replace("_", " ").capitalize(), 20),
-        "ordinate_axis_units_lab": unit,
+        "ordinate_axis_lab": _ascii(quantity.capitalize(), 20),
+        "ordinate_axis_units_lab": function.unit,
         "orddenom_spec_data_type": below[0],
         "orddenom_len_unit_exp": below[1],
         "orddenom_force_unit_exp": below[2],

@@ -1,6 +1,7 @@
 """`beamsim compare-modes`: pairs of measured and computed modes, from CSV and UFF files; errors and exit codes."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store import records
-from beamsim.store.flat import items_of
 from beamsim.store.shapes import read_shapes
 from beamsim.store.uff import Source, record_55, write_uff
 from beamsim.structures.places import Place
@@ -55,11 +55,10 @@ def test_modes_written_to_a_universal_file_are_found_again(tmp_path, text):
     """Nodes from the mesh (data set 15), lines of each body (82) and modes (55): each mode pairs with itself."""
     scenario = load_scenario(text)
     modes = build_system(scenario, assessed=False).modes
-    items = {f"/modes{path}": item for path, item in items_of(modes).items()}
-    stations = records._stations(items)
-    heights = records._heights(stations)
-    places, number = records._placed(stations, heights), records._numbers(stations, 4)
-    sets = records._mode_shapes(items, stations, places, number, Source("title", "", "beamsim"), scenario)
+    heights = records._heights(modes.stations)
+    places, number = records._placed(modes.stations, heights), records._numbers(modes.stations, 4)
+    result = SimpleNamespace(modes=modes, scenario=scenario)
+    sets = records._mode_shapes(result, places, number, Source("title", "", "beamsim"))
     x, y, z = places.T
     assert len(set(z)) == len(scenario.all_bodies)  # bodies apart
     write_uff([pyuff.prepare_15(node_nums=4 + np.arange(x.size), x=x, y=y, z=z), *sets], tmp_path / "modes.uff")
