@@ -105,25 +105,36 @@ def read_items(file: h5py.File) -> Items:
         If an array is of another length than its axis, or neither of numbers nor of text.
     """
     items: Items = {"/": Item(_attributes(file))}
+    scales: dict[int, str] = {}  # by address: to ask a scale for its name, HDF5 searches the file
+    along: dict[str, list[int]] = {}
 
     def note(name: str, owner: h5py.Group | h5py.Dataset) -> None:
-        item = items[f"/{name}"] = Item(_attributes(owner))
+        place = f"/{name}"
+        item = items[place] = Item(_attributes(owner))
         if isinstance(owner, h5py.Dataset):
             item.values, item.scale = _values(owner), owner.is_scale
-            if not item.scale:
-                along = [scale_along(owner, k) for k in range(owner.ndim)]
-                item.axes = tuple("" if scale is None else str(scale.name) for scale in along)
+            if item.scale:
+                scales[_address(owner)] = place
+            else:
+                along[place] = [_address(scale_along(owner, k)) for k in range(owner.ndim)]
 
     file.visititems(note)
-    for place, item in items.items():
+    for place, addresses in along.items():
+        item = items[place]
+        item.axes = tuple(scales.get(address, "") for address in addresses)
         for k, axis in enumerate(item.axes):
             if axis and items[axis].values.shape != item.values.shape[k : k + 1]:
                 raise ValueError(f"{place} has {item.values.shape[k]} values along {axis}")
     return items
 
 
+def _address(dataset: h5py.Dataset | None) -> int:
+    """Where a dataset is in its file; -1 of none."""
+    return -1 if dataset is None else int(h5py.h5o.get_info(dataset.id).addr)
+
+
 def _attributes(owner: h5py.Group | h5py.Dataset) -> dict[str, Any]:
-    return {name: value for name, value in owner.attrs.items() if name not in _OF_HDF5}
+    return {name: owner.attrs[name] for name in owner.attrs if name not in _OF_HDF5}
 
 
 def _values(dataset: h5py.Dataset) -> Any:

@@ -155,6 +155,19 @@ def test_an_earlier_file_is_written_again_as_it_was(packed, tmp_path):
             np.testing.assert_equal(new[name], value, name)
 
 
+@pytest.mark.parametrize("packed", FILES, ids=[path.name.partition(".")[0] for path in FILES])
+@pytest.mark.filterwarnings("ignore:Duplicate dimension names")
+def test_xarray_opens_every_group_of_every_kind(packed, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    path = beamsim.write_result(beamsim.open_result(unpacked(packed, tmp_path)), tmp_path / "again.h5")
+    with h5py.File(path) as file:
+        groups = ["/"]
+        file.visititems(lambda name, item: groups.append(f"/{name}") if isinstance(item, h5py.Group) else None)
+    for group in groups:
+        with xarray.open_dataset(path, engine="h5netcdf", group=group, phony_dims="sort") as dataset:
+            dataset.load()
+
+
 def test_there_is_a_file_of_every_kind(tmp_path):
     from beamsim.kinds import KINDS
     from beamsim.store.results import kind_of
