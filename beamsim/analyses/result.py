@@ -68,7 +68,7 @@ class Result:
 
     SUMMARY: ClassVar[tuple[Entry, ...]] = ()  # possible entries of the summary, in the order of the printed table
 
-    scenario: Scenario  # resolved
+    scenario: Scenario  # as it was written
     outcome: Outcome = ending("how the computation ended: complete, or why it stopped early and what to try")
     summary: dict[str, Any] = field(default_factory=dict)  # plain Python values
     warnings: tuple[str, ...] = attribute("", "warnings, JSON list", codec=JSON, default=())

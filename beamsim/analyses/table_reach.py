@@ -56,4 +56,4 @@ def _end(curve: ForceCurve) -> str:
 
 def _tables(scenario: Scenario) -> dict[str, ForceCurve]:
     named = zip(scenario.located_snubbers, curves_of(scenario), strict=True)
-    return {snubber.name: curve for (_, _, snubber), curve in named if curve is not None}
+    return {snubber.name: curve for (_, _, snubber, _), curve in named if curve is not None}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import units
-from beamsim.scenario.quantities import Between, FieldType, PositionType, Quantity, TextType, Whole
+from beamsim.scenario.quantities import FieldType, PositionType, Quantity, TextType, Whole
 
 if TYPE_CHECKING:
     from beamsim.analyses.pad.analysis import PadNumbers
@@ -23,7 +23,7 @@ _READ: dict[str, Quantity] = {
     "bulk_modulus": Quantity(units.PRESSURE, above=0.0),
     "stiffness": Quantity(units.STIFFNESS, above=0.0),
     "contact_time": Quantity(units.TIME, above=0.0),
-    "restitution": Between(replace(_RATIO, example="0.6"), low=1e-6, high=1.0, closed=True),
+    "restitution": Quantity(replace(_RATIO, example="0.6"), minimum=1e-6, maximum=1.0),
     "dashpot": Quantity(units.DASHPOT, minimum=0.0),
     "loss_factor": Quantity(_RATIO, minimum=0.0),
     "frequency": Quantity(units.FREQUENCY, above=0.0),

@@ -9,7 +9,7 @@ from beamsim.errors import MethodError, ScenarioError
 from beamsim.files import replacing
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario.base import suggestion
-from beamsim.scenario.file_units import SYSTEMS
+from beamsim.scenario.matrices import SYSTEMS
 from beamsim.structures.assembly import acting_places, assemble, bodies_of
 from beamsim.structures.converted import in_units
 from beamsim.structures.dof_table import write_dof_table
@@ -17,7 +17,7 @@ from beamsim.structures.exported import boundary_rows, craig_bampton, named_stru
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-    from beamsim.scenario.file_units import UnitSystem
+    from beamsim.scenario.matrices import UnitSystem
     from beamsim.structures.named_matrices import NamedMatrices
 
 

@@ -10,7 +10,7 @@ from beamsim.cli.failures import guarded
 from beamsim.cli.options import Case, Debug, Json, Output, Overrides
 
 if TYPE_CHECKING:
-    from beamsim.scenario.file_units import UnitSystem
+    from beamsim.scenario.matrices import UnitSystem
 
 
 def register(app: typer.Typer) -> None:
@@ -81,7 +81,7 @@ def export_structure(
     from beamsim.errors import Problem, ScenarioError
     from beamsim.matrix_files.formats import ENDINGS, FORMATS
     from beamsim.scenario import load_scenario
-    from beamsim.scenario.file_units import SYSTEMS
+    from beamsim.scenario.matrices import SYSTEMS
 
     if units not in SYSTEMS:
         raise ScenarioError(Problem("--units", f"{units} is no system of units", f"give one of {', '.join(SYSTEMS)}"))

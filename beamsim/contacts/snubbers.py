@@ -78,7 +78,7 @@ def build_contacts(
     ScenarioError
         Where a damping ratio has no meaning.
     """
-    snubbers = [item for _, _, item in located]
+    snubbers = [item for _, _, item, _ in located]
     stiffness = [s.stiffness if curve is None else curve.stiffness for s, curve in zip(snubbers, curves, strict=True)]
     dashpot = [_dashpot(at, k, omega, row, rigid) for at, k, row in zip(located, stiffness, shape, strict=True)]
     return Contacts(
@@ -191,7 +191,7 @@ def resolve_preloads(
     ScenarioError
         If no such equilibrium exists: on a structure that only the stops hold the preloads have to balance the loads.
     """
-    preload = [item.preload for _, _, item in located] + [None] * (contacts.count - len(located))
+    preload = [item.preload for _, _, item, _ in located] + [None] * (contacts.count - len(located))
     given = np.array([p is not None for p in preload], dtype=bool)
     if not given.any():
         return contacts

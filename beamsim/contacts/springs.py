@@ -89,8 +89,9 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
     """
     infos: list[SpringInfo] = []
     numbers: tuple[float, float, ContactLaw | None]
-    for row, lever, (path, body, spring) in zip(shape, levers, springs, strict=True):
-        places = tuple(end.label for end in ends_of(site_of(spring, body)))
+    for row, lever, located in zip(shape, levers, springs, strict=True):
+        path, spring = located.path, located.item
+        places = tuple(end.label for end in ends_of(site_of(spring, located.body, located.sections)))
         masses = tuple(place.mass for place in spring.places if place.mass is not None)
         branches = [MaxwellBranch(b.stiffness, b.relaxation_time) for b in getattr(spring, "maxwell", ())]
         if spring.kind == "cubic":
@@ -130,7 +131,7 @@ def _law_of_friction(contact: Any) -> ContactLaw:
 
 def pressed_by(springs: Sequence[Located], snubbers: Sequence[str]) -> Ints | None:
     """(m,) of all contacts, snubbers first, the one that presses each, -1 where there is none; None without any."""
-    names = [getattr(spring, "pressed_by", None) for _, _, spring in springs if spring.kind != "cubic"]
+    names = [getattr(spring, "pressed_by", None) for _, _, spring, _ in springs if spring.kind != "cubic"]
     if not any(names):
         return None
     pressing = [-1] * len(snubbers) + [-1 if name is None else list(snubbers).index(name) for name in names]

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from beamsim.scenario import Excitation, HalfSine, Harmonic, MultiTone, Step
-    from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
-    from beamsim.scenario.excitation import Sawtooth, Trapezoid
+    from beamsim.scenario.excitation import RandomInput, SampledInput, Sawtooth, SweptSineInput, Trapezoid
 
     Driven = Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth | SweptSineInput | SampledInput | RandomInput
 
@@ -154,7 +153,7 @@ def level_signal(excitation: Driven, duration: float | None = None, folder: Path
     if excitation.kind == "sawtooth":
         return linear_pieces(excitation.time, (excitation.duration, 0.0, level))
     if excitation.kind == "trapezoid":
-        rise, fall = float(excitation.rise or 0.0), float(excitation.fall or 0.0)
+        rise, fall = excitation.rise, excitation.fall
         flat = max(excitation.duration - rise - fall, 0.0)
         return linear_pieces(excitation.time, (rise, 0.0, level), (flat, level, level), (fall, level, 0.0))
     return half_sine(level, excitation.duration, excitation.time)

@@ -10,8 +10,8 @@ import numpy as np
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
-from beamsim.scenario.level_profile import ProfilePoint
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS
+from beamsim.scenario.driven import ProfilePoint
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelValue
 from beamsim.scenario.units import FREQUENCY, UnitError, read_level, read_quantity
 
 
@@ -49,7 +49,7 @@ def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[Profi
         _reject(f"= {file} has the level {level[row - 1]:g} in row {row}, which has no logarithm", "give a small level")
     quantity = factors[2]
     return tuple(
-        ProfilePoint.model_construct(frequency=float(f), level=float(a), quantity=quantity)
+        ProfilePoint.model_construct(frequency=float(f), level=LevelValue(float(a), quantity))
         for f, a in zip(frequency, level, strict=True)
     )
 

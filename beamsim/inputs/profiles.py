@@ -19,7 +19,7 @@ from beamsim.scenario.quantities import INTEGRALS
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
-    from beamsim.scenario.level_profile import Notch, ProfilePoint
+    from beamsim.scenario.driven import Notch, ProfilePoint
 
 
 def power_of(quantity: str) -> float:

@@ -21,7 +21,7 @@ from beamsim.inputs.streamed import CubicRecord, StreamedSignal
 from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
-    from beamsim.scenario.broadband import RandomInput
+    from beamsim.scenario.excitation import RandomInput
 
 MOST_OF_ANY_SIZE = (
     4_000_000  # of a period; more are rounded up, as else the transform may need several times the memory

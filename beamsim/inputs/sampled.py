@@ -16,7 +16,7 @@ from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.scenario.broadband import SampledInput
+    from beamsim.scenario.excitation import SampledInput
 
 
 def interpolate(time: Floats, samples: Floats, kind: str) -> Signal:

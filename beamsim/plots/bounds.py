@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.plots.drawing import Guide
-from beamsim.structures.assembly import snubber_site
-from beamsim.structures.places import site_of
+from beamsim.structures.assembly import site_in, snubber_site
 
 if TYPE_CHECKING:
     from beamsim.analyses.run.result import RunResult
@@ -30,8 +29,7 @@ def limit_levels(limits: Limits | None, name: str, *, both_signs: bool = False) 
 def face_levels(result: RunResult, drawn: Collection[str]) -> Iterator[Guide]:
     """Where each stop on the base that is at the place of a drawn probe touches the body."""
     scenario = result.scenario
-    body = next(iter(scenario.all_bodies), "")
-    places = [site_of(probe, body) for probe in scenario.effective_probes if probe.name in drawn]
+    places = [site_in(scenario, probe) for probe in scenario.effective_probes if probe.name in drawn]
     for located in scenario.located_snubbers:
         stop = result.snubbers.get(located.item.name)
         if stop is None or snubber_site(located) not in places or located.item.mounted_on != "base":

@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.plots.drawing import finish_positions, panels
 from beamsim.plots.sketch import BODY, STOP, Sketch, scale_bar
 from beamsim.plots.style import amount, level_text, round_length
-from beamsim.scenario.moved_support import MovedSupport
+from beamsim.scenario.place import MovedSupport
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.distributed import Distributed
@@ -210,8 +210,9 @@ def _supports_and_masses(sketch: Sketch, ax: Axes) -> Names:
             elif kind == "springs" and (coordinate, "pinned") not in body.marks:
                 _spring(ax, sketch, x, y, y - _SPRING, BODY)
                 _ground(ax, sketch, x, y - _SPRING, -1.0)
-        for mass in getattr(body, "point_masses", ()):
-            x, y = oblique(sketch, Place(name, mass.position))
+        masses = getattr(body, "point_masses", ())
+        for mass, at in zip(masses, getattr(body, "mass_points", getattr(body, "mass_positions", ())), strict=True):
+            x, y = oblique(sketch, Place(name, at))
             ax.plot(x, y + 0.09, marker="o", markersize=11, color=BODY, markerfacecolor="#8fb1c9", zorder=5)
             yield amount(mass.mass, "kg"), (x, y + 0.09)
 

@@ -242,7 +242,7 @@ def plot_force_deflection(result: RunResult, ax: Axes) -> Axes:
     Of a long run the last part is drawn. Stops without losses follow one line: theirs is drawn in order of penetration,
     as lines between samples would cut its corners and look like loops.
     """
-    lossy = {stop.name for _, _, stop in result.scenario.located_snubbers if stop.maxwell or stop.hardening}
+    lossy = {stop.name for _, _, stop, _ in result.scenario.located_snubbers if stop.maxwell or stop.hardening}
     shown, loops = _end_of_run(result), []
     for snubber in list(result.snubbers.values())[:MOST_CURVES]:
         drawn = beside(snubber.closed[shown])

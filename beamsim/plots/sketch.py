@@ -58,7 +58,7 @@ class Sketch:
 
     def __init__(self, scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers]) -> None:
         self.scenario, self.stations, self.stops = scenario, stations, stops
-        origin, group = origins(scenario.joints, scenario.default_body)
+        origin, group = origins(scenario.joints, scenario.all_bodies, scenario.default_body)
         names = [part.body for part in stations]
         rows = list(dict.fromkeys(group.get(name, name) for name in names))
         lengths = [float(np.ptp(stations.position[p.stations])) for p in stations if p.axis.continuous]

@@ -14,6 +14,7 @@ from beamsim.report.animated import NOTE
 from beamsim.report.interactive import interactive_plots
 from beamsim.report.page import Cells, Page, Verdict, captioned, labelled, listing, picture, table
 from beamsim.report.trust import changes, checks, doubts, untrusted, versions
+from beamsim.scenario.base import Schema, plain
 from beamsim.structures.assembly import snubber_site
 
 if TYPE_CHECKING:
@@ -154,10 +155,8 @@ def _given(body: Any) -> Iterator[str]:
             yield f"{words} {', '.join(amount(each, unit) for each in value)}"
         elif isinstance(value, tuple):
             yield f"{len(value)} {words}"
-        elif hasattr(value, "model_dump"):
-            inner = ", ".join(
-                f"{k.replace('_', ' ')} {_plain(v)}" for k, v in value.model_dump(exclude_none=True).items()
-            )
+        elif isinstance(value, Schema):
+            inner = ", ".join(f"{k.replace('_', ' ')} {_plain(v)}" for k, v in plain(value).items())
             yield f"{words} ({inner})" if inner else words
 
 

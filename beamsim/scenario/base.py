@@ -1,12 +1,7 @@
 """The base of every part of a scenario, and the tools its parts share.
 
-Every class is frozen, refuses unknown keys, and takes its fields' descriptions from the docstrings
-below them (they reach the user through the JSON Schema; they are read when they are needed, since
-parsing sources would take a third of the import time).
-
-A scenario with several mistakes should show all of them at once, also those that need two fields to
-be seen. pydantic stops at the fields. So a second, *lenient* pass puts `UNKNOWN` where a field is
-wrong and carries on; a check that touches an unknown value is skipped.
+Every class is frozen, refuses unknown keys, and takes its fields' descriptions from the docstrings below them, through
+which they reach the user by the JSON Schema.
 """
 
 from __future__ import annotations
@@ -15,68 +10,22 @@ import ast
 import inspect
 import re
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
 from itertools import pairwise
-from typing import Any, Literal, NoReturn, Self, get_args, get_origin
+from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    GetCoreSchemaHandler,
-    Tag,
-    ValidationError,
-    ValidationInfo,
-    ValidatorFunctionWrapHandler,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, Tag, model_validator
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from beamsim.errors import ScenarioError
+from beamsim.errors import Problem
 
 Path = tuple[str | int, ...]
 
 
-class UnknownValueError(Exception):
-    """A check used a value that did not pass validation."""
-
-
-class _Unknown:
-    """Stands for a value that is wrong; any use of it raises `UnknownValueError`."""
-
-    __slots__ = ()
-
-    def _used(self, *_: object) -> NoReturn:
-        raise UnknownValueError
-
-    __lt__ = __le__ = __gt__ = __ge__ = _used
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _used
-    __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = _used
-    __float__ = __int__ = __index__ = __bool__ = __str__ = __format__ = _used
-    __len__ = __iter__ = __getitem__ = __contains__ = _used
-
-    def __eq__(self, other: object) -> bool:
-        raise UnknownValueError
-
-    def __hash__(self) -> int:
-        raise UnknownValueError
-
-    def __getattr__(self, name: str) -> NoReturn:
-        if name.startswith("__"):  # pydantic probes for special methods
-            raise AttributeError(name)
-        raise UnknownValueError
-
-
 LONGEST_VALUE = 60  # characters of a value in a message
-UNKNOWN = _Unknown()
-
-
-def known(*values: object) -> bool:
-    """Whether none of the values is the one that stands for a wrong value."""
-    return not any(value is UNKNOWN for value in values)
-
 
 _KEY = r"[A-Za-z_](?:[\w -]*[\w-])?"
 _ITEM = r"\[(?:\*|\w(?:[\w .+-]*[\w+-])?)\]"
@@ -112,10 +61,6 @@ def path_text(path: Path) -> str:
     return text
 
 
-class LenientPass:
-    """Validation context of the lenient pass."""
-
-
 def fail(message: str, remedy: str = "", at: Path = (), show_value: bool = False) -> PydanticCustomError:
     """Build the error a validator raises; ``at`` is the path below the value being validated.
 
@@ -126,8 +71,17 @@ def fail(message: str, remedy: str = "", at: Path = (), show_value: bool = False
     return PydanticCustomError("beamsim", "{message}", context)
 
 
+def problem(path: Path, message: str, remedy: str = "") -> Problem:
+    """A problem at a path of the scenario; its message follows that, as that of `fail`."""
+    return Problem(path_text(path), message, remedy)
+
+
 class Schema(BaseModel):
-    """A frozen part of a scenario."""
+    """A frozen part of a scenario, which holds what was written.
+
+    A default that follows from other numbers is not stored: the field is called after its key with an underscore behind
+    (``rise_``), is None where nothing was written, and a property with the name of the key (``rise``) gives the value.
+    """
 
     model_config = ConfigDict(
         extra="forbid",
@@ -138,108 +92,94 @@ class Schema(BaseModel):
         defer_build=True,
     )
 
-    _late: Exception | None = None  # what `settle` found in the lenient pass
+    known_by: ClassVar[tuple[str, ...]] = ()
+    """Keys that tell it apart from the other members of a union, see `Variants`."""
 
-    @property
-    def late_error(self) -> Exception | None:
-        """What the fields' comparison raised in the lenient pass, if anything."""
-        return self._late
-
-    def settle(self) -> None:
-        """Check fields against each other and resolve defaults; raises what `fail` builds."""
-
-    def resolve(self, name: str, value: object) -> None:
-        """Set a field while the object is being validated (it is frozen for everybody else)."""
-        self.__dict__[name] = value
+    def check(self) -> None:
+        """Compare fields with each other; raises what `fail` builds."""
 
     @classmethod
     def keys(cls) -> dict[str, str]:
-        """Map the key as it is written in YAML to the attribute's name."""
+        """Map the key as it is written in YAML to the name of its field."""
         return _keys(cls)
 
     @classmethod
-    def descriptions(cls) -> dict[str, str]:
-        """Map every attribute's name to the docstring below it."""
-        docstrings: dict[str, str] = {}
-        for base in reversed(cls.__mro__):
-            if issubclass(base, Schema) and base is not Schema:
-                docstrings |= _attribute_docstrings(base.__module__).get(base.__name__, {})
-        return docstrings
+    def attributes(cls) -> dict[str, str]:
+        """Map the key as it is written in YAML to the attribute that gives its value, by default or as written."""
+        return _attributes(cls)
 
-    @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Let every field take a wrong value in the lenient pass; a validator of pydantic's takes longer to build."""
-        schema = handler(source)
-        part: Any = handler.resolve_ref_schema(schema)
-        while part["type"] != "model-fields":
-            part = part["schema"]
-        for field in part["fields"].values():
-            holder = field["schema"] if field["schema"]["type"] == "default" else field
-            holder["schema"] = core_schema.with_info_wrap_validator_function(_trap, holder["schema"])
-        return schema
+    def named_in_addition(self) -> dict[str, object]:
+        """What `plain` says beside the numbers that were written, because their units said it."""
+        return {}
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """The same with other values by key or name of the field, which are not checked."""
+        keys = self.keys()
+        changed = {keys.get(name, name): value for name, value in (update or {}).items()}
+        return super().model_copy(update=changed, deep=deep)
+
+    @property
+    def _values(self) -> tuple[Any, ...]:
+        return tuple(getattr(self, name) for name in self.attributes().values())
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self) and self._values == other._values
+
+    def __hash__(self) -> int:
+        values = (frozenset(value.items()) if isinstance(value, dict) else value for value in self._values)
+        return hash((type(self), *values))
 
     @model_validator(mode="before")
     @classmethod
-    def _tidy_keys(cls, data: Any, info: ValidationInfo) -> Any:
-        """Read ``null`` as if the key were not there; in the lenient pass repair the keys."""
+    def _without_null(cls, data: Any) -> Any:
+        """Read ``null`` as if the key were not there."""
         if not isinstance(data, dict):
             return data
-        keys = cls.keys() | {name: name for name in cls.model_fields}
-        data = {key: value for key, value in data.items() if value is not None or key not in keys}
-        if not isinstance(info.context, LenientPass):
-            return data
-        needed = {key: UNKNOWN for key, name in cls.keys().items() if cls.model_fields[name].is_required()}
-        return needed | {key: value for key, value in data.items() if key in keys}
+        known = cls.keys().keys() | cls.model_fields.keys()
+        return {key: value for key, value in data.items() if value is not None or key not in known}
 
     @model_validator(mode="after")
-    def _settle(self, info: ValidationInfo) -> Self:
-        if not isinstance(info.context, LenientPass):
-            self.settle()
-            return self
-        try:
-            self.settle()
-        except UnknownValueError:
-            pass
-        except (PydanticCustomError, ScenarioError) as error:
-            self._late = error
+    def _checked(self) -> Self:
+        self.check()
         return self
-
-
-def _trap(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
-    """The value of a field; in the lenient pass `UNKNOWN` if it is wrong."""
-    if not isinstance(info.context, LenientPass):
-        return handler(value)
-    try:
-        return UNKNOWN if value is UNKNOWN else handler(value)
-    except ValidationError:
-        return UNKNOWN
 
 
 @cache
 def _keys(schema: type[Schema]) -> dict[str, str]:
-    return {key_of(schema, name): name for name in schema.model_fields}
+    return {field.alias or name: name for name, field in schema.model_fields.items()}
 
 
 @cache
-def _attribute_docstrings(module: str) -> dict[str, dict[str, str]]:
-    """Map class and attribute to docstring, for a module."""
-    tree = ast.parse(inspect.getsource(sys.modules[module]))
-    docstrings: dict[str, dict[str, str]] = {}
-    for item in tree.body:
-        if not isinstance(item, ast.ClassDef):
-            continue
-        texts = docstrings.setdefault(item.name, {})
-        for field, doc in pairwise(item.body):
-            if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
-                continue
-            if isinstance(doc, ast.Expr) and isinstance(doc.value, ast.Constant) and isinstance(doc.value.value, str):
-                texts[field.target.id] = inspect.cleandoc(doc.value.value)
+def _attributes(schema: type[Schema]) -> dict[str, str]:
+    return {key: key if hasattr(schema, key) else name for key, name in _keys(schema).items()}
+
+
+def descriptions(schema: type[Schema]) -> dict[str, str]:
+    """Map the name of every field to the docstring below it.
+
+    They are read from the source when an editor's schema or a message asks for them: pydantic would read them at every
+    start, which takes a third of the time of the imports.
+    """
+    docstrings: dict[str, str] = {}
+    for base in reversed(schema.__mro__):
+        if issubclass(base, Schema) and base is not Schema:
+            docstrings |= _docstrings(base.__module__).get(base.__name__, {})
     return docstrings
 
 
-def key_of(schema: type[Schema], name: str) -> str:
-    """Return the YAML key of an attribute (``from`` for ``from_``)."""
-    return schema.model_fields[name].alias or name
+@cache
+def _docstrings(module: str) -> dict[str, dict[str, str]]:
+    """Map class and field to docstring, for a module."""
+    return {
+        item.name: {
+            field.target.id: inspect.cleandoc(str(doc.value.value))
+            for field, doc in pairwise(item.body)
+            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+            and isinstance(doc, ast.Expr) and isinstance(doc.value, ast.Constant)
+        }
+        for item in ast.parse(inspect.getsource(sys.modules[module])).body
+        if isinstance(item, ast.ClassDef)
+    }  # fmt: skip
 
 
 def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
@@ -258,39 +198,26 @@ def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
             yield from walk(part, (*path, key))
 
 
-def tag_of(member: Any) -> str:
-    """Tag of one member of a union, in angle brackets: as given, else its kind, else ``<text>`` for words."""
-    for item in getattr(member, "__metadata__", ()):
-        if isinstance(item, Tag):
-            return item.tag
-    if isinstance(member, type) and issubclass(member, Schema):
-        kind = member.model_fields.get("kind")
-        return f"<{kind.default}>" if kind else ""
-    return "<text>" if get_origin(member) is Literal else ""
-
-
-@dataclass(frozen=True)
-class Variants:
-    """Marks a union whose members are distinguished by a function of the raw value, see `tag_of`.
-
-    With a message, it stands for all errors about the choice itself.
-    """
-
-    choose: Callable[[Any], str | None]
-    message: str = ""
-    remedy: str = ""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        choices = {tag_of(member): handler.generate_schema(member) for member in get_args(source)}
-        if not self.message:
-            return core_schema.tagged_union_schema(choices, self.choose)
-        return core_schema.tagged_union_schema(
-            choices,
-            self.choose,
-            custom_error_type="beamsim",
-            custom_error_message=self.message,
-            custom_error_context={"message": self.message, "remedy": self.remedy, "show_value": 1},
-        )
+def plain(value: object) -> Any:
+    """A part of a scenario as the plain data that it was read from, numbers in SI units, keys as they are written."""
+    if isinstance(value, Schema):
+        written, in_addition = dict[str, Any](), value.named_in_addition()
+        for key, name in _keys(type(value)).items():
+            held = value.__dict__[name]
+            given = name in value.model_fields_set or name == "kind"
+            empty = held in ((), {}) and held == type(value).model_fields[name].get_default(call_default_factory=True)
+            if key in in_addition:
+                written[key] = in_addition[key]
+            elif given and held is not None and not empty:
+                written[key] = plain(held)
+        return written
+    if isinstance(value, tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, (bool, int, str)):
+        return value
+    return float(value) if isinstance(value, float) else str(value)
 
 
 def kind_of(value: Any) -> Any:
@@ -298,30 +225,92 @@ def kind_of(value: Any) -> Any:
     return value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
 
 
-def _kind(value: Any) -> str | None:
-    kind = kind_of(value)
-    return f"<{kind}>" if isinstance(kind, str) else None
+def _schema_of(member: Any) -> type[Schema] | None:
+    """The class that a member of a union is, if it is one of mappings."""
+    inner = get_args(member)[0] if hasattr(member, "__metadata__") else member
+    return inner if isinstance(inner, type) and issubclass(inner, Schema) else None
 
 
-BY_KIND = Variants(_kind)
-"""Variants distinguished by their key ``kind``."""
+def _kinds(schema: type[Schema]) -> tuple[str, ...]:
+    """The kinds that a class stands for; none where its kind is a choice with a default."""
+    field = schema.model_fields.get("kind")
+    kinds = () if field is None else get_args(field.annotation)
+    return kinds if len(kinds) == 1 or (field is not None and field.is_required()) else ()
 
 
-def word_or_kind(words: Collection[str], message: str, remedy: str) -> Variants:
-    """One of the words, or a mapping whose kind is one of them."""
+def tag_of(member: Any) -> str:
+    """What an error's location calls a member of a union, in angle brackets."""
+    metadata = getattr(member, "__metadata__", ())
+    for item in metadata:
+        if isinstance(item, Tag):
+            return item.tag
+    schema = _schema_of(member)
+    if schema is not None:
+        return f"<{next(iter((*_kinds(schema), *schema.known_by)), schema.__name__)}>"
+    inner = get_args(member)[0] if metadata else member
+    if get_origin(inner) is Literal:
+        return "<text>"
+    return (
+        "<list>" if get_origin(inner) is tuple else next((item.form for item in metadata if hasattr(item, "form")), "")
+    )
 
-    def choose(value: Any) -> str | None:
-        if isinstance(value, str):
-            return "<text>" if value in words else None
-        kind = kind_of(value)
-        return f"<{kind}>" if isinstance(kind, str) and kind in words else None
 
-    return Variants(choose, message, remedy)
+@dataclass(frozen=True)
+class Variants:
+    """Marks a union whose members are told apart by the form of the raw value.
+
+    A mapping by its key ``kind``, else by the keys in `Schema.known_by`; the member that has none of these takes every
+    other mapping. Besides there may be words, a list, and a number or text. With a message, it stands for all errors
+    about the choice itself.
+    """
+
+    message: str = ""
+    remedy: str = ""
+    choose: Callable[[Any], str | None] | None = None  # from raw value or part to tag, where the form does not tell
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        choices = {tag_of(member): handler.generate_schema(member) for member in get_args(source)}
+
+        def by_form(value: Any) -> str | None:
+            return self._by_form(get_args(source), value)
+
+        choose = self.choose or by_form
+        if not self.message:
+            return core_schema.tagged_union_schema(choices, choose)
+        return core_schema.tagged_union_schema(
+            choices,
+            choose,
+            custom_error_type="beamsim",
+            custom_error_message=self.message,
+            custom_error_context={"message": self.message, "remedy": self.remedy, "show_value": 1},
+        )
+
+    def _by_form(self, members: tuple[Any, ...], value: Any) -> str | None:
+        schemas = [(tag_of(member), schema) for member in members if (schema := _schema_of(member)) is not None]
+        by_kind = [(tag, schema) for tag, schema in schemas if _kinds(schema)]
+        if isinstance(value, Schema):
+            return next((tag for tag, schema in schemas if isinstance(value, schema)), None)
+        if isinstance(value, dict) and by_kind:
+            return next((tag for tag, schema in by_kind if value.get("kind") in _kinds(schema)), None)
+        if isinstance(value, dict) and schemas:
+            given = (tag for tag, schema in schemas if any(value.get(key) is not None for key in schema.known_by))
+            return next(given, next((tag for tag, schema in schemas if not schema.known_by), None))
+        others = {tag_of(member): member for member in members if _schema_of(member) is None}
+        words = get_args(others.get("<text>"))
+        if isinstance(value, (list, tuple)) and "<list>" in others:
+            return "<list>"
+        if (
+            isinstance(value, str)
+            and "<text>" in others
+            and (value in words or hasattr(others["<text>"], "__metadata__"))
+        ):
+            return "<text>"
+        if self.message or by_kind:
+            return "<number>" if "<number>" in others else None
+        return next((tag for tag in ("<number>", "<text>") if tag in others), schemas[-1][0] if schemas else None)
 
 
-def number_or_list(value: Any) -> str:
-    """Tag of a number or a list of numbers: ``<number>`` and ``<list>``."""
-    return "<list>" if isinstance(value, (list, tuple)) else "<number>"
+BY_FORM = Variants()
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:

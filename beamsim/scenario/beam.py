@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, Tag
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, Schema, Variants, fail, path_text
+from beamsim.scenario import quantities as q
+from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, fail, path_text, problem
 from beamsim.scenario.bending import (
     Bending,
     SandwichBending,
@@ -22,19 +23,7 @@ from beamsim.scenario.bending import (
 )
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import BeamDamping, ModalDamping
-from beamsim.scenario.place import AtPlace, Point
-from beamsim.scenario.quantities import (
-    Dashpot,
-    Elements,
-    Length,
-    NonNegativeStiffness,
-    PointMassValue,
-    PositionOrShare,
-    RotaryInertia,
-    RotationalDashpot,
-    RotationalStiffness,
-    Share,
-)
+from beamsim.scenario.place import AtPlace, Where
 
 Support = Literal["clamped", "pinned", "free", "guided"]
 _HOLDS_DEFLECTION = ("clamped", "pinned")
@@ -49,16 +38,16 @@ class ElasticSupport(Schema):
 
     kind: Support = "free"
     """What is held: nothing by default, the deflection (pinned) or the rotation (guided)."""
-    stiffness: NonNegativeStiffness = 0.0
+    stiffness: q.NonNegativeStiffness = 0.0
     """Force per deflection of the end; none by default."""
-    rotational_stiffness: RotationalStiffness = 0.0
+    rotational_stiffness: q.RotationalStiffness = 0.0
     """Moment per rotation of the end; none by default."""
-    dashpot: Dashpot = 0.0
+    dashpot: q.Dashpot = 0.0
     """Force per velocity of the end; none by default."""
-    rotational_dashpot: RotationalDashpot = 0.0
+    rotational_dashpot: q.RotationalDashpot = 0.0
     """Moment per rate of rotation of the end; none by default."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject springs where nothing moves."""
         for what, holding, keys in (
             ("deflect", _HOLDS_DEFLECTION, ("stiffness", "dashpot")),
@@ -71,13 +60,7 @@ class ElasticSupport(Schema):
                     )
 
 
-def _word_or_springs(value: Any) -> str:
-    return "<springs>" if isinstance(value, (dict, ElasticSupport)) else "<text>"
-
-
-AnySupport = Annotated[
-    Annotated[Support, Tag("<text>")] | Annotated[ElasticSupport, Tag("<springs>")], Variants(_word_or_springs)
-]
+AnySupport = Annotated[Support | ElasticSupport, BY_FORM]
 
 
 class Supports(Schema):
@@ -104,11 +87,11 @@ class Supports(Schema):
 class PointMass(Schema):
     """A lumped mass on the beam, such as an accelerometer; a node is placed there."""
 
-    position: PositionOrShare
+    position: q.PositionOrShare
     """Distance from the left end, or the share of the length: 60 %."""
-    mass: PointMassValue
+    mass: q.PointMassValue
     """The mass."""
-    rotary_inertia: RotaryInertia = 0.0
+    rotary_inertia: q.RotaryInertia = 0.0
     """Its moment of inertia about its place on the beam, against rotation of the beam there; none by default."""
 
 
@@ -119,9 +102,9 @@ class BeamBody(Body):
     has_slope: ClassVar[bool] = True
     base_directions: ClassVar[tuple[str, ...]] = ("z", "ry")
 
-    length: Length
+    length: q.Length
     """Length."""
-    elements: Elements = 20
+    elements: q.Elements = 20
     """Number of finite elements (cubic Hermite), before nodes are added at point masses."""
     supports: Supports = Supports.model_construct()
     """How the two ends are held; clamped and free by default."""
@@ -129,8 +112,10 @@ class BeamBody(Body):
     """Damping; none by default."""
     point_masses: tuple[PointMass, ...] = ()
     """Lumped masses."""
-    nodes: tuple[PositionOrShare, ...] = ()
+    nodes: tuple[q.PositionOrShare, ...] = ()
     """Positions, or shares of the length, at which the mesh is to have a node."""
+    kind: Literal["beam"] = "beam"
+    """A beam, straight along x from 0 (left) to length (right)."""
 
     if TYPE_CHECKING:
 
@@ -147,10 +132,20 @@ class BeamBody(Body):
         """What the beam is made of, from left to right."""
         raise NotImplementedError
 
-    def settle(self) -> None:
-        """Give shares of the length in metres."""
-        super().settle()
-        self.resolve("nodes", tuple(self.on_the_body(x) for x in self.nodes))
+    @property
+    def node_positions(self) -> tuple[float, ...]:
+        """Positions, m, at which the mesh is to have a node."""
+        return tuple(map(self.metres, self.nodes))
+
+    @property
+    def mass_positions(self) -> tuple[float, ...]:
+        """Positions of the point masses, m."""
+        return tuple(self.metres(mass.position) for mass in self.point_masses)
+
+    @property
+    def sides(self) -> tuple[float, ...]:
+        """The length."""
+        return (self.length,)
 
     @property
     def gives_stress(self) -> bool:
@@ -185,7 +180,7 @@ class BeamBody(Body):
         for x, kind, springs in zip((0.0, self.length), self.supports.kinds, self.supports.springs, strict=True):
             marks += [(x, kind)] if kind != "free" else []
             marks += [(x, "springs")] if springs is not None else []
-        return (*marks, *((float(mass.position), "mass") for mass in self.point_masses))
+        return (*marks, *((x, "mass") for x in self.mass_positions))
 
     @property
     def depths(self) -> tuple[tuple[float, float, float], ...]:
@@ -206,21 +201,13 @@ class BeamBody(Body):
             return "left_end", AtPlace(position=0.0)
         return "middle", AtPlace(position=self.length / 2.0)
 
-    def on_the_body(self, position: Point) -> Point:
-        """The position, of a share that of the length, moved to the end if it is beyond it by round-off only."""
-        if isinstance(position, tuple):
-            return position
-        if isinstance(position, Share):
-            return self.length * position
-        return self.length if self.length < position <= self.length * (1.0 + 1e-12) else position
-
     def problems(self, where: Path) -> Iterator[Problem]:
         """Nothing left to move; point masses beyond the ends."""
-        inside = [mass for mass in self.point_masses if 0.0 < mass.position < self.length]
+        inside = [x for x in self.mass_positions if 0.0 < x < self.length]
         alone = self.elements == 1 and len(self.stretches) == 1 and not self.nodes
         if alone and self.supports.kinds == ("clamped", "clamped") and not inside:
-            yield Problem(
-                path_text((*where, "elements")),
+            yield problem(
+                (*where, "elements"),
                 "= 1 leaves no degree of freedom between two clamped ends",
                 "use 2 or more",
             )
@@ -229,47 +216,46 @@ class BeamBody(Body):
         for index, x in enumerate(self.nodes):
             yield from self.position_problems(where, (*where, "nodes", index), x, "")
 
-    def held_end(self, position: Point) -> tuple[str, str] | None:
+    def held_end(self, position: float | q.Share) -> tuple[str, str] | None:
         """(end, support) if no deflection is possible at the position."""
+        at = self.metres(position)
         for end, support, x in zip(("left", "right"), self.supports.kinds, (0.0, self.length), strict=True):
-            if position == x and support in _HOLDS_DEFLECTION:
+            if at == x and support in _HOLDS_DEFLECTION:
                 return end, support
         return None
 
-    def holds(self, position: Point) -> bool:
+    def holds(self, position: Where) -> bool:
         """Whether a support is at a position."""
-        return self.held_end(position) is not None
+        return not isinstance(position, tuple) and self.held_end(position) is not None
 
-    def position_problems(self, where: Path, at: Path, position: Point, what: str) -> Iterator[Problem]:
+    def position_problems(self, where: Path, at: Path, position: Where, what: str) -> Iterator[Problem]:
         """What is wrong with a position; ``what`` does nothing on a support, and is empty for what may stand there."""
         if isinstance(position, tuple):
             remedy = "give the distance from its left end, position: 270 mm"
-            yield Problem(path_text(at), f"is a point [x, y] of a plate, but {path_text(where)} is a beam", remedy)
+            yield problem(at, f"is a point [x, y] of a plate, but {path_text(where)} is a beam", remedy)
             return
-        if isinstance(position, Share):
-            return  # not resolved where other values are invalid
-        if position > self.length:
-            given = _distinct(position, self.length)
-            yield Problem(
-                path_text(at),
+        x = self.metres(position)
+        if x > self.length:
+            given = _distinct(x, self.length)
+            yield problem(
+                at,
                 f"= {given[0]} m lies beyond {path_text((*where, 'length'))} = {given[1]} m",
                 f"positions run from 0 to {given[1]} m, from the left end",
             )
         elif what and (held := self.held_end(position)) is not None:
-            yield Problem(
-                path_text(at),
-                f"= {position:g} m is the {held[1]} {held[0]} end, which cannot deflect: {what} has no effect there",
+            yield problem(
+                at,
+                f"= {x:g} m is the {held[1]} {held[0]} end, which cannot deflect: {what} has no effect there",
                 f"move it along the beam, or change {path_text((*where, 'supports', held[0]))}",
             )
 
     def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
         """Why no snubber can move to a position of the beam."""
-        at_end = self.on_the_body(position)
-        if isinstance(at_end, float) and at_end > self.length:
+        if self.metres(position) > self.length:
             yield from self.position_problems(where, at, position, "")
         if (held := self.held_end(position)) is not None:
-            yield Problem(
-                path_text(at),
+            yield problem(
+                at,
                 f"= {position:g} m is the {held[1]} {held[0]} end, which cannot deflect",
                 "begin or end a little beside it",
             )
@@ -288,8 +274,8 @@ class BeamBody(Body):
                 scale += 0.0 if order or not numbers else abs(numbers[0])
                 if held and abs(sum(terms)) > 1e-9 * scale:
                     of = what if at[-1] == "displacement" else f"{what} velocity"
-                    yield Problem(
-                        path_text(at),
+                    yield problem(
+                        at,
                         f"= [{', '.join(f'{c:g}' for c in numbers)}] has the {of} {sum(terms):g} "
                         f"at the {support} {end} end, where it must be 0",
                         "choose a polynomial in x that the supports allow (coefficients of 1, x, x^2, ...)",
@@ -352,26 +338,16 @@ class SegmentedBeam(BeamBody):
     segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
     """The segments from left to right; together they cover the beam."""
 
-    def settle(self) -> None:
-        """Give shares of the length in metres."""
-        super().settle()
-        self.resolve(
-            "segments",
-            tuple(
-                segment.model_copy(
-                    update={"from_": self.on_the_body(segment.from_), "to": self.on_the_body(segment.to)}
-                )
-                for segment in self.segments
-            ),
-        )
-
     @property
     def stretches(self) -> tuple[Stretch, ...]:
         """The segments."""
         return tuple(
-            Stretch(("segments", index), segment.from_, segment.to, segment, segment.added_mass_per_length)
+            Stretch(
+                ("segments", index), self.metres(segment.from_), self.metres(segment.to), segment,
+                segment.added_mass_per_length,
+            )
             for index, segment in enumerate(self.segments)
-        )
+        )  # fmt: skip
 
     @property
     def bending_stiffness(self) -> float:
@@ -387,25 +363,22 @@ class SegmentedBeam(BeamBody):
         """Segments that leave a part of the beam out, overlap, or are too short for the mesh."""
         yield from super().problems(where)
         shortest = SHORTEST * self.length / self.elements
-        for index, segment in enumerate(self.segments):
-            at = (*where, "segments", index)
-            if segment.to - segment.from_ <= shortest:
-                yield Problem(
-                    path_text((*at, "to")),
-                    f"= {segment.to:g} m is not beyond its from = {segment.from_:g} m by more than {SHORTEST:g} of an "
+        stretches = self.stretches
+        for stretch in stretches:
+            if stretch.length <= shortest:
+                yield problem(
+                    (*where, *stretch.path, "to"),
+                    f"= {stretch.end:g} m is not beyond its from = {stretch.start:g} m by more than {SHORTEST:g} of an "
                     "element",
                     "give from < to",
                 )
-        bounds = [(("from",), 0.0, self.segments[0].from_, 0)]
-        bounds += [
-            (("from",), before.to, after.from_, index)
-            for index, (before, after) in enumerate(pairwise(self.segments), start=1)
-        ]
-        bounds += [(("to",), self.length, self.segments[-1].to, len(self.segments) - 1)]
-        for key, expected, given, index in bounds:
+        bounds = [("from", 0.0, stretches[0].start, stretches[0])]
+        bounds += [("from", before.end, after.start, after) for before, after in pairwise(stretches)]
+        bounds += [("to", self.length, stretches[-1].end, stretches[-1])]
+        for key, expected, given, stretch in bounds:
             if abs(given - expected) > 1e-9 * self.length:
-                yield Problem(
-                    path_text((*where, "segments", index, *key)),
+                yield problem(
+                    (*where, *stretch.path, key),
                     f"= {given:g} m, where {expected:g} m is expected",
                     "segments follow one another from 0 to length without gap or overlap",
                 )
@@ -432,5 +405,5 @@ AnyBeam = Annotated[
     | Annotated[StiffnessBeam, Tag("<stiffness>")]
     | Annotated[SandwichBeam, Tag("<sandwich>")]
     | Annotated[SegmentedBeam, Tag("<segments>")],
-    Variants(beam_tag),
+    Variants(choose=beam_tag),
 ]

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, Schema, path_text
-from beamsim.scenario.place import AtPlace, Point
+from beamsim.scenario.base import Path, Schema, path_text, problem
+from beamsim.scenario.place import AtPlace, Point, Where
+from beamsim.scenario.quantities import Share
 
 
 class Located(NamedTuple):
-    """A snubber or spring, where it is written, and the body it means where it names none."""
+    """A snubber or spring, where it is written, the body it means where it names none, and all bodies."""
 
     path: Path
     body: str
     item: Any
+    sections: Mapping[str, Body]
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -36,6 +38,9 @@ class Body(Schema):
 
     if TYPE_CHECKING:
         damping: Any  # every kind of body has its own sort of it
+
+    how_to_place: ClassVar[str] = "give a position on the beam, position: 270 mm"
+    """How a place of it is named."""
 
     has_slope: ClassVar[bool] = False
     """Whether its points turn as well as deflect."""
@@ -124,11 +129,35 @@ class Body(Schema):
         """Name and place of the probe where nothing else tells one."""
         raise NotImplementedError
 
-    def on_the_body(self, position: Point) -> Point:
-        """The position in m where it is given as a share; at the end if it is beyond it by round-off only."""
-        return position
+    @property
+    def sides(self) -> tuple[float, ...]:
+        """Lengths, m, along which positions on the body are measured."""
+        return ()
 
-    def holds(self, position: Point) -> bool:
+    def metres(self, position: float | Share, axis: int = 0) -> float:
+        """A position along a side in m; at its end where it is beyond it by round-off only (3 ft and 36 in differ)."""
+        if axis >= len(self.sides):
+            return math.nan if isinstance(position, Share) else position
+        side = self.sides[axis]
+        if isinstance(position, Share):
+            return side * position.value
+        return side if side < position <= side * (1.0 + 1e-12) else position
+
+    def point(self, position: Where) -> Point:
+        """A position on the body in m, of a share that of the side."""
+        if not isinstance(position, tuple):
+            return self.metres(position)
+        return self.metres(position[0], 0), self.metres(position[1], 1)
+
+    def point_of(self, place: AtPlace) -> Point:
+        """The position of a place on the body in m, or the number of the mass or node."""
+        if place.position is not None:
+            return self.point(place.position)
+        number = place.mass if place.node is None else place.node
+        assert number is not None
+        return float(number)
+
+    def holds(self, position: Where) -> bool:
         """Whether nothing can deflect at a position."""
         return False
 
@@ -136,30 +165,27 @@ class Body(Schema):
         """What is wrong with the body by itself."""
         yield from ()
 
-    def position_problems(self, where: Path, at: Path, position: Point, what: str) -> Iterator[Problem]:
+    def position_problems(self, where: Path, at: Path, position: Where, what: str) -> Iterator[Problem]:
         """What is wrong with a position on the body; ``what`` does nothing on a support, and is empty for what may."""
-        yield Problem(
-            path_text(at), f"applies to a beam, but {_this(where)} is a {self.body_kind}",
-            "give a mass by its number, mass: 1",
-        )  # fmt: skip
+        yield self._misplaced(where, at, "a beam")
+
+    def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
+        """What is wrong with the number of a mass of the body."""
+        yield self._misplaced(where, at, "a chain")
+
+    def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
+        """Why a node is not a place of the body."""
+        yield self._misplaced(where, at, "imported matrices")
+
+    def _misplaced(self, where: Path, at: Path, of: str) -> Problem:
+        """That a place is named as on bodies of another kind."""
+        what = "imported matrices" if self.is_read_from_files else f"a {self.body_kind}"
+        this = "the structure" if len(where) == 1 else path_text(where)
+        return problem(at, f"applies to {of}, but {this} is {what}", self.how_to_place)
 
     def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
         """What is wrong with a position at which a mode shape was measured."""
         yield from self.position_problems(where, at, position, "")
-
-    def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
-        """What is wrong with the number of a mass of the body."""
-        yield Problem(
-            path_text(at), f"applies to a chain, but {_this(where)} is a {self.body_kind}",
-            "give a position on the beam, position: 270 mm",
-        )  # fmt: skip
-
-    def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
-        """Why a node is not a place of the body."""
-        yield Problem(
-            path_text(at), f"applies to imported matrices, but {_this(where)} is a {self.body_kind}",
-            "give position: 270 mm on a beam, position: [270 mm, 100 mm] on a plate, or mass: 2 on a chain",
-        )  # fmt: skip
 
     def in_folder(self, folder_of: Callable[..., FilePath]) -> Self:
         """The body with the files that it names where they are; ``folder_of`` tells the folder of a key's file."""
@@ -181,14 +207,10 @@ class Body(Schema):
         """Springs that a stiffness factor up to ``largest`` would give a negative slope."""
         yield from ()
 
-    def point_force_doubts(self, where: Path, position: Point) -> Iterator[str]:
+    def point_force_doubts(self, where: Path, position: Where) -> Iterator[str]:
         """A sentence where a force at a point, written at ``where``, makes a result doubtful."""
         yield from ()
 
     def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
         """A sentence for each doubtful number; the excitation goes up to ``highest_hz``."""
         yield from ()
-
-
-def _this(where: Path) -> str:
-    return "the structure" if len(where) == 1 else path_text(where)

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, counted, fail, known, path_text
+from beamsim.scenario.base import Path, counted, fail, path_text, problem
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
-from beamsim.scenario.names import named
-from beamsim.scenario.place import AtPlace
+from beamsim.scenario.place import AtPlace, numbered
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
 from beamsim.scenario.snubber import ChainSnubber
 from beamsim.scenario.spring import GroundSpring, LinkSpring, PiecewiseLinearSpring, has_own_law
@@ -27,28 +26,28 @@ class Chain(Body):
 
     body_kind: ClassVar[str] = "chain"
     reduced_by_default: ClassVar[bool] = False
+    how_to_place: ClassVar[str] = "give a mass by its number, mass: 1"
 
     masses: Annotated[tuple[Mass, ...], Field(min_length=1)]
     """The n masses."""
     springs: tuple[NonNegativeStiffness, ...]
     """Stiffnesses: wall to 1, 1 to 2, ...; n + 1 values, or n if the last mass is free."""
-    dashpots: tuple[Dashpot, ...] = ()
+    dashpots_: tuple[Dashpot, ...] = Field(default=(), alias="dashpots")
     """Dashpots parallel to the springs; none by default, otherwise as many as springs."""
     damping: ChainDamping | None = None
     """Damping of the chain as a whole, added to the dashpots."""
-    snubbers: tuple[ChainSnubber, ...] = ()
+    snubbers: Annotated[tuple[ChainSnubber, ...], numbered("snubbers")] = ()
     """One-sided stops on masses, and bumpers and cables between masses."""
-    springs_to_ground: tuple[GroundSpring, ...] = ()
+    springs_to_ground: Annotated[tuple[GroundSpring, ...], numbered("springs_to_ground")] = ()
     """Springs from masses to the ground, linear, cubic or piecewise linear."""
-    springs_between: tuple[LinkSpring, ...] = ()
+    springs_between: Annotated[tuple[LinkSpring, ...], numbered("springs_between")] = ()
     """Additional springs between any two masses, linear, cubic or piecewise linear."""
+    kind: Literal["chain"] = "chain"
+    """A chain of masses."""
 
-    def settle(self) -> None:
-        """Check the lengths of the lists; resolve dashpots and names."""
-        for name in _NAMED:
-            if known(items := self.__dict__[name]):
-                self.resolve(name, named(items, name))
-        masses, springs, dashpots = len(self.masses), len(self.springs), len(self.dashpots)
+    def check(self) -> None:
+        """Check the lengths of the lists."""
+        masses, springs, dashpots = len(self.masses), len(self.springs), len(self.dashpots_)
         if springs not in (masses, masses + 1):
             raise fail(
                 f"has {counted(springs, 'value')} for {counted(masses, 'mass', 'masses')}",
@@ -61,8 +60,11 @@ class Chain(Body):
                 f"give {springs}, one beside each spring, or leave it out",
                 ("dashpots",),
             )
-        if not dashpots:
-            self.resolve("dashpots", (0.0,) * springs)
+
+    @property
+    def dashpots(self) -> tuple[float, ...]:
+        """One beside each spring, N s/m."""
+        return self.dashpots_ or (0.0,) * len(self.springs)
 
     @property
     def count(self) -> int:
@@ -109,8 +111,8 @@ class Chain(Body):
     def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
         """A number above that of the masses."""
         if mass > self.count:
-            yield Problem(
-                path_text(at),
+            yield problem(
+                at,
                 f"= {mass}, but the chain has {self.count} masses",
                 f"masses are numbered from 1 to {self.count}",
             )
@@ -119,12 +121,12 @@ class Chain(Body):
         """Mode shapes are measured at masses, given by their numbers."""
         if position not in range(1, self.count + 1):
             remedy = f"masses are numbered from 1 to {self.count}"
-            yield Problem(path_text(at), f"= {position:g} is not the number of a mass", remedy)
+            yield problem(at, f"= {position:g} is not the number of a mass", remedy)
 
     def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
         """Snubbers do not move between masses."""
-        yield Problem(
-            path_text((*at[:-1], "kind")),
+        yield problem(
+            (*at[:-1], "kind"),
             "= position applies to a beam, but the structure is a chain",
             "follow gap or stiffness",
         )
@@ -137,7 +139,7 @@ class Chain(Body):
         """Not one number a mass."""
         if numbers and len(numbers) != self.count:
             given = f"has {counted(len(numbers), 'number')} for {counted(self.count, 'mass', 'masses')}"
-            yield Problem(path_text(at), given, "give one number per mass, or leave it out")
+            yield problem(at, given, "give one number per mass, or leave it out")
 
     def factor_problems(self, where: Path, key: str, largest: float) -> Iterator[Problem]:
         """The factor multiplies changes of slope; no slope of a softening spring may become negative."""

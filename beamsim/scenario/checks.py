@@ -1,99 +1,68 @@
-"""Consistency checks between the parts of a scenario.
+"""Checks between the sections that describe the structure, its excitation and its run.
 
-Every check yields the problems it finds. A check that meets a value that is itself invalid (see
-`beamsim.scenario.base`) stops there, and the others continue.
+Every check yields the problems it finds; those of the other analyses are in `beamsim.scenario.analysis_checks`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from itertools import pairwise
+from typing import Any
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, Schema, UnknownValueError, path_text, suggestion, walk
+from beamsim.scenario.analysis_checks import MOST_SAMPLES, designs, identification, mode_number, modes, sweeps
+from beamsim.scenario.base import Path, Schema, path_text, problem, suggestion, walk
 from beamsim.scenario.body import Body
-from beamsim.scenario.distributed import DistributedLoad, distributed_problems
-from beamsim.scenario.excitation import Forces, Harmonic, level_problems, sine_problems
-from beamsim.scenario.impacts import impact_problems
+from beamsim.scenario.distributed import DistributedLoad, LineLoad, TableShape
 from beamsim.scenario.joint import body_origins
-from beamsim.scenario.limits import Limits, limit_problems
-from beamsim.scenario.moved_support import MovedSupport, moved_support_problems
-from beamsim.scenario.place import AtPlace, Probe, Sited
+from beamsim.scenario.limits import output_dimension
+from beamsim.scenario.notching import unit_problems
+from beamsim.scenario.output import BendingOutput, JointOutput, MotionOutput, ReactionOutput, RecoveredOutput
+from beamsim.scenario.parts import ScenarioParts
+from beamsim.scenario.place import AtPlace, MovedSupport, Sited
+from beamsim.scenario.quantities import SHAPE_DISPLACEMENTS, SHAPE_VELOCITIES, meant
 from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
-from beamsim.scenario.start_shape import DIMENSIONS, ShapeNumber
-from beamsim.scenario.whole import ScenarioParts
-
-if TYPE_CHECKING:
-    from beamsim.scenario.designs import Vary
-    from beamsim.scenario.identification import IdentifyStiffness
-    from beamsim.scenario.nnm import NonlinearMode
-    from beamsim.scenario.sweep import Sweep
-
-MOST_SAMPLES = 100_000_000
-"""Largest number of output samples; longer histories would not fit into memory."""
 
 Problems = Iterator[Problem]
 
 
-class _Checked(ScenarioParts, Protocol):
-    """A scenario with all its sections."""
-
-    bodies: dict[str, Any]
-    run: Run | None
-    sweep: Sweep | None
-    identify_stiffness: IdentifyStiffness | None
-    nnm: NonlinearMode | None
-    vary: Vary | None
-    limits: Limits | None
-
-    @property
-    def whole(self) -> Schema: ...
-    @property
-    def beam(self) -> Body | None: ...
-    @property
-    def chain(self) -> Body | None: ...
-    @property
-    def gravity(self) -> Any: ...
-    @property
-    def joints(self) -> tuple[Any, ...]: ...
-    @property
-    def springs_to_ground(self) -> tuple[Any, ...]: ...
-    @property
-    def springs_between(self) -> tuple[Any, ...]: ...
-    @property
-    def snubbers(self) -> tuple[Any, ...]: ...
-    @property
-    def friction(self) -> tuple[Any, ...]: ...
-    @property
-    def all_snubbers(self) -> tuple[Any, ...]: ...
-    @property
-    def probes(self) -> tuple[Probe, ...]: ...
-    @property
-    def outputs(self) -> tuple[Any, ...]: ...
-
-
-def problems(scenario: _Checked) -> list[Problem]:
+def problems(scenario: ScenarioParts) -> list[Problem]:
     """Return all inconsistencies between the parts of a scenario."""
+    missing = list(_structure(scenario))
+    if missing:
+        return missing
     checks = (
-        _structure, _directions, _places, _joints, _names, _outputs, _run, _start, _sweep, _identification, _modes,
-        _phase_resonance, _designs, _limits, _pressed_friction,
+        _bodies,
+        _directions, _places, _joints, _names, _outputs, _run, _start, sweeps, identification, modes, designs, _limits,
+        _pressed_friction,
     )  # fmt: skip
-    return [problem for check in checks for problem in _guarded(check(scenario))]
+    return [found for check in checks for found in check(scenario)]
 
 
-def _guarded(check: Problems) -> Problems:
-    """Yield what a check finds until it meets an unknown value."""
-    try:
-        yield from check
-    except UnknownValueError:
-        return
+def _structure(scenario: ScenarioParts) -> Problems:
+    given = [name for name in ("beam", "chain") if getattr(scenario, name) is not None]
+    if not given and not scenario.bodies:
+        yield problem(
+            (), "the scenario has no structure", "give beam:, chain: or bodies: (beamsim new writes a template)"
+        )
+    elif len(given) == 2:
+        yield problem(("chain",), "and beam exclude each other", "keep one of the two (null removes an inherited one)")
+    elif given and scenario.bodies:
+        yield problem(("bodies",), f"and {given[0]} exclude each other", f"list the {given[0]} among the bodies")
+    elif given == ["chain"] and any(getattr(s, "position", None) is not None for s in scenario.snubbers):
+        yield problem(("snubbers",), "act on a beam", "list the snubbers of a chain in chain.snubbers, by mass")
 
 
-def _problem(path: Path, message: str, remedy: str = "") -> Problem:
-    return Problem(path_text(path), message, remedy)
+def _bodies(scenario: ScenarioParts) -> Problems:
+    """What is wrong with each body by itself."""
+    for name, body in scenario.all_bodies.items():
+        yield from body.problems(scenario.body_path(name))
+        if not (body.has_default_probe or scenario.probes or scenario.snubbers):
+            remedy = f"give probes: [{{name: corner, at: {{body: {name}, node: 24, direction: z}}}}]"
+            yield problem(("probes",), f"are missing: {name} has no default place for a probe", remedy)
 
 
-def _directions(scenario: _Checked) -> Problems:
+def _directions(scenario: ScenarioParts) -> Problems:
     """The base and gravity move points of every body; where several turn, joints must say how they lie."""
     excitation, gravity, bodies = scenario.excitation, scenario.gravity, scenario.all_bodies
     asked: list[tuple[Path, str]] = []
@@ -105,52 +74,43 @@ def _directions(scenario: _Checked) -> Problems:
     for path, axis in asked:
         for name, body in bodies.items():
             if axis not in body.base_directions:
-                yield _problem(
+                yield problem(
                     path, f"= {axis} moves no point of {name}, a {body.body_kind}" if path[0] == "excitation"
                     else f"acts along {axis}, in which no point of {name}, a {body.body_kind}, moves",
                     f"use {' or '.join(filter(None, body.base_directions))}",
                 )  # fmt: skip
     if direction is not None and direction.startswith("r") and len(bodies) > 1:
-        placed = body_origins(scenario.joints, scenario.default_body)
+        placed = body_origins(scenario.joints, bodies, scenario.default_body)
         if set(bodies) - set(placed):
-            yield _problem(
+            yield problem(
                 ("excitation", "direction"),
                 f"= {direction} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",
                 "join them by points of beams, or model them as one body",
             )
 
 
-def _structure(scenario: _Checked) -> Problems:
-    given = [name for name in ("beam", "chain") if getattr(scenario, name) is not None]
-    if not given and not scenario.bodies:
-        yield _problem(
-            (), "the scenario has no structure", "give beam:, chain: or bodies: (beamsim new writes a template)"
-        )
-    elif len(given) == 2:
-        yield _problem(("chain",), "and beam exclude each other", "keep one of the two (null removes an inherited one)")
-    elif given and scenario.bodies:
-        yield _problem(("bodies",), f"and {given[0]} exclude each other", f"list the {given[0]} among the bodies")
-    elif given == ["chain"] and any(getattr(s, "position", None) is not None for s in scenario.snubbers):
-        yield _problem(("snubbers",), "act on a beam", "list the snubbers of a chain in chain.snubbers, by mass")
-    for name, body in scenario.all_bodies.items():
-        yield from _guarded(body.problems(scenario.body_path(name)))
-        if not (body.has_default_probe or scenario.probes or scenario.snubbers):
-            remedy = f"give probes: [{{name: corner, at: {{body: {name}, node: 24, direction: z}}}}]"
-            yield _problem(("probes",), f"are missing: {name} has no default place for a probe", remedy)
-
-
-def _places(scenario: _Checked) -> Problems:
+def _places(scenario: ScenarioParts) -> Problems:
     """Everything that sits somewhere must sit on a body, where it can act."""
     for path, part in walk(scenario):
         if isinstance(part, MovedSupport):
-            yield from _guarded(moved_support_problems(scenario, path, part))
+            yield from _moved_support(scenario, path, part)
         elif isinstance(part, DistributedLoad):
-            yield from _guarded(distributed_problems(scenario, path, part))
+            yield from _distributed(scenario, path, part)
         else:
-            yield from _guarded(place_problems(scenario, path, part))
+            yield from place_problems(scenario, path, part)
 
 
-def place_problems(scenario: _Checked, path: Path, part: Schema) -> Problems:
+def _body_named(scenario: ScenarioParts, at: Path, body: str | None, example: str) -> Problems:
+    """A body that there is not, or none named where there are several; ``example`` shows how with BODY for its name."""
+    bodies = scenario.all_bodies
+    if body is not None and body not in bodies:
+        yield problem((*at, "body"), f"= {body} is an unknown body", suggestion(body, bodies, "the bodies are"))
+    elif body is None and len(bodies) > 1:
+        remedy = example.replace("BODY", next(iter(bodies)))
+        yield problem(at, f"names no body, and there are several: {', '.join(bodies)}", remedy)
+
+
+def place_problems(scenario: ScenarioParts, path: Path, part: Schema) -> Problems:
     """What is wrong with a place of a part of a scenario, written at a path."""
     if path[:1] in (("beam",), ("chain",), ("bodies",)):  # see `_structure`
         return
@@ -160,21 +120,9 @@ def place_problems(scenario: _Checked, path: Path, part: Schema) -> Problems:
         place = part.places[0]
     else:
         return
-    name = scenario.default_body
-    if place.body is not None:
-        name = place.body
-        if name not in scenario.all_bodies:
-            known = suggestion(name, scenario.all_bodies, "the bodies are")
-            yield _problem((*path, "body"), f"= {name} is an unknown body", known)
-            return
-    elif not name:
-        if len(scenario.all_bodies) > 1:
-            bodies = ", ".join(scenario.all_bodies)
-            yield _problem(
-                path,
-                f"names no body, and there are several: {bodies}",
-                f"name one: at: {{body: {next(iter(scenario.all_bodies))}, position: 270 mm}}",
-            )
+    yield from _body_named(scenario, path, place.body, "name one: at: {body: BODY, position: 270 mm}")
+    name = place.body or scenario.default_body
+    if name not in scenario.all_bodies:
         return
     body, where = scenario.all_bodies[name], scenario.body_path(name)
     if place.node is not None:
@@ -200,18 +148,70 @@ _SITED = {
 """What sits at places of a section; nothing for what may sit on a support."""
 
 
-def _joints(scenario: _Checked) -> Problems:
+def _moved_support(scenario: ScenarioParts, path: Path, moved: MovedSupport) -> Problems:
+    """A body or joint that there is not; which supports a body has is known to its model."""
+    if moved.joint is not None:
+        yield from _joint_named((*path, "joint"), moved.joint, scenario.joints)
+    else:
+        yield from _body_named(scenario, path, moved.body, f"name one: {{body: BODY, support: {moved.support}}}")
+
+
+def _joint_named(at: Path, name: str, joints: Sequence[Any]) -> Problems:
+    names = [joint.name for joint in joints]
+    if name not in names:
+        known = suggestion(name, names, "the joints are") if names else "the scenario has no joint"
+        yield problem(at, f"= {name} is an unknown joint", known)
+
+
+def _distributed(scenario: ScenarioParts, path: Path, load: DistributedLoad) -> Problems:
+    """A body that is unknown or of another kind, and a part that is not on it."""
+    yield from _body_named(scenario, path, load.body, "name one: {body: BODY, line: whole}")
+    name = load.body or scenario.default_body
+    if name not in scenario.all_bodies:
+        return
+    body, where = scenario.all_bodies[name], scenario.body_path(name)
+    key = "line" if isinstance(load, LineLoad) else "area"
+    if body.body_kind != load.acts_on:
+        remedy = {
+            "beam": "give line: whole, with a level in N/m",
+            "plate": "give area: whole, with a level in Pa",
+            "chain": "list forces on its masses: excitation: {kind: forces, forces: [...]}",
+            "matrices": "list forces at its nodes: excitation: {kind: forces, forces: [...]}",
+        }[body.body_kind]
+        what = "imported matrices" if body.body_kind == "matrices" else f"a {body.body_kind}"
+        yield problem((*path, key), f"belongs to a {load.acts_on}, but {path_text(where)} is {what}", remedy)
+        return
+    if load.ends is not None:
+        for index, end in enumerate(load.ends):
+            yield from body.position_problems(where, (*path, key, index), end, "")
+        ends: Any = [body.point(end) for end in load.ends]
+        pairs = [ends] if key == "line" else list(zip(*ends, strict=True))
+        if any(last <= first for first, last in pairs):
+            yield problem((*path, key), "does not end beyond where it begins", "give the lower end first")
+    if isinstance(load.shape, TableShape):
+        if body.body_kind == "beam":
+            for index, position in enumerate(load.shape.x):
+                yield from body.position_problems(where, (*path, "shape", "x", index), position, "")
+        shape: Any = load.shape.on_the_body(body)
+        for key in ("x", "y"):
+            for index, (one, two) in enumerate(pairwise(getattr(shape, key) or ()), start=1):
+                if two <= one:
+                    at = (*path, "shape", key, index)
+                    yield problem(at, "does not lie beyond the one before it", "list increasing positions")
+
+
+def _joints(scenario: ScenarioParts) -> Problems:
     """A rotation acts only between points that turn."""
     for index, joint in enumerate(scenario.joints):
-        yield from _guarded(_joint(scenario, ("joints", index), joint))
+        yield from _joint(scenario, ("joints", index), joint)
 
 
-def _joint(scenario: _Checked, where: Path, joint: Any) -> Problems:
+def _joint(scenario: ScenarioParts, where: Path, joint: Any) -> Problems:
     for place in joint.places:
         name = place.body or scenario.default_body
         body = scenario.all_bodies.get(name)
         if body is not None and not body.has_slope and joint.turns_against:
-            yield _problem(
+            yield problem(
                 where,
                 f"acts on the rotation of {name}, but the points of a {body.body_kind} only deflect",
                 "use kind: hinge, or kind: spring with stiffness alone",
@@ -219,22 +219,22 @@ def _joint(scenario: _Checked, where: Path, joint: Any) -> Problems:
     if len(joint.places) == 2 and len({place.body or scenario.default_body for place in joint.places}) == 1:
         name = joint.places[0].body or scenario.default_body
         if joint.kind != "spring" and scenario.all_bodies[name].has_slope:
-            yield _problem(
+            yield problem(
                 where, f"joins {name} to itself: the two points would have to deflect alike", "use kind: spring"
             )
 
 
-def _names(scenario: _Checked) -> Problems:
+def _names(scenario: ScenarioParts) -> Problems:
     shared: list[tuple[Path, Sequence[Any]]] = [
         ((key,), getattr(scenario, key)) for key in ("snubbers", "springs_to_ground", "springs_between", "friction")
     ]
     for name, body in scenario.all_bodies.items():
         shared += [((*scenario.body_path(name), *path), items) for path, items in body.own_names()]
-    yield from _guarded(_unique(shared))
+    yield from _unique(shared)
     of_run = () if scenario.run is None else scenario.run.outputs
     named = [(("probes",), scenario.probes), (("outputs",), scenario.outputs), (("run", "outputs"), of_run)]
-    yield from _guarded(_unique(named))
-    yield from _guarded(_unique([(("joints",), scenario.joints)]))
+    yield from _unique(named)
+    yield from _unique([(("joints",), scenario.joints)])
 
 
 def _unique(lists: Iterable[tuple[Path, Sequence[Any]]]) -> Problems:
@@ -244,58 +244,149 @@ def _unique(lists: Iterable[tuple[Path, Sequence[Any]]]) -> Problems:
         for index, item in enumerate(items):
             if item.name in first:
                 other = path_text(first[item.name])
-                yield _problem(
+                yield problem(
                     (*path, index, "name"), f"= {item.name} is already the name of {other}", "choose another name"
                 )
             first.setdefault(item.name, (*path, index))
 
 
-def _outputs(scenario: _Checked) -> Problems:
-    joined = (*scenario.joints, *scenario.springs_between, *scenario.springs_to_ground)
+def _outputs(scenario: ScenarioParts) -> Problems:
+    checks: dict[type, Any] = {
+        MotionOutput: _motion_output, BendingOutput: _bending_output, ReactionOutput: _reaction_output,
+        JointOutput: _joint_output, RecoveredOutput: _recovered_output,
+    }  # fmt: skip
     for path, output in scenario.requested_outputs:
-        yield from _guarded(output.problems(path, scenario.all_bodies, scenario.default_body, joined))
+        if type(output) in checks:
+            yield from checks[type(output)](scenario, path, output)
+        else:
+            yield from _body_named(scenario, path, output.body, "add body: BODY")
 
 
-def _run(scenario: _Checked) -> Problems:
+def _motion_output(scenario: ScenarioParts, at: Path, output: MotionOutput) -> Problems:
+    """Only points of beams have a slope."""
+    body = scenario.all_bodies.get(output.place.body or scenario.default_body)
+    if body is not None and output.kind == "rotation" and not body.has_slope:
+        yield problem(at, f"asks for a slope, but the points of a {body.body_kind} have none", "name a point of a beam")
+
+
+def _bending_output(scenario: ScenarioParts, at: Path, output: BendingOutput) -> Problems:
+    """Only beams and plates bend, only plates have components, and the distance of the fibre must be known."""
+    name = output.place.body or scenario.default_body
+    body = scenario.all_bodies.get(name)
+    if body is None:
+        return
+    what = output.kind.replace("_", " ")
+    if body.body_kind not in ("beam", "plate"):
+        yield problem(
+            at, f"asks for a {what}, but {name} is of the kind {body.body_kind}", "name a point of a beam or plate"
+        )
+    elif output.component is not None and body.body_kind == "beam":
+        yield problem((*at, "component"), f"belongs to a plate, but {name} is a beam", "leave it out")
+    elif output.kind == "strain" and body.gives_strain:
+        return
+    elif output.kind == "strain" and body.body_kind == "plate":
+        yield problem(at, f"needs the thickness of {name}, which its stiffnesses do not tell", "give its thickness")
+    elif output.kind != "bending_moment" and not body.gives_stress:
+        yield problem(
+            at, f"needs the outermost fibre of {name}, which its bending stiffness does not tell",
+            "give a section, or ask for kind: bending_moment",
+        )  # fmt: skip
+
+
+def _reaction_output(scenario: ScenarioParts, at: Path, output: ReactionOutput) -> Problems:
+    """The body must be there; whether it has such a support is known to its model."""
+    if output.about is not None and (output.support != "base" or output.kind != "reaction_moment"):
+        yield problem((*at, "about"), "belongs to the moment of the base", "leave it out")
+    if output.support != "base":
+        yield from _body_named(scenario, at, output.body, "add body: BODY")
+    elif output.body is not None:
+        yield problem((*at, "body"), "belongs to a support; the base holds all bodies", "leave it out")
+    elif output.kind == "reaction_moment" or output.direction is not None:
+        yield from _base_output(scenario, at, output)
+    if output.direction is not None and (len(output.direction) == 2) != (output.kind == "reaction_moment"):
+        yield problem((*at, "direction"), f"= {output.direction} is none of a {output.kind.replace('_', ' ')}",
+                       "forces have x, y and z, moments rx, ry and rz")  # fmt: skip
+
+
+def _base_output(scenario: ScenarioParts, at: Path, output: ReactionOutput) -> Problems:
+    """The base must be able to move so, and where the bodies lie be known for a moment."""
+    direction = output.direction or ("ry" if output.kind == "reaction_moment" else "z")
+    for name, body in scenario.all_bodies.items():
+        if direction not in body.base_directions:
+            yield problem(
+                (*at, "direction"), f"= {direction} moves no point of {name}, a {body.body_kind}",
+                f"use {' or '.join(filter(None, body.base_directions))}",
+            )  # fmt: skip
+    placed = body_origins(scenario.joints, scenario.all_bodies, scenario.default_body)
+    if direction.startswith("r") and len(scenario.all_bodies) > 1 and set(scenario.all_bodies) - set(placed):
+        yield problem(
+            (*at, "support"), f"= base: joints do not say how {', '.join(scenario.all_bodies)} lie to one another",
+            "join them by points of beams, or ask for the moment of a support",
+        )  # fmt: skip
+
+
+def _joint_output(scenario: ScenarioParts, at: Path, output: JointOutput) -> Problems:
+    """The joint must be there."""
+    joined = (*scenario.joints, *scenario.springs_between, *scenario.springs_to_ground)
+    yield from _joint_named((*at, "joint"), output.joint, joined)
+
+
+def _recovered_output(scenario: ScenarioParts, at: Path, output: RecoveredOutput) -> Problems:
+    """The body must have a recovery matrix with this row."""
+    yield from _body_named(scenario, at, output.body, "add body: BODY")
+    body = scenario.all_bodies.get(output.body or scenario.default_body)
+    if body is None:
+        return
+    if not body.recovered_rows:
+        yield problem(
+            at, f"needs a recovery matrix, which {output.body or scenario.default_body} lacks",
+            "give recovery: {file: panel.op4, name: stress, rows: [skin]} of imported matrices",
+        )  # fmt: skip
+    elif output.row not in body.recovered_rows:
+        known = suggestion(output.row, body.recovered_rows, "its rows are")
+        yield problem((*at, "row"), f"= {output.row} is no row of the recovery matrix", known)
+
+
+def _run(scenario: ScenarioParts) -> Problems:
     run = scenario.run
     if run is None:
         return
-    yield from _guarded(_sampling(scenario, run))
-    yield from _guarded(_spectrum(scenario, run))
-    yield from impact_problems(scenario, run.impacts, run.fatigue, stepped=run.method == "reference")
+    yield from _sampling(scenario, run)
+    yield from _spectrum(scenario, run)
+    yield from _impacts(scenario, run)
 
 
-def _sampling(scenario: _Checked, run: Run) -> Problems:
-    rate = run.sample_rate
-    if rate is None:
-        return
-    at = ("run", "sample_rate")
+def _sampling(scenario: ScenarioParts, run: Run) -> Problems:
+    rate = scenario.sample_rate
+    at = ("run", "sample_rate") if run.sample_rate is not None else ("run", "duration")
+    given = f"= {rate:g} Hz over run.duration = {run.duration:g} s"
+    if run.sample_rate is None:
+        given = f"= {run.duration:g} s at the {rate:g} Hz that the excitation asks for"
     if rate * run.duration < 1.0:
-        yield _problem(
+        yield problem(
             at,
             f"= {rate:g} Hz gives only one sample in run.duration = {run.duration:g} s",
             "use a higher sample rate, or a longer run",
         )
     elif rate * run.duration > MOST_SAMPLES:
-        yield _problem(
+        yield problem(
             at,
-            f"= {rate:g} Hz over run.duration = {run.duration:g} s gives {rate * run.duration:.3g} samples, "
-            f"over the limit of {MOST_SAMPLES:.0e}",
+            f"{given} gives {rate * run.duration:.3g} samples, over the limit of {MOST_SAMPLES:.0e}",
             "contacts are found exactly at any sample rate; use a lower one, or a shorter run",
         )
     highest = max(scenario.excitation.frequencies_hz, default=0.0)
     if rate < 2.0 * highest:
-        yield _problem(
+        yield problem(
             at,
             f"= {rate:g} Hz is under twice the excitation frequency of {highest:g} Hz",
             f"use at least {2 * highest:g} Hz; {20 * highest:g} Hz shows the first harmonics",
         )
 
 
-def _spectrum(scenario: _Checked, run: Run) -> Problems:
+def _spectrum(scenario: ScenarioParts, run: Run) -> Problems:
     spectrum = run.spectrum
     if spectrum.last is not None and spectrum.last > run.duration * (1.0 + 1e-12):
-        yield _problem(
+        yield problem(
             ("run", "spectrum", "last"),
             f"= {spectrum.last:g} s is longer than run.duration = {run.duration:g} s",
             "analyse a shorter part, or use a longer run",
@@ -306,9 +397,9 @@ def _spectrum(scenario: _Checked, run: Run) -> Problems:
     at = ("run", "spectrum", "periods")
     frequencies = scenario.excitation.frequencies_hz
     if len(frequencies) != 1:
-        yield _problem(at, "needs an excitation with one frequency", "give last: 0.4 s instead")
+        yield problem(at, "needs an excitation with one frequency", "give last: 0.4 s instead")
     elif spectrum.periods / frequencies[0] > run.duration * (1.0 + 1e-12):
-        yield _problem(
+        yield problem(
             at,
             f"= {spectrum.periods} periods of {frequencies[0]:g} Hz take {spectrum.periods / frequencies[0]:g} s, "
             f"longer than run.duration = {run.duration:g} s",
@@ -316,7 +407,7 @@ def _spectrum(scenario: _Checked, run: Run) -> Problems:
         )
 
 
-def _chosen_frequencies(scenario: _Checked, run: Run) -> Problems:
+def _chosen_frequencies(scenario: ScenarioParts, run: Run) -> Problems:
     """Frequencies of the spectra must be told apart, and be below half the rate of a time-stepping run's samples."""
     chosen, tones = run.spectrum.frequencies, scenario.excitation.frequencies_hz
     duration = min(run.spectrum.last or run.duration, run.duration)
@@ -327,27 +418,47 @@ def _chosen_frequencies(scenario: _Checked, run: Run) -> Problems:
         at: Path = ("run", "spectrum", "frequencies", index)
         near = min(chosen[:index], key=lambda other: abs(other - frequency), default=-1.0 / duration)
         if abs(near - frequency) * duration < 1.0:
-            yield _problem(
+            yield problem(
                 at,
                 f"= {frequency:g} Hz cannot be distinguished from {near:g} Hz in the {duration:g} s that are analysed",
                 f"keep frequencies {1 / duration:g} Hz apart, or analyse a longer part",
             )
-        if stepped and run.sample_rate is not None and frequency >= 0.5 * run.sample_rate:
-            yield _problem(
+        if stepped and frequency >= 0.5 * scenario.sample_rate:
+            yield problem(
                 at,
-                f"= {frequency:g} Hz is not below half of run.sample_rate = {run.sample_rate:g} Hz",
+                f"= {frequency:g} Hz is not below half of run.sample_rate = {scenario.sample_rate:g} Hz",
                 "raise run.sample_rate: spectra of a time-stepping method are those of its samples",
             )
 
 
-def _start(scenario: _Checked) -> Problems:
+def _impacts(scenario: ScenarioParts, run: Run) -> Problems:
+    """Statistics of impacts and of stress that this structure, or time stepping, does not have."""
+    cubic = any(located.item.kind == "cubic" for located in scenario.nonlinear_springs)
+    for where, settings in (("run.impacts", run.impacts), ("run.fatigue", run.fatigue)):
+        if settings is not None and run.method == "reference":
+            yield Problem(where, "needs the motion in closed form", "leave run.method: reference out")
+        elif settings is not None and cubic:
+            yield Problem(
+                where, "needs the motion in closed form, which cubic springs do not have",
+                "leave it out, or replace the cubic springs by piecewise-linear ones",
+            )  # fmt: skip
+    if run.impacts is not None and not scenario.all_snubbers:
+        yield Problem("run.impacts", "needs a snubber, and there is none", "leave it out, or add a snubber")
+    if run.fatigue is not None and not any(body.gives_stress for body in scenario.all_bodies.values()):
+        yield Problem(
+            "run.fatigue", "needs a body whose stress is known",
+            "leave it out, or give a beam's extreme_fibre and youngs_modulus",
+        )  # fmt: skip
+
+
+def _start(scenario: ScenarioParts) -> Problems:
     start = None if scenario.run is None else scenario.run.start
     if isinstance(start, ModeStart):
-        yield from _mode_number(scenario, ("run", "start", "mode"), start.mode)
+        yield from mode_number(scenario, ("run", "start", "mode"), start.mode)
     at: Path = ("run", "start")
     if isinstance(start, PolynomialStart):
         if len(scenario.all_bodies) > 1:
-            yield _problem(
+            yield problem(
                 at,
                 f"gives one shape, and there are {len(scenario.all_bodies)} bodies",
                 f"name the body: start: {{bodies: {{{next(iter(scenario.all_bodies))}: {{displacement: [...]}}}}}}",
@@ -362,136 +473,31 @@ def _start(scenario: _Checked) -> Problems:
     for name, shape in given.items():
         path = (*at, name) if isinstance(start, BodiesStart) else at
         if name not in scenario.all_bodies:
-            yield _problem(path, "is an unknown body", suggestion(name, scenario.all_bodies, "the bodies are"))
+            yield problem(path, "is an unknown body", suggestion(name, scenario.all_bodies, "the bodies are"))
             continue
         body, where = scenario.all_bodies[name], scenario.body_path(name)
         for quantity in ("displacement", "velocity"):
             numbers = getattr(shape, quantity)
             yield from _units_of_shape(body, (*path, quantity), numbers)
-            yield from _guarded(body.start_problems(where, (*path, quantity), numbers))
+            yield from body.start_problems(where, (*path, quantity), numbers)
 
 
 def _units_of_shape(body: Body, path: Path, numbers: Sequence[float]) -> Problems:
     """Numbers with the unit of another one of the shape."""
-    dimensions = DIMENSIONS[str(path[-1])]
+    dimensions = SHAPE_DISPLACEMENTS if path[-1] == "displacement" else SHAPE_VELOCITIES
     for index, number in enumerate(numbers):
-        meant = number.power if isinstance(number, ShapeNumber) else None
-        power = body.power_of_start(index)
-        if meant is not None and meant != power:
+        said, power = meant(number), body.power_of_start(index)
+        if said is not None and int(said) != power:
             wanted = dimensions[power] if power < len(dimensions) else None
-            yield _problem(
+            yield problem(
                 (*path, index),
-                f"is {dimensions[meant].with_article}, but must be "
+                f"is {dimensions[int(said)].with_article}, but must be "
                 f"{f'the coefficient of x^{power}' if wanted is None else wanted.with_article}",
                 "write a bare number in SI units" if wanted is None else f"write for example {wanted.example}",
             )
 
 
-def _mode_number(scenario: _Checked, at: Path, mode: int) -> Problems:
-    """Modes of which there are only so many."""
-    counts = [body.mode_count for body in scenario.all_bodies.values()]
-    known = [count for count in counts if count is not None]
-    total = sum(known)
-    if len(known) == len(counts) and mode > total:
-        what = f"a chain of {total} masses has" if len(counts) == 1 else f"the bodies together have {total} masses and"
-        yield _problem(at, f"= {mode}, but {what} {total} modes", f"choose a mode from 1 to {total}")
-
-
-def _sweep(scenario: _Checked) -> Problems:
-    sweep, excitation = scenario.sweep, scenario.excitation
-    if sweep is None:
-        return
-    unfit = list(sine_problems(excitation, "sweep"))
-    yield from unfit
-    if unfit:
-        return
-    assert isinstance(excitation, Harmonic | Forces)
-    if sweep.kind == "swept_sine":
-        yield from _swept_supports(excitation)
-    for index, level in enumerate(sweep.levels):
-        yield from level_problems(excitation, ("sweep", "levels", index), level)
-    if sweep.kind == "continuation":
-        from beamsim.scenario.continuation_checks import continuation_problems
-
-        yield from continuation_problems(scenario, sweep)
-    elif sweep.impacts and not scenario.all_snubbers and not scenario.friction:
-        message = "needs a snubber or friction, and there is none"
-        yield _problem(("sweep", "impacts"), message, "leave it out, or add a snubber")
-    if sweep.kind == "swept_sine":
-        if sweep.notch_to is not None:
-            from beamsim.scenario.notching import notch_problems
-
-            yield from notch_problems(scenario, sweep.notch_to)
-            if not sweep.levels and not sweep.profile and not excitation.level > 0:
-                yield _problem(("excitation", "level"), "cannot be lowered to sweep.notch_to", "give a positive level")
-        for name, points in (("profile", sweep.profile), ("notches", sweep.notches)):
-            for index, point in enumerate(points):
-                if point.quantity is not None and point.quantity not in excitation.takes:
-                    several = isinstance(excitation, Forces)
-                    yield _problem(
-                        ("sweep", name, index, "level"),
-                        f"is a level of {point.quantity}, "
-                        + ("but multiplies the levels of all forces" if several else
-                           f"and the excitation is of {excitation.quantity}"),
-                        "give a plain number: 0.5" if several else "give it in a unit that fits excitation.applied_to",
-                    )  # fmt: skip
-
-
-def _swept_supports(excitation: Harmonic | Forces) -> Problems:
-    """Supports follow a sine of constant frequency only: while the frequency changes, their motion would drift."""
-    forces = enumerate(excitation.forces) if isinstance(excitation, Forces) else [(None, excitation)]
-    for index, force in forces:
-        if isinstance(force.applied_to, MovedSupport):
-            yield _problem(
-                ("excitation", *(() if index is None else ("forces", index)), "applied_to"),
-                "is a support that moves, which a swept sine does not follow",
-                "use sweep.kind: stepped or continuation, move the base (applied_to: base), or model what moves the "
-                "support as a body",
-            )  # fmt: skip
-
-
-def _identification(scenario: _Checked) -> Problems:
-    section = scenario.identify_stiffness
-    if section is None:
-        return
-    from beamsim.scenario.identification_checks import identification_problems
-
-    names = [snubber.name for snubber in scenario.all_snubbers]
-    if section.snubber not in names:
-        known = suggestion(section.snubber, names, "the snubbers are") if names else "give the snubber in snubbers"
-        yield _problem(("identify_stiffness", "snubber"), f"= {section.snubber} is not the name of a snubber", known)
-    yield from identification_problems(scenario, scenario.whole, section)
-
-
-def _modes(scenario: _Checked) -> Problems:
-    nnm = scenario.nnm
-    if nnm is None:
-        return
-    yield from _mode_number(scenario, ("nnm", "mode"), nnm.mode)
-    if (going := nnm.continue_in).kind == "stiffness_factor":
-        key, largest = max(("from", going.from_), ("to", going.to), key=lambda end: end[1])
-        for name, body in scenario.all_bodies.items():
-            yield from _guarded(body.factor_problems(scenario.body_path(name), key, largest))
-
-
-def _phase_resonance(scenario: _Checked) -> Problems:
-    nnm = scenario.nnm
-    if nnm is not None and nnm.phase_resonance is not None:
-        from beamsim.scenario.phase_resonance import phase_resonance_problems
-
-        yield from phase_resonance_problems(scenario, nnm.phase_resonance, nnm.solver.kind)
-
-
-def _designs(scenario: _Checked) -> Problems:
-    if scenario.vary is not None:
-        from beamsim.scenario.designs import design_problems
-        from beamsim.scenario.tolerances import tolerance_problems
-
-        yield from design_problems(scenario.whole, scenario.vary)
-        yield from tolerance_problems(scenario)
-
-
-def _pressed_friction(scenario: _Checked) -> Problems:
+def _pressed_friction(scenario: ScenarioParts) -> Problems:
     """Friction under the force of a snubber: of one that does not pull, in closed form."""
     snubbers = {snubber.name: snubber for snubber in scenario.all_snubbers}
     rigid = [contact.name for contact in scenario.friction if contact.stiffness is None]
@@ -501,10 +507,10 @@ def _pressed_friction(scenario: _Checked) -> Problems:
         where, name = ("friction", index, "normal_force"), contact.pressed_by
         if name not in snubbers:
             remedy = suggestion(name, snubbers, "the snubbers are") if snubbers else "there is no snubber: give a force"
-            yield _problem((*where, "snubber"), f"= {name} is an unknown snubber", remedy)
+            yield problem((*where, "snubber"), f"= {name} is an unknown snubber", remedy)
             continue
         if scenario.run is not None and scenario.run.method == "reference":
-            yield _problem(
+            yield problem(
                 where, f"= the force of {name} is followed in closed form alone, not by run.method: reference",
                 "leave run.method out, or give a constant force, for example the snubber's mean force in contact",
             )  # fmt: skip
@@ -513,9 +519,9 @@ def _pressed_friction(scenario: _Checked) -> Problems:
             remedy = (
                 "leave the snubber's damping out" if snubbers[name].hardening else "give the snubber law: no_tension"
             )
-            yield _problem(where, f"= the force of {name} may pull, since its dashpot acts while it opens", remedy)
+            yield problem(where, f"= the force of {name} may pull, since its dashpot acts while it opens", remedy)
         elif damped and contact.stiffness is not None:
-            yield _problem(
+            yield problem(
                 ("friction", index, "stiffness"),
                 f"does not go with the force of {name}: the slider behind a tangential spring follows the rate of the "
                 "force, and that of a dashpot depends on accelerations",
@@ -523,12 +529,36 @@ def _pressed_friction(scenario: _Checked) -> Problems:
             )  # fmt: skip
         if contact.stiffness is None and len(rigid) > 1:
             others = ", ".join(other for other in rigid if other != contact.name)
-            yield _problem(
+            yield problem(
                 ("friction", index, "stiffness"), f"is missing, and {others} sticks without a spring as well",
                 "give the contact a tangential stiffness",
             )  # fmt: skip
 
 
-def _limits(scenario: _Checked) -> Problems:
-    if scenario.limits is not None:
-        yield from limit_problems(scenario, scenario.limits)
+def _limits(scenario: ScenarioParts) -> Problems:
+    """Limits on quantities that this structure does not have."""
+    limits, bodies = scenario.limits, scenario.all_bodies.values()
+    if limits is None:
+        return
+    if limits.bending_stress is not None and not any(body.gives_stress for body in bodies):
+        if all(body.body_kind == "chain" for body in bodies):
+            yield Problem("limits.bending_stress", "applies to a beam, but the structure is a chain", "leave it out")
+        else:
+            yield Problem(
+                "limits.bending_stress",
+                "needs a beam whose section is known",
+                "give its extreme_fibre and youngs_modulus",
+            )
+    for name in ("peak_force", "gap"):
+        if getattr(limits, name) is not None and not scenario.all_snubbers:
+            yield Problem(f"limits.{name}", "limits the snubbers, and there are none", "add a snubber, or leave it out")
+    outputs = {output.name: output for _, output in scenario.requested_outputs}
+    for name, limit in (limits.outputs or {}).items():
+        path = path_text(("limits", "outputs", name))
+        if name not in outputs:
+            known = suggestion(name, outputs, "the outputs are") if outputs else "list it in outputs, or leave it out"
+            yield Problem(path, "is no output", known)
+            continue
+        dimension = output_dimension(outputs[name], scenario.all_bodies, scenario.default_body)
+        kind = outputs[name].kind.replace("_", " ")
+        yield from unit_problems(path, limit, dimension, f"and the output is a {kind}")

@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from beamsim.scenario.base import BY_KIND, Schema, fail, word_or_kind
-from beamsim.scenario.quantities import (
-    Count,
-    Duration,
-    Frequency,
-    Gap,
-    Level,
-    Name,
-    NotNegativeWhole,
-    Position,
-    Ratio,
-    Stiffness,
-    SweepRate,
-)
-from beamsim.scenario.ranges import Number, Span
+from beamsim.scenario import quantities as q
+from beamsim.scenario.base import BY_FORM, Schema, Variants, fail
+from beamsim.scenario.driven import Number, Span
 
 MOST_HARMONICS = 500
 LONGEST_PERIOD = 64
@@ -33,20 +21,20 @@ class _Path(Span[Number]):
     """Values at which every branch gets a point."""
 
 
-class FrequencyPath(_Path[Frequency]):
+class FrequencyPath(_Path[q.Frequency]):
     """The excitation's frequency changes."""
 
     kind: Literal["frequency"] = "frequency"
     """The excitation's frequency."""
 
 
-class LevelPath(_Path[Level]):
+class LevelPath(_Path[q.Level]):
     """The excitation's level changes, at its own frequency."""
 
     kind: Literal["level"] = "level"
     """The excitation's level."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject an empty range, and levels that excite nothing."""
         for name, value in (("from", self.from_), ("to", self.to)):
             if not value > 0:
@@ -57,40 +45,40 @@ class LevelPath(_Path[Level]):
                     "give a positive level",
                     (name,),
                 )
-        super().settle()
+        super().check()
 
 
 class SnubberPath(Schema):
     """A property of one snubber changes."""
 
-    snubber: Name | None = None
+    snubber: q.Name | None = None
     """Name of the snubber; may be omitted if there is only one."""
 
 
-class GapPath(SnubberPath, _Path[Gap]):
+class GapPath(SnubberPath, _Path[q.Gap]):
     """A snubber's gap changes."""
 
     kind: Literal["gap"] = "gap"
     """A snubber's gap."""
 
 
-class StiffnessPath(SnubberPath, _Path[Stiffness]):
+class StiffnessPath(SnubberPath, _Path[q.Stiffness]):
     """A snubber's stiffness changes; a dashpot given by a ratio changes with it."""
 
     kind: Literal["stiffness"] = "stiffness"
     """A snubber's stiffness."""
 
 
-class PositionPath(SnubberPath, _Path[Position]):
+class PositionPath(SnubberPath, _Path[q.Position]):
     """A snubber moves along the beam; a dashpot given by a ratio changes with its position."""
 
     kind: Literal["position"] = "position"
     """A snubber's position along the beam."""
 
 
-ResponseParameter = Annotated[FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath, BY_KIND]
+ResponseParameter = Annotated[FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath, BY_FORM]
 
-SecondParameter = Annotated[LevelPath | GapPath | StiffnessPath | PositionPath, BY_KIND]
+SecondParameter = Annotated[LevelPath | GapPath | StiffnessPath | PositionPath, BY_FORM]
 
 
 class Shooting(Schema):
@@ -105,30 +93,27 @@ class HarmonicBalance(Schema):
 
     kind: Literal["harmonic_balance"] = "harmonic_balance"
     """Harmonic balance."""
-    harmonics: Count = 21
+    harmonics: q.Count = 21
     """Highest harmonic of the fundamental frequency of the motion."""
-    largest_error: Ratio = 0.01
+    largest_error: q.Ratio = 0.01
     """Largest truncation error, relative to the motion, of a result that counts as reliable."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject more harmonics than can be solved for."""
         if self.harmonics > MOST_HARMONICS:
             raise fail(f"= {self.harmonics} is too many", f"use {MOST_HARMONICS} or fewer, or shooting", ("harmonics",))
 
 
-MethodName = Literal["shooting", "harmonic_balance"]
 Method = Annotated[
-    MethodName | Shooting | HarmonicBalance,
-    word_or_kind(
-        get_args(MethodName), "is not a known method", "write shooting, or {kind: harmonic_balance, harmonics: 21}"
-    ),
+    Literal["shooting", "harmonic_balance"] | Shooting | HarmonicBalance,
+    Variants("is not a known method", "write shooting, or {kind: harmonic_balance, harmonics: 21}"),
 ]
 
 
 class SweptOverlay(Schema):
     """A swept sine over the same frequencies and levels, overlaid on the response curve."""
 
-    rate: SweepRate
+    rate: q.SweepRate
     """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
     direction: Literal["up", "down", "both"] = "both"
     """Up, down, or up and then down."""
@@ -139,49 +124,47 @@ class Continuation(Schema):
 
     kind: Literal["continuation"] = "continuation"
     """Continuation of periodic motions in a parameter."""
-    from_: Frequency | None = Field(default=None, alias="from")
+    from_: q.Frequency | None = Field(default=None, alias="from")
     """First frequency; short for continue_in: {kind: frequency, from: ..., to: ...}."""
-    to: Frequency | None = None
+    to: q.Frequency | None = None
     """Last frequency."""
     continue_in: ResponseParameter | None = None
     """The parameter that changes, instead of from and to: frequency, level, gap, stiffness or position."""
-    levels: tuple[Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
+    levels: tuple[q.Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
     """Levels, with one curve each; by default the level of the excitation."""
-    method: Method = Shooting.model_construct()
+    method_: Method = Field(default="shooting", alias="method")
     """Shooting (exact), or harmonic balance."""
     follow_folds_in: SecondParameter | None = None
     """Follow the folds of a frequency response in a second parameter: level, gap, stiffness or position."""
     overlay: SweptOverlay | None = None
     """A swept sine overlaid on a frequency response."""
-    points_at: tuple[Frequency, ...] = ()
+    points_at: tuple[q.Frequency, ...] = ()
     """Frequencies at which every branch gets a point; with continue_in they are given there."""
-    stored_harmonics: Count = 5
+    stored_harmonics: q.Count = 5
     """Highest harmonic of the motion that is stored at every point."""
-    seek_at: NotNegativeWhole = 3
+    seek_at: q.NotNegativeWhole = 3
     """Number of values of the parameter at which coexisting motions are sought (shooting); 0 for none."""
     side_branches: Literal["limited", "required", "none"] = "limited"
     """Branches that leave others at bifurcations (shooting), and coexisting ones: limited (the outcome names what a
     limit cut off), required (a limit that cuts one off makes the result incomplete) or none (not followed or sought).
     """
-    longest_period: Count = 2
+    longest_period: q.Count = 2
     """Longest period followed after period doublings, in periods of the excitation."""
-    most_points: Count = 4000
+    most_points: q.Count = 4000
     """Largest number of points of the curve of a level."""
-    most_branch_points: Count = 2000
+    most_branch_points: q.Count = 2000
     """Largest number of points of one branch, so that others can be followed as well."""
-    most_side_points: Count = 300
+    most_side_points: q.Count = 300
     """Largest number of points of a branch that leaves another one: at a period doubling or a branch point."""
-    most_branches: Count = 40
+    most_branches: q.Count = 40
     """Largest number of branches of a level."""
-    longest_time: Duration = 600.0
+    longest_time: q.Duration = 600.0
     """Longest computing time for the curve of a level."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand one range, and refuse what does not go together."""
         refuse_empty_levels(self)
         self._demand_one_range()
-        if isinstance(self.method, str):
-            self.resolve("method", HarmonicBalance() if self.method == "harmonic_balance" else Shooting())
         parameter = self.parameter
         if parameter.kind == "level" and self.levels:
             raise fail("cannot be given if the level is the parameter", "leave levels out", ("levels",))
@@ -235,7 +218,14 @@ class Continuation(Schema):
                     "give from and to as frequencies, or continue_in: {kind: level, from: 0.5 g, to: 5 g}",
                     (name,),
                 )
-        self.parameter.settle()
+        self.parameter.check()
+
+    @property
+    def method(self) -> Shooting | HarmonicBalance:
+        """The method with its settings; a word selects the defaults."""
+        if isinstance(self.method_, str):
+            return HarmonicBalance() if self.method_ == "harmonic_balance" else Shooting()
+        return self.method_
 
     @property
     def parameter(self) -> FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath:
@@ -253,20 +243,6 @@ class Continuation(Schema):
     def demands_side_branches(self) -> bool:
         """Whether the result is incomplete where a limit cuts such a branch."""
         return self.side_branches == "required"
-
-    def plain_levels(self) -> Continuation:
-        """The same without what the units of the levels said."""
-        changed: dict[str, object] = {"levels": tuple(float(level) for level in self.levels)}
-        for name in ("continue_in", "follow_folds_in"):
-            path = getattr(self, name)
-            if isinstance(path, LevelPath):
-                values = {
-                    "from_": float(path.from_),
-                    "to": float(path.to),
-                    "points_at": tuple(map(float, path.points_at)),
-                }
-                changed[name] = path.model_copy(update=values)
-        return self.model_copy(update=changed)
 
 
 def refuse_empty_levels(sweep: Any) -> None:

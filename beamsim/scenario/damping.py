@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
-from beamsim.scenario.base import BY_KIND, Schema, Variants, counted, fail, number_or_list
+from beamsim.scenario.base import BY_FORM, Schema, counted, fail
 from beamsim.scenario.quantities import Frequency, PerTime, Ratio, Time, ViscousPerLength
 
 Ratios = Annotated[
-    Annotated[Ratio, Tag("<number>")] | Annotated[tuple[Ratio, ...], Field(min_length=1), Tag("<list>")],
-    Variants(number_or_list),
+    Ratio | Annotated[tuple[Ratio, ...], Field(min_length=1)],
+    BY_FORM,
 ]
 
 
@@ -46,7 +46,7 @@ class RayleighDamping(Schema):
     ratios: tuple[RatioAtFrequency, ...] = ()
     """Damping ratios at two frequencies, instead of the factors: [{frequency: 20 Hz, ratio: 1 %}, {...}]."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject factors beside ratios, and ratios that factors of at least 0 do not give."""
         if not self.ratios:
             return
@@ -86,5 +86,5 @@ class ViscousDamping(Schema):
     """Force per unit length and velocity."""
 
 
-BeamDamping = Annotated[ModalDamping | RayleighDamping | ViscousDamping, BY_KIND]
-ChainDamping = Annotated[ModalDamping | RayleighDamping, BY_KIND]
+BeamDamping = Annotated[ModalDamping | RayleighDamping | ViscousDamping, BY_FORM]
+ChainDamping = Annotated[ModalDamping | RayleighDamping, BY_FORM]

@@ -56,7 +56,7 @@ class DisplayUnits(Schema):
 
     named: ClassVar[tuple[str, ...]] = tuple(DIMENSIONS)
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Refuse units that there are not, or that measure something else."""
         for name in self.named:
             unit = getattr(self, name)

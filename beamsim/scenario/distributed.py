@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, Tag
 
-from beamsim.errors import Problem
-from beamsim.scenario.base import BY_KIND, Path, Schema, Variants, fail, path_text, suggestion
+from beamsim.scenario.base import BY_FORM, Schema, Variants, fail
 from beamsim.scenario.body import Body
-from beamsim.scenario.place import AtPlace, ConstantForce, Point
+from beamsim.scenario.place import AtPlace, ConstantForce, Where
 from beamsim.scenario.quantities import Coefficient, Count, ForcePerLength, Name, PositionOrShare, Pressure
 
 Row = Annotated[tuple[Coefficient, ...], Field(min_length=1)]
@@ -25,7 +23,7 @@ def _row_or_grid(value: Any) -> str | None:
 
 Numbers = Annotated[
     Annotated[Row, Tag("<row>")] | Annotated[Grid, Tag("<grid>")],
-    Variants(_row_or_grid, "is not a list of numbers", "write [0, 1] along a beam, [[0, 0], [1, 1]] on a plate"),
+    Variants("is not a list of numbers", "write [0, 1] along a beam, [[0, 0], [1, 1]] on a plate", _row_or_grid),
 ]
 """Numbers along a beam, or on a plate a list for each step in x of the numbers along y."""
 
@@ -62,7 +60,7 @@ class LinearShape(Shape):
     values: Numbers
     """Factors at both ends, [0, 1]; on a plate at the corners, [[bottom left, top left], [bottom right, top right]]."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand two values in each direction."""
         rows = _rows(self.values)
         if any(len(row) != 2 for row in rows) or (_is_grid(self.values) and len(rows) != 2):
@@ -130,13 +128,8 @@ class TableShape(Shape):
     values: Numbers
     """Factors at the positions; on a plate a list for each x of the factors along y."""
 
-    def settle(self) -> None:
-        """Demand increasing positions, and a value at each."""
-        for key in ("x", "y"):
-            positions = getattr(self, key)
-            for index, (one, two) in enumerate(zip(positions or (), positions[1:] if positions else (), strict=False)):
-                if two <= one:
-                    raise fail("does not lie beyond the one before it", "list increasing positions", (key, index + 1))
+    def check(self) -> None:
+        """Demand a value at each position."""
         if _is_grid(self.values) is (self.y is None):
             raise fail("do not fit the positions", "give y and a list for each x on a plate, x alone along a beam",
                        ("values",))  # fmt: skip
@@ -145,12 +138,12 @@ class TableShape(Shape):
         if any(len(row) != expected for row in rows) or (self.y is not None and len(rows) != len(self.x)):
             raise fail("are not as many as the positions", "give a value at each position", ("values",))
 
-    def on_the_body(self, body: Body) -> dict[str, object]:
-        """The positions in m, by key, where they are given as shares."""
-        if self.y is None:
-            return {"x": tuple(body.on_the_body(x) for x in self.x)}
-        corners = [body.on_the_body((x, 0.0)) for x in self.x], [body.on_the_body((0.0, y)) for y in self.y]
-        return {key: tuple(corner[k] for corner in corners[k]) for k, key in enumerate("xy")}  # type: ignore[index]
+    def on_the_body(self, body: Body) -> Self:
+        """The same with positions in m."""
+        return self.model_copy(update={
+            key: tuple(body.metres(each, axis) for each in positions)
+            for axis, (key, positions) in enumerate((("x", self.x), ("y", self.y))) if positions is not None
+        })  # fmt: skip
 
     @property
     def two_dimensional(self) -> bool:
@@ -159,15 +152,8 @@ class TableShape(Shape):
 
 
 AnyShape = Annotated[
-    UniformShape | LinearShape | PolynomialShape | SineShape | ModeShape | TableShape, BY_KIND
+    UniformShape | LinearShape | PolynomialShape | SineShape | ModeShape | TableShape, BY_FORM
 ]  # fmt: skip
-
-_WHOLE = Annotated[Literal["whole"], Tag("<whole>")]
-
-
-def _whole_or_list(value: Any) -> str | None:
-    return "<whole>" if value == "whole" else "<list>" if isinstance(value, (list, tuple)) else None
-
 
 _Span = tuple[PositionOrShare, PositionOrShare]
 _Corner = tuple[PositionOrShare, PositionOrShare]
@@ -178,7 +164,7 @@ class DistributedLoad(Schema):
 
     body: Name | None = None
     """Name of the body; may be left out where there is only one."""
-    shape: AnyShape | None = None
+    shape: AnyShape = UniformShape.model_construct()
     """Factor of the level over the loaded part: uniform (the default), linear, polynomial, sine, mode or table."""
 
     acts_on: ClassVar[str] = ""
@@ -189,15 +175,12 @@ class DistributedLoad(Schema):
         return ()
 
     @property
-    def ends(self) -> tuple[Point, Point] | None:
-        """The loaded part, m: its ends, or opposite corners; None for the whole body."""
+    def ends(self) -> tuple[Where, Where] | None:
+        """The loaded part: its ends, or opposite corners; None for the whole body."""
         raise NotImplementedError
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand a shape of as many directions as the body has."""
-        if self.shape is None:
-            self.resolve("shape", UniformShape())
-            return
         two = self.shape.two_dimensional
         if two is not None and two is not (self.acts_on == "plate"):
             raise fail(
@@ -210,34 +193,36 @@ class DistributedLoad(Schema):
 class LineLoad(DistributedLoad):
     """Force per length along a beam, positive upwards."""
 
+    known_by: ClassVar[tuple[str, ...]] = ("line",)
     takes: ClassVar[tuple[Literal["force_per_length"]]] = ("force_per_length",)
     acts_on: ClassVar[str] = "beam"
 
-    line: Annotated[_WHOLE | Annotated[_Span, Tag("<list>")], Variants(
-        _whole_or_list, "is not a part of a beam", "write whole, or both ends: [100 mm, 60 %]"
+    line: Annotated[Literal["whole"] | _Span, Variants(
+        "is not a part of a beam", "write whole, or both ends: [100 mm, 60 %]"
     )]  # fmt: skip
     """The loaded part of the beam: whole, or where it begins and ends, [100 mm, 60 %]."""
 
     @property
-    def ends(self) -> tuple[Point, Point] | None:
-        """Both ends, m."""
+    def ends(self) -> tuple[Where, Where] | None:
+        """Both ends."""
         return None if self.line == "whole" else self.line
 
 
 class AreaLoad(DistributedLoad):
     """Pressure on a plate, positive upwards."""
 
+    known_by: ClassVar[tuple[str, ...]] = ("area",)
     takes: ClassVar[tuple[Literal["pressure"]]] = ("pressure",)
     acts_on: ClassVar[str] = "plate"
 
-    area: Annotated[_WHOLE | Annotated[tuple[_Corner, _Corner], Tag("<list>")], Variants(
-        _whole_or_list, "is not a part of a plate", "write whole, or opposite corners: [[0, 0], [100 mm, 50 %]]"
+    area: Annotated[Literal["whole"] | tuple[_Corner, _Corner], Variants(
+        "is not a part of a plate", "write whole, or opposite corners: [[0, 0], [100 mm, 50 %]]"
     )]  # fmt: skip
     """The loaded part of the plate: whole, or its lower left and upper right corner, [[0, 0], [100 mm, 50 %]]."""
 
     @property
-    def ends(self) -> tuple[Point, Point] | None:
-        """Both corners, m."""
+    def ends(self) -> tuple[Where, Where] | None:
+        """Both corners."""
         return None if self.area == "whole" else self.area
 
 
@@ -265,62 +250,7 @@ class DeadPressure(AreaLoad):
         return self.pressure
 
 
-def _dead_load(value: Any) -> str:
-    for key, kind in (("line", DeadLineLoad), ("area", DeadPressure)):
-        if isinstance(value, kind) or (isinstance(value, dict) and key in value):
-            return f"<{key}>"
-    return "<point>"
-
-
 AnyDeadLoad = Annotated[
-    Annotated[ConstantForce, Tag("<point>")]
-    | Annotated[DeadLineLoad, Tag("<line>")]
-    | Annotated[DeadPressure, Tag("<area>")],
-    Variants(_dead_load),
+    ConstantForce | DeadLineLoad | DeadPressure,
+    BY_FORM,
 ]
-
-
-class _WithBodies(Protocol):
-    @property
-    def all_bodies(self) -> dict[str, Body]: ...
-    @property
-    def default_body(self) -> str: ...
-    def body_path(self, name: str) -> Path: ...
-
-
-def distributed_problems(scenario: _WithBodies, path: Path, load: DistributedLoad) -> Iterator[Problem]:
-    """A body that is unknown or of another kind, and a part that is not on it."""
-    name = load.body or scenario.default_body
-    bodies = scenario.all_bodies
-    if name not in bodies:
-        if load.body is not None:
-            known = suggestion(load.body, bodies, "the bodies are")
-            yield Problem(path_text((*path, "body")), f"= {load.body} is an unknown body", known)
-        elif len(bodies) > 1:
-            yield Problem(
-                path_text(path), f"names no body, and there are several: {', '.join(bodies)}",
-                f"name one: {{body: {next(iter(bodies))}, line: whole}}",
-            )  # fmt: skip
-        return
-    body, where = bodies[name], scenario.body_path(name)
-    key = "line" if isinstance(load, LineLoad) else "area"
-    if body.body_kind != load.acts_on:
-        remedy = {
-            "beam": "give line: whole, with a level in N/m",
-            "plate": "give area: whole, with a level in Pa",
-            "chain": "list forces on its masses: excitation: {kind: forces, forces: [...]}",
-            "matrices": "list forces at its nodes: excitation: {kind: forces, forces: [...]}",
-        }[body.body_kind]
-        what = "imported matrices" if body.body_kind == "matrices" else f"a {body.body_kind}"
-        yield Problem(path_text((*path, key)), f"belongs to a {load.acts_on}, but {path_text(where)} is {what}", remedy)
-        return
-    ends: Any = load.ends
-    if ends is not None:
-        for index, end in enumerate(ends):
-            yield from body.position_problems(where, (*path, key, index), end, "")
-        pairs = [ends] if key == "line" else list(zip(*ends, strict=True))
-        if any(last <= first for first, last in pairs):
-            yield Problem(path_text((*path, key)), "does not end beyond where it begins", "give the lower end first")
-    if isinstance(load.shape, TableShape) and body.body_kind == "beam":
-        for index, position in enumerate(load.shape.x):
-            yield from body.position_problems(where, (*path, "shape", "x", index), position, "")

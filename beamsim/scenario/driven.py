@@ -1,26 +1,25 @@
-"""Common part of all excitations: where they act, and the quantity of their levels."""
+"""What all excitations share: where they act, the quantity of their levels, ranges and tables of levels."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Literal
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
-from pydantic import Tag
+from pydantic import Field
 
-from beamsim.scenario.base import Schema, Variants, fail, number_or_list
+from beamsim.scenario import quantities
+from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, fail
 from beamsim.scenario.distributed import AreaLoad, LineLoad
-from beamsim.scenario.moved_support import ROTATION_TAKES, TRANSLATION_TAKES, MovedSupport
-from beamsim.scenario.place import BaseOrPlace, NodeDirection, choose_base_or_place
-from beamsim.scenario.quantities import Coordinate, LevelValue
+from beamsim.scenario.place import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedSupport, NodeDirection
+from beamsim.scenario.quantities import Coordinate, Frequency, Level, meant
 
 Quantity = Literal[
     "acceleration", "velocity", "displacement", "force", "force_per_length", "pressure",
     "angular_acceleration", "angular_velocity", "rotation",
 ]  # fmt: skip
 
-About = Annotated[
-    Annotated[Coordinate, Tag("<number>")] | Annotated[tuple[Coordinate, ...], Tag("<list>")], Variants(number_or_list)
-]
+About = Annotated[Coordinate | tuple[Coordinate, ...], BY_FORM]
 
 
 def point_of(about: float | tuple[float, ...] | None) -> tuple[float, float, float]:
@@ -30,22 +29,9 @@ def point_of(about: float | tuple[float, ...] | None) -> tuple[float, float, flo
     return x, y, z
 
 
-_Load = (
-    Annotated[LineLoad, Tag("<line>")] | Annotated[AreaLoad, Tag("<area>")] | Annotated[MovedSupport, Tag("<support>")]
-)
-
-
-def _choose(value: Any) -> str | None:
-    for tag, kind in (("line", LineLoad), ("area", AreaLoad), ("support", MovedSupport), ("joint", MovedSupport)):
-        if isinstance(value, kind) or (isinstance(value, dict) and tag in value):
-            return "<support>" if kind is MovedSupport else f"<{tag}>"
-    return choose_base_or_place(value)
-
-
 AppliedTo = Annotated[
-    BaseOrPlace | _Load,
+    LineLoad | AreaLoad | MovedSupport | BaseOrPlace,
     Variants(
-        _choose,
         "names neither the base nor a point nor a part of a body",
         "write base, {position: 270 mm} for a force on the beam, {mass: 2} for a force on a chain, {line: whole} for a "
         "force per length of a beam, {area: whole} for a pressure on a plate, or {support: left} for one that moves",
@@ -89,30 +75,31 @@ def not_taken(quantity: str, takes: Sequence[str]) -> tuple[str, str]:
     return f"{_with_article(quantity)}, {_TAKEN[takes[0]]}{no_force}", _REMEDY[takes[0]]
 
 
-def agree_on_quantity(
-    levels: Sequence[tuple[tuple[str | int, ...], float]], given: str | None, takes: Sequence[Quantity]
-) -> Quantity:
-    """Return the quantity of the levels: as given, otherwise from their units, otherwise the default of the place.
+def check_quantity(
+    levels: Sequence[tuple[Path, float]], stated: str | None, takes: Sequence[Quantity], quantity: Quantity
+) -> None:
+    """Refuse units, a stated quantity and a place that contradict each other.
 
-    Raises what `fail` builds when units, quantity and what the place ``takes`` contradict each other.
+    Parameters
+    ----------
+    levels : with their paths, for what `fail` builds.
+    stated : the quantity beside them.
+    takes : what can act at the place.
+    quantity : what the levels are taken for.
     """
-    quantity = given
+    said = stated
     for path, level in levels:
-        meant = level.quantity if isinstance(level, LevelValue) else None
-        if meant is None:
-            continue
-        if quantity is not None and meant != quantity:
+        of = meant(level)
+        if of is not None and said is not None and of != said:
             raise fail(
-                f"is given in a unit of {spoken(meant)}, where {_with_article(quantity)} is meant",
+                f"is given in a unit of {spoken(of)}, where {_with_article(said)} is meant",
                 "give the level in another unit, or set quantity",
                 path,
             )
-        quantity = meant
-    quantity = quantity or takes[0]
+        said = said or of
     if quantity not in takes:
         why, remedy = not_taken(quantity, takes)
-        raise fail(f"is {why}", remedy, ("quantity",) if given is not None else levels[0][0])
-    return quantity  # type: ignore[return-value]
+        raise fail(f"is {why}", remedy, ("quantity",) if stated is not None or not levels else levels[0][0])
 
 
 class Driven(Schema):
@@ -122,7 +109,7 @@ class Driven(Schema):
     """Base, or a place: {position: 270 mm} of a beam, {mass: 2} of a chain, with the body where there are several; or
     {line: whole} for a force per length of a beam, {area: whole} for a pressure on a plate, or a part of it; or
     {support: left} or {joint: hinge} for a support that moves relative to the base."""
-    quantity: Quantity | None = None
+    quantity_: Quantity | None = Field(default=None, alias="quantity")
     """Acceleration, velocity or displacement of the base, force at a point, force per length, or pressure; by default
     as the unit of the level."""
 
@@ -135,22 +122,24 @@ class Driven(Schema):
     shock: ClassVar[bool] = False
     """Whether it begins at a time and leaves a free motion: the beginning counts, and there are no statistics."""
 
-    def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
-        """Return the levels with their paths."""
-        raise NotImplementedError
+    def levels(self) -> list[tuple[Path, float]]:
+        """Return the levels with their paths; none where a file or a table holds them."""
+        return []
 
-    def plain_levels(self) -> None:
-        """Forget the units of the levels once `quantity` holds what they said."""
-        self.resolve("level", float(self.levels()[0][1]))
+    @property
+    def quantity(self) -> Quantity:
+        """What the levels are: as stated, otherwise as their units say, otherwise the default of the place."""
+        said: Any = (self.quantity_, *(meant(level) for _, level in self.levels()))
+        return next((of for of in said if of is not None), self.takes[0])
 
-    def settle(self) -> None:
-        """Settle what the level is."""
-        self.check_direction()
-        self.resolve("quantity", agree_on_quantity(self.levels(), self.quantity, self.takes))
-        self.plain_levels()
+    def named_in_addition(self) -> dict[str, object]:
+        """The quantity."""
+        return {"quantity": self.quantity}
 
-    def check_direction(self) -> None:
-        """Refuse a direction of anything but the base, and a point of no axis."""
+    def check(self) -> None:
+        """Refuse a level that cannot act there, a direction of anything but the base, and a point of no axis."""
+        super().check()
+        check_quantity(self.levels(), self.quantity_, self.takes, self.quantity)
         if self.direction is not None and not self.on_base:
             raise fail("is the direction in which a base moves", "leave it out, or write applied_to: base",
                        ("direction",))  # fmt: skip
@@ -192,3 +181,103 @@ class Driven(Schema):
     def highest_frequency_hz(self) -> float:
         """Highest frequency of the excitation, Hz; a pulse of duration T counts as 1/(2 T)."""
         return max(self.frequencies_hz, default=0.0)
+
+
+Number = TypeVar("Number")
+
+
+class Span(Schema, Generic[Number]):
+    """A quantity changes from one value to another."""
+
+    from_: Number = Field(alias="from")
+    """First value."""
+    to: Number
+    """Last value."""
+
+    changing: ClassVar[str] = "continuation"
+    suitable: ClassVar[str] = "give a range"
+
+    def check(self) -> None:
+        """Reject an empty range."""
+        super().check()
+        if self.from_ == self.to:
+            types = type(self).model_fields["to"].metadata
+            unit = next((item.dimension.unit for item in types if isinstance(item, quantities.Quantity)), "")
+            shown = f"{self.to:g} {unit}".rstrip()
+            raise fail(f"= {shown} equals the start of the {self.changing}", self.suitable, ("to",))
+
+
+class FrequencyRange(Span[Frequency]):
+    """A frequency that is swept."""
+
+    changing: ClassVar[str] = "sweep"
+    suitable: ClassVar[str] = "give a range, from 20 Hz to 400 Hz"
+
+
+Between = Literal["held", "log_log"]
+
+
+class _LevelAt(Schema):
+    level: Level
+    """Amplitude, zero to peak."""
+    quantity_: Quantity | None = Field(default=None, alias="quantity")
+    """Acceleration, velocity, displacement or force; as the unit of the level says."""
+
+    @property
+    def quantity(self) -> str | None:
+        """What the level is; None where nothing says it."""
+        return self.quantity_ or meant(self.level)
+
+    def named_in_addition(self) -> dict[str, object]:
+        """The quantity."""
+        return {} if self.quantity is None else {"quantity": self.quantity}
+
+    def check(self) -> None:
+        """Refuse a negative level, and one in a unit of another quantity."""
+        if self.level < 0:
+            raise fail("must not be negative", "use a phase of 180 deg to reverse the sign of a sine", ("level",))
+        if self.quantity_ not in (None, meant(self.level) or self.quantity_):
+            raise fail(
+                f"is given in a unit of {meant(self.level)}, where {self.quantity_} is meant", "leave out quantity",
+                ("level",),
+            )  # fmt: skip
+
+
+class ProfilePoint(_LevelAt):
+    """A level that applies from a frequency on."""
+
+    frequency: Frequency
+    """Frequency of the point."""
+
+
+class Notch(_LevelAt):
+    """A range of frequencies in which the level is not exceeded."""
+
+    from_: Frequency = Field(alias="from")
+    """Lower frequency."""
+    to: Frequency
+    """Upper frequency."""
+
+    def check(self) -> None:
+        """Reject an empty range."""
+        super().check()
+        if self.to <= self.from_:
+            raise fail(f"= {self.to:g} Hz does not lie above from = {self.from_:g} Hz", "give a range", ("to",))
+
+
+def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
+    """Reject a table that does not increase in frequency; raises what `fail` builds."""
+    for index, (one, two) in enumerate(pairwise(points)):
+        if two.frequency <= one.frequency:
+            raise fail(
+                f"= {two.frequency:g} Hz does not lie above the point before it ({one.frequency:g} Hz)",
+                "list the points by increasing frequency",
+                ("profile", index + 1, "frequency"),
+            )
+    for index, point in enumerate(points):
+        if between == "log_log" and point.level == 0:
+            raise fail(
+                "= 0 has no logarithm",
+                "give a small level, or between: held",
+                ("profile", index, "level"),
+            )

@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import BY_KIND, Path, Schema, fail, path_text
-from beamsim.scenario.broadband import RandomInput, SampledInput, SweptSineInput
-from beamsim.scenario.driven import Driven, spoken
-from beamsim.scenario.quantities import FACTOR, INTEGRALS, Angle, Duration, Frequency, Level, LevelValue, Time
+from beamsim.scenario import quantities as q
+from beamsim.scenario.base import BY_FORM, Path, Schema, fail
+from beamsim.scenario.driven import (
+    Between,
+    Driven,
+    FrequencyRange,
+    Notch,
+    ProfilePoint,
+    Quantity,
+    check_profile,
+    not_taken,
+    spoken,
+)
+from beamsim.scenario.quantities import meant
+from beamsim.scenario.units import UnitError
 
 
 class NoExcitation(Schema):
@@ -33,19 +45,24 @@ class NoExcitation(Schema):
         return 0.0
 
 
-class Harmonic(Driven):
+class Tone(Schema):
+    """One sine of a multi-tone excitation."""
+
+    level: q.Level
+    """Amplitude, zero to peak; a bare number is m/s^2 on the base, N at a point."""
+    frequency: q.Frequency
+    """Frequency."""
+    phase: q.Angle = 0.0
+    """Phase of the sine at t = 0."""
+
+
+class Harmonic(Driven, Tone):
     """A sin(2 pi f t + phase)."""
 
     kind: Literal["harmonic"] = "harmonic"
     """A sine."""
-    level: Level
-    """Amplitude, zero to peak; a bare number is m/s^2 on the base, N at a point."""
-    frequency: Frequency
-    """Frequency."""
-    phase: Angle = 0.0
-    """Phase of the sine at t = 0."""
 
-    def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
+    def levels(self) -> list[tuple[Path, float]]:
         """Return the level with its path."""
         return [(("level",), self.level)]
 
@@ -56,19 +73,8 @@ class Harmonic(Driven):
 
     def at(self, frequency_hz: float, level: float | None = None) -> Harmonic:
         """The same at another frequency, Hz, and level."""
-        changed = {"frequency": frequency_hz} | ({} if level is None else {"level": level})
-        return self.model_copy(update=changed)
-
-
-class Tone(Schema):
-    """One sine of a multi-tone excitation."""
-
-    level: Level
-    """Amplitude, zero to peak."""
-    frequency: Frequency
-    """Frequency."""
-    phase: Angle = 0.0
-    """Phase of the sine at t = 0."""
+        kept = self.level if level is None else q.LevelValue(level, self.quantity)
+        return self.model_copy(update={"frequency": frequency_hz, "level": kept})
 
 
 class MultiTone(Driven):
@@ -79,13 +85,9 @@ class MultiTone(Driven):
     tones: Annotated[tuple[Tone, ...], Field(min_length=1)]
     """The sines."""
 
-    def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
+    def levels(self) -> list[tuple[Path, float]]:
         """Return the levels with their paths."""
         return [(("tones", index, "level"), tone.level) for index, tone in enumerate(self.tones)]
-
-    def plain_levels(self) -> None:
-        """Forget the units of the levels."""
-        self.resolve("tones", tuple(tone.model_copy(update={"level": float(tone.level)}) for tone in self.tones))
 
     @property
     def frequencies_hz(self) -> tuple[float, ...]:
@@ -97,14 +99,40 @@ class Shock(Driven):
     """Common part of what begins at ``time`` with one level; a pulse of duration T goes up to 1 / (2 T)."""
 
     shock: ClassVar[bool] = True
+    most_integrals: ClassVar[int] = 0
+    """How often its level may be integrated from an acceleration of the base without jumps of the velocity."""
 
     if TYPE_CHECKING:
-        level: float
-        time: float
+        kind: Any
+        duration: float | None
 
-    def levels(self) -> list[tuple[tuple[str | int, ...], float]]:
+    level: q.Level
+    """Level after a step, or peak of the pulse; of the base an acceleration, of smooth pulses also a velocity."""
+    time: q.Time = 0.0
+    """When it begins."""
+
+    def levels(self) -> list[tuple[Path, float]]:
         """Return the level with its path."""
         return [(("level",), self.level)]
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """Half the inverse of the duration, Hz, the frequency of the sine that a half-sine is half of; 0 of a step."""
+        return 0.0 if self.duration is None else 0.5 / self.duration
+
+    def check(self) -> None:
+        """Reject what needs an infinite acceleration."""
+        super().check()
+        if q.INTEGRALS.get(self.quantity, 0) > self.most_integrals:
+            called = self.kind.replace("_", "-") + " pulse" * (self.kind != "step")
+            smooth = (
+                " or velocity (level: 0.5 m/s)" if self.most_integrals else ", or use a half_sine pulse of velocity"
+            )
+            raise fail(
+                f"is a {called} of the base's {spoken(self.quantity)}, which needs an infinite acceleration",
+                f"give it as acceleration (level: 20 g){smooth}",
+                ("level",),
+            )
 
 
 class Step(Shock):
@@ -112,84 +140,48 @@ class Step(Shock):
 
     kind: Literal["step"] = "step"
     """A step, or a rectangular pulse."""
-    level: Level
-    """Value after the step; for the base only an acceleration."""
-    time: Time = 0.0
-    """When it steps."""
-    duration: Duration | None = None
+    duration: q.Duration | None = None
     """Duration of a rectangular pulse; by default the level stays."""
 
-    def settle(self) -> None:
-        """Reject steps that need an infinite acceleration."""
-        super().settle()
-        if self.quantity in INTEGRALS:
-            raise fail(
-                f"is a step of the base's {spoken(self.quantity)}, which needs an infinite acceleration",
-                "step the acceleration (level: 2 g), or use a half_sine pulse of the base's velocity",
-                ("level",),
-            )
 
-    @property
-    def highest_frequency_hz(self) -> float:
-        """Half the inverse of the duration, Hz; 0 of a step."""
-        return 0.0 if self.duration is None else 0.5 / self.duration
-
-
-class Pulse(Shock):
-    """Common part of what is zero again after a duration."""
-
-    if TYPE_CHECKING:
-        duration: float
-
-    @property
-    def highest_frequency_hz(self) -> float:
-        """Half the inverse of the duration, Hz: the frequency of the sine that a half-sine is half of."""
-        return 0.5 / self.duration
-
-
-class HalfSine(Pulse):
+class HalfSine(Shock):
     """Half a sine period starting at `time`, zero before and after."""
+
+    most_integrals: ClassVar[int] = 1
 
     kind: Literal["half_sine"] = "half_sine"
     """A half-sine pulse."""
-    level: Level
-    """Peak of the pulse; for the base an acceleration or a velocity."""
-    duration: Duration
+    duration: q.Duration
     """Duration of the pulse."""
-    time: Time = 0.0
-    """Start of the pulse."""
-
-    def settle(self) -> None:
-        """Reject pulses that need an infinite acceleration."""
-        super().settle()
-        _refuse_displacement(self, "half-sine")
 
 
-class Trapezoid(Pulse):
+class Trapezoid(Shock):
     """A pulse that rises and falls linearly, zero before and after."""
+
+    most_integrals: ClassVar[int] = 1
 
     kind: Literal["trapezoid"] = "trapezoid"
     """A trapezoidal pulse."""
-    level: Level
-    """Peak of the pulse; for the base an acceleration or a velocity."""
-    duration: Duration
+    duration: q.Duration
     """Duration of the pulse, rise and fall included."""
-    rise: Duration | None = None
+    rise_: q.Duration | None = Field(default=None, alias="rise")
     """Duration of the rise; by default a tenth of that of the pulse (IEC 60068-2-27)."""
-    fall: Duration | None = None
+    fall_: q.Duration | None = Field(default=None, alias="fall")
     """Duration of the fall; by default a tenth of that of the pulse."""
-    time: Time = 0.0
-    """Start of the pulse."""
 
-    def settle(self) -> None:
-        """Settle rise and fall; reject those longer than the pulse, and pulses that need an infinite acceleration."""
-        super().settle()
-        _refuse_displacement(self, "trapezoidal")
-        for name in ("rise", "fall"):
-            if getattr(self, name) is None:
-                self.resolve(name, 0.1 * self.duration)
-        assert self.rise is not None
-        assert self.fall is not None
+    @property
+    def rise(self) -> float:
+        """Duration of the rise, s."""
+        return 0.1 * self.duration if self.rise_ is None else self.rise_
+
+    @property
+    def fall(self) -> float:
+        """Duration of the fall, s."""
+        return 0.1 * self.duration if self.fall_ is None else self.fall_
+
+    def check(self) -> None:
+        """Reject rise and fall longer than the pulse."""
+        super().check()
         if self.rise + self.fall > self.duration * (1 + 1e-12):
             raise fail(
                 f"= {self.rise:g} s and fall = {self.fall:g} s are longer than the pulse of {self.duration:g} s",
@@ -198,39 +190,16 @@ class Trapezoid(Pulse):
             )
 
 
-class Sawtooth(Pulse):
+class Sawtooth(Shock):
     """A pulse that rises linearly and drops from its peak at once (final peak, IEC 60068-2-27)."""
 
     kind: Literal["sawtooth"] = "sawtooth"
     """A final-peak sawtooth pulse."""
-    level: Level
-    """Peak of the pulse; for the base only an acceleration."""
-    duration: Duration
+    duration: q.Duration
     """Duration of the pulse."""
-    time: Time = 0.0
-    """Start of the pulse."""
-
-    def settle(self) -> None:
-        """Reject pulses that need an infinite acceleration."""
-        super().settle()
-        if self.quantity in INTEGRALS:
-            raise fail(
-                f"is a sawtooth of the base's {spoken(self.quantity)}, whose drop needs an infinite acceleration",
-                "give the pulse as acceleration (level: 20 g)",
-                ("level",),
-            )
 
 
-def _refuse_displacement(pulse: Shock, called: str) -> None:
-    if INTEGRALS.get(str(pulse.quantity)) == 2:
-        raise fail(
-            f"is a {called} pulse of the base's {pulse.quantity}, whose velocity jumps: an infinite acceleration",
-            "give the pulse as acceleration (level: 20 g) or velocity (level: 0.5 m/s)",
-            ("level",),
-        )
-
-
-OneForce = Annotated[Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth, BY_KIND]
+OneForce = Annotated[Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth, BY_FORM]
 
 
 class Forces(Schema):
@@ -242,7 +211,7 @@ class Forces(Schema):
     """The forces: each a harmonic, multi_tone, step, half_sine, trapezoid or sawtooth excitation that is applied to a
     point, a line of a beam, an area of a plate, or a support that moves."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject what moves the base."""
         for index, force in enumerate(self.forces):
             if force.on_base:
@@ -261,8 +230,8 @@ class Forces(Schema):
     # What a sweep asks a harmonic excitation: its levels multiply all forces, each of which keeps its own phase.
     level: ClassVar[float] = 1.0
     phase: ClassVar[float] = 0.0
-    quantity: ClassVar[str] = FACTOR
-    takes: ClassVar[tuple[str, ...]] = (FACTOR,)
+    quantity: ClassVar[str] = q.FACTOR
+    takes: ClassVar[tuple[str, ...]] = (q.FACTOR,)
     on_base: ClassVar[bool] = False
 
     @property
@@ -292,6 +261,166 @@ class Forces(Schema):
         return max(force.highest_frequency_hz for force in self.forces)
 
 
+class SweptSineInput(Driven, FrequencyRange):
+    """A sine of increasing or decreasing frequency; use it with `beamsim run` (`beamsim sweep` has its own section)."""
+
+    kind: Literal["swept_sine"] = "swept_sine"
+    """A swept sine."""
+    level: q.Level | None = None
+    """Amplitude, zero to peak, if it is the same at all frequencies."""
+    profile: tuple[ProfilePoint, ...] = ()
+    """Instead of level: a table of levels, each from a frequency on."""
+    between: Between = "held"
+    """Between the points of the profile: each level held, or log-log interpolation."""
+    notches: tuple[Notch, ...] = ()
+    """Frequency ranges with a reduced level."""
+    rate: q.SweepRate
+    """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
+    phase: q.Angle = 0.0
+    """Phase of the sine at t = 0."""
+
+    def levels(self) -> list[tuple[Path, float]]:
+        """Return the level with its path."""
+        return [] if self.level is None else [(("level",), self.level)]
+
+    def check(self) -> None:
+        """Refuse an empty range, no level or two, and levels that cannot act there."""
+        if (self.level is None) == (not self.profile):
+            raise fail("needs either level or profile", "give one of the two")
+        super().check()
+        check_profile(self.profile, self.between)
+        for index, point in enumerate(self.profile):
+            if point.quantity is not None and point.quantity not in self.takes:
+                why, remedy = not_taken(point.quantity, self.takes)
+                raise fail(f"is {why}", remedy, ("profile", index, "level"))
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """The higher end of the sweep, Hz."""
+        return max(self.from_, self.to)
+
+
+class SampledInput(Driven):
+    """A measured motion of the base, or force."""
+
+    kind: Literal["sampled"] = "sampled"
+    """Samples read from a file."""
+    file: q.FileName
+    """CSV, HDF5 (.h5, .hdf5) or UFF 58 (.uff, .unv) file; its path is relative to the folder of the scenario."""
+    column: q.Text | None = None
+    """CSV: number (from 1) or heading of the column of values; HDF5: path of the dataset; UFF: number of the set."""
+    time_column: q.Text | None = None
+    """CSV: number or heading of the time column, by default the first; HDF5: path of the time dataset."""
+    sample_rate: q.Frequency | None = None
+    """Samples per second, if the file has no time axis."""
+    unit: q.Text | None = None
+    """Unit of the values in the file (g, mm, N, ...), by default the one that the file states."""
+    time_unit: q.Text | None = None
+    """Unit of the time axis in the file (s, ms, ...), by default the one that the file states."""
+    factor: q.PositiveNumber = 1.0
+    """Factor by which the values are multiplied."""
+    interpolation: Literal["linear", "cubic"] = "cubic"
+    """Interpolation between the samples: linear, or a cubic spline."""
+    resample: q.Frequency | None = None
+    """Rate to which the samples are first resampled, if they are too fine for the run."""
+
+    @property
+    def quantity(self) -> Quantity:
+        """What the values are: as stated, otherwise as the unit says, otherwise the default of the place."""
+        return self.quantity_ or self._said_by_unit or self.takes[0]
+
+    @property
+    def _said_by_unit(self) -> Quantity | None:
+        of: Any = None if self.unit is None else meant(q.LevelType().read(f"1 {self.unit}"))
+        return of  # type: ignore[no-any-return]
+
+    def check(self) -> None:
+        """Refuse a unit of another quantity, what cannot act there, and corners of a motion."""
+        try:
+            said = self._said_by_unit
+        except UnitError as error:
+            raise fail(error.message, error.remedy, ("unit",)) from None
+        if said is not None and self.quantity_ not in (None, said):
+            raise fail(f"is a unit of {said}, where {self.quantity_} is meant", "change one of them", ("unit",))
+        super().check()
+        if self.quantity in q.INTEGRALS and self.interpolation == "linear":
+            raise fail(
+                f"= linear of the base's {spoken(self.quantity)} has corners, where the acceleration is infinite",
+                "use interpolation: cubic, or give the acceleration",
+                ("interpolation",),
+            )
+
+
+class PsdPoint(Schema):
+    """A point in a table of power spectral density."""
+
+    frequency: q.Frequency
+    """Frequency."""
+    density: q.SpectralDensity
+    """One-sided density: g^2/Hz for an acceleration, N^2/Hz for a force."""
+
+
+class RandomInput(Driven):
+    """Gaussian noise with a given power spectral density."""
+
+    kind: Literal["random"] = "random"
+    """Random input."""
+    psd: Annotated[tuple[PsdPoint, ...], Field(min_length=2)]
+    """Density over frequency; log-log interpolation between the points, zero outside."""
+    seed: q.NotNegativeWhole = 0
+    """Seed of the random numbers: the same seed gives the same input."""
+    amplitudes: Literal["fixed", "random"] | None = None
+    """Amplitudes of the sines: fixed by the density, or random as those of a Gaussian process, whose RMS scatters
+    between records. By default fixed, but random in a study over seeds."""
+    period: q.Duration | None = None
+    """The noise is a sum of sines that repeats after this time; the run's duration by default."""
+    sample_rate: q.Frequency | None = None
+    """Sample rate used for interpolation; by default 20 times the highest frequency."""
+    ramp: q.Time = 0.0
+    """Time over which the level rises at the beginning."""
+
+    def check(self) -> None:
+        """Check the table."""
+        super().check()
+        for index, (one, two) in enumerate(pairwise(self.psd)):
+            if two.frequency <= one.frequency:
+                raise fail(
+                    f"= {two.frequency:g} Hz does not lie above the point before it ({one.frequency:g} Hz)",
+                    "list the points by increasing frequency",
+                    ("psd", index + 1, "frequency"),
+                )
+        highest = self.psd[-1].frequency
+        if self.sample_rate is not None and self.sample_rate < 4 * highest:
+            raise fail(
+                f"= {self.sample_rate:g} Hz is too low for noise up to {highest:g} Hz",
+                f"use {20 * highest:g} Hz, or leave it out",
+                ("sample_rate",),
+            )
+        if self.quantity != self.takes[0]:
+            raise fail(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """End of the table, Hz."""
+        return self.psd[-1].frequency
+
+
+Excitation = Annotated[
+    NoExcitation
+    | Harmonic
+    | MultiTone
+    | Step
+    | HalfSine
+    | Trapezoid
+    | Sawtooth
+    | SweptSineInput
+    | SampledInput
+    | RandomInput
+    | Forces,
+    BY_FORM,
+]
+
+
 Sine = Harmonic | Forces
 """What sweeps and continuations follow; see `sine_problems`."""
 
@@ -317,33 +446,4 @@ def sine_problems(excitation: Any, section: str) -> Iterator[Problem]:
             section,
             f"needs the frequency of a harmonic excitation, but this one is {excitation.kind}",
             "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}",
-        )
-
-
-Excitation = Annotated[
-    NoExcitation
-    | Harmonic
-    | MultiTone
-    | Step
-    | HalfSine
-    | Trapezoid
-    | Sawtooth
-    | SweptSineInput
-    | SampledInput
-    | RandomInput
-    | Forces,
-    BY_KIND,
-]
-
-
-def level_problems(excitation: Excitation, path: Path, level: float | None) -> Iterator[Problem]:
-    """A level elsewhere in the scenario in a unit of another quantity than the excitation's."""
-    quantity = getattr(excitation, "quantity", None)
-    if isinstance(level, LevelValue) and level.quantity not in (None, quantity):
-        yield Problem(
-            path_text(path),
-            f"is given in a unit of {level.quantity}, and the excitation's level is of {quantity}"
-            if quantity != FACTOR
-            else f"is given in a unit of {level.quantity}, but multiplies the levels of all forces",
-            "give it in the unit of excitation.level" if quantity != FACTOR else "give a plain number: 0.5",
         )

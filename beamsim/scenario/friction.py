@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, Literal
-
-from pydantic import Tag
+from typing import Annotated, ClassVar, Literal
 
 from beamsim.scenario import units
-from beamsim.scenario.base import Schema, Variants, fail
-from beamsim.scenario.names import Named
-from beamsim.scenario.place import AtPlace, BetweenPlaces, Sited, TwoPlaces
+from beamsim.scenario.base import BY_FORM, Schema, fail
+from beamsim.scenario.place import AtPlace, BetweenPlaces, Named, Sited, TwoPlaces
 from beamsim.scenario.quantities import Force, PositiveForce, PositiveNumber, Quantity, Ratio, Stiffness
 
 WearRate = Annotated[float, Quantity(units.WEAR_RATE, above=0.0)]
@@ -24,17 +21,13 @@ class FrictionCoefficients(Schema):
     sliding: Ratio
     """Coefficient while it slides; not above the static one."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand an order."""
         if self.sliding > self.static:
             raise fail(
                 f"= {self.sliding:g} is above static = {self.static:g}", "exchange them, or give one coefficient",
                 ("sliding",),
             )  # fmt: skip
-
-
-def _coefficient_form(value: Any) -> str:
-    return "<both>" if isinstance(value, (dict, FrictionCoefficients)) else "<number>"
 
 
 class SnubberForce(Schema):
@@ -44,33 +37,21 @@ class SnubberForce(Schema):
     """Name of the snubber."""
 
 
-def _normal_form(value: Any) -> str:
-    return "<snubber>" if isinstance(value, (dict, SnubberForce)) else "<number>"
-
-
-def _start_form(value: Any) -> str:
-    return "<text>" if value == "unstressed" else "<number>"
-
-
 class FrictionBase(Named):
     """Common part of all friction contacts: |T| = coefficient times normal force at most."""
 
     kind: ClassVar[str] = "friction"
 
-    normal_force: Annotated[
-        Annotated[PositiveForce, Tag("<number>")] | Annotated[SnubberForce, Tag("<snubber>")], Variants(_normal_form)
-    ]
+    normal_force: Annotated[PositiveForce | SnubberForce, BY_FORM]
     """Force that presses the faces together: a constant one, or {snubber: NAME}, that of a snubber."""
     coefficient: Annotated[
-        Annotated[PositiveNumber, Tag("<number>")] | Annotated[FrictionCoefficients, Tag("<both>")],
-        Variants(_coefficient_form),
+        PositiveNumber | FrictionCoefficients,
+        BY_FORM,
     ]
     """Friction force over normal force: one number, or {static: 0.3, sliding: 0.2}."""
     stiffness: Stiffness | None = None
     """Tangential stiffness of the contact while it sticks; by default it does not move at all."""
-    start: Annotated[
-        Annotated[Literal["unstressed"], Tag("<text>")] | Annotated[Force, Tag("<number>")], Variants(_start_form)
-    ] = "unstressed"
+    start: Annotated[Literal["unstressed"] | Force, BY_FORM] = "unstressed"
     """Friction force at the start of a motion, which the past decides: unstressed, or a force that resists a positive
     displacement. Static equilibrium is that under this force."""
     wear_rate: WearRate | None = None
@@ -111,9 +92,9 @@ class FrictionBase(Named):
         """Friction force at the start of a motion, N."""
         return 0.0 if isinstance(self.start, str) else self.start
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand a force at the start that sticks."""
-        super().settle()
+        super().check()
         if self.pressed_by is not None:
             if self.start != "unstressed":
                 raise fail(
@@ -139,11 +120,6 @@ class FrictionAtPlace(Sited, FrictionBase):
     mounted_on: Literal["base", "ground"] = "base"
     """Base: what it rubs on moves with the base excitation; ground: fixed."""
 
-    def settle(self) -> None:
-        """Demand exactly one place."""
-        Sited.settle(self)
-        FrictionBase.settle(self)
-
 
 class FrictionBetween(BetweenPlaces, FrictionBase):
     """Dry friction between places of two bodies or of one."""
@@ -152,11 +128,4 @@ class FrictionBetween(BetweenPlaces, FrictionBase):
     """The two places; the friction force of a positive stretch holds the second back."""
 
 
-def _sites(value: Any) -> str:
-    between = isinstance(value, FrictionBetween) or (isinstance(value, dict) and value.get("between") is not None)
-    return "<between>" if between else "<place>"
-
-
-AnyFriction = Annotated[
-    Annotated[FrictionAtPlace, Tag("<place>")] | Annotated[FrictionBetween, Tag("<between>")], Variants(_sites)
-]
+AnyFriction = Annotated[FrictionAtPlace | FrictionBetween, BY_FORM]

@@ -8,44 +8,77 @@ from pydantic import Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
+from beamsim.scenario import quantities as q
 from beamsim.scenario.base import Schema, counted, fail
 from beamsim.scenario.damping import Ratios
-from beamsim.scenario.pad_data import PadData
-from beamsim.scenario.quantities import (
-    Area,
-    Coefficient,
-    Count,
-    Duration,
-    FileName,
-    Frequency,
-    Length,
-    Level,
-    Name,
-    NotNegativeWhole,
-    NumberOrText,
-    Position,
-    Ratio,
-    SteppedCount,
-    Text,
-)
 
 _LARGEST_UNCERTAINTY = 0.2
 
 
-Bound = Annotated[float | str, NumberOrText("60 GPa")]
+Bound = Annotated[float | str, q.NumberOrText("60 GPa")]
+
+
+DynamicPoint = tuple[q.Frequency, q.Stiffness, q.Ratio]
+"""Frequency, storage stiffness and loss factor."""
+RelaxationPoint = tuple[q.Time, q.Stiffness]
+"""Time since the deflection began, and force over the deflection that is held."""
+
+
+class PadData(Schema):
+    """What was measured on the pad; one of dynamic, relaxation and file."""
+
+    dynamic: tuple[DynamicPoint, ...] | None = None
+    """Frequency, storage stiffness and loss factor of each measurement: [[10 Hz, 120 kN/m, 0.08], ...]."""
+    relaxation: tuple[RelaxationPoint, ...] | None = None
+    """Time since the deflection began, and force over the deflection that is held: [[1 ms, 190 kN/m], ...]."""
+    ramp: q.Duration | None = None
+    """Time over which the deflection of a relaxation test rises evenly; by default it is sudden."""
+    file: q.FileName | None = None
+    """CSV file of either, relative to the scenario's folder; headings state units: frequency (Hz), storage (kN/m), loss
+    factor, or time (s), stiffness (kN/m). A modulus in place of a stiffness takes height and area of the pad."""
+    branches: Annotated[int, q.Whole(1, 8)] | None = None
+    """Number of Maxwell branches; by default as few as fit nearly as well as any number."""
+
+    def check(self) -> None:
+        """Demand one kind of measurement, and points that determine the branches."""
+        given = [key for key in ("dynamic", "relaxation", "file") if getattr(self, key) is not None]
+        if len(given) != 1:
+            message = f"has {' and '.join(given)}" if given else "needs one of dynamic, relaxation and file"
+            raise fail(message, "give for example dynamic: [[10 Hz, 120 kN/m, 0.08], [100 Hz, 150 kN/m, 0.11]]")
+        if self.ramp is not None and self.dynamic is not None:
+            raise fail("goes with a relaxation test", "leave ramp out", ("ramp",))
+        if given != ["file"]:
+            check_data(getattr(self, given[0]), given[0], self.branches)
+
+
+def check_data(points: Any, kind: str, branches: int | None) -> None:
+    """Reject measurements that are out of order or too few; `points` are rows of frequency or time first."""
+    least = 2 if branches is None else branches + 1
+    if len(points) < least:
+        what = counted(len(points), "measurement")
+        raise fail(f"has {what}", f"measure at {least} or more", (kind,))
+    unit = "Hz" if kind == "dynamic" else "s"
+    for index in range(1, len(points)):
+        if not points[index][0] > points[index - 1][0]:
+            raise fail(
+                f"= {points[index][0]:g} {unit} does not lie above the one before, {points[index - 1][0]:g} {unit}",
+                "list the measurements in their order, each once", (kind, index, 0),
+            )  # fmt: skip
+    if kind == "dynamic" and all(point[2] == 0.0 for point in points):
+        raise fail("has no loss at all", "a pad without loss needs a stiffness alone", (kind,))
 
 
 class Pad(Schema):
     """Rubber pad of the snubber: its size, for Young's modulus E = k height / area, and what was measured on it."""
 
-    height: Length | None = None
+    height: q.Length | None = None
     """Height (in the direction of the force)."""
-    area: Area | None = None
+    area: q.Area | None = None
     """Loaded area."""
     data: PadData | None = None
     """Storage stiffness and loss factor over frequency, or relaxation: gives Maxwell branches."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand the size, measurements, or both."""
         if (self.height is None) != (self.area is None):
             key = "height" if self.height is None else "area"
@@ -57,32 +90,32 @@ class Pad(Schema):
 class MonteCarlo(Schema):
     """Monte Carlo samples around the measured frequencies, to check the first-order uncertainty."""
 
-    samples: SteppedCount = 10_000
+    samples: q.SteppedCount = 10_000
     """Number of samples."""
-    seed: NotNegativeWhole = 0
+    seed: q.NotNegativeWhole = 0
     """Seed of the random generator."""
 
 
 class ParameterUncertainty(Schema):
     """Uncertainty of a parameter of the structure; its contribution to the uncertainty of the stiffness is reported."""
 
-    parameter: Text
+    parameter: q.Text
     """Path of the number, for example beam.thickness or beam.point_masses[*].mass."""
-    uncertainty: Ratio
+    uncertainty: q.Ratio
     """Standard deviation, relative to the value."""
 
 
 class SoughtParameter(Schema):
     """A parameter of the scenario to be identified; its path alone is enough."""
 
-    parameter: Text
+    parameter: q.Text
     """Path of the number, for example beam.youngs_modulus; [*] varies a list by one common factor."""
     bounds: tuple[Bound, ...] = ()
     """Lowest and highest value, with or without unit."""
-    prior: Ratio | None = None
+    prior: q.Ratio | None = None
     """Standard deviation of the prior, relative to the value in the scenario; no prior by default."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject one bound, or three."""
         if self.bounds and len(self.bounds) != 2:
             raise fail(
@@ -110,12 +143,12 @@ Sought = Annotated[SoughtParameter, _OrItsPath()]
 class MeasuredShapes(Schema):
     """Mode shapes measured without the snubber; compared with the model's by the modal assurance criterion."""
 
-    positions: Annotated[tuple[Position, ...], Field(min_length=2)]
+    positions: Annotated[tuple[q.Position, ...], Field(min_length=2)]
     """Where the deflection was measured on the body that the snubber acts on (mass numbers for a chain)."""
-    shapes: Annotated[tuple[tuple[Coefficient, ...], ...], Field(min_length=1)]
+    shapes: Annotated[tuple[tuple[q.Coefficient, ...], ...], Field(min_length=1)]
     """Deflections of each mode at these positions, from the first mode on, to any scale."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject shapes of another length, or zero."""
         for index, shape in enumerate(self.shapes):
             if len(shape) != len(self.positions):
@@ -131,31 +164,31 @@ class MeasuredShapes(Schema):
 class MeasuredTest(Schema):
     """A measured steady vibration; anything not given is as in the excitation of the scenario."""
 
-    file: FileName
+    file: q.FileName
     """Measured signal or spectrum: CSV, HDF5 (also a beamsim result) or UFF dataset 58; relative to the case."""
-    channel: Text | None = None
+    channel: q.Text | None = None
     """Column, dataset or UFF label to read; by default the one named after the probe, or the only one."""
-    probe: Name | None = None
+    probe: q.Name | None = None
     """Probe it belongs to; the first one by default."""
     quantity: Literal["absolute_acceleration", "displacement", "absolute_displacement", "velocity"] = (
         "absolute_acceleration"
     )
     """What was measured; displacement and velocity are relative to the base."""
-    unit: Text | None = None
+    unit: q.Text | None = None
     """Unit of the values in the file, for example g or mm; by default the one that the file states."""
-    axis_unit: Text | None = None
+    axis_unit: q.Text | None = None
     """Unit of the times or frequencies in the file, for example ms; by default the one that the file states."""
-    frequency: Frequency | None = None
+    frequency: q.Frequency | None = None
     """Excitation frequency of this test."""
-    level: Level | None = None
+    level: q.Level | None = None
     """Excitation level of this test, in the quantity of the scenario's excitation."""
-    harmonics: Count = 6
+    harmonics: q.Count = 6
     """Number of harmonics of the excitation frequency that the fit uses."""
-    last: Duration | None = None
+    last: q.Duration | None = None
     """Use only the last part of a time signal (the steady vibration); everything by default."""
     phase: Literal["free", "of_excitation"] = "free"
     """Free: the time origin of the signal is unknown, and only phases between harmonics are compared."""
-    noise: Ratio | None = None
+    noise: q.Ratio | None = None
     """Standard deviation of a harmonic, relative to the largest one; by default from the scatter of the signal."""
 
 
@@ -166,11 +199,11 @@ class NonlinearFit(Schema):
     """Parameters to be identified, for example snubbers.tip.gap or beam.damping.ratio."""
     tests: Annotated[tuple[MeasuredTest, ...], Field(min_length=1)]
     """The measured vibrations."""
-    starts: Count = 5
+    starts: q.Count = 5
     """Number of starting points: the values in the scenario and random points around them."""
-    spread: Ratio = 0.3
+    spread: q.Ratio = 0.3
     """Relative spread of the random starting points about the values in the scenario."""
-    seed: NotNegativeWhole = 0
+    seed: q.NotNegativeWhole = 0
     """Seed of the random starting points."""
     profiles: bool = True
     """Compute the profile likelihood of every parameter, for the plot."""
@@ -179,26 +212,26 @@ class NonlinearFit(Schema):
 class IdentifyStiffness(Schema):
     """Measurements and settings of the identification."""
 
-    snubber: Name
+    snubber: q.Name
     """Name of the snubber whose stiffness is identified."""
-    measured_without: tuple[Frequency, ...] = ()
+    measured_without: tuple[q.Frequency, ...] = ()
     """Natural frequencies measured without the snubber, from the first on; they check the model of the structure.
 
     Of several bodies: the frequencies of those that the snubber acts on.
     """
-    measured_with: tuple[Frequency, ...] = ()
+    measured_with: tuple[q.Frequency, ...] = ()
     """Natural frequencies measured with permanent contact, from the first on."""
-    fit_to: Annotated[tuple[Count, ...], Field(min_length=1)] = (1,)
+    fit_to: Annotated[tuple[q.Count, ...], Field(min_length=1)] = (1,)
     """Numbers of the modes the fit uses."""
     method: Literal["secular", "thesis"] = "secular"
     """Secular: closed form, to machine precision; thesis: k grows by 1 % until the frequency fits (Hazim 2010)."""
-    tolerance: Ratio = 1e-3
+    tolerance: q.Ratio = 1e-3
     """Method thesis: relative difference in frequency at which the iteration ends."""
-    most_solutions: Count = 20_000
+    most_solutions: q.Count = 20_000
     """Method thesis: largest number of eigenvalue solutions."""
     uncertainty: Ratios = 0.0
     """Relative standard deviation of a measured frequency, or a list with one value per mode."""
-    coverage: Ratio = 0.95
+    coverage: q.Ratio = 0.95
     """Coverage probability of the confidence intervals."""
     monte_carlo: MonteCarlo = MonteCarlo.model_construct()
     """Check of the uncertainty by random sampling."""
@@ -213,7 +246,7 @@ class IdentifyStiffness(Schema):
     pad: Pad | None = None
     """Pad of the snubber; gives its Young's modulus, and Maxwell branches from measurements of the pad."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject frequencies out of order, modes that were not measured, and more unknowns than measurements."""
         for key in ("measured_without", "measured_with"):
             self._increasing(key)

@@ -9,8 +9,8 @@ from functools import cache, lru_cache
 from pathlib import Path as FilePath
 from typing import Any
 
-from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.base import Path, Schema, path_text, walk
+from beamsim.errors import ScenarioError
+from beamsim.scenario.base import Path, Schema, path_text, problem, walk
 from beamsim.scenario.quantities import FileType
 
 Record = Mapping[str, Any]
@@ -113,7 +113,7 @@ class SolvedFiles:
             searched = ", ".join(f"{said} ({folder})" for folder, said in reversed(folders.items()))
             message = f"is not found; searched: {searched}"
             remedy = "give the command in the folder of the case, or put the file beside the result"
-        raise ScenarioError(Problem(path_text(path), f"= {name} {message}", remedy))
+        raise ScenarioError(problem(path, f"= {name} {message}", remedy))
 
 
 def _is_solved(path: FilePath, record: Record) -> bool:

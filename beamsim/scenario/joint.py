@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from beamsim.scenario.base import BY_KIND, Variants, counted, fail
-from beamsim.scenario.maxwell import Maxwell
-from beamsim.scenario.names import Named
-from beamsim.scenario.place import AtPlace, BaseOrPlace, choose_base_or_place, refuse_unlike_directions
-from beamsim.scenario.quantities import (
-    Dashpot,
-    Name,
-    NonNegativeStiffness,
-    RotationalDashpot,
-    RotationalStiffness,
-)
+from beamsim.scenario import quantities as q
+from beamsim.scenario.base import BY_FORM, Variants, counted, fail
+from beamsim.scenario.body import Body
+from beamsim.scenario.place import AtPlace, BaseOrPlace, Named, refuse_unlike_directions
+from beamsim.scenario.spring import Maxwell
 
 JointEnd = Annotated[
     BaseOrPlace,
     Variants(
-        choose_base_or_place,
         "names neither a point of a body nor the base",
         "write {body: panel, position: 0 mm}, {body: chain, mass: 2} or base",
     ),
@@ -33,12 +26,12 @@ JointEnd = Annotated[
 class Joint(Named):
     """Common part of all joints."""
 
-    name: Name = ""
+    name: q.Name = ""
     """Name, unique; joint_1, joint_2, ... by default."""
     between: Annotated[tuple[JointEnd, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
     """Two points of bodies, or a point and base."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand two different ends, at least one of them on a body."""
         if len(self.between) != 2:
             remedy = "name the two that it joins: [{body: yoke, position: 300 mm}, {body: panel, position: 0 mm}]"
@@ -71,9 +64,9 @@ class RigidJoint(Joint):
 
 
 class _Turning(Joint):
-    rotational_stiffness: RotationalStiffness = 0.0
+    rotational_stiffness: q.RotationalStiffness = 0.0
     """Moment per difference of the slopes; none by default."""
-    rotational_dashpot: RotationalDashpot = 0.0
+    rotational_dashpot: q.RotationalDashpot = 0.0
     """Moment per difference of their rates; none by default."""
 
     @property
@@ -94,21 +87,21 @@ class SpringJoint(_Turning):
 
     kind: Literal["spring"] = "spring"
     """Holds nothing; springs act."""
-    stiffness: NonNegativeStiffness = 0.0
+    stiffness: q.NonNegativeStiffness = 0.0
     """Force per difference of the deflections; none by default."""
-    dashpot: Dashpot = 0.0
+    dashpot: q.Dashpot = 0.0
     """Force per difference of the velocities; none by default."""
     maxwell: tuple[Maxwell, ...] = ()
     """Maxwell branches between the deflections, any number of them."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand something that acts."""
-        super().settle()
+        super().check()
         if not (self.stiffness or self.dashpot or self.turns_against or self.maxwell):
             raise fail("has neither a stiffness nor a dashpot", "give stiffness: 10 kN/m, or leave the joint out")
 
 
-AnyJoint = Annotated[RigidJoint | HingeJoint | SpringJoint, BY_KIND]
+AnyJoint = Annotated[RigidJoint | HingeJoint | SpringJoint, BY_FORM]
 
 
 @dataclass(frozen=True)
@@ -120,7 +113,7 @@ class Apart:
     through: str  # body of the second point
 
 
-def points_apart(joints: Sequence[Joint], default_body: str) -> Iterator[Apart]:
+def points_apart(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str) -> Iterator[Apart]:
     """Joints that close a loop between bodies whose positions do not fit; all bodies lie along one axis.
 
     Bodies have no place of their own: the first joint between two of them puts its points together.
@@ -128,12 +121,10 @@ def points_apart(joints: Sequence[Joint], default_body: str) -> Iterator[Apart]:
     origin: dict[str, float] = {}
     group: dict[str, int] = {}
     for index, joint in enumerate(joints):
-        ends = [(place.body or default_body, place.position) for place in joint.places]
-        if len(ends) != 2:
+        ends = _ends(joint, bodies, default_body)
+        if len(ends) != 2 or ends[0][0] == ends[1][0]:
             continue
         (first, x), (second, y) = ends
-        if not isinstance(x, float) or not isinstance(y, float) or first == second:
-            continue
         for number, name in enumerate((first, second)):
             origin.setdefault(name, 0.0)
             group.setdefault(name, 2 * index + number)
@@ -148,17 +139,27 @@ def points_apart(joints: Sequence[Joint], default_body: str) -> Iterator[Apart]:
             group[name] = group[first]
 
 
-def origins(joints: Sequence[Joint], default_body: str) -> tuple[dict[str, float], dict[str, str]]:
+def _ends(joint: Joint, bodies: Mapping[str, Body], default_body: str) -> list[tuple[str, float]]:
+    """The bodies that a joint joins and its positions along them, m; of other places none."""
+    named = [(place.body or default_body, place.position) for place in joint.places]
+    return [
+        (name, bodies[name].metres(position))
+        for name, position in named
+        if name in bodies and position is not None and not isinstance(position, tuple)
+    ]
+
+
+def origins(
+    joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str
+) -> tuple[dict[str, float], dict[str, str]]:
     """Where bodies begin, m, on the common axis of those that joints connect, and the first body of each such group."""
     origin: dict[str, float] = {}
     group: dict[str, str] = {}
     for joint in joints:
-        ends = [(place.body or default_body, place.position) for place in joint.places]
-        if len(ends) != 2 or not all(isinstance(position, float) for _, position in ends):
+        ends = _ends(joint, bodies, default_body)
+        if len(ends) != 2:
             continue
         (first, x), (second, y) = ends
-        assert isinstance(x, float)
-        assert isinstance(y, float)
         for name in (first, second):
             origin.setdefault(name, 0.0)
             group.setdefault(name, name)
@@ -171,8 +172,8 @@ def origins(joints: Sequence[Joint], default_body: str) -> tuple[dict[str, float
     return origin, group
 
 
-def body_origins(joints: Sequence[Joint], default_body: str) -> dict[str, float]:
+def body_origins(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str) -> dict[str, float]:
     """Where the bodies that joints link to the first one of them begin, m; that one begins at 0."""
-    origin, group = origins(joints, default_body)
+    origin, group = origins(joints, bodies, default_body)
     leading = next(iter(origin), "")
     return {name: x - origin[leading] for name, x in origin.items() if group[name] == group[leading]}

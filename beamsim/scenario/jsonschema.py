@@ -5,71 +5,91 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from beamsim.scenario.base import Schema
-from beamsim.scenario.examples import example_of
+from beamsim.scenario.base import Schema, descriptions
 from beamsim.scenario.merge import REPLACED_WHOLE
 from beamsim.scenario.messages import members
+from beamsim.scenario.quantities import NUMBER_WITH_UNIT, example_of
 from beamsim.scenario.scenario import Scenario
+
+_COMPLETE = "Complete"
+_WITH_UNIT = "NumberWithUnit"
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scenario file.
 
-    Quantities are a number in SI units or a string with a unit; the unit ends each description. A file that
-    extends another need not be complete: for it nothing is required.
+    Quantities are a number in SI units or a string with a unit; the unit ends each description. A file that extends
+    another need not be complete: what is merged with that file is described once with nothing required, and what a
+    complete file has to say in addition stands in definitions of its own.
     """
-    complete = Scenario.model_json_schema(by_alias=True)
-    _describe(complete)
-    _require_kinds(complete)
-    _show_units(complete)
-    _fit_examples(complete)
-    parts: dict[str, Any] = complete.pop("$defs")
-    complete["properties"] = {"extends": {"type": "null"}, **complete["properties"]}
+    whole = Scenario.model_json_schema(by_alias=True)
+    _describe(whole)
+    _require_kinds(whole)
+    parts: dict[str, Any] = {"Scenario": whole} | whole.pop("$defs")
+    merged = set[str]()
+    _find_merged("Scenario", parts, merged)
     extends = {
         "type": "string",
         "description": "Path of the scenario file, relative to this one, that this file modifies: mappings merge, "
         "lists are replaced, a mapping whose kind changes is replaced completely, null removes a key.",
     }
-    changes = _loosened(complete)
-    changes["properties"]["extends"] = extends
-    keys = {
-        key: {"description": item["description"]} for key, item in complete["properties"].items() if key != "extends"
-    }
+    definitions = {name: _loosened(part) if name in merged else part for name, part in parts.items()}
+    definitions["Scenario"]["properties"] = {"extends": extends, **definitions["Scenario"]["properties"]}
+    keys = {key: {"description": item["description"]} for key, item in whole["properties"].items()}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "beamsim scenario",
         "description": Scenario.__doc__,
         "type": "object",
         "properties": {"extends": extends, **keys},
+        "anyOf": [{"$ref": "#/$defs/Scenario"}],
         "if": {"required": ["extends"]},
-        "then": {"$ref": f"#/$defs/Scenario{_CHANGES}"},
-        "else": {"$ref": "#/$defs/Scenario"},
-        "$defs": {
-            "Scenario": complete,
-            **parts,
-            f"Scenario{_CHANGES}": changes,
-            **{f"{name}{_CHANGES}": _loosened(part) for name, part in parts.items()},
-        },
+        "then": {},
+        "else": {"$ref": f"#/$defs/Scenario{_COMPLETE}"},
+        "$defs": _shortened(definitions) | _complete(parts, merged) | {_WITH_UNIT: NUMBER_WITH_UNIT},
     }
 
 
-_CHANGES = "Changes"
-
-
-def _fit_examples(schema: Any, key: str = "") -> None:
-    """Give each quantity an example of a size that is usual for its key."""
+def _shortened(schema: Any) -> Any:
+    """The same with the text of a quantity in one place."""
     if isinstance(schema, list):
-        for item in schema:
-            _fit_examples(item, key)
-    elif isinstance(schema, dict):
-        if (example := example_of(key, schema.get("x-unit", ""))) is not None:
-            schema["examples"] = [example]
-        for name, item in schema.items():
-            if name == "properties":
-                for inner in item:
-                    _fit_examples(item[inner], inner)
-            else:
-                _fit_examples(item, key)
+        return [_shortened(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if schema == NUMBER_WITH_UNIT:
+        return {"$ref": f"#/$defs/{_WITH_UNIT}"}
+    return {name: _shortened(item) for name, item in schema.items()}
+
+
+def _complete(parts: dict[str, Any], merged: set[str]) -> dict[str, Any]:
+    """By name what complete files have to say in addition, see `_demands`; only where that is something."""
+    demanding = merged
+    while True:
+        demands = {name: found for name in sorted(demanding) if (found := _demands(parts[name], demanding))}
+        if demands.keys() == demanding:
+            return {f"{name}{_COMPLETE}": found for name, found in demands.items()}
+        demanding = set(demands)
+
+
+def _find_merged(name: str, parts: dict[str, Any], merged: set[str]) -> None:
+    """Add a definition and those that it holds to the ones that are merged with another file's."""
+
+    def visit(schema: Any) -> None:
+        for key, item in schema.items() if isinstance(schema, dict) else ():
+            if key == "$ref":
+                _find_merged(item.rpartition("/")[2], parts, merged)
+            elif key == "properties":
+                for field in item.keys() - REPLACED_WHOLE:
+                    visit(item[field])
+            elif key in ("anyOf", "oneOf"):
+                for each in item:
+                    visit(each)
+            elif key != "items":
+                visit(item)
+
+    if name not in merged:
+        merged.add(name)
+        visit(parts[name])
 
 
 def _loosened(schema: Any) -> Any:
@@ -80,34 +100,66 @@ def _loosened(schema: Any) -> Any:
         return schema
     loose: dict[str, Any] = {}
     for name, item in schema.items():
-        if name == "$ref":
-            loose[name] = item + _CHANGES
-        elif name == "items":
+        if name == "items":
             loose[name] = item
         elif name == "properties":
             loose[name] = {field: item[field] if field in REPLACED_WHOLE else _loosened(item[field]) for field in item}
         elif name == "oneOf":
             loose["anyOf"] = _loosened(item)
-        elif name not in ("required", "default"):
+        elif name not in ("required", "discriminator"):
             loose[name] = _loosened(item)
     return loose
 
 
+def _demands(schema: dict[str, Any], merged: set[str]) -> dict[str, Any]:
+    """What a complete file has to say beyond what `_loosened` asks for; empty where that is nothing."""
+    if "$ref" in schema:
+        return {"$ref": schema["$ref"] + _COMPLETE} if schema["$ref"].rpartition("/")[2] in merged else {}
+    demanded: dict[str, Any] = {}
+    if "properties" in schema:
+        inner = {key: found for key, item in schema["properties"].items() if (found := _demands(item, merged))}
+        kind = schema["properties"].get("kind", {})
+        if "const" in kind and "kind" in schema.get("required", ()):
+            inner["kind"] = {"const": kind["const"]}
+        demanded |= {"required": schema["required"]} if schema.get("required") else {}
+        demanded |= {"properties": inner} if inner else {}
+    for key in ("items", "additionalProperties"):
+        if isinstance(schema.get(key), dict) and (found := _demands(schema[key], merged)):
+            demanded[key] = found
+    for key in ("anyOf", "oneOf"):
+        inside = [_demands(item, merged) for item in schema.get(key, ())]
+        if any(inside):
+            demanded["anyOf"] = [found or item for found, item in zip(inside, schema[key], strict=True)]
+    return demanded
+
+
+def _fit_examples(schema: Any, key: str) -> None:
+    """Give each quantity of a key an example of a size that is usual for it."""
+    for item in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
+        _fit_examples(item, key)
+    if isinstance(schema, dict) and (example := example_of(key, schema.get("x-unit", ""))) is not None:
+        schema["examples"] = [example]
+
+
 def _require_kinds(schema: dict[str, Any]) -> None:
-    """Require the key that distinguishes variants (in Python it has a default)."""
-    for part in schema["$defs"].values():
-        if "const" in part["properties"].get("kind", {}):
+    """Require the key that distinguishes variants (in Python it has a default); not of bodies, which ``beam`` names."""
+    for name, part in schema["$defs"].items():
+        if "const" in part["properties"].get("kind", {}) and "length" not in part["properties"] and name != "Chain":
             part["required"] = sorted({"kind", *part.get("required", ())})
 
 
 def _describe(schema: dict[str, Any]) -> None:
-    """Add the descriptions of all keys."""
+    """Add the descriptions of all keys, ended by their SI units, and examples that suit them."""
     classes = {Scenario.__name__: Scenario} | {part.__name__: part for part in _parts(Scenario)}
     for name, properties in [(Scenario.__name__, schema), *schema["$defs"].items()]:
-        described = classes[name].descriptions()
+        properties.pop("title", None)
+        described = descriptions(classes[name])
         for key, attribute in classes[name].keys().items():
-            properties["properties"][key].pop("title", None)
-            properties["properties"][key]["description"] = described[attribute]
+            item = properties["properties"][key]
+            item.pop("title", None)
+            unit = _unit(item)
+            item["description"] = f"{described[attribute]} [{unit}]" if unit else described[attribute]
+            _fit_examples(item, key)
 
 
 def _parts(schema: type[Schema]) -> Iterator[type[Schema]]:
@@ -116,21 +168,6 @@ def _parts(schema: type[Schema]) -> Iterator[type[Schema]]:
         for part in members(field.annotation).values():
             yield part
             yield from _parts(part)
-
-
-def _show_units(schema: Any) -> None:
-    """End the description of every quantity with its SI unit."""
-    if isinstance(schema, list):
-        for item in schema:
-            _show_units(item)
-        return
-    if not isinstance(schema, dict):
-        return
-    unit = _unit(schema)
-    if unit and isinstance(schema.get("description"), str):
-        schema["description"] = f"{schema['description']} [{unit}]"
-    for item in schema.values():
-        _show_units(item)
 
 
 def _unit(schema: dict[str, Any]) -> str | None:

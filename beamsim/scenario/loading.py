@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
+from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import Any
 
 from pydantic import ValidationError
-from pydantic_core import PydanticCustomError
 
-from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.base import LenientPass, Path, UnknownValueError, path_text, walk
+from beamsim.errors import ScenarioError
+from beamsim.scenario.base import plain, problem
 from beamsim.scenario.display import DisplayUnits
 from beamsim.scenario.input_files import named_files
 from beamsim.scenario.merge import Overrides, apply_overrides, read_file, resolve_extends
 from beamsim.scenario.messages import describe
 from beamsim.scenario.scenario import Scenario
-from beamsim.scenario.tree import Node, from_python, located, node_at, parse, path_parts
+from beamsim.scenario.tree import WrittenMapping, from_python, located_problem, parse
 from beamsim.scenario.units import units_written
-from beamsim.scenario.written import written
 
 USED: dict[str, frozenset[str]] = {
     "run": frozenset({"run", "limits"}),
@@ -49,7 +48,7 @@ def load_scenario(
     Returns
     -------
     Scenario
-        In SI units, with defaults resolved.
+        As it is written, in SI units.
 
     Raises
     ------
@@ -65,101 +64,66 @@ def load_scenario(
         unused = _unused(root, command)
         if not unused:
             raise
-        kept = Node({key: item for key, item in root.value.items() if key not in unused}, root.file, root.line)
+        kept = WrittenMapping({key: item for key, item in root.items() if key not in unused}, root.mark, root.marks)
         warnings = tuple(f"left out, since {command} does not use it: {problem}" for problem in error.problems)
         return _validated(kept).with_source(name, kept, warnings)
 
 
-def _unused(root: Node, command: str) -> frozenset[str]:
+def _unused(root: WrittenMapping, command: str) -> frozenset[str]:
     """Sections of the scenario that a command does not use."""
-    if command not in USED or not isinstance(root.value, dict):
+    if command not in USED:
         return frozenset()
-    vary = root.value.get("vary")
-    used = USED["vary" if command == "sweep" and vary is not None and vary.value is not None else command]
-    return (frozenset().union(*USED.values()) - used) & root.value.keys()
+    used = USED["vary" if command == "sweep" and root.get("vary") is not None else command]
+    return (frozenset().union(*USED.values()) - used) & root.keys()
 
 
-def _read(source: str | FilePath | Mapping[str, Any] | Scenario) -> tuple[Node, str]:
-    """Return the tree, `extends` resolved, and the name for output files."""
+def _read(source: str | FilePath | Mapping[str, Any] | Scenario) -> tuple[WrittenMapping, str]:
+    """Return the data, `extends` resolved, and the name for output files."""
     if isinstance(source, Scenario):
-        return _tree(source), source.source
+        root: WrittenMapping = from_python(plain(source))
+        for at, _ in named_files(source):  # relative to where they were written
+            owner: Any = root
+            for part in at[:-1]:
+                owner = owner[part]
+            owner.marks[at[-1]] = str(source.folder_of(*at) / f"{source.source}.yaml"), None
+        return root, source.source
     if isinstance(source, Mapping):
-        return resolve_extends(from_python(source), FilePath()), "scenario"
+        return resolve_extends(from_python(source), None, FilePath()), "scenario"
     if isinstance(source, str) and ("\n" in source or source.lstrip().startswith("{")):
-        return resolve_extends(parse(source, "<text>"), FilePath()), "scenario"
+        return resolve_extends(parse(source, "<text>"), "<text>", FilePath()), "scenario"
     path = FilePath(source)
-    return resolve_extends(read_file(path), path.parent, (path.resolve(),)), path.stem
+    return resolve_extends(read_file(path), str(path), path.parent, (path.resolve(),)), path.stem
 
 
-def _tree(scenario: Scenario, places: Iterable[Path] = ()) -> Node:
-    """The tree of a scenario as it was written, with what holds these places."""
-    files = [at for at, _ in named_files(scenario)]
-    root = from_python(written(scenario, [*places, *files]))
-    for at in files:  # stay relative to where they were written
-        node_at(root, at).file = str(scenario.folder_of(*at) / f"{scenario.source}.yaml")
-    return root
-
-
-def replacing(scenario: Scenario, places: Iterable[Path]) -> Callable[[Mapping[Path, object]], Scenario]:
-    """What gives the same scenario with other values at these places, many times; what follows from them follows.
-
-    Raises
-    ------
-    ScenarioError
-        By the function, as `load_scenario` raises it.
-    """
-    tree = _tree(scenario, places)
-
-    def with_values(values: Mapping[Path, object]) -> Scenario:
-        root = tree.copy()
-        for place, value in values.items():
-            node_at(root, place[:-1]).value[place[-1]] = from_python(value)
-        return _validated(root).with_source(scenario.source, root)
-
-    return with_values
-
-
-def _validated(root: Node) -> Scenario:
-    data = root.plain()
+def _validated(root: WrittenMapping) -> Scenario:
+    """The scenario that data are; or the errors of all fields, else of all sections, else between sections, located."""
     try:
         with units_written() as written:
-            scenario = Scenario.model_validate(data)
-        shown = (scenario.units or DisplayUnits.model_construct()).filled(written)
-        return scenario if shown.is_empty else scenario.model_copy(update={"units": shown})
+            scenario = Scenario.model_validate(root)
     except ScenarioError as error:
-        problems = [(path_parts(problem.path), problem) for problem in error.problems]
+        problems = list(error.problems)
     except ValidationError as error:
         details = error.errors(include_url=False)
         wrong = [detail["loc"] for detail in details]
         # a list is too short for pydantic as well where its items are wrong
-        details = [
-            detail
+        problems = [
+            problem(*describe(Scenario, detail))
             for detail in details
             if detail["type"] != "too_short"
             or not any(loc != detail["loc"] and loc[: len(detail["loc"])] == detail["loc"] for loc in wrong)
         ]
-        problems = [_problem(*describe(Scenario, detail)) for detail in details]
-        problems += _between_fields(data)
-    unique = list(dict.fromkeys(located(root, path, problem) for path, problem in problems))
-    raise ScenarioError(sorted(unique, key=lambda problem: (problem.file != root.file, problem.line or 0)))
+    else:
+        shown = (scenario.units or DisplayUnits()).filled(written)
+        return scenario if shown.is_empty else scenario.model_copy(update={"units": shown})
+    unique = list(dict.fromkeys(located_problem(root, each) for each in problems))
+    raise ScenarioError(sorted(unique, key=lambda each: (each.file != root.mark[0], each.line or 0)))
 
 
-def _between_fields(data: Any) -> list[tuple[Path, Problem]]:
-    """Return the results of the checks between valid values if other values are invalid."""
-    try:
-        partial = Scenario.model_validate(data, context=LenientPass())
-    except (UnknownValueError, ValidationError, ScenarioError):
-        return []
-    problems: list[tuple[Path, Problem]] = []
-    for path, part in walk(partial):
-        error = part.late_error
-        if isinstance(error, ScenarioError):
-            problems += [(path_parts(problem.path), problem) for problem in error.problems]
-        elif isinstance(error, PydanticCustomError):
-            context = error.context or {}
-            problems.append(_problem((*path, *context["at"]), context["message"], context["remedy"]))
-    return problems
+def template(kind: str = "beam") -> str:
+    """Return a commented scenario that is valid as it stands, as `beamsim new` writes it.
 
-
-def _problem(path: Path, message: str, remedy: str) -> tuple[Path, Problem]:
-    return path, Problem(path_text(path), message, remedy)
+    Parameters
+    ----------
+    kind : one of `beamsim.kinds.TemplateKind`.
+    """
+    return (files("beamsim.scenario") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")

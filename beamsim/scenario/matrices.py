@@ -4,17 +4,105 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self, get_args
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, Schema, Variants, fail, path_text
+from beamsim.scenario import units
+from beamsim.scenario.base import Path, Schema, Variants, fail, problem
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
-from beamsim.scenario.file_units import AnyFileUnits
 from beamsim.scenario.place import NodeDirection, NodeNumber
 from beamsim.scenario.quantities import FileName, Frequency, Name, Text
+from beamsim.scenario.units import Dimension, UnitError
+
+_INCH, _FOOT, _POUND_FORCE = 0.0254, 0.3048, 4.4482216152605
+
+
+class UnitSizes(NamedTuple):
+    """SI sizes of the units of a file."""
+
+    length: float  # m
+    mass: float  # kg
+    force: float  # N
+    time: float  # s
+
+
+def _consistent(length: float, mass: float, time: float) -> UnitSizes:
+    """With the force that gives a unit of mass a unit of acceleration."""
+    return UnitSizes(length, mass, mass * length / time**2, time)
+
+
+UnitSystem = Literal["SI", "mm-t-s", "mm-kg-ms", "mm-g-ms", "mm-kg-s", "cm-g-s", "in-lbf-s", "ft-lbf-s"]
+SYSTEMS: dict[str, UnitSizes] = {
+    "SI": _consistent(1.0, 1.0, 1.0),
+    "mm-t-s": _consistent(1e-3, 1e3, 1.0),
+    "mm-kg-ms": _consistent(1e-3, 1.0, 1e-3),
+    "mm-g-ms": _consistent(1e-3, 1e-3, 1e-3),
+    "mm-kg-s": _consistent(1e-3, 1.0, 1.0),
+    "cm-g-s": _consistent(1e-2, 1e-3, 1.0),
+    "in-lbf-s": _consistent(_INCH, _POUND_FORCE / _INCH, 1.0),
+    "ft-lbf-s": _consistent(_FOOT, _POUND_FORCE / _FOOT, 1.0),
+}
+"""Consistent systems: length, mass and time in their names; of the last two length, force and time."""
+assert set(SYSTEMS) == set(get_args(UnitSystem))
+
+_MEASURES: dict[str, Dimension] = {
+    "length": units.LENGTH, "mass": units.MASS, "force": units.FORCE, "time": units.TIME,
+}  # fmt: skip
+
+
+class FileUnits(Schema):
+    """Units of a file one by one: of lengths, masses, forces and times."""
+
+    length: Text
+    """Unit of displacements and coordinates: mm, in."""
+    mass: Text
+    """Unit of the mass matrix: kg, t, lb where weights were given and WTMASS was left out."""
+    force: Text
+    """Unit of forces; those of the stiffness matrix are this over the length: N, lbf."""
+    time: Text = "s"
+    """Unit of times, of velocities in the viscous matrix: s, ms."""
+
+    def check(self) -> None:
+        """Refuse what is no unit of its quantity."""
+        for name in _MEASURES:
+            try:
+                _size(name, getattr(self, name))
+            except UnitError as error:
+                raise fail(f"= {getattr(self, name)} is no unit of it: {error.message}",
+                           f"write for example {_EXAMPLES[name]}", (name,)) from None  # fmt: skip
+
+
+_EXAMPLES = {"length": "mm", "mass": "kg", "force": "N", "time": "s"}
+
+
+def _size(name: str, unit: str) -> float:
+    if not unit.strip():
+        raise UnitError("it is empty", "")
+    return units.read_quantity(f"1 {unit}", _MEASURES[name])
+
+
+AnyFileUnits = Annotated[
+    UnitSystem | FileUnits,
+    Variants("is no system of units", f"write {', '.join(SYSTEMS)}, or {{length: mm, mass: kg, force: N, time: s}}"),
+]
+"""A system by its name, or units one by one."""
+
+
+def sizes_of(given: UnitSystem | FileUnits | None) -> UnitSizes:
+    """SI sizes of the units; SI units where none are given."""
+    if isinstance(given, FileUnits):
+        return UnitSizes(**{name: _size(name, getattr(given, name)) for name in UnitSizes._fields})
+    return SYSTEMS[given or "SI"]
+
+
+def name_of(given: UnitSystem | FileUnits | None) -> str:
+    """The units in words."""
+    if isinstance(given, FileUnits):
+        return ", ".join(getattr(given, name) for name in UnitSizes._fields)
+    return given or "SI"
 
 
 class MatrixSource(Schema):
@@ -32,7 +120,7 @@ class RecoverySource(MatrixSource):
     rows: Annotated[tuple[Name, ...], Field(min_length=1)]
     """Names of its rows, in their order; its columns are the degrees of freedom, in the order of the other matrices."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Names are unique."""
         for k, name in enumerate(self.rows):
             if name in self.rows[:k]:
@@ -59,18 +147,17 @@ class HeldNodes(Schema):
     """Direction in which the base moves, and in which gravity acts."""
 
 
-def _choose_base(value: object) -> str | None:
-    return "<free>" if value == "free" else "<nodes>" if isinstance(value, (dict, HeldNodes)) else None
-
-
 class MatricesBody(Body):
     """A structure by its matrices, its degrees of freedom named by a table or by the file."""
 
     body_kind: ClassVar[str] = "matrices"
     has_default_probe: ClassVar[bool] = False
     is_read_from_files: ClassVar[bool] = True
+    how_to_place: ClassVar[str] = "name a node: {node: 24, direction: z}"
     base_directions: ClassVar[tuple[str, ...]] = ("", "x", "y", "z", "rx", "ry", "rz")
 
+    kind: Literal["matrices"] = "matrices"
+    """Imported matrices."""
     mass: MatrixSource
     """Mass matrix."""
     stiffness: MatrixSource
@@ -91,8 +178,8 @@ class MatricesBody(Body):
     """Units of all its files: SI (the default), mm-t-s, mm-kg-ms, mm-g-ms, mm-kg-s, cm-g-s, in-lbf-s, ft-lbf-s, or one
     by one, {length: mm, mass: kg, force: N, time: s}. Rotations are in rad."""
     base: Annotated[
-        Annotated[Literal["free"], Tag("<free>")] | Annotated[HeldNodes, Tag("<nodes>")],
-        Variants(_choose_base, "is neither free nor a list of nodes", "write free, or {nodes: [3], direction: z}"),
+        Literal["free"] | HeldNodes,
+        Variants("is neither free nor a list of nodes", "write free, or {nodes: [3], direction: z}"),
     ]
     """Nodes that move with the base, {nodes: [3], direction: z}; or free, where nothing does."""
     damping: ChainDamping | None = None
@@ -122,14 +209,6 @@ class MatricesBody(Body):
             update["dofs"] = str((folder_of("dofs") / self.dofs).absolute())
         return self.model_copy(update=update)
 
-    def position_problems(self, where: Path, at: Path, position: object, what: str) -> Iterator[Problem]:
-        """Places are nodes."""
-        yield _give_a_node(where, at)
-
-    def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
-        """Places are nodes."""
-        yield _give_a_node(where, at)
-
     def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
         """None: which nodes there are is in the files."""
         yield from ()
@@ -137,14 +216,6 @@ class MatricesBody(Body):
     def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """Its fields have no short form."""
         if numbers:
-            yield Problem(
-                path_text(at), "gives a shape, which imported matrices do not take",
+            yield problem(at, "gives a shape, which imported matrices do not take",
                 "start from rest, the static equilibrium, a mode, or a released force",
             )  # fmt: skip
-
-
-def _give_a_node(where: Path, at: Path) -> Problem:
-    return Problem(
-        path_text(at), f"is not a place of {path_text(where)}, which has imported matrices",
-        "name a node: {node: 24, direction: z}",
-    )  # fmt: skip

@@ -7,15 +7,17 @@ are mappings whose keys decide their meaning (``applied_to``, ``start``, ...). A
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path as FilePath
+from typing import Any
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import Path, path_parts, path_text, single_line, suggestion
-from beamsim.scenario.names import DEFAULT_NAMES
-from beamsim.scenario.tree import Node, from_python, parse
+from beamsim.scenario.place import DEFAULT_NAMES
+from beamsim.scenario.tree import NOWHERE, WrittenList, WrittenMapping, from_python, parse
 
 Overrides = Mapping[str, object] | Sequence[str]
 
@@ -30,8 +32,8 @@ REPLACED_WHOLE = frozenset({"applied_to", "at", "start", "released_force", "redu
 """Mappings told apart by the keys they have; merging two of them would make neither."""
 
 
-def read_file(path: FilePath) -> Node:
-    """Read a YAML file into a tree.
+def read_file(path: FilePath) -> Any:
+    """Read a YAML file, see `beamsim.scenario.tree.parse`.
 
     Raises
     ------
@@ -65,56 +67,68 @@ def _similar_file(path: FilePath) -> str:
     return f"did you mean {path.parent / close[0]}?" if close else "check the path (beamsim new writes a template)"
 
 
-def resolve_extends(root: Node, folder: FilePath, chain: tuple[FilePath, ...] = ()) -> Node:
+def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[FilePath, ...] = ()) -> WrittenMapping:
     """Merge a document into the one it extends, recursively.
 
-    ``folder`` is the base of relative paths; ``chain`` has the files that extend this one.
+    Parameters
+    ----------
+    root : the document.
+    file : what it was read from.
+    folder : base of relative paths.
+    chain : the files that extend this one.
+
+    Raises
+    ------
+    ScenarioError
+        If a document holds no keys, a file cannot be read, or files extend each other in a circle.
     """
-    if root.value is None:
-        message = "is empty" if root.file else "the scenario is empty"
-        raise ScenarioError(Problem("", message, "beamsim new writes a template", root.file))
-    if not isinstance(root.value, dict):
-        what = "a list" if isinstance(root.value, list) else f"only {single_line(root.value)}"
+    if root is None:
+        message = "is empty" if file else "the scenario is empty"
+        raise ScenarioError(Problem("", message, "beamsim new writes a template", file))
+    if not isinstance(root, WrittenMapping):
+        what = "a list" if isinstance(root, list) else f"only {single_line(root)}"
         message = f"holds {what} instead of the keys of a scenario"
-        raise ScenarioError(Problem("", message, "write beam: or chain: first", root.file, root.line))
-    named = root.value.pop("extends", None)
-    if named is None or named.value is None:
+        line = root.marks[0][1] if isinstance(root, WrittenList) and root else 1
+        raise ScenarioError(Problem("", message, "write beam: or chain: first", file, line))
+    named, where = root.pop("extends", None), root.marks.pop("extends", NOWHERE)
+    if named is None:
         return root
-    if not isinstance(named.value, str) or not named.value.strip():
-        message = f"= {single_line(named.plain())} must be the path of one file"
-        raise ScenarioError(Problem("extends", message, "write extends: base.yaml", named.file, named.line))
-    path = FilePath(os.path.normpath(folder / named.value))
+    if not isinstance(named, str) or not named.strip():
+        message = f"= {single_line(named)} must be the path of one file"
+        raise ScenarioError(Problem("extends", message, "write extends: base.yaml", *where))
+    path = FilePath(os.path.normpath(folder / named))
     identity = path.resolve()
     if identity in chain:
-        message = f"= {named.value} refers back to {path}: the files extend each other in a cycle"
-        raise ScenarioError(Problem("extends", message, "remove one of them", named.file, named.line))
+        message = f"= {named} refers back to {path}: the files extend each other in a cycle"
+        raise ScenarioError(Problem("extends", message, "remove one of them", *where))
     try:
         base = read_file(path)
     except ScenarioError as error:
         if path.is_file():
             raise
         problem = error.problems[0]
-        message = f"= {named.value}: {path} {problem.message}"
+        message = f"= {named}: {path} {problem.message}"
         remedy = problem.remedy or "the path is relative to the file that contains it"
-        raise ScenarioError(Problem("extends", message, remedy, named.file, named.line)) from None
-    return merge(resolve_extends(base, path.parent, (*chain, identity)), root)
+        raise ScenarioError(Problem("extends", message, remedy, *where)) from None
+    merged = merge(resolve_extends(base, str(path), path.parent, (*chain, identity)), root)
+    assert isinstance(merged, WrittenMapping)
+    return merged
 
 
-def merge(base: Node, over: Node, key: str = "") -> Node:
-    """Return ``base`` with ``over`` merged into it."""
-    if not isinstance(base.value, dict) or not isinstance(over.value, dict) or key in REPLACED_WHOLE:
+def merge(base: Any, over: Any, key: str = "") -> Any:
+    """Return ``base`` with ``over`` merged into it; ``key`` is that of both."""
+    if not isinstance(base, WrittenMapping) or not isinstance(over, WrittenMapping) or key in REPLACED_WHOLE:
         return over
-    old, new = (side.value["kind"].value if "kind" in side.value else None for side in (base, over))
-    if new is not None and new != old:
+    if over.get("kind") not in (None, base.get("kind")):
         return over
-    merged = dict(base.value)
-    for name, item in over.value.items():
+    merged = WrittenMapping(base, over.mark, base.marks | over.marks)
+    for name, item in over.items():
         merged[name] = merge(merged[name], item, name) if name in merged else item
-    _drop_alternatives(merged, {name for name, item in over.value.items() if item.value is not None}, over.value.keys())
-    return Node(merged, over.file, over.line)
+    _drop_alternatives(merged, {name for name, item in over.items() if item is not None}, over.keys())
+    return merged
 
 
-def _drop_alternatives(keys: dict[str, Node], given: Collection[str], kept: Collection[str]) -> None:
+def _drop_alternatives(keys: WrittenMapping, given: Collection[str], kept: Collection[str]) -> None:
     """Take the inherited alternatives of given keys out of a mapping, apart from those to keep."""
     for either in ALTERNATIVES:
         chosen = [names for names in either if names & set(given)]
@@ -126,7 +140,7 @@ def _drop_alternatives(keys: dict[str, Node], given: Collection[str], kept: Coll
 _EXAMPLE = "write for example beam.thickness=4 mm, snubbers.tip.gap=0.1 mm or snubbers[0].gap=0.1 mm"
 
 
-def apply_overrides(root: Node, overrides: Overrides) -> Node:
+def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMapping:
     """Return the tree with values changed: ``{"beam.thickness": "4 mm"}`` or ``["beam.thickness=4 mm"]``.
 
     An item of a list is given by its index or name, ``snubbers.tip.gap``, all of them by ``[*]``. Values in text are
@@ -139,14 +153,14 @@ def apply_overrides(root: Node, overrides: Overrides) -> Node:
     ScenarioError
         For every override that cannot be read or does not exist.
     """
-    root = root.copy()
+    root = copy.deepcopy(root)
     problems: list[Problem] = []
     if isinstance(overrides, str):
         overrides = [overrides]
     pairs: list[tuple[object, object]] = (
         list(overrides.items()) if isinstance(overrides, Mapping) else [(item, None) for item in overrides]
     )
-    ready: list[tuple[str, Node]] = []
+    ready: list[tuple[str, Any]] = []
     for key, given in pairs:
         try:
             ready.append((str(key).strip(), from_python(given)) if isinstance(overrides, Mapping) else _split(str(key)))
@@ -157,7 +171,7 @@ def apply_overrides(root: Node, overrides: Overrides) -> Node:
         try:
             for parts in _places(root, path):
                 written.add(parts)
-                _set(root, path, parts, value.copy(), written)
+                _set(root, path, parts, copy.deepcopy(value), written)
         except ScenarioError as error:
             problems += error.problems
     if problems:
@@ -165,7 +179,7 @@ def apply_overrides(root: Node, overrides: Overrides) -> Node:
     return root
 
 
-def _split(override: str) -> tuple[str, Node]:
+def _split(override: str) -> tuple[str, Any]:
     path, equals, text = override.partition("=")
     if not equals:
         raise ScenarioError(Problem("", f"the override {single_line(override)} has no =", _EXAMPLE))
@@ -174,27 +188,22 @@ def _split(override: str) -> tuple[str, Node]:
     except ScenarioError as error:
         message = f"= {single_line(text)} {error.problems[0].message}"
         raise ScenarioError(Problem(path.strip(), message, "quote the value")) from None
-    return path.strip(), _unlocated(value)
+    return path.strip(), from_python(value)
 
 
-def _unlocated(node: Node) -> Node:
-    return from_python(node.plain())
-
-
-def _places(root: Node, path: str) -> list[Path]:
+def _places(root: WrittenMapping, path: str) -> list[Path]:
     """The places that a path means, in keys and indices: names of items and ``[*]`` resolved."""
     parts = path_parts(path)
     if not parts:
         raise ScenarioError(Problem("", f"the override {single_line(path)} is not a path", _EXAMPLE))
-    places: list[tuple[Path, Node | None]] = [((), root)]
+    places: list[tuple[Path, Any]] = [((), root)]
     for part in parts:
-        places = [place for walked, node in places for place in _step(walked, node, part, path)]
+        places = [place for walked, items in places for place in _step(walked, items, part, path)]
     return [walked for walked, _ in places]
 
 
-def _step(walked: Path, node: Node | None, part: str | int, path: str) -> Iterator[tuple[Path, Node | None]]:
-    """One part of a path further; the node is None where the path leads to what is not there yet."""
-    items = node.value if node is not None else None
+def _step(walked: Path, items: Any, part: str | int, path: str) -> Iterator[tuple[Path, Any]]:
+    """One part of a path further; the value is None where the path leads to what is not there yet."""
     if part == "*":
         if not isinstance(items, list) or not items:
             what = "is empty" if items == [] else "is not a list"
@@ -209,18 +218,18 @@ def _step(walked: Path, node: Node | None, part: str | int, path: str) -> Iterat
     yield (*walked, part), inside
 
 
-def _index_of(items: list[Node], name: str, walked: Path, path: str) -> int:
+def _index_of(items: list[Any], name: str, walked: Path, path: str) -> int:
     """Index of the item with a name, given or by default."""
     prefix = DEFAULT_NAMES.get(str(walked[-1]), "")
     names = [f"{prefix}_{k}" if prefix else "" for k in range(1, len(items) + 1)]
     for k, item in enumerate(items):
-        if isinstance(item.value, dict) and (given := item.value.get("name")) is not None and given.value is not None:
-            names[k] = str(given.value)
+        if isinstance(item, dict) and item.get("name") is not None:
+            names[k] = str(item["name"])
     if name in names:
         return names.index(name)
     where = path_text(walked)
     given_names = [known for known in names if known]
-    key = any(isinstance(item.value, dict) and name in item.value for item in items)
+    key = any(isinstance(item, dict) and name in item for item in items)
     if key or not given_names:
         index = f"{where}[0].{name}" if items else f"{where} as a whole list"
         raise ScenarioError(Problem(path, f"does not exist: {where} is a list", f"name the item, for example {index}"))
@@ -228,48 +237,46 @@ def _index_of(items: list[Node], name: str, walked: Path, path: str) -> int:
     raise ScenarioError(Problem(path, f"does not exist: {where} has no item called {name}", remedy))
 
 
-def _set(root: Node, path: str, parts: Path, value: Node, written: Collection[Path]) -> None:
+def _set(root: WrittenMapping, path: str, parts: Path, value: Any, written: Collection[Path]) -> None:
     """Write a value at a place; what other overrides wrote there stays, see `ALTERNATIVES`."""
-    node, walked = root, ""
+    owner: Any = root
     for depth, part in enumerate(parts):
-        following = parts[depth + 1] if depth + 1 < len(parts) else None
-        key = part if isinstance(part, str) else ""
+        walked, following = path_text(parts[:depth]), parts[depth + 1] if depth + 1 < len(parts) else None
         if isinstance(part, int):
-            _demand_item(node, part, walked, path)
+            _demand_item(owner, part, walked, path)
         else:
-            _demand_keys(node, part, walked, path, isinstance(following, int))
-        inside = node.value
-        walked += f"[{part}]" if isinstance(part, int) else f".{part}" if walked else part
-        if following is None:
-            if isinstance(part, str) and value.value is not None:
-                _drop_alternatives(inside, {part}, {name for name in inside if (*parts[:-1], name) in written})
-            inside[part] = merge(inside[part], value, key) if isinstance(part, int) or part in inside else value
-        elif following == "kind" and depth + 2 == len(
-            parts
-        ):  # merging a mapping that holds only the kind knows what to do
-            inside[part] = merge(inside[part], Node({"kind": value}), key)
+            _demand_keys(owner, part, walked, path, isinstance(following, int))
+        only_kind = following == "kind" and depth + 2 == len(parts)
+        if following is None or only_kind:  # merging a mapping that holds only the kind knows what to do
+            new = from_python({"kind": value}) if only_kind else value
+            if isinstance(part, str) and new is not None and not only_kind:
+                _drop_alternatives(owner, {part}, {name for name in owner if (*parts[:-1], name) in written})
+            owner[part] = merge(owner[part], new, str(part))
+            owner.marks.pop(part, None)
             return
-        node = inside[part]
+        inside = owner[part]
+        if isinstance(following, str) and not isinstance(inside, dict) and (inside is None or part in REPLACED_WHOLE):
+            owner[part] = inside = WrittenMapping({})
+            owner.marks.pop(part, None)
+        owner = inside
 
 
-def _demand_item(node: Node, index: int, walked: str, path: str) -> None:
-    if not isinstance(node.value, list):
+def _demand_item(items: Any, index: int, walked: str, path: str) -> None:
+    if not isinstance(items, WrittenList):
         raise ScenarioError(Problem(path, f"does not exist: {walked} is not a list", _EXAMPLE))
-    count = len(node.value)
+    count = len(items)
     if index >= count:
         last = f"the last one is {walked}[{count - 1}]" if count else "give the whole list"
         raise ScenarioError(Problem(path, f"does not exist: {walked} has {count} item{'s' * (count != 1)}", last))
 
 
-def _demand_keys(node: Node, key: str, walked: str, path: str, list_follows: bool) -> None:
-    """Make ``node`` a mapping with the key, and create missing parts."""
-    if node.value is None or (walked.rpartition(".")[2] in REPLACED_WHOLE and not isinstance(node.value, dict)):
-        node.value, node.file, node.line = {}, None, None
-    if not isinstance(node.value, dict):
-        message = f"does not exist: {walked} is {single_line(node.value)}, without keys"
+def _demand_keys(owner: Any, key: str, walked: str, path: str, list_follows: bool) -> None:
+    """Demand a mapping, and create the key in it."""
+    if not isinstance(owner, WrittenMapping):
+        message = f"does not exist: {walked} is {single_line(owner)}, without keys"
         raise ScenarioError(Problem(path, message, f"replace {walked} whole"))
-    if key not in node.value:
+    if key not in owner:
         if list_follows:
             where = f"{walked}.{key}" if walked else key
             raise ScenarioError(Problem(path, f"does not exist: there is no {where}", f"give {where} as a whole list"))
-        node.value[key] = Node(None)
+        owner[key] = None

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from beamsim.scenario.base import Path, Schema, single_line, tag_of
+from beamsim.scenario.base import Path, Schema, descriptions, single_line, tag_of
 from beamsim.scenario.quantities import FieldType
 
 MOST_HOMES = 3  # sections that a remedy names
@@ -100,7 +100,7 @@ def _how_to_give(key: str, schema: type[Schema], field: FieldInfo | None) -> str
             return f"give for example {key}: {example}"
     if get_origin(field.annotation) is Literal:
         return f"give {key}: " + " or ".join(str(choice) for choice in get_args(field.annotation))
-    described = schema.descriptions().get(schema.keys().get(key, key), "")
+    described = descriptions(schema).get(schema.keys().get(key, key), "")
     return f"it is: {described[:1].lower()}{described[1:].rstrip('.')}" if described else ""
 
 

@@ -1,44 +1,157 @@
-"""Nonlinear normal modes."""
+"""Nonlinear normal modes: their parameter, methods, and damped structures excited on them."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
-from beamsim.scenario.base import BY_KIND, Schema, fail, known
-from beamsim.scenario.nnm_method import Method, Solver, solver_of
-from beamsim.scenario.phase_resonance import PhaseResonance
-from beamsim.scenario.quantities import Count, Energy, Factor, Frequency
-from beamsim.scenario.ranges import Span
+from beamsim.scenario import quantities as q
+from beamsim.scenario.base import BY_FORM, Schema, Variants, fail
+from beamsim.scenario.driven import Span
+
+MOST_STEPS = 10_000
+LOOSEST = 0.1  # above this value a motion is far from periodic
+TIGHTEST = 1e-20  # the functional is a square: below this it is round-off
 
 
-class StiffnessFactorContinuation(Span[Factor]):
+class ShootingMethod(Schema):
+    """Brake orbits (at rest twice per period), exact, by shooting over half a period."""
+
+    kind: Literal["shooting"] = "shooting"
+    """Half-period shooting."""
+
+
+class FullPeriodMethod(Schema):
+    """Exact motions, including non-brake orbits, by shooting over the whole period."""
+
+    kind: Literal["full_period"] = "full_period"
+    """Full-period shooting with a phase condition."""
+    branches: q.NotNegativeWhole = 3
+    """Largest number of branches of non-brake orbits to follow from their bifurcations; 0 for none."""
+    points: q.Count = 120
+    """Largest number of points on each of these branches."""
+
+
+class ExpansionMethod(Schema):
+    """The expansion for weak springs, compared with exact motions."""
+
+    kind: Literal["multiple_scales"] = "multiple_scales"
+    """Method of multiple scales."""
+
+
+class RelaxedMinimisationMethod(Schema):
+    """Relaxed minimisation of the deviation from periodicity (Hazim 2010), compared with exact motions."""
+
+    kind: Literal["relaxed_minimisation"] = "relaxed_minimisation"
+    """Relaxed minimisation."""
+    steps: q.Count = 75
+    """Number of equal steps in the stiffness factor."""
+    tolerance: q.PositiveNumber = 1e-5
+    """Value of the functional, over twice the energy of the motion (no unit), below which a step is accepted."""
+    iterations: q.Count = 200
+    """Largest number of iterations of the optimiser in each step."""
+
+    def check(self) -> None:
+        """Reject numbers that are meaningless or impossible."""
+        if self.steps > MOST_STEPS:
+            raise fail(f"= {self.steps} is over {MOST_STEPS}", "Hazim (2010) used 35 to 75", ("steps",))
+        if not TIGHTEST <= self.tolerance <= LOOSEST:
+            raise fail(
+                f"= {self.tolerance:g} is not between {TIGHTEST:g} and {LOOSEST:g}: the functional is the square of a "
+                "relative deviation",
+                "Hazim (2010) used 1e-5 and 1e-6",
+                ("tolerance",),
+            )
+
+
+Solver = ShootingMethod | FullPeriodMethod | ExpansionMethod | RelaxedMinimisationMethod
+
+_SOLVERS: dict[str, type[Solver]] = {
+    "shooting": ShootingMethod,
+    "full_period": FullPeriodMethod,
+    "multiple_scales": ExpansionMethod,
+    "relaxed_minimisation": RelaxedMinimisationMethod,
+}
+
+
+OLD_NAMES = {"thesis": "relaxed_minimisation"}
+"""Names that are still accepted."""
+
+
+def _renamed(value: Any) -> Any:
+    """A method under its present name."""
+    if isinstance(value, dict) and isinstance(value.get("kind"), str):
+        return {**value, "kind": OLD_NAMES.get(value["kind"], value["kind"])}
+    return OLD_NAMES.get(value, value) if isinstance(value, str) else value
+
+
+Method = Annotated[
+    Literal["shooting", "full_period", "multiple_scales", "relaxed_minimisation"] | Solver,
+    Variants(
+        "is not a known method",
+        "write shooting, full_period, multiple_scales or relaxed_minimisation, or a mapping such as "
+        "{kind: relaxed_minimisation, steps: 75, tolerance: 1e-5}",
+    ),
+    BeforeValidator(_renamed),
+]
+
+
+WIDEST = 0.5
+MOST_PERIODS = 10_000
+
+
+class PhaseResonance(Schema):
+    """The excitation holds the damped structure on the mode at phase resonance; its frequency is computed."""
+
+    levels: tuple[q.Level, ...] = ()
+    """Levels of the excitation, each at its own resonance; by default that of the excitation."""
+    periods: q.Count = 50
+    """Number of periods of the damped motion computed from the predicted start."""
+    span: q.Ratio = 0.1
+    """Fraction of the frequency by which the response curve extends on both sides."""
+
+    def check(self) -> None:
+        """Reject zero levels and unusable ranges."""
+        for index, level in enumerate(self.levels):
+            if not level > 0:
+                raise fail(f"= {level:g} sustains no motion", "give positive levels: [0.5 g, 1 g]", ("levels", index))
+        if not 0.0 < self.span <= WIDEST:
+            raise fail(f"= {self.span:g} must be above 0 and at most {WIDEST:g}", "give for example 10 %", ("span",))
+        if self.periods > MOST_PERIODS:
+            raise fail(
+                f"= {self.periods} is over {MOST_PERIODS}",
+                "50 are enough to show whether the motion stays",
+                ("periods",),
+            )
+
+
+class StiffnessFactorContinuation(Span[q.Factor]):
     """The stiffness of the nonlinear springs increases from zero to its full value."""
 
     kind: Literal["stiffness_factor"] = "stiffness_factor"
     """Factor on the stiffness of snubbers and nonlinear springs."""
-    from_: Factor = Field(default=0.0, alias="from")
+    from_: q.Factor = Field(default=0.0, alias="from")
     """First factor; 0 is the linear mode."""
-    to: Factor = 1.0
+    to: q.Factor = 1.0
     """Last factor; 1 is the full stiffness."""
 
 
-class EnergyContinuation(Span[Energy]):
+class EnergyContinuation(Span[q.Energy]):
     """The energy changes."""
 
     kind: Literal["energy"] = "energy"
     """Energy relative to static equilibrium."""
 
 
-class FrequencyContinuation(Span[Frequency]):
+class FrequencyContinuation(Span[q.Frequency]):
     """The frequency changes."""
 
     kind: Literal["frequency"] = "frequency"
     """Frequency of the motion."""
 
 
-ContinueIn = Annotated[StiffnessFactorContinuation | EnergyContinuation | FrequencyContinuation, BY_KIND]
+ContinueIn = Annotated[StiffnessFactorContinuation | EnergyContinuation | FrequencyContinuation, BY_FORM]
 
 
 _IN_FACTOR = {"multiple_scales": "expands in", "relaxed_minimisation": "takes its steps in"}
@@ -47,27 +160,25 @@ _IN_FACTOR = {"multiple_scales": "expands in", "relaxed_minimisation": "takes it
 class NonlinearMode(Schema):
     """The nonlinear normal mode and its continuation parameter."""
 
-    mode: Count
+    mode: q.Count
     """Number of the linear mode from which it starts, from 1."""
-    energy: Energy | None = None
+    energy: q.Energy | None = None
     """Energy of the motion if the stiffness factor is the parameter."""
     continue_in: ContinueIn = StiffnessFactorContinuation.model_construct()
     """The parameter that changes: stiffness_factor, energy or frequency."""
-    method: Method = "shooting"
+    method_: Method = Field(default="shooting", alias="method")
     """shooting (over half a period, exact), full_period (exact, also non-brake orbits), multiple_scales (the
     expansion for weak springs) or relaxed_minimisation (Hazim 2010, for comparison)."""
-    energies: tuple[Energy, ...] = ()
+    energies: tuple[q.Energy, ...] = ()
     """Energies at which the backbone and its tongues get a point; if the stiffness factor is the parameter, none."""
-    frequencies: tuple[Frequency, ...] = ()
+    frequencies: tuple[q.Frequency, ...] = ()
     """Frequencies at which they get a point, whatever the parameter is."""
     phase_resonance: PhaseResonance | None = None
     """Excite the damped structure at phase resonance with the mode."""
 
-    def settle(self) -> None:
-        """Resolve the method; refuse an energy where it is what changes, and methods that follow the factor only."""
-        if known(self.method):
-            self.resolve("method", solver_of(self.method))
-        going, kind = self.continue_in, self.solver.kind
+    def check(self) -> None:
+        """Refuse an energy where it is what changes, and methods that follow the factor only."""
+        going, kind = self.continue_in, self.method.kind
         if kind in _IN_FACTOR and not isinstance(going, StiffnessFactorContinuation):
             raise fail(
                 f"= {kind} {_IN_FACTOR[kind]} the stiffness factor, not in the {going.kind}",
@@ -100,6 +211,6 @@ class NonlinearMode(Schema):
             raise fail(f"cannot be held constant if the parameter is the {going.kind}", "leave energy out", ("energy",))
 
     @property
-    def solver(self) -> Solver:
-        """The method with its settings."""
-        return solver_of(self.method)
+    def method(self) -> Solver:
+        """The method with its settings; a word selects the defaults."""
+        return _SOLVERS[self.method_]() if isinstance(self.method_, str) else self.method_

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from beamsim.errors import Problem
 from beamsim.scenario.base import path_text, suggestion
 from beamsim.scenario.limits import output_dimension, unit_of_dimension
 from beamsim.scenario.output import ReactionOutput
-from beamsim.scenario.quantities import LevelValue
+from beamsim.scenario.parts import ScenarioParts
+from beamsim.scenario.quantities import meant
 from beamsim.scenario.units import ACCELERATION, FORCE, LENGTH, Dimension
-
-if TYPE_CHECKING:
-    from beamsim.scenario.whole import ScenarioParts
 
 BASE_FORCE = ReactionOutput.model_construct(
     name="base_force", kind="reaction_force", support="base", body=None, direction=None, about=None
@@ -88,15 +86,29 @@ def notch_problems(scenario: ScenarioParts, limits: Mapping[str, float]) -> Iter
                 if outputs[of.item].kind in ("kinetic_energy", "strain_energy"):
                     yield Problem(path, "is an energy, which sweeps do not follow", "limit another quantity")
                     continue
-                dimension = output_dimension(scenario, outputs[of.item])
+                dimension = output_dimension(outputs[of.item], scenario.all_bodies, scenario.default_body)
             else:
                 dimension = _QUANTITIES[of.section][of.quantity]
         elif BASE_FORCE.name in outputs and base_force_of(scenario) is None:
             yield Problem(path, f"needs the name {BASE_FORCE.name}, which another output has", "rename that output")
             continue
-        meant = limit.quantity if isinstance(limit, LevelValue) else None
-        if dimension is None and meant is not None:
-            yield Problem(path, "has a unit, and the output has one of its own", "give a plain number in that unit")
-        elif dimension is not None and meant not in (None, unit_of_dimension(dimension)):
-            yield Problem(path, f"is in {meant or 'no unit'}, which is none of {dimension.name}",
-                          f"write {dimension.example}")  # fmt: skip
+        yield from unit_problems(
+            path, limit, dimension, "" if dimension is None else f"which is none of {dimension.name}"
+        )
+
+
+def unit_problems(path: str, limit: float, dimension: Dimension | None, but: str) -> Iterator[Problem]:
+    """A limit in a unit of something else.
+
+    Parameters
+    ----------
+    path : of the limit.
+    limit : its value, which remembers its unit.
+    dimension : of what is limited; None of rows of recovery matrices, which have units of their own.
+    but : what is limited, for the message.
+    """
+    said = meant(limit)
+    if dimension is None and said is not None:
+        yield Problem(path, "has a unit, and the output has one of its own", "give a plain number in that unit")
+    elif dimension is not None and said not in (None, unit_of_dimension(dimension)):
+        yield Problem(path, f"is in {said or 'no unit'}, {but}", f"write {dimension.example}")

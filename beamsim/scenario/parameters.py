@@ -8,16 +8,19 @@ A path is written as in overrides, ``beam.point_masses[0].mass``; ``[*]`` means 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
-from beamsim.scenario.base import Schema, counted, fail, path_parts, path_text, suggestion
-from beamsim.scenario.quantities import FieldType
+from beamsim.errors import ScenarioError
+from beamsim.scenario.base import Path, Schema, counted, fail, path_parts, path_text, problem, single_line, suggestion
+from beamsim.scenario.body import Body
+from beamsim.scenario.parts import ScenarioParts
+from beamsim.scenario.quantities import FieldType, LevelValue, Share, meant
+from beamsim.scenario.units import UnitError
 
-Path = tuple[str | int, ...]
-AnySchema = TypeVar("AnySchema", bound=Schema)
+AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
 
 
-def find_parameters(scenario: Schema, path: str, more: tuple[type, ...] = ()) -> list[Path]:
+def find_parameters(scenario: ScenarioParts, path: str, more: tuple[type, ...] = ()) -> list[Path]:
     """The places that a path names, at least one: numbers and words, and values of the types in ``more``.
 
     Raises
@@ -28,29 +31,85 @@ def find_parameters(scenario: Schema, path: str, more: tuple[type, ...] = ()) ->
     parts = path_parts(path)
     if not parts:
         raise fail(f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness")
-    paths = _walk(scenario, parts, (), path, (int, float, str, *more))
+    paths = _walk(scenario, parts, (), path, (int, float, str, Share, *more))
     if not paths:
         raise fail(f"= {path} matches nothing: the list is empty", "add an item, or omit the path")
     return paths
 
 
-def value_at(scenario: Schema, place: Path) -> Any:
-    """The value at a place."""
+def value_at(scenario: ScenarioParts, place: Path) -> Any:
+    """The value at a place, by default or as it was written; a share of a length is given in metres."""
+    if place == ("run", "sample_rate"):
+        return scenario.sample_rate
     value: Any = scenario
+    body = scenario.all_bodies.get(scenario.default_body)
     for part in place:
-        held: Any = value
-        value = held[part] if isinstance(value, (tuple, dict)) else getattr(value, _attribute(value, str(part)))
+        if isinstance(value, Body):
+            body = value
+        elif isinstance(named := getattr(value, "body", None), str):
+            body = scenario.all_bodies.get(named)
+        value = _inside(value, part)
+    if isinstance(value, Share) and body is not None:
+        return body.metres(value, _axis(place) if len(body.sides) > 1 else 0)
     return value
 
 
-def with_values(scenario: AnySchema, values: Mapping[Path, object]) -> AnySchema:
-    """The same scenario with other values at these places (SI numbers within their bounds: nothing is checked)."""
+def _axis(place: Path) -> int:
+    """Along which side of its body a position is: the second number of a point, and y of a table, along the second."""
+    if isinstance(place[-1], str):
+        return 0
+    return 1 if place[-2] == "y" or (place[-2] != "x" and place[-1] == 1) else 0
+
+
+def _inside(owner: Any, part: str | int) -> Any:
+    if isinstance(owner, Schema):
+        return getattr(owner, type(owner).attributes().get(str(part), str(part)))
+    return owner[part]
+
+
+def with_values(scenario: AnyScenario, values: Mapping[Path, object]) -> AnyScenario:
+    """The same scenario with other values at these places, as if they had been written there.
+
+    Parts are not compared with each other; see `beamsim.scenario.Scenario.rechecked`.
+
+    Parameters
+    ----------
+    scenario : what holds the values.
+    values : by place SI numbers, words, or whole parts of the scenario; a level keeps its quantity.
+
+    Returns
+    -------
+    AnyScenario
+        In which what follows from the values has followed.
+
+    Raises
+    ------
+    ScenarioError
+        If a field does not accept its value.
+    """
+    return replaced(scenario, {place: _as_read(scenario, place, value) for place, value in values.items()})
+
+
+def replaced(scenario: AnyScenario, values: Mapping[Path, object]) -> AnyScenario:
+    """The same scenario with other values at these places, which may be a little outside of their bounds."""
     for place, value in values.items():
         scenario = _replaced(scenario, place, value)
     return scenario
 
 
-def read_as(scenario: Schema, place: Path, value: object) -> float:
+def _as_read(scenario: ScenarioParts, place: Path, value: object) -> object:
+    """A value as the field at a place reads it."""
+    field = None if isinstance(value, Schema) else field_type_at(scenario, place)
+    if field is None:
+        return value
+    try:
+        read = field.read(value)
+    except UnitError as error:
+        raise ScenarioError(problem(place, f"= {single_line(value)} {error.message}", error.remedy)) from None
+    return LevelValue(read, meant(read) or meant(value_at(scenario, place))) if isinstance(read, LevelValue) else read
+
+
+def read_as(scenario: ScenarioParts, place: Path, value: object) -> float:
     """Read a number, perhaps with a unit, as the field at a place would.
 
     Raises
@@ -58,54 +117,48 @@ def read_as(scenario: Schema, place: Path, value: object) -> float:
     PydanticCustomError
         Where the field would refuse it.
     """
-    from beamsim.scenario.units import UnitError
-
-    owner = value_at(scenario, place[:-1])
-    if isinstance(place[-1], str) and isinstance(owner, Schema):
-        field = type(owner).model_fields[_attribute(owner, place[-1])]
-        types = [item for item in field.metadata if isinstance(item, FieldType)] or _field_types(field.annotation)
-        if types:
-            try:
-                return float(types[0].absolute.read(value))
-            except UnitError as error:
-                raise fail(error.message, error.remedy, show_value=True) from None
+    field = field_type_at(scenario, place)
+    if field is not None:
+        try:
+            return float(field.read(value))
+        except UnitError as error:
+            raise fail(error.message, error.remedy, show_value=True) from None
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise fail("must be a number", f"write the SI value for {path_text(place)}")
     return float(value)
 
 
-def choices_at(scenario: Schema, place: Path) -> tuple[str, ...]:
+def choices_at(scenario: ScenarioParts, place: Path) -> tuple[str, ...]:
     """The words that the field at a place may hold (supports); none for a number."""
     if not isinstance(place[-1], str) or not isinstance(value_at(scenario, place), str):
         return ()
-    owner = value_at(scenario, place[:-1])
-    words = _words(type(owner).model_fields[_attribute(owner, place[-1])].annotation)
+    words = _words(_field(value_at(scenario, place[:-1]), place[-1]).annotation)
     return words if len(words) > 1 else ()
+
+
+def _field(owner: Schema, key: str) -> Any:
+    return type(owner).model_fields[type(owner).keys()[key]]
 
 
 def _words(annotation: Any) -> tuple[str, ...]:
     """Words of an annotation, or of the members of a union."""
-    from typing import Literal, get_args, get_origin
-
     if get_origin(annotation) is Literal:
         return tuple(get_args(annotation))
     return tuple(word for member in get_args(annotation) for word in _words(member))
 
 
-def field_type_at(scenario: Schema, place: Path) -> FieldType | None:
+def field_type_at(scenario: ScenarioParts, place: Path) -> FieldType | None:
     """What reads the value at a place; None for words and plain flags."""
     last = max(k for k, part in enumerate(place) if isinstance(part, str))
     owner = value_at(scenario, place[:last])
     if not isinstance(owner, Schema):
         return None
-    field = type(owner).model_fields[_attribute(owner, str(place[last]))]
+    field = _field(owner, str(place[last]))
     types = [item for item in field.metadata if isinstance(item, FieldType)] or _field_types(field.annotation)
     return types[0].absolute if types else None
 
 
 def _field_types(annotation: Any) -> list[FieldType]:
-    from typing import get_args
-
     types = [item for item in getattr(annotation, "__metadata__", ()) if isinstance(item, FieldType)]
     for argument in get_args(annotation):
         types += _field_types(argument)
@@ -114,7 +167,7 @@ def _field_types(annotation: Any) -> list[FieldType]:
 
 def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: tuple[type, ...]) -> list[Path]:
     if not parts:
-        if isinstance(value, bool) or not isinstance(value, leaves):
+        if walked != ("run", "sample_rate") and (isinstance(value, bool) or not isinstance(value, leaves)):
             raise fail(f"= {path} is not a number", _keys_below(value))
         return [walked]
     part, rest = parts[0], parts[1:]
@@ -138,12 +191,12 @@ def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: t
         raise fail(f"= {path} does not exist: {path_text(walked)} has no {part}", f"the names are {', '.join(value)}")
     if not isinstance(value, Schema) or not isinstance(part, str) or part == "*":
         raise fail(f"= {path} does not exist: {path_text(walked)} is not a list", "omit the rest of the path")
-    keys = type(value).keys()
+    keys = type(value).attributes()
     if part not in keys:
         where = path_text(walked) or "the scenario"
         raise fail(f"= {path} does not exist: {where} has no {part}", suggestion(part, keys, "its keys are"))
     inner = getattr(value, keys[part])
-    if inner is None:
+    if inner is None and (*walked, part) != ("run", "sample_rate"):
         raise fail(
             f"= {path} has no value in this scenario", f"give {path_text((*walked, part))} a value to start from"
         )
@@ -158,19 +211,11 @@ def _keys_below(value: Any) -> str:
     return ""
 
 
-def _attribute(owner: Any, key: str) -> str:
-    name: str = type(owner).keys().get(key, key)
-    return name
-
-
 def _replaced(owner: Any, place: Path, value: object) -> Any:
     part, rest = place[0], place[1:]
-    if isinstance(part, int):
-        items = list(owner)
-        items[part] = _replaced(items[part], rest, value) if rest else value
-        return tuple(items)
+    inner = _replaced(_inside(owner, part), rest, value) if rest else value
+    if isinstance(owner, tuple):
+        return tuple(inner if index == part else item for index, item in enumerate(owner))
     if isinstance(owner, dict):
-        return {**owner, part: _replaced(owner[part], rest, value)}
-    name = _attribute(owner, part)
-    inner = _replaced(getattr(owner, name), rest, value) if rest else value
-    return owner.model_copy(update={name: inner})
+        return {**owner, part: inner}
+    return owner.model_copy(update={part: inner})

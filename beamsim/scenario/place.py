@@ -1,14 +1,14 @@
-"""Places on the bodies of a scenario, and what sits there: probes and constant forces."""
+"""Places on the bodies of a scenario, supports that move, names, and what sits at places."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, Tag
+from pydantic import BeforeValidator, Field
 
-from beamsim.scenario.base import Path, Schema, Variants, counted, fail, number_or_list
-from beamsim.scenario.quantities import Force, MassNumber, Name, PositionOrShare, Whole
+from beamsim.scenario.base import BY_FORM, Path, Schema, counted, fail
+from beamsim.scenario.quantities import Force, MassNumber, Name, PositionOrShare, Share, Whole
 
 _REMEDY = (
     "give position: 270 mm on a beam, position: [270 mm, 100 mm] on a plate, mass: 2 on a chain, "
@@ -17,12 +17,14 @@ _REMEDY = (
 
 
 Point = float | tuple[float, float]
-"""Metres along a beam, or [x, y] on a plate."""
+"""Metres along a beam, [x, y] on a plate, or the number of a mass or node."""
+Where = float | Share | tuple[float | Share, float | Share]
+"""A position as it is written, shares of lengths among it; `beamsim.scenario.body.Body.point` gives it in metres."""
 
-PlatePoint = Annotated[tuple[PositionOrShare, PositionOrShare], Tag("<list>")]
+PlatePoint = tuple[PositionOrShare, PositionOrShare]
 """x and y on a plate."""
 
-PointPosition = Annotated[Annotated[PositionOrShare, Tag("<number>")] | PlatePoint, Variants(number_or_list)]
+PointPosition = Annotated[PositionOrShare | PlatePoint, BY_FORM]
 NodeNumber = Annotated[int, Whole(1)]
 NodeDirection = Literal["x", "y", "z", "rx", "ry", "rz"]
 
@@ -39,8 +41,12 @@ class PointOfBody(Schema):
     direction: NodeDirection | None = None
     """Direction at the node, z by default; x, y, z are displacements, rx, ry, rz rotations."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand exactly one point."""
+        super().check()
+        self._demand_a_point()
+
+    def _demand_a_point(self) -> None:
         given = [key for key in ("position", "mass", "node") if getattr(self, key) is not None]
         if not given:
             raise fail("names no place", _REMEDY)
@@ -57,19 +63,11 @@ class PointOfBody(Schema):
 class AtPlace(PointOfBody):
     """A point of a body."""
 
+    known_by: ClassVar[tuple[str, ...]] = ("position", "mass", "node", "direction", "body")
     takes: ClassVar[tuple[Literal["force"]]] = ("force",)
 
     body: Name | None = None
     """Name of the body; may be left out where there is only one."""
-
-    @property
-    def point(self) -> Point:
-        """The position in m, on a plate both of its coordinates, or the number of the mass or node."""
-        if self.position is not None:
-            return self.position
-        number = self.mass if self.node is None else self.node
-        assert number is not None
-        return float(number)
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
@@ -78,22 +76,12 @@ class AtPlace(PointOfBody):
 
 
 @lru_cache(maxsize=1024)
-def _at(position: Point | None, mass: int | None, node: int | None, direction: NodeDirection | None) -> AtPlace:
+def _at(position: Where | None, mass: int | None, node: int | None, direction: NodeDirection | None) -> AtPlace:
     return AtPlace(position=position, mass=mass, node=node, direction=direction)
 
 
-def names_a_place(value: Any) -> bool:
-    """Whether a raw value is meant as a place."""
-    return isinstance(value, AtPlace) or (isinstance(value, dict) and any(key in value for key in AtPlace.keys()))  # noqa: SIM118
-
-
-BaseOrPlace = Annotated[Literal["base"], Tag("<base>")] | Annotated[AtPlace, Tag("<place>")]
-"""The base or a point of a body; `Variants` with `choose_base_or_place` says which."""
-
-
-def choose_base_or_place(value: Any) -> str | None:
-    """Tag of what a value in a scenario names."""
-    return "<base>" if value == "base" else "<place>" if names_a_place(value) else None
+BaseOrPlace = Literal["base"] | AtPlace
+"""The base or a point of a body."""
 
 
 class Sited(PointOfBody):
@@ -102,10 +90,9 @@ class Sited(PointOfBody):
     at: AtPlace | None = None
     """The place: {body: panel, position: 270 mm} or {mass: 2}; the body may be left out where there is only one."""
 
-    def settle(self) -> None:
-        """Demand exactly one place."""
+    def _demand_a_point(self) -> None:
         if self.at is None:
-            super().settle()
+            super()._demand_a_point()
             return
         for key in ("position", "mass", "node", "direction"):
             if getattr(self, key) is not None:
@@ -144,18 +131,20 @@ TwoPlaces = Annotated[tuple[AtPlace, ...], Field(json_schema_extra={"minItems": 
 class BetweenPlaces(Schema):
     """Something between two places of two bodies or of one."""
 
+    known_by: ClassVar[tuple[str, ...]] = ("between",)
+
     between: TwoPlaces
     """The two places."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand two different places."""
+        super().check()
         if len(self.between) != 2:
             remedy = "name the two that it acts between: [{body: inner, position: 1 m}, {body: outer, position: 1 m}]"
             raise fail(f"names {counted(len(self.between), 'place')}", remedy, ("between",))
         if self.between[0] == self.between[1]:
             raise fail("joins a place to itself", "name two different places", ("between",))
         refuse_unlike_directions(self.between)
-        super().settle()
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
@@ -166,6 +155,40 @@ class BetweenPlaces(Schema):
     def place_paths(self) -> tuple[Path, ...]:
         """Where both are written, below what is between them."""
         return ("between", 0), ("between", 1)
+
+
+class Named(Schema):
+    """Something with a name."""
+
+    name: Name = ""
+    """Name, unique; made of the kind and a number by default."""
+
+
+DEFAULT_NAMES = {
+    "snubbers": "snubber",
+    "springs_to_ground": "ground_spring",
+    "springs_between": "link_spring",
+    "joints": "joint",
+    "friction": "friction",
+}
+"""Lists whose items have a name by default: this and their number."""
+
+
+def numbered(key: str) -> BeforeValidator:
+    """Read a list of `DEFAULT_NAMES` with names for the items that have none."""
+
+    def name(items: Any) -> Any:
+        if not isinstance(items, (list, tuple)):
+            return items
+        return [_named(item, f"{DEFAULT_NAMES[key]}_{number}") for number, item in enumerate(items, start=1)]
+
+    return BeforeValidator(name)
+
+
+def _named(item: Any, name: str) -> Any:
+    if isinstance(item, Named):
+        return item if item.name else item.model_copy(update={"name": name})
+    return {**item, "name": name} if isinstance(item, dict) and item.get("name") is None else item
 
 
 class Probe(Sited):
@@ -184,3 +207,50 @@ class PlacedForce(Sited):
 
 class ConstantForce(PlacedForce):
     """A dead load at a point."""
+
+
+Translation = Literal["acceleration", "velocity", "displacement"]
+Rotation = Literal["angular_acceleration", "angular_velocity", "rotation"]
+
+TRANSLATION_TAKES: tuple[Translation, ...] = ("acceleration", "velocity", "displacement")
+"""What a motion along an axis is given by; the first is the default."""
+ROTATION_TAKES: tuple[Rotation, ...] = ("angular_acceleration", "angular_velocity", "rotation")
+"""What a rotation is given by; the first is the default."""
+
+
+class MovedSupport(Schema):
+    """A support, or a joint, that moves relative to the base."""
+
+    known_by: ClassVar[tuple[str, ...]] = ("support", "joint")
+
+    support: Name | None = None
+    """The support: left or right end of a beam or wall of a chain; left, right, bottom, top or point 1 of a plate;
+    node 15 of imported matrices."""
+    joint: Name | None = None
+    """Instead of a support a joint, or a linear spring between points: its second point moves against the first."""
+    body: Name | None = None
+    """The body that the support holds; may be left out where there is only one."""
+    direction: Literal["x", "y", "z", "rx", "ry", "rz", "slope"] | None = None
+    """z, the deflection, by default; slope is a rotation dw/dx; at a node of imported matrices any of x to rz."""
+
+    def check(self) -> None:
+        """Demand a support or a joint."""
+        if (self.support is None) == (self.joint is None):
+            raise fail("names neither a support nor a joint, or both", "give one of them: {support: left}")
+        if self.joint is not None and self.body is not None:
+            raise fail("belongs to a support", "leave it out: a joint has a name of its own", ("body",))
+
+    @property
+    def rotates(self) -> bool:
+        """Whether it turns."""
+        return self.direction is not None and self.direction not in ("x", "y", "z")
+
+    @property
+    def takes(self) -> tuple[Translation, ...] | tuple[Rotation, ...]:
+        """Quantities that its levels may have, the default first."""
+        return ROTATION_TAKES if self.rotates else TRANSLATION_TAKES
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """None: it acts on no free point."""
+        return ()

@@ -9,26 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, Schema, fail, path_text
+from beamsim.scenario import quantities as q
+from beamsim.scenario.base import Path, Schema, fail, path_text, problem
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping, ModalDamping
-from beamsim.scenario.place import AtPlace, PlatePoint, Point
-from beamsim.scenario.quantities import (
-    BendingStiffness,
-    Density,
-    Grading,
-    Length,
-    MassPerArea,
-    MassPerLength,
-    Modulus,
-    PlateElements,
-    PlateStiffness,
-    PointMassValue,
-    PoissonsRatio,
-    SectionModulusPerLength,
-    Share,
-    TorsionalStiffness,
-)
+from beamsim.scenario.place import AtPlace, PlatePoint, Where
 
 Edge = Literal["clamped", "pinned", "free"]
 SMALLEST_ELEMENT = 5e-4
@@ -65,7 +50,7 @@ class PlatePointMass(Schema):
 
     position: PlatePoint
     """Distances from the left and the bottom edge, or shares of length and width."""
-    mass: PointMassValue
+    mass: q.PointMassValue
     """The mass; it has no rotary inertia."""
 
 
@@ -76,17 +61,12 @@ class Stiffener(Schema):
     """Where it begins."""
     to: PlatePoint
     """Where it ends."""
-    bending_stiffness: BendingStiffness
+    bending_stiffness: q.BendingStiffness
     """Bending stiffness E I about the middle plane of the plate."""
-    torsional_stiffness: TorsionalStiffness = 0.0
+    torsional_stiffness: q.TorsionalStiffness = 0.0
     """Torsional stiffness G J; none by default."""
-    mass_per_length: MassPerLength
+    mass_per_length: q.MassPerLength
     """Mass per unit length, without rotary inertia."""
-
-    @property
-    def length(self) -> float:
-        """Distance between its ends, m."""
-        return math.hypot(self.to[0] - self.from_[0], self.to[1] - self.from_[1])
 
 
 class PlateBody(Body):
@@ -94,16 +74,17 @@ class PlateBody(Body):
 
     base_directions: ClassVar[tuple[str, ...]] = ("z", "rx", "ry")
     body_kind: ClassVar[str] = "plate"
+    how_to_place: ClassVar[str] = "give x and y from its left and bottom edge, position: [270 mm, 100 mm] on a plate"
 
     kind: Literal["plate"] = "plate"
     """A rectangular thin plate."""
-    length: Length
+    length: q.Length
     """Size along x, from the left to the right edge."""
-    width: Length
+    width: q.Length
     """Size along y, from the bottom to the top edge."""
-    elements: PlateElements = (12, 12)
+    elements: q.PlateElements = (12, 12)
     """Numbers of elements (bicubic Hermite) along x and y, before mesh lines are added at points and stiffeners."""
-    grading: Grading = 1.0
+    grading: q.Grading = 1.0
     """Exponent of the mesh's grading towards the edges: 1 is uniform, 2 makes elements at edges much smaller."""
     supports: PlateSupports = Field(default_factory=PlateSupports)  # made where it is needed: it costs a validator
     """How the edges are held, and points that cannot deflect; all edges are free by default."""
@@ -131,6 +112,29 @@ class PlateBody(Body):
         @property
         def depth(self) -> float | None:
             """Thickness, m; None where that is unknown."""
+
+    @property
+    def sides(self) -> tuple[float, ...]:
+        """Length and width."""
+        return self.length, self.width
+
+    @property
+    def mass_points(self) -> tuple[tuple[float, float], ...]:
+        """Places of the point masses, m."""
+        return tuple(self.corner(mass.position) for mass in self.point_masses)
+
+    @property
+    def supported_points(self) -> tuple[tuple[float, float], ...]:
+        """Places of the point supports, m."""
+        return tuple(self.corner(point.position) for point in self.supports.points)
+
+    def corner(self, position: tuple[float | q.Share, float | q.Share]) -> tuple[float, float]:
+        """A point of the plate in m."""
+        return self.metres(position[0], 0), self.metres(position[1], 1)
+
+    def line_of(self, stiffener: Stiffener) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Where a stiffener begins and ends, m."""
+        return self.corner(stiffener.from_), self.corner(stiffener.to)
 
     @property
     def gives_stress(self) -> bool:
@@ -167,7 +171,7 @@ class PlateBody(Body):
         """Held edges across the view from the side, and point masses by their x."""
         edges = ((0.0, self.supports.left), (self.length, self.supports.right))
         held = [(x, kind) for x, kind in edges if kind != "free"]
-        return (*held, *((float(mass.position[0]), "mass") for mass in self.point_masses))
+        return (*held, *((x, "mass") for x, _ in self.mass_points))
 
     @property
     def depths(self) -> tuple[tuple[float, float, float], ...]:
@@ -181,33 +185,19 @@ class PlateBody(Body):
         y = self.width if free["top"] else 0.0 if free["bottom"] else self.width / 2.0
         return "plate", AtPlace(position=(x, y))
 
-    def on_the_body(self, position: Point) -> Point:
-        """The point in m, of shares those of length and width, on an edge where round-off puts it beyond."""
-        if not isinstance(position, tuple):
-            return position
-        x, y = (
-            size * p if isinstance(p, Share) else size if size < p <= size * (1.0 + 1e-12) else p
-            for size, p in zip((self.length, self.width), position, strict=True)
-        )
-        return x, y
-
-    def held(self, position: Point) -> str:
+    def held(self, position: Where) -> str:
         """The edge or point support at a point; empty where it can deflect."""
         if not isinstance(position, tuple):
             return ""
-        at = {
-            "left": position[0] == 0.0,
-            "right": position[0] == self.length,
-            "bottom": position[1] == 0.0,
-            "top": position[1] == self.width,
-        }
+        x, y = self.corner(position)
+        at = {"left": x == 0.0, "right": x == self.length, "bottom": y == 0.0, "top": y == self.width}
         for edge, on_it in at.items():
             support = getattr(self.supports, edge)
             if on_it and support != "free":
                 return f"{support} {edge} edge"
-        return "point support" if any(position == point.position for point in self.supports.points) else ""
+        return "point support" if (x, y) in self.supported_points else ""
 
-    def holds(self, position: Point) -> bool:
+    def holds(self, position: Where) -> bool:
         """Whether a support is at a point."""
         return bool(self.held(position))
 
@@ -216,13 +206,13 @@ class PlateBody(Body):
         for index, count in enumerate(self.elements):
             smallest = (2.0 / count) ** self.grading / 2.0
             if count > 2 and smallest < SMALLEST_ELEMENT:
-                yield Problem(
-                    path_text((*where, "grading")),
+                yield problem(
+                    (*where, "grading"),
                     f"= {self.grading:g} with {count} elements along {'xy'[index]} makes one of {smallest:.2g} of the "
                     f"side: below {SMALLEST_ELEMENT:g} round-off shows in the lowest frequencies",
                     "use a smaller grading, or fewer elements: they are small where it matters",
                 )
-        points: list[tuple[Path, Point]] = [
+        points: list[tuple[Path, Where]] = [
             (("supports", "points", index, "position"), point.position)
             for index, point in enumerate(self.supports.points)
         ]
@@ -232,55 +222,42 @@ class PlateBody(Body):
         for index, stiffener in enumerate(self.stiffeners):
             for key, end in (("from", stiffener.from_), ("to", stiffener.to)):
                 yield from self.position_problems(where, (*where, "stiffeners", index, key), end, "")
-            if stiffener.length == 0.0:
-                yield Problem(
-                    path_text((*where, "stiffeners", index)), "begins and ends at the same point", "give it a length"
-                )
+            if len(set(self.line_of(stiffener))) == 1:
+                yield problem((*where, "stiffeners", index), "begins and ends at the same point", "give it a length")
 
-    def position_problems(self, where: Path, at: Path, position: Point, what: str) -> Iterator[Problem]:
+    def position_problems(self, where: Path, at: Path, position: Where, what: str) -> Iterator[Problem]:
         """What is wrong with a point; ``what`` does nothing on a support, and is empty for what may stand there."""
         if not isinstance(position, tuple):
-            yield Problem(
-                path_text(at),
-                f"= {position:g} is one number, but {path_text(where)} is a plate",
+            yield problem(
+                at,
+                f"= {position if isinstance(position, q.Share) else f'{position:g}'} is one number, but "
+                f"{path_text(where)} is a plate",
                 "give x and y from its left and bottom edge: position: [270 mm, 100 mm]",
             )
             return
-        if any(isinstance(each, Share) for each in position):
-            return  # not resolved where other values are invalid
+        point = self.corner(position)
         for index, (key, size) in enumerate((("length", self.length), ("width", self.width))):
-            if position[index] > size:
-                yield Problem(
-                    path_text((*at, index)),
-                    f"= {position[index]:.9g} m lies beyond {path_text((*where, key))} = {size:.9g} m",
+            if point[index] > size:
+                yield problem(
+                    (*at, index),
+                    f"= {point[index]:.9g} m lies beyond {path_text((*where, key))} = {size:.9g} m",
                     f"{'xy'[index]} runs from 0 to {size:g} m, from the {('left', 'bottom')[index]} edge",
                 )
         if what and (held := self.held(position)):
-            yield Problem(
-                path_text(at),
-                f"= [{position[0]:g}, {position[1]:g}] m is on the {held}, which cannot deflect: "
-                f"{what} has no effect there",
+            yield problem(
+                at,
+                f"= [{point[0]:g}, {point[1]:g}] m is on the {held}, which cannot deflect: {what} has no effect there",
                 f"move it into the plate, or change {path_text((*where, 'supports'))}",
             )
 
-    def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
-        """Masses are numbered in chains."""
-        yield Problem(
-            path_text(at),
-            f"applies to a chain, but {path_text(where)} is a plate",
-            "give x and y from its left and bottom edge: position: [270 mm, 100 mm]",
-        )
-
     def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
         """Measured mode shapes have one coordinate."""
-        yield Problem(
-            path_text(at), "is one coordinate, and the structure is a plate", "give measured frequencies without shapes"
-        )
+        yield problem(at, "is one coordinate, and the structure is a plate", "give measured frequencies without shapes")
 
     def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
         """Snubbers do not move on a plate."""
-        yield Problem(
-            path_text((*at[:-1], "kind")),
+        yield problem(
+            (*at[:-1], "kind"),
             "= position moves along a beam, but the structure is a plate",
             "follow gap or stiffness, or vary at.position[0] in a sweep of designs",
         )
@@ -288,17 +265,18 @@ class PlateBody(Body):
     def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """Polynomials have one variable."""
         if numbers:
-            yield Problem(
-                path_text(at),
+            yield problem(
+                at,
                 "gives a polynomial along a beam, but the structure is a plate",
                 "start from a mode, a released force or the static equilibrium",
             )
 
-    def point_force_doubts(self, where: Path, position: Point) -> Iterator[str]:
+    def point_force_doubts(self, where: Path, position: Where) -> Iterator[str]:
         """Stress has no limit under a point force, other than at a free corner."""
         if not self.gives_stress or not isinstance(position, tuple) or self.holds(position):
             return
-        if position[0] in (0.0, self.length) and position[1] in (0.0, self.width):
+        x, y = self.corner(position)
+        if x in (0.0, self.length) and y in (0.0, self.width):
             return
         yield (
             f"{path_text(where)} acts at a point inside a plate, where thin-plate theory has no finite bending stress: "
@@ -334,26 +312,23 @@ class Rigidity(Schema):
     Moments per width are Mx = dx w_xx + d1 w_yy, My = d1 w_xx + dy w_yy and Mxy = 2 dxy w_xy with d1 = nu dy.
     """
 
-    dx: PlateStiffness
+    dx: q.PlateStiffness
     """Bending stiffness per width that resists curvature along x."""
-    dy: PlateStiffness
+    dy: q.PlateStiffness
     """Bending stiffness per width that resists curvature along y."""
-    nu: PoissonsRatio = 0.0
+    nu: q.PoissonsRatio = 0.0
     """Poisson's ratio nu_xy: contraction along y over the stretch along x; nu_yx = nu dy / dx."""
-    dxy: PlateStiffness | None = None
+    dxy_: q.PlateStiffness | None = Field(default=None, alias="dxy")
     """Twisting stiffness, D (1 - nu) / 2 where isotropic; by default that of the geometric mean of dx and dy."""
 
-    def settle(self) -> None:
-        """Reject stiffnesses without a positive energy; resolve dxy."""
+    def check(self) -> None:
+        """Reject stiffnesses without a positive energy."""
         if self.nu**2 * self.dy >= self.dx:
             raise fail(
                 f"= {self.nu:g} is too large: nu^2 dy must be less than dx for a positive strain energy",
                 f"give at most {math.sqrt(self.dx / self.dy):.4g}; nu_xy belongs to a stretch along x",
                 ("nu",),
             )
-        if self.dxy is None:
-            mean = math.sqrt(self.dx * self.dy)
-            self.resolve("dxy", mean * (1.0 - self.nu * math.sqrt(self.dy / self.dx)) / 2.0)
 
     @property
     def d1(self) -> float:
@@ -361,27 +336,28 @@ class Rigidity(Schema):
         return self.nu * self.dy
 
     @property
-    def twisting(self) -> float:
-        """Twisting stiffness dxy, N m."""
-        assert self.dxy is not None
-        return self.dxy
+    def dxy(self) -> float:
+        """Twisting stiffness, N m."""
+        if self.dxy_ is not None:
+            return self.dxy_
+        return math.sqrt(self.dx * self.dy) * (1.0 - self.nu * math.sqrt(self.dy / self.dx)) / 2.0
 
 
 class Plate(PlateBody):
     """A rectangular, thin, isotropic plate (Kirchhoff theory)."""
 
-    thickness: Length
+    thickness: q.Length
     """Thickness."""
-    youngs_modulus: Modulus
+    youngs_modulus: q.Modulus
     """Young's modulus."""
-    poissons_ratio: PoissonsRatio
+    poissons_ratio: q.PoissonsRatio
     """Poisson's ratio."""
-    density: Density
+    density: q.Density
     """Density."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject a material without resistance to pressure."""
-        super().settle()
+        super().check()
         if self.poissons_ratio > _INCOMPRESSIBLE:
             raise fail(
                 f"= {self.poissons_ratio:g} is above {_INCOMPRESSIBLE:g}, that of an incompressible material",
@@ -416,11 +392,11 @@ class StiffnessPlate(PlateBody):
 
     bending_stiffness: Rigidity
     """Bending stiffnesses per width: {dx, dy, nu, dxy}."""
-    mass_per_area: MassPerArea
+    mass_per_area: q.MassPerArea
     """Mass per unit area."""
-    section_modulus: SectionModulusPerLength | None = None
+    section_modulus: q.SectionModulusPerLength | None = None
     """Moment per width over the stress at the surface, for the stresses; h^2 / 6 where solid, none by default."""
-    thickness: Length | None = None
+    thickness: q.Length | None = None
     """Thickness from surface to surface, for strains there and for pictures; none by default."""
 
     @property

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from decimal import Decimal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
@@ -13,7 +14,6 @@ from pydantic_core import CoreSchema, core_schema
 
 from beamsim.scenario import units
 from beamsim.scenario.base import fail
-from beamsim.scenario.examples import example_of
 from beamsim.scenario.units import Dimension, UnitError
 
 LARGEST_COUNT = 10**15
@@ -22,6 +22,9 @@ LARGEST_COUNT = 10**15
 
 class FieldType:
     """A type read by one function, with messages of this package."""
+
+    form: ClassVar[str] = "<number>"
+    """How `beamsim.scenario.base.Variants` tells it apart."""
 
     @property
     def example(self) -> str:
@@ -58,6 +61,37 @@ class FieldType:
         return self.json_schema()
 
 
+_EXAMPLES = {
+    "m": {
+        "width": "50 mm", "thickness": "5 mm", "diameter": "20 mm", "outer_diameter": "20 mm", "wall_thickness": "2 mm",
+        "web_thickness": "3 mm", "flange_thickness": "4 mm", "extreme_fibre": "6 mm", "height": "20 mm",
+        "gap": "0.1 mm", "peak_displacement": "1 mm", "side": "30 mm", "y": "100 mm",
+    },
+    "s": {
+        "rise": "0.5 ms", "fall": "0.5 ms", "minimum_rest": "1 ms", "longest_time": "1 s", "period": "0.1 s",
+        "relaxation_time": "40 ms", "time": "5 ms",
+    },
+    "Hz": {
+        "sample_rate": "20 kHz", "history_rate": "1 kHz", "resample": "2 kHz", "low_pass": "2 kHz",
+        "highest_frequency": "2 kHz",
+    },
+    "N": {"preload": "5 N", "peak_force": "50 N", "force_threshold": "1 N"},
+}  # fmt: skip
+"""Examples of quantities that suit their keys, by the SI unit, where that of the dimension would mislead."""
+
+
+def example_of(key: str, unit: str) -> str | None:
+    """How to write the quantity of a key, by its SI unit; None where the example of its dimension serves.
+
+    >>> example_of("wall_thickness", "m")
+    '2 mm'
+    """
+    return _EXAMPLES.get(unit, {}).get(key)
+
+
+NUMBER_WITH_UNIT: JsonSchemaValue = {"type": "string", "pattern": r"^\s*[+-]?(\d|\.\d)"}
+
+
 @dataclass(frozen=True)
 class Quantity(FieldType):
     """A number in SI units, or a string with a unit."""
@@ -65,6 +99,8 @@ class Quantity(FieldType):
     dimension: Dimension
     minimum: float | None = None
     above: float | None = None
+    maximum: float | None = None
+    below: float | None = None
 
     @property
     def example(self) -> str:
@@ -85,58 +121,44 @@ class Quantity(FieldType):
 
     def bounded(self, number: float) -> float:
         """Check the bounds."""
-        remedy = f"write for example {self.dimension.example}"
-        if self.above is not None and not number > self.above:
-            raise UnitError("must be positive" if self.above == 0 else f"must be above {self.above:g}", remedy)
-        if self.minimum is not None and not number >= self.minimum:
-            raise UnitError(
-                "must not be negative" if self.minimum == 0 else f"must be {self.minimum:g} or more", remedy
-            )
+        low, high = (a if a is not None else b for a, b in ((self.minimum, self.above), (self.maximum, self.below)))
+        above = low is None or (number > low if self.minimum is None else number >= low)
+        inside = above and (high is None or (number < high if self.maximum is None else number <= high))
+        if not inside:
+            said = f"must be {low:g} or more" if self.above is None else f"must be above {low:g}"
+            if high is not None:
+                said = (
+                    f"must be from {low:g} to {high:g}"
+                    if self.below is None
+                    else f"must be between {low:g} and {high:g}"
+                )
+            elif low == 0.0:
+                said = "must not be negative" if self.above is None else "must be positive"
+            raise UnitError(said, f"write for example {self.dimension.example}")
         return number + 0.0  # -0.0 becomes 0.0
 
     def json_schema(self) -> JsonSchemaValue:
         """Return number-or-string, with the SI unit under ``x-unit``."""
-        number: JsonSchemaValue = {"type": "number"}
-        if self.minimum is not None:
-            number["minimum"] = self.minimum
-        if self.above is not None:
-            number["exclusiveMinimum"] = self.above
-        text = {"type": "string", "pattern": r"^\s*[+-]?(\d|\.\d)"}
-        schema: JsonSchemaValue = {"anyOf": [number, text], "examples": [self.dimension.example]}
+        bounds = {
+            "minimum": self.minimum, "exclusiveMinimum": self.above, "maximum": self.maximum,
+            "exclusiveMaximum": self.below,
+        }  # fmt: skip
+        number = {"type": "number"} | {name: bound for name, bound in bounds.items() if bound is not None}
+        schema: JsonSchemaValue = {"anyOf": [number, NUMBER_WITH_UNIT], "examples": [self.dimension.example]}
         if self.dimension.unit:
             schema["x-unit"] = self.dimension.unit
         return schema
 
 
 @dataclass(frozen=True)
-class Between(Quantity):
-    """A number between two bounds, which are allowed values where it is closed."""
+class Share:
+    """A share of a length of the body that it belongs to, see `beamsim.scenario.body.Body.metres`."""
 
-    low: float = 0.0
-    high: float = 1.0
-    closed: bool = False
+    value: float
 
-    def bounded(self, number: float) -> float:
-        """Check the bounds."""
-        inside = self.low <= number <= self.high if self.closed else self.low < number < self.high
-        if not inside:
-            words = "from" if self.closed else "between"
-            to = "to" if self.closed else "and"
-            raise UnitError(
-                f"must be {words} {self.low:g} {to} {self.high:g}", f"write for example {self.dimension.example}"
-            )
-        return number + 0.0
-
-    def json_schema(self) -> JsonSchemaValue:
-        """Return number-or-string with the bounds."""
-        schema = super().json_schema()
-        bounds = ("minimum", "maximum") if self.closed else ("exclusiveMinimum", "exclusiveMaximum")
-        schema["anyOf"][0] |= dict(zip(bounds, (self.low, self.high), strict=True))
-        return schema
-
-
-class Share(float):
-    """A share of a length that is not known yet."""
+    def __str__(self) -> str:
+        percent = (Decimal(repr(self.value)) * 100).normalize()
+        return f"{percent:f} %"
 
 
 @dataclass(frozen=True)
@@ -148,7 +170,7 @@ class PositionType(Quantity):
         """A length."""
         return Quantity(self.dimension, self.minimum)
 
-    def read(self, value: Any) -> float:
+    def read(self, value: Any) -> Any:
         """Return the SI number, or the share."""
         if isinstance(value, Share):
             return value
@@ -158,15 +180,20 @@ class PositionType(Quantity):
 
 
 class LevelValue(float):
-    """An excitation level with the quantity given by its unit (``None`` for a bare number)."""
+    """A number with the quantity that its unit says (None of a bare number), where there is a choice."""
 
     quantity: str | None
 
-    def __new__(cls, value: float, quantity: str | None) -> LevelValue:
+    def __new__(cls, value: float, quantity: str | None = None) -> LevelValue:
         """Make a float that carries its quantity."""
         level = super().__new__(cls, value)
         level.quantity = quantity
         return level
+
+
+def meant(level: float | None) -> str | None:
+    """The quantity that the unit of a level says; None where it says none."""
+    return getattr(level, "quantity", None)
 
 
 LEVEL_DIMENSIONS = {
@@ -207,22 +234,31 @@ def amplitude_unit(quantity: str) -> str:
 
 @dataclass(frozen=True)
 class LevelType(FieldType):
-    """An excitation level: acceleration, velocity, displacement, force or pressure, according to its unit."""
+    """A number in a unit of one of several quantities, by default those of an excitation."""
 
-    example = "2 g"
+    quantities: tuple[tuple[str, Dimension], ...] = tuple(LEVEL_DIMENSIONS.items())
+    example: str = "2 g"
+    examples: tuple[str, ...] = ("2 g", "0.1 N", "0.1 mm")
+    above: float | None = None
+    minimum: float | None = None
 
     def read(self, value: Any) -> LevelValue:
         """Return the SI number with the quantity it is."""
         if isinstance(value, LevelValue):
             return value
-        number, dimension = units.read_level(value, tuple(LEVEL_DIMENSIONS.values()))
-        quantity = next((name for name, known in LEVEL_DIMENSIONS.items() if known is dimension), None)
-        return LevelValue(number + 0.0, quantity)
+        number, dimension = units.read_level(value, tuple(dict.fromkeys(each for _, each in self.quantities)))
+        remedy = f"write for example {self.examples[0]}"
+        if self.above is not None and not number > self.above:
+            raise UnitError("must be positive", remedy)
+        if self.minimum is not None and not number >= self.minimum:
+            raise UnitError("must not be negative", remedy)
+        return LevelValue(number + 0.0, next((name for name, known in self.quantities if known is dimension), None))
 
     def json_schema(self) -> JsonSchemaValue:
         """Return number-or-string."""
-        text = {"type": "string", "pattern": r"^\s*[+-]?(\d|\.\d)"}
-        return {"anyOf": [{"type": "number"}, text], "examples": ["2 g", "0.1 N", "0.1 mm"]}
+        bounds = {"minimum": self.minimum, "exclusiveMinimum": self.above}
+        number = {"type": "number"} | {name: bound for name, bound in bounds.items() if bound is not None}
+        return {"anyOf": [number, NUMBER_WITH_UNIT], "examples": list(self.examples)}
 
 
 @dataclass(frozen=True)
@@ -257,27 +293,6 @@ class RateType(FieldType):
         """Return a string with its pattern."""
         return {"type": "string", "pattern": r"^\s*(\d|\.\d).*/", "examples": ["2 oct/min", "5 Hz/s"]}
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        schema = super().__get_pydantic_core_schema__(source, handler)
-        return {**schema, "serialization": core_schema.plain_serializer_function_ser_schema(str)}
-
-
-@dataclass(frozen=True)
-class DensityType(FieldType):
-    """A one-sided power spectral density of an acceleration, a force or a pressure."""
-
-    def read(self, value: Any) -> float:
-        """Return the SI number."""
-        number, _ = units.read_level(value, units.LEVEL_PSD)
-        if not number >= 0:
-            raise UnitError("must not be negative", "write for example 0.01 g^2/Hz")
-        return number + 0.0
-
-    def json_schema(self) -> JsonSchemaValue:
-        """Return number-or-string."""
-        text = {"type": "string", "pattern": r"^\s*(\d|\.\d)"}
-        return {"anyOf": [{"type": "number", "minimum": 0}, text], "examples": ["0.01 g^2/Hz", "0.1 N^2/Hz"]}
-
 
 @dataclass(frozen=True)
 class NumberOrText(FieldType):
@@ -306,15 +321,19 @@ class Whole(FieldType):
 
     minimum: int
     maximum: int | None = None
+    word: str = ""  # beside numbers
+    what: str = "whole number"
 
     @property
     def example(self) -> str:
         """How to write one."""
         return str(self.minimum)
 
-    def read(self, value: Any) -> int:
-        """Return the integer; ``1e6`` is accepted, ``true`` is not."""
-        remedy = f"write a whole number, {self.minimum} or more"
+    def read(self, value: Any) -> Any:
+        """Return the integer, or the word; ``1e6`` is accepted, ``true`` is not."""
+        if self.word and value == self.word:
+            return value
+        remedy = f"write a {self.what}, {self.minimum} or more{f', or {self.word}' * bool(self.word)}"
         if self.maximum is not None:
             remedy = f"write a whole number from {self.minimum} to {self.maximum}"
         try:
@@ -331,29 +350,15 @@ class Whole(FieldType):
     def json_schema(self) -> JsonSchemaValue:
         """Return a bounded integer."""
         schema: JsonSchemaValue = {"type": "integer", "minimum": self.minimum}
-        return schema if self.maximum is None else {**schema, "maximum": self.maximum}
-
-
-@dataclass(frozen=True)
-class ModesType(Whole):
-    """A number of modes, or all of them."""
-
-    def read(self, value: Any) -> Any:
-        """Return the int or ``"all"``."""
-        try:
-            return value if value == "all" else super().read(value)
-        except UnitError as error:
-            raise UnitError(error.message, "write a number of modes, 1 or more, or all") from None
-
-    def json_schema(self) -> JsonSchemaValue:
-        """Return a bounded integer, or the word."""
-        return {"anyOf": [super().json_schema(), {"const": "all"}]}
+        schema |= {} if self.maximum is None else {"maximum": self.maximum}
+        return {"anyOf": [schema, {"const": self.word}]} if self.word else schema
 
 
 @dataclass(frozen=True)
 class TextType(FieldType):
     """Text; ``name`` restricts it to valid names of datasets and columns."""
 
+    form: ClassVar[str] = "<text>"
     name: bool = False
 
     @property
@@ -395,7 +400,7 @@ Name = Annotated[str, TextType(name=True)]
 Count = Annotated[int, Whole(1)]
 MassNumber = Annotated[int, Whole(1)]
 
-Modes = Annotated[int | Literal["all"], ModesType(1)]
+Modes = Annotated[int | Literal["all"], Whole(1, word="all", what="number of modes")]
 Elements = Annotated[int, Whole(1, 5000)]
 PlateElements = tuple[Annotated[int, Whole(1, 500)], Annotated[int, Whole(1, 500)]]
 SteppedCount = Annotated[int, Whole(2, 100_000)]
@@ -407,7 +412,7 @@ Ratio = Annotated[float, _not_negative(units.RATIO)]
 Length = Annotated[float, _positive(units.LENGTH)]
 Amplitude = Annotated[float, Quantity(replace(units.LENGTH, example="1 mm"))]
 Position = Annotated[float, _not_negative(replace(units.LENGTH, name="position"))]
-PositionOrShare = Annotated[float, PositionType(replace(units.LENGTH, name="position"), minimum=0.0)]
+PositionOrShare = Annotated[float | Share, PositionType(replace(units.LENGTH, name="position"), minimum=0.0)]
 Gap = Annotated[float, Quantity(replace(units.LENGTH, example="0.1 mm"))]
 Area = Annotated[float, _positive(units.AREA)]
 SecondMoment = Annotated[float, _positive(units.SECOND_MOMENT)]
@@ -422,10 +427,10 @@ TorsionalStiffness = Annotated[float, _not_negative(units.TORSIONAL_STIFFNESS)]
 MassPerArea = Annotated[float, _positive(units.MASS_PER_AREA)]
 SectionModulusPerLength = Annotated[float, _positive(units.SECTION_MODULUS_PER_LENGTH)]
 PoissonsRatio = Annotated[
-    float, Between(replace(units.NUMBER, name="Poisson's ratio", example="0.33"), low=-1.0, high=1.0)
+    float, Quantity(replace(units.NUMBER, name="Poisson's ratio", example="0.33"), above=-1.0, below=1.0)
 ]
-Quantile = Annotated[float, Between(replace(units.RATIO, example="95 %"), low=0.5, high=1.0, closed=True)]
-Grading = Annotated[float, Between(replace(units.NUMBER, name="grading", example="2"), low=1.0, high=4.0, closed=True)]
+Quantile = Annotated[float, Quantity(replace(units.RATIO, example="95 %"), minimum=0.5, maximum=1.0)]
+Grading = Annotated[float, Quantity(replace(units.NUMBER, name="grading", example="2"), minimum=1.0, maximum=4.0)]
 MassPerLength = Annotated[float, _positive(units.MASS_PER_LENGTH)]
 NonNegativeMassPerLength = Annotated[float, _not_negative(units.MASS_PER_LENGTH)]
 RotaryInertia = Annotated[float, _not_negative(units.ROTARY_INERTIA)]
@@ -453,4 +458,32 @@ GravityVector = tuple[Gravity, Gravity, Gravity]
 Level = Annotated[float, LevelType()]
 SweepRate = Annotated[Rate, RateType()]
 NotNegativeWhole = Annotated[int, Whole(0)]
-SpectralDensity = Annotated[float, DensityType()]
+SpectralDensity = Annotated[
+    float,
+    LevelType(tuple((d.name, d) for d in units.LEVEL_PSD), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), minimum=0.0),
+]
+"""One-sided, of an acceleration, a force, a pressure and the like."""
+
+SHAPE_DISPLACEMENTS = (
+    replace(units.LENGTH, name="displacement", example="1 mm"),
+    Dimension("slope", "", "1 mm/m"),
+    Dimension("coefficient of x^2", "1/m", "3 1/m"),
+    Dimension("coefficient of x^3", "1/m^2", "3 1/m^2"),
+)
+SHAPE_VELOCITIES = (
+    units.VELOCITY,
+    replace(units.PER_TIME, name="rate of a slope"),
+    Dimension("coefficient of x^2", "1/m/s", "3 1/m/s"),
+    Dimension("coefficient of x^3", "1/m^2/s", "3 1/m^2/s"),
+)
+
+
+def _of_powers(dimensions: tuple[Dimension, ...]) -> LevelType:
+    """A number of a shape: its quantity is the power of x whose coefficient has the unit."""
+    example = dimensions[0].example
+    return LevelType(tuple((str(power), each) for power, each in enumerate(dimensions)), example, (example,))
+
+
+ShapeDisplacement = Annotated[float, _of_powers(SHAPE_DISPLACEMENTS)]
+ShapeVelocity = Annotated[float, _of_powers(SHAPE_VELOCITIES)]
+"""Numbers of a shape to start from: of each mass of a chain, or coefficients of a polynomial in x along a beam."""

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import log2
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
+from beamsim.scenario import quantities as q
+from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Variants, fail
-from beamsim.scenario.impacts import ImpactSettings, StressLife
+from beamsim.scenario.driven import FrequencyRange
+from beamsim.scenario.limits import Stress
 from beamsim.scenario.output import AnyOutput
 from beamsim.scenario.place import PlacedForce
-from beamsim.scenario.quantities import (
-    Amplitude,
-    Count,
-    Duration,
-    FileName,
-    Frequency,
-    Memory,
-    Modes,
-    Name,
-    NotNegativeWhole,
-    PositiveNumber,
-)
-from beamsim.scenario.ranges import FrequencyRange
-from beamsim.scenario.start_shape import ShapeDisplacement, ShapeVelocity
 
 LEAST_QUALITY = 0.5  # of an oscillator: critical damping
 MOST_OSCILLATORS = 10_000
@@ -32,15 +22,45 @@ MOST_PERIODS = 2_000_000  # of the highest oscillator in a run: several panels e
 MOST_FILTERED = 100_000_000  # periods of a low-pass's frequency in a run: hours
 
 
+NonNegativeForce = Annotated[float, q.Quantity(units.FORCE, minimum=0.0)]
+StressExponent = Annotated[
+    float, q.Quantity(replace(units.NUMBER, name="exponent", example="5"), minimum=1.0, maximum=100.0)
+]
+
+
+class ImpactSettings(Schema):
+    """Statistics of the impacts at each snubber; an impact lasts from closing to opening."""
+
+    minimum_rest: q.Time = 0.0
+    """Contacts of one snubber that are less far apart are one impact."""
+    force_threshold: NonNegativeForce = 0.0
+    """Impacts whose peak force is smaller are not counted; sums over all time keep them."""
+
+
+class StressLife(Schema):
+    """S-N line of the material: N = cycles (stress_range / S)^exponent, S being the range of a cycle (twice its
+    amplitude)."""
+
+    stress_range: Stress
+    """Stress range (twice the amplitude) that is endured for `cycles` cycles."""
+    cycles: q.PositiveNumber = 2e6
+    """Cycles endured at that range."""
+    exponent: StressExponent
+    """Exponent of the line, 1 to 100: about 3 for welds, 5 to 10 for smooth metal."""
+    endurance_limit: Stress | None = None
+    """Stress range up to which a cycle does no damage; none by default."""
+
+
 class PolynomialStart(Schema):
     """Start from a given shape and velocity: polynomials in x for a beam, one number per mass for a chain."""
 
-    displacement: tuple[ShapeDisplacement, ...] = ()
+    known_by: ClassVar[tuple[str, ...]] = ("displacement", "velocity")
+    displacement: tuple[q.ShapeDisplacement, ...] = ()
     """Beam: coefficients of 1, x, x^2, ... (1 mm, 2 mm/m, 3 1/m); chain: displacement of each mass (1 mm)."""
-    velocity: tuple[ShapeVelocity, ...] = ()
+    velocity: tuple[q.ShapeVelocity, ...] = ()
     """Beam: coefficients of 1, x, x^2, ... (0.2 m/s, 2 1/s); chain: velocity of each mass (0.2 m/s)."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject an empty initial state."""
         if not self.displacement and not self.velocity:
             raise fail("is an empty initial state", "give displacement, velocity or both, or write start: rest")
@@ -49,22 +69,25 @@ class PolynomialStart(Schema):
 class BodiesStart(Schema):
     """Start from given shapes and velocities of several bodies; those not named begin without either."""
 
-    bodies: Annotated[dict[Name, PolynomialStart], Field(min_length=1)]
+    known_by: ClassVar[tuple[str, ...]] = ("bodies",)
+    bodies: Annotated[dict[q.Name, PolynomialStart], Field(min_length=1)]
     """Displacement and velocity by name of the body."""
 
 
 class ModeStart(Schema):
     """Start from rest in the shape of a linear mode."""
 
-    mode: Count
+    known_by: ClassVar[tuple[str, ...]] = ("mode", "amplitude")
+    mode: q.Count
     """Number of the mode, from 1."""
-    amplitude: Amplitude
+    amplitude: q.Amplitude
     """Largest displacement of the shape."""
 
 
 class ReleasedForceStart(Schema):
     """Start from rest in the static shape under a force, which is released."""
 
+    known_by: ClassVar[tuple[str, ...]] = ("released_force",)
     released_force: PlacedForce
     """The force that acts until t = 0."""
 
@@ -72,47 +95,24 @@ class ReleasedForceStart(Schema):
 class OrbitStart(Schema):
     """Start on a periodic motion of a result file, with its excitation."""
 
-    orbit: FileName
+    known_by: ClassVar[tuple[str, ...]] = ("orbit",)
+    orbit: q.FileName
     """Result file of `sweep` (continuation); its path is relative to the folder of the scenario."""
-    branch: NotNegativeWhole = 0
+    branch: q.NotNegativeWhole = 0
     """Number of the branch, from 0 as in the file."""
-    fold_curve: NotNegativeWhole | None = None
+    fold_curve: q.NotNegativeWhole | None = None
     """Number of a curve of folds, from 0 as in the file, instead of a branch."""
-    point: Count
+    point: q.Count
     """Number of the point along the branch, from 1 as in the file."""
     keep_excitation: bool = False
     """Keep the frequency and level of the scenario, and the number that was followed, instead of those of the point."""
-    factor: PositiveNumber = 1.0
+    factor: q.PositiveNumber = 1.0
     """Factor of the state, to see whether a disturbed motion returns."""
 
 
-_STARTS = ("static_equilibrium", "rest")
-
-
-def _choose_start(value: Any) -> str | None:
-    if isinstance(value, str) and value in _STARTS:
-        return "<text>"
-    for tag, schema, keys in (
-        ("<polynomial>", PolynomialStart, ("displacement", "velocity")),
-        ("<bodies>", BodiesStart, ("bodies",)),
-        ("<mode>", ModeStart, ("mode", "amplitude")),
-        ("<released_force>", ReleasedForceStart, ("released_force",)),
-        ("<orbit>", OrbitStart, ("orbit",)),
-    ):
-        if isinstance(value, schema) or (isinstance(value, dict) and any(key in value for key in keys)):
-            return tag
-    return None
-
-
 Start = Annotated[
-    Annotated[Literal["static_equilibrium", "rest"], Tag("<text>")]
-    | Annotated[PolynomialStart, Tag("<polynomial>")]
-    | Annotated[BodiesStart, Tag("<bodies>")]
-    | Annotated[ModeStart, Tag("<mode>")]
-    | Annotated[ReleasedForceStart, Tag("<released_force>")]
-    | Annotated[OrbitStart, Tag("<orbit>")],
+    Literal["static_equilibrium", "rest"] | PolynomialStart | BodiesStart | ModeStart | ReleasedForceStart | OrbitStart,
     Variants(
-        _choose_start,
         "is not an initial state",
         "write static_equilibrium, rest, {displacement: [...], velocity: [...]}, {mode: 1, amplitude: 1 mm}, "
         "{released_force: {position: 270 mm, force: 10 N}} or {orbit: case.h5, point: 12}",
@@ -123,19 +123,19 @@ Start = Annotated[
 class SpectrumSettings(Schema):
     """Which part of the run is analysed, and through which window."""
 
-    last: Duration | None = None
+    last: q.Duration | None = None
     """Analyse only this last part of the run; the whole run by default."""
-    periods: Count | None = None
+    periods: q.Count | None = None
     """Number of periods of the excitation to analyse at the end of the run, instead of last."""
     window: Literal["rectangular", "hann", "hamming", "blackman", "blackmanharris", "flattop", "decaying"] | None = None
     """Window function; decaying, the falling half of a Hann window, sees the beginning of a shock. By default decaying
     for a half-sine pulse, a step and a free or measured motion that dies away, hann for everything else."""
-    to: Frequency | None = None
+    to: q.Frequency | None = None
     """Highest frequency of the spectra; by default that of the modes kept and of the excitation."""
-    frequencies: tuple[Frequency, ...] = ()
+    frequencies: tuple[q.Frequency, ...] = ()
     """Frequencies whose amplitudes are listed among the lines, whether or not there is a line."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject two lengths, and a frequency given twice."""
         for index, frequency in enumerate(self.frequencies):
             if frequency in self.frequencies[:index]:
@@ -150,14 +150,14 @@ class ShockSpectrumSettings(FrequencyRange):
     changing: ClassVar[str] = "spectrum"
     suitable: ClassVar[str] = "give a range, from 10 Hz to 2 kHz"
 
-    quality: PositiveNumber = 10.0
+    quality: q.PositiveNumber = 10.0
     """Quality factor Q = 1 / (2 damping ratio) of the oscillators."""
-    per_octave: Count = 12
+    per_octave: q.Count = 12
     """Oscillators per octave."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject a range that falls, and oscillators that do not oscillate."""
-        super().settle()
+        super().check()
         if self.from_ > self.to:
             raise fail(f"= {self.to:g} Hz lies below from = {self.from_:g} Hz", "exchange the two", ("to",))
         if self.quality <= LEAST_QUALITY:
@@ -176,9 +176,9 @@ class ShockSpectrumSettings(FrequencyRange):
 class Run(Schema):
     """A run in time."""
 
-    duration: Duration
+    duration: q.Duration
     """Simulated time."""
-    sample_rate: Frequency | None = None
+    sample_rate: q.Frequency | None = None
     """Sample rate of the output; by default chosen from the excitation and the structure."""
     start: Start = "static_equilibrium"
     """Initial state: static_equilibrium, rest, polynomials, a mode, a force released, or a point of a continuation."""
@@ -192,11 +192,11 @@ class Run(Schema):
     """Exact: closed-form flow between contact events; reference: a time-stepping integrator, for comparison."""
     integrator: Literal["RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"] = "BDF"
     """SciPy integrator of the reference method."""
-    rtol: PositiveNumber = 1e-8
+    rtol: q.PositiveNumber = 1e-8
     """Relative tolerance of the reference method."""
-    atol: PositiveNumber = 1e-12
+    atol: q.PositiveNumber = 1e-12
     """Absolute tolerance of the reference method."""
-    low_pass: Frequency | None = None
+    low_pass: q.Frequency | None = None
     """Band of the accelerometers: peak accelerations are those behind a 4-pole Butterworth low-pass, -3 dB here."""
     impacts: ImpactSettings | None = None
     """Statistics of the impacts at each snubber; {} takes every contact as an impact. Not computed by default."""
@@ -205,19 +205,19 @@ class Run(Schema):
     default."""
     convergence: Literal["on", "off"] | None = None
     """Whether figures are compared with those of a finer model; by default on in a run, off in the cases of a study."""
-    max_events: Count = 1_000_000
+    max_events: q.Count = 1_000_000
     """Largest number of contact events, after which the run stops (chattering)."""
-    memory: Memory = 2e9
+    memory: q.Memory = 2e9
     """Bound on what a run keeps in memory: half of it for the motion between events (which ends when this is full), an
     eighth for the tables of contact states. Histories are computed and written in small parts. A motion under random
     input that does not fit is evaluated in stretches, see docs/performance.md."""
-    most_contact_states: Annotated[Count, Field(ge=2)] | None = None
+    most_contact_states: Annotated[q.Count, Field(ge=2)] | None = None
     """Contact states whose tables are kept at once; the least recently used makes room. By default those that fit
     into run.memory."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Refuse filters so fast against the run that they would take hours, or more than the memory."""
-        super().settle()
+        super().check()
         asked: list[tuple[Path, float, int]] = []
         if self.srs is not None:
             asked.append((("srs", "to"), self.srs.to, MOST_PERIODS))
@@ -231,22 +231,16 @@ class Run(Schema):
                     "give a lower frequency, 2 kHz for example, or a shorter run", at,
                 )  # fmt: skip
 
-    @property
-    def output_rate(self) -> float:
-        """The sample rate, Hz; a scenario always has one."""
-        assert self.sample_rate is not None
-        return self.sample_rate
-
 
 class Reduction(Schema):
     """Number of modes, in addition to the static vectors of contacts and loads."""
 
-    modes: Modes | None = None
+    modes: q.Modes | None = None
     """Number of modes, or all."""
-    highest_frequency: Frequency | None = None
+    highest_frequency: q.Frequency | None = None
     """Highest frequency of interest; the modes needed up to it are kept."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject two rules."""
         if self.modes is not None and self.highest_frequency is not None:
             raise fail("and modes exclude each other", "keep one of the two", ("highest_frequency",))

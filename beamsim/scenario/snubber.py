@@ -2,25 +2,86 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Tag
+from pydantic import Field, Tag
 
-from beamsim.scenario.base import BY_KIND, Path, Schema, Variants, fail
-from beamsim.scenario.force_table import ForceDeflection, MeasuredForces, as_measured, check_points
-from beamsim.scenario.maxwell import Maxwell
-from beamsim.scenario.names import Named
-from beamsim.scenario.place import AtPlace, BetweenPlaces, Sited, TwoPlaces
-from beamsim.scenario.quantities import (
-    Dashpot,
-    Gap,
-    MassNumber,
-    Name,
-    PositiveForce,
-    Ratio,
-    Stiffness,
-)
-from beamsim.scenario.spring import Pair, check_pair
+from beamsim.scenario import quantities as q
+from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, counted, fail
+from beamsim.scenario.place import AtPlace, BetweenPlaces, Named, Sited, TwoPlaces
+from beamsim.scenario.spring import Maxwell, Pair, check_pair
+
+ForcePoint = tuple[q.Gap, q.Force]
+"""Deflection and force."""
+ForcePoints = tuple[ForcePoint, ...]
+
+_START = "subtract the gap or the preload from the measured curve, and give it with gap or preload"
+
+
+class SegmentFit(Schema):
+    """A piecewise-linear curve through measured points."""
+
+    segments: Annotated[int, q.Whole(1, 50)]
+    """Number of straight lines."""
+
+
+class MeasuredForces(Schema):
+    """A force-deflection curve from a file, or one that is to be fitted."""
+
+    file: q.FileName | None = None
+    """CSV file, relative to the scenario's folder; headings state units: deflection (mm), force (N), time (s)."""
+    points: ForcePoints | None = None
+    """Pairs of deflection and force, instead of a file."""
+    fit: SegmentFit | None = None
+    """Fit the rising piecewise-linear curve through zero with so many segments; by default the points are the curve."""
+    scale: q.PositiveNumber = 1.0
+    """Factor of all forces; studies vary it, and identify_stiffness.nonlinear finds it from measured vibrations."""
+    segment_factors: tuple[q.PositiveNumber, ...] = ()
+    """Factor of the stiffness of each segment, from the first; 1 by default. Studies vary them, and
+    identify_stiffness.nonlinear finds them from vibrations at several levels."""
+
+    def check(self) -> None:
+        """Demand a file or points, and of points that are not fitted that they are a curve."""
+        if (self.file is None) == (self.points is None):
+            raise fail("needs file or points, one of them", "give file: pad.csv, or points: [[0 mm, 0 N], [1 mm, 9 N]]")
+        if self.points is not None and self.fit is None:
+            check_points(self.points, ("points",))
+        elif self.points is not None and len(self.points) < 2:
+            raise fail("has too few points to fit", "measure more points", ("points",))
+
+
+def check_points(points: ForcePoints, at: Path = ()) -> None:
+    """Reject points that are no rising curve from zero."""
+    if len(points) < 2:
+        raise fail(
+            f"has {counted(len(points), 'point')}", "give zero and at least one more: [[0 mm, 0 N], [1 mm, 9 N]]", at
+        )
+    if points[0] != (0.0, 0.0):
+        raise fail(f"starts at {points[0][0]:g} m, {points[0][1]:g} N instead of zero", _START, (*at, 0))
+    for index, ((x, force), (next_x, next_force)) in enumerate(pairwise(points), start=1):
+        if not next_x > x:
+            remedy = "list the points by increasing deflection, each once; give measured loops with fit: {segments: 5}"
+            raise fail(f"= {next_x:g} m does not lie above the one before, {x:g} m", remedy, (*at, index, 0))
+        if next_force < force:
+            remedy = "a stop whose force falls is not modelled; where it is noise, add fit: {segments: 5}"
+            raise fail(f"= {next_force:g} N falls below the one before, {force:g} N", remedy, (*at, index, 1))
+    if points[-1][1] == 0.0:
+        raise fail("has no force at all", "give the force at the largest deflection", (*at, len(points) - 1, 1))
+
+
+ForceDeflection = Annotated[
+    ForcePoints | q.FileName | MeasuredForces,
+    BY_FORM,
+]
+"""Pairs, the name of a file, or either with a fit."""
+
+
+def as_measured(value: Any) -> MeasuredForces:
+    """The curve in its long form."""
+    if isinstance(value, MeasuredForces):
+        return value
+    return MeasuredForces(file=value) if isinstance(value, str) else MeasuredForces(points=value)
 
 
 class SnubberRatioDamping(Schema):
@@ -31,7 +92,7 @@ class SnubberRatioDamping(Schema):
 
     kind: Literal["ratio"] = "ratio"
     """Dashpot by a damping ratio."""
-    ratio: Ratio
+    ratio: q.Ratio
     """Damping ratio, of the first natural frequency with only this snubber closed."""
 
 
@@ -40,28 +101,28 @@ class SnubberViscousDamping(Schema):
 
     kind: Literal["viscous"] = "viscous"
     """Dashpot by its coefficient."""
-    coefficient: Dashpot
+    coefficient: q.Dashpot
     """Force per unit velocity while in contact."""
 
 
-SnubberDamping = Annotated[SnubberRatioDamping | SnubberViscousDamping, BY_KIND]
+SnubberDamping = Annotated[SnubberRatioDamping | SnubberViscousDamping, BY_FORM]
 
 
 class Hardening(Schema):
     """A stop that is crushed: bilinear force with kinematic hardening."""
 
-    yield_force: PositiveForce
+    yield_force: q.PositiveForce
     """Contact force at which it begins to yield when it is loaded first."""
-    stiffness: Stiffness
+    stiffness: q.Stiffness
     """Stiffness while it yields, below that before."""
 
 
 class SnubberBase(Named):
     """Common part of all snubbers; N = k delta + c delta' while in contact."""
 
-    name: Name = ""
+    name: q.Name = ""
     """Name, unique; snubber_1, snubber_2, ... by default."""
-    stiffness: Stiffness | None = None
+    stiffness: q.Stiffness | None = None
     """Stiffness while in contact; this or force_deflection is needed."""
     force_deflection: ForceDeflection | None = None
     """Force over penetration instead of the stiffness: [[0 mm, 0 N], [1 mm, 9 N], ...], a CSV file, or {file: pad.csv,
@@ -72,27 +133,23 @@ class SnubberBase(Named):
     """Maxwell branches beside the spring or the table, any number of them; they ask for law: no_tension."""
     hardening: Hardening | None = None
     """Yielding beside the stiffness, which leaves the stop crushed; none by default."""
-    gap: Gap | None = None
+    gap_: q.Gap | None = Field(default=None, alias="gap")
     """Clearance: positive is backlash, negative prestress; 0 by default."""
-    preload: PositiveForce | None = None
+    preload: q.PositiveForce | None = None
     """Contact force at static equilibrium, instead of gap."""
-    law: Literal["kelvin_voigt", "no_tension"] = "kelvin_voigt"
+    law_: Literal["kelvin_voigt", "no_tension"] | None = Field(default=None, alias="law")
     """Kelvin_voigt: contact as long as there is penetration; no_tension: contact until the force would be tensile; by
     default kelvin_voigt, no_tension with Maxwell branches."""
 
-    def settle(self) -> None:
-        """Demand a stiffness or a table; reject gap and preload together; the default gap is 0."""
+    def check(self) -> None:
+        """Demand a stiffness or a table; reject gap and preload together."""
+        super().check()
         self._check_force()
         self._check_hardening()
-        if self.maxwell and "law" not in self.model_fields_set:
-            self.resolve("law", "no_tension")
         if self.maxwell and self.law != "no_tension":
             remedy = "write law: no_tension, or leave law out: a pad that pulls has no face that recovers"
             raise fail(f"= {self.law} does not go with maxwell", remedy, ("law",))
-        if self.preload is None:
-            if self.gap is None:
-                self.resolve("gap", 0.0)
-        elif self.gap is not None:
+        if self.preload is not None and self.gap_ is not None:
             raise fail(
                 "and gap exclude each other", "keep one of the two; the gap follows from the preload", ("preload",)
             )
@@ -122,6 +179,16 @@ class SnubberBase(Named):
         if self.damping is not None and self.law == "no_tension":
             remedy = "leave damping out, which makes no difference to never pulling, or write law: kelvin_voigt"
             raise fail("does not go with law: no_tension and hardening", remedy, ("damping",))
+
+    @property
+    def gap(self) -> float | None:
+        """Clearance, m; None where it follows from the preload."""
+        return None if self.preload is not None else self.gap_ or 0.0
+
+    @property
+    def law(self) -> Literal["kelvin_voigt", "no_tension"]:
+        """Until when there is contact."""
+        return self.law_ or ("no_tension" if self.maxwell else "kelvin_voigt")
 
     @property
     def table(self) -> MeasuredForces | None:
@@ -171,11 +238,6 @@ class _Stop(SnubberBase):
 class Snubber(Sited, _Stop):
     """A one-sided spring, with or without dashpot, between a place of a body and the base or the ground."""
 
-    def settle(self) -> None:
-        """Demand exactly one place."""
-        super().settle()
-        _Stop.settle(self)
-
 
 class BodySnubber(BetweenPlaces, SnubberBase):
     """A one-sided spring, with or without dashpot, between places of two bodies or of one."""
@@ -186,21 +248,13 @@ class BodySnubber(BetweenPlaces, SnubberBase):
     """Approach: a stop, met when the first moves up towards the second; separation: a cable, taut when they part."""
 
 
-def choose_sites(value: Any) -> str:
-    """Tag of a snubber of the scenario: at a place or between two."""
-    between = isinstance(value, BodySnubber) or (isinstance(value, dict) and value.get("between") is not None)
-    return "<between>" if between else "<place>"
-
-
-AnySnubber = Annotated[
-    Annotated[Snubber, Tag("<place>")] | Annotated[BodySnubber, Tag("<between>")], Variants(choose_sites)
-]
+AnySnubber = Annotated[Snubber | BodySnubber, BY_FORM]
 
 
 class MassSnubber(_Stop):
     """A one-sided spring, with or without dashpot, on a mass of a chain."""
 
-    mass: MassNumber
+    mass: q.MassNumber
     """Number of the mass, from 1."""
 
     @property
@@ -217,10 +271,10 @@ class LinkSnubber(SnubberBase):
     resists: Literal["approach", "separation"] = "approach"
     """Approach: a bumper that acts when the masses approach; separation: a cable that acts when they separate."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand two different masses."""
         check_pair(self.between, "between")
-        super().settle()
+        super().check()
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
@@ -249,8 +303,8 @@ def choose_place(value: Any) -> str | None:
 ChainSnubber = Annotated[
     Annotated[MassSnubber, Tag("<mass>")] | Annotated[LinkSnubber, Tag("<between>")],
     Variants(
-        choose_place,
         "must name one mass or the two it acts between",
         "give mass: 1 with side: below or above, or between: [1, 2] with resists: approach or separation, not both",
+        choose_place,
     ),
 ]

@@ -10,11 +10,9 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_KIND, Schema, counted, fail
-from beamsim.scenario.maxwell import Maxwell
-from beamsim.scenario.names import Named
-from beamsim.scenario.place import AtPlace, BetweenPlaces, Sited, TwoPlaces
-from beamsim.scenario.quantities import CubicStiffness, MassNumber, Name, NonNegativeStiffness, Quantity
+from beamsim.scenario.base import BY_FORM, Schema, counted, fail
+from beamsim.scenario.place import AtPlace, BetweenPlaces, Named, Sited, TwoPlaces
+from beamsim.scenario.quantities import CubicStiffness, Duration, MassNumber, Name, NonNegativeStiffness, Quantity
 
 Stretch = Annotated[float, Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
 Pair = Annotated[tuple[MassNumber, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
@@ -30,6 +28,15 @@ def check_pair(masses: tuple[int, ...], key: str) -> None:
         )
     if masses[0] == masses[1]:
         raise fail(f"= [{masses[0]}, {masses[1]}] connects a mass to itself", "give two different masses", (key,))
+
+
+class Maxwell(Schema):
+    """A spring in series with a dashpot, beside what it is given for."""
+
+    stiffness: NonNegativeStiffness
+    """Stiffness of its spring: what a sudden deflection adds."""
+    relaxation_time: Duration
+    """Time in which its force falls by the factor e at a constant deflection: dashpot over stiffness."""
 
 
 class Spring(Named):
@@ -57,10 +64,10 @@ class BetweenMasses(Spring):
     masses: Pair
     """Numbers of the two masses; the stretch is positive when they separate."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Demand two different masses."""
         check_pair(self.masses, "masses")
-        super().settle()
+        super().check()
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
@@ -70,10 +77,6 @@ class BetweenMasses(Spring):
 
 class AtPoint(Sited, Spring):
     """A spring from a point of a body to the ground."""
-
-    def settle(self) -> None:
-        """Demand exactly one place."""
-        Sited.settle(self)
 
 
 class BetweenPoints(BetweenPlaces, Spring):
@@ -122,7 +125,7 @@ class PiecewiseLinearSpring(Schema):
     maxwell: tuple[Maxwell, ...] = ()
     """Maxwell branches beside it, any number of them."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Check the lengths and the order."""
         bends, slopes = len(self.breakpoints), len(self.stiffnesses)
         if not bends:
@@ -140,7 +143,7 @@ class PiecewiseLinearSpring(Schema):
                     "list the breakpoints from the lowest to the highest, each once",
                     ("breakpoints", index),
                 )
-        super().settle()
+        super().check()
 
     @property
     def number_at_rest(self) -> int:
@@ -203,7 +206,7 @@ class PiecewiseLinearSpringBetween(PiecewiseLinearSpring, BetweenPoints):
     """A piecewise-linear spring between two points."""
 
 
-GroundSpring = Annotated[LinearGroundSpring | CubicGroundSpring | PiecewiseLinearGroundSpring, BY_KIND]
-LinkSpring = Annotated[LinearLinkSpring | CubicLinkSpring | PiecewiseLinearLinkSpring, BY_KIND]
-PointGroundSpring = Annotated[LinearPointSpring | CubicPointSpring | PiecewiseLinearPointSpring, BY_KIND]
-PointLinkSpring = Annotated[LinearSpringBetween | CubicSpringBetween | PiecewiseLinearSpringBetween, BY_KIND]
+GroundSpring = Annotated[LinearGroundSpring | CubicGroundSpring | PiecewiseLinearGroundSpring, BY_FORM]
+LinkSpring = Annotated[LinearLinkSpring | CubicLinkSpring | PiecewiseLinearLinkSpring, BY_FORM]
+PointGroundSpring = Annotated[LinearPointSpring | CubicPointSpring | PiecewiseLinearPointSpring, BY_FORM]
+PointLinkSpring = Annotated[LinearSpringBetween | CubicSpringBetween | PiecewiseLinearSpringBetween, BY_FORM]

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self
+from fractions import Fraction
+from math import log2
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from beamsim.scenario.base import BY_KIND, fail
+from beamsim.scenario import quantities as q
+from beamsim.scenario.base import BY_FORM, fail
 from beamsim.scenario.continuation import Continuation, refuse_empty_levels
-from beamsim.scenario.level_profile import Between, Notch, ProfilePoint, check_profile
-from beamsim.scenario.limits import OutputLimitType
-from beamsim.scenario.quantities import (
-    Count,
-    FileName,
-    Frequency,
-    Level,
-    LevelValue,
-    PositiveNumber,
-    SteppedCount,
-    SweepRate,
-)
-from beamsim.scenario.ranges import FrequencyRange
+from beamsim.scenario.driven import Between, FrequencyRange, Notch, ProfilePoint, check_profile
+from beamsim.scenario.limits import OutputLimit
+from beamsim.scenario.quantities import meant
 
 HIGHEST_ORDER = 64
 _NOTCHES: dict[str, Any] = {"examples": [{"probes.tip.acceleration": "20 g", "base.force": "2 kN"}]}
@@ -30,12 +23,12 @@ _NOTCHES: dict[str, Any] = {"examples": [{"probes.tip.acceleration": "20 g", "ba
 class _UpAndDown(FrequencyRange):
     """Common part of sweeps with a direction."""
 
-    levels: tuple[Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
+    levels: tuple[q.Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
     """Levels, with one sweep for each; by default the level of the excitation."""
 
     direction: Literal["up", "down", "both"] = "up"
     """Up, down, or up and then down."""
-    orders: tuple[PositiveNumber, ...] = (0.5, 1.0, 2.0, 3.0, 4.0)
+    orders: tuple[q.PositiveNumber, ...] = (0.5, 1.0, 2.0, 3.0, 4.0)
     """Harmonics that are tracked: multiples of the excitation frequency, 0.5 for the first subharmonic."""
     accelerations: bool = True
     """Whether absolute accelerations of the probes are stored in addition to relative displacements."""
@@ -43,18 +36,16 @@ class _UpAndDown(FrequencyRange):
     """Whether impacts per cycle, their impulse, time in contact, energy lost and highest speed are computed, and of
     friction slides, distance, energy lost and wear power."""
 
-    def settle(self) -> None:
+    def check(self) -> None:
         """Reject a range that contradicts the direction, and orders that cannot be tracked."""
         refuse_empty_levels(self)
-        super().settle()
+        super().check()
         if self.from_ > self.to:
             raise fail(
                 f"= {self.to:g} Hz lies below sweep.from = {self.from_:g} Hz",
                 "write the lower frequency as from, and direction: down",
                 ("to",),
             )
-        from fractions import Fraction
-
         for index, order in enumerate(self.orders):
             if order > HIGHEST_ORDER or abs(Fraction(order).limit_denominator(12) - Fraction(order)) > 1e-3:
                 raise fail(
@@ -62,11 +53,11 @@ class _UpAndDown(FrequencyRange):
                     f"give whole numbers or simple fractions up to {HIGHEST_ORDER}: 0.5, 1, 1.5, 2",
                     ("orders", index),
                 )
-        self.resolve("orders", tuple(sorted({float(Fraction(o).limit_denominator(12)) for o in self.orders})))
 
-    def plain_levels(self) -> Self:
-        """The same without what the units of the levels said."""
-        return self.model_copy(update={"levels": tuple(float(level) for level in self.levels)})
+    @property
+    def tracked_orders(self) -> tuple[float, ...]:
+        """The orders as fractions that repeat within 12 cycles, each once, increasing."""
+        return tuple(sorted({float(Fraction(order).limit_denominator(12)) for order in self.orders}))
 
 
 class SweptSine(_UpAndDown):
@@ -74,7 +65,7 @@ class SweptSine(_UpAndDown):
 
     kind: Literal["swept_sine"] = "swept_sine"
     """A continuous sweep."""
-    rate: SweepRate
+    rate: q.SweepRate
     """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
     profile: tuple[ProfilePoint, ...] = ()
     """A table of levels, each from a frequency on, instead of one level (`levels` are then factors on it)."""
@@ -82,36 +73,42 @@ class SweptSine(_UpAndDown):
     """Between the points of the profile: each level held, or log-log interpolation."""
     notches: tuple[Notch, ...] = ()
     """Frequency ranges in which a level is not exceeded."""
-    profile_file: FileName | None = None
+    profile_file: q.FileName | None = None
     """A CSV file with the table of levels: a frequency and a level in each row, interpolated log-log (`levels` are then
     factors on it). Its path is relative to the folder of the scenario."""
-    notch_to: dict[str, Annotated[float, OutputLimitType()]] | None = Field(default=None, json_schema_extra=_NOTCHES)
+    notch_to: dict[str, OutputLimit] | None = Field(default=None, json_schema_extra=_NOTCHES)
     """Limits to which the level is lowered: {probes.tip.acceleration: 20 g, base.force: 2 kN}. Names are
     probes.<name>.acceleration or .displacement, snubbers.<name>.force, base.force and outputs.<name>."""
-    tolerance: PositiveNumber = 1e-12
+    tolerance: q.PositiveNumber = 1e-12
     """Bound on the truncation error of the sine, relative to its amplitude."""
-    history_rate: Frequency | None = None
+    history_rate: q.Frequency | None = None
     """Sample rate of the time history; without it only values per cycle are stored."""
 
-    def settle(self) -> None:
+    @property
+    def duration(self) -> float:
+        """Time of the sweep, up and down, s."""
+        once = log2(self.to / self.from_) if self.rate.unit == "oct/s" else self.to - self.from_
+        return (2.0 if self.direction == "both" else 1.0) * once / self.rate.value
+
+    def check(self) -> None:
         """Reject a table that does not increase, and unusable tolerances."""
-        super().settle()
+        super().check()
         check_profile(self.profile, self.between)
         if self.profile and self.profile_file is not None:
             raise fail("is given beside profile", "leave one of them out", ("profile_file",))
         if self.notch_to is not None:
-            self._settle_notches(self.notch_to)
+            self._check_notches(self.notch_to)
         for index, level in enumerate(self.levels if self.profile or self.profile_file is not None else ()):
-            if isinstance(level, LevelValue) and level.quantity is not None:
+            if (said := meant(level)) is not None:
                 raise fail(
-                    f"is given in a unit of {level.quantity}, but multiplies the levels of the profile",
+                    f"is given in a unit of {said}, but multiplies the levels of the profile",
                     "give plain numbers: levels: [0.5, 1, 2]",
                     ("levels", index),
                 )
         if not 1e-13 <= self.tolerance <= 1e-3:
             raise fail(f"= {self.tolerance:g} cannot be guaranteed", "use 1e-13 to 1e-3", ("tolerance",))
 
-    def _settle_notches(self, limits: Mapping[str, float]) -> None:
+    def _check_notches(self, limits: Mapping[str, float]) -> None:
         """Automatic notches need one direction and positive levels, and accelerations where these are limited."""
         if not limits:
             raise fail("limits nothing", "give for example notch_to: {probes.tip.acceleration: 20 g}", ("notch_to",))
@@ -137,18 +134,18 @@ class SteppedSine(_UpAndDown):
 
     kind: Literal["stepped"] = "stepped"
     """Steady states, frequency by frequency."""
-    points: SteppedCount = 100
+    points: q.SteppedCount = 100
     """Number of frequencies."""
     spacing: Literal["logarithmic", "linear"] = "linear"
     """How the frequencies are spaced."""
-    steady_to: PositiveNumber = 1e-6
+    steady_to: q.PositiveNumber = 1e-6
     """A motion is steady if it repeats to this fraction of its size."""
-    most_cycles: Count = 2000
+    most_cycles: q.Count = 2000
     """Largest number of cycles at one frequency."""
-    longest_period: Count = 8
+    longest_period: q.Count = 8
     """Longest period considered, in cycles of the excitation."""
-    measured_cycles: Count = 8
+    measured_cycles: q.Count = 8
     """Smallest number of cycles measured after the motion is steady."""
 
 
-Sweep = Annotated[SweptSine | SteppedSine | Continuation, BY_KIND]
+Sweep = Annotated[SweptSine | SteppedSine | Continuation, BY_FORM]

@@ -1,4 +1,4 @@
-"""YAML as a tree that remembers the file and line of every value.
+"""YAML as data that remember the file and line of every value, and back to text.
 
 PyYAML by itself reads ``2e5`` as text, ``off`` as false, and keeps the last of two equal keys in
 silence. Here numbers and booleans are those of YAML 1.2, and equal keys are refused. Anchors, aliases
@@ -8,8 +8,8 @@ and merge keys (``<<``) work.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
 
@@ -24,97 +24,63 @@ MOST_NODES = 200_000
 """A file that unfolds to more values than this (aliases of aliases) is refused."""
 
 
-@dataclass
-class Node:
-    """A value and where it was written; ``value`` is a dict or list of nodes, or a scalar."""
-
-    value: Any
-    file: str | None = None
-    line: int | None = None
-
-    def plain(self) -> Any:
-        """Return the value without locations."""
-        if isinstance(self.value, dict):
-            return {key: item.plain() for key, item in self.value.items()}
-        if isinstance(self.value, list):
-            return [item.plain() for item in self.value]
-        return self.value
-
-    def copy(self) -> Node:
-        """Return a tree of its own."""
-        if isinstance(self.value, dict):
-            return replace(self, value={key: item.copy() for key, item in self.value.items()})
-        if isinstance(self.value, list):
-            return replace(self, value=[item.copy() for item in self.value])
-        return replace(self)
+Mark = tuple[str | None, int | None]
+"""File and line."""
+NOWHERE: Mark = (None, None)
 
 
-def from_python(value: object, file: str | None = None, line: int | None = None) -> Node:
-    """Return the tree of a Python value: mappings, sequences, numbers (NumPy's too), text."""
+class WrittenMapping(dict[str, Any]):
+    """A mapping, where it was written, and where the value of each key was."""
+
+    def __init__(self, items: Mapping[str, Any], mark: Mark = NOWHERE, marks: Mapping[str, Mark] | None = None) -> None:
+        super().__init__(items)
+        self.mark = mark
+        self.marks: dict[Any, Mark] = dict(marks or {})
+
+
+class WrittenList(list[Any]):
+    """A list, and where each of its items was written."""
+
+    def __init__(self, items: Iterable[Any], marks: Iterable[Mark] = ()) -> None:
+        super().__init__(items)
+        self.marks: dict[Any, Mark] = dict(enumerate(marks))
+
+
+def from_python(value: object) -> Any:
+    """Plain data of a Python value: mappings, sequences, numbers (NumPy's too), text; none of it has a place."""
     if isinstance(value, Mapping):
-        return Node({str(key): from_python(item, file, line) for key, item in value.items()}, file, line)
+        return WrittenMapping({str(key): from_python(item) for key, item in value.items()})
     if isinstance(value, (list, tuple)):
-        return Node([from_python(item, file, line) for item in value], file, line)
+        return WrittenList(from_python(item) for item in value)
     if isinstance(value, (bool, str)) or value is None:
-        return Node(value, file, line)
+        return value
     if isinstance(value, Integral):
-        return Node(int(value), file, line)
+        return int(value)
     if isinstance(value, Real):
-        return Node(float(value), file, line)
-    if hasattr(value, "tolist"):  # NumPy arrays and scalars
-        return from_python(value.tolist(), file, line)
-    return Node(value, file, line)
+        return float(value)
+    return from_python(value.tolist()) if hasattr(value, "tolist") else value  # NumPy arrays and scalars
 
 
-def locate(root: Node, path: Path) -> tuple[str | None, int | None]:
+def locate(root: Any, path: Path) -> Mark:
     """Return file and line of the value at a path, or of the nearest enclosing one."""
-    node = root
-    where: tuple[str | None, int | None] = (root.file, None)
+    value, mark = root, (root.mark[0], None)
     for part in path:
-        inner = _inner(node, part)
-        if inner is None:
+        inside = part in value if isinstance(value, dict) else isinstance(value, list) and part in range(len(value))
+        if not inside:
             break
-        node = inner
-        where = (node.file, node.line)
-    return where
+        mark, value = value.marks.get(part, NOWHERE), value[part]
+    return mark
 
 
-def node_at(root: Node, path: Path) -> Node:
-    """Return the value at a path.
-
-    Raises
-    ------
-    KeyError
-        If there is none.
-    """
-    for part in path:
-        inner = _inner(root, part)
-        if inner is None:
-            raise KeyError(part)
-        root = inner
-    return root
-
-
-def located(root: Node, path: Path, problem: Problem) -> Problem:
-    """Return the problem with the file and line of the value at a path."""
-    file, line = locate(root, path)
+def located_problem(root: Any, problem: Problem) -> Problem:
+    """Return the problem with the file and line of the value at its path."""
+    file, line = locate(root, path_parts(problem.path))
     return replace(problem, file=file, line=line)
 
 
 def path_parts(path: str) -> Path:
     """Return ``snubbers[0].gap`` as keys and indices."""
     return tuple(int(match[2]) if match[2] else match[1] for match in re.finditer(r"([^.\[\]]+)|\[(\d+)\]", path))
-
-
-def _inner(node: Node, part: str | int) -> Node | None:
-    """Return the value at a key or index, or None."""
-    if isinstance(node.value, dict):
-        inner: Node | None = node.value.get(part)
-        return inner
-    if isinstance(node.value, list) and isinstance(part, int) and part < len(node.value):
-        item: Node = node.value[part]
-        return item
-    return None
 
 
 class _Loader(yaml.SafeLoader):
@@ -134,8 +100,8 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(_TAG + _tag, re.compile(rf"(?:{_pattern})\Z"), list(_first))
 
 
-def parse(text: str, file: str | None = None) -> Node:
-    """Read one YAML document.
+def parse(text: str, file: str | None = None) -> Any:
+    """Read one YAML document: mappings and lists that know where they were written, and scalars.
 
     Raises
     ------
@@ -159,15 +125,15 @@ def parse(text: str, file: str | None = None) -> Node:
         message = "is nested too deeply" if isinstance(error, RecursionError) else f"is not YAML: {error}"
         raise ScenarioError(Problem("", message, "check the brackets", file)) from None
     if document is None:
-        return Node(None, file, None)
+        return None
     reader = _Reader(file)
     try:
-        node = reader.node(document, (), document.start_mark.line + 1)
+        data = reader.data(document, ())
     except RecursionError:
         raise ScenarioError(Problem("", "is nested too deeply", "check the brackets", file)) from None
     if reader.problems:
         raise ScenarioError(reader.problems)
-    return node
+    return data
 
 
 def _open_bracket(error: yaml.MarkedYAMLError, text: str) -> str:
@@ -218,7 +184,7 @@ def _syntax_problem(error: yaml.MarkedYAMLError, text: str, file: str | None) ->
 
 
 class _Reader:
-    """Turns PyYAML's nodes into ours."""
+    """Turns PyYAML's nodes into data that know their places."""
 
     def __init__(self, file: str | None) -> None:
         self.file = file
@@ -226,70 +192,72 @@ class _Reader:
         self.open: set[int] = set()
         self.count = 0
 
-    def node(self, node: yaml.Node, path: Path, line: int) -> Node:
+    def data(self, node: yaml.Node, path: Path) -> Any:
         self.count += 1
         if self.count > MOST_NODES:
             raise ScenarioError(
                 Problem("", f"unfolds to more than {MOST_NODES} values", "use fewer aliases", self.file)
             )
         if id(node) in self.open:
-            self._problem(path, "contains itself through an alias", "remove the alias", node.start_mark.line + 1)
-            return Node(None, self.file, line)
+            self._problem(path, "contains itself through an alias", "remove the alias", node)
+            return None
         self.open.add(id(node))
         try:
             if isinstance(node, yaml.MappingNode):
                 self._plain_tag(node, "map", path)
-                return Node(self._mapping(node, path), self.file, line)
+                return self._mapping(node, path)
             if isinstance(node, yaml.SequenceNode):
                 self._plain_tag(node, "seq", path)
-                items = [
-                    self.node(item, (*path, index), item.start_mark.line + 1) for index, item in enumerate(node.value)
-                ]
-                return Node(items, self.file, line)
-            assert isinstance(node, yaml.ScalarNode)
-            return Node(self._scalar(node, path), self.file, line)
+                items = [self.data(item, (*path, index)) for index, item in enumerate(node.value)]
+                return WrittenList(items, map(self._mark, node.value))
+            return self._scalar(node, path)
         finally:
             self.open.discard(id(node))
 
-    def _problem(self, path: Path, message: str, remedy: str, line: int) -> None:
-        self.problems.append(Problem(path_text(path), message, remedy, self.file, line))
+    def _mark(self, node: yaml.Node) -> Mark:
+        return self.file, node.start_mark.line + 1
+
+    def _problem(self, path: Path, message: str, remedy: str, node: yaml.Node) -> None:
+        self.problems.append(Problem(path_text(path), message, remedy, *self._mark(node)))
 
     def _plain_tag(self, node: yaml.Node, tag: str, path: Path) -> None:
         if node.tag != _TAG + tag:
-            self._problem(path, f"has the tag {node.tag}", "remove the tag", node.start_mark.line + 1)
+            self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
 
-    def _mapping(self, node: yaml.MappingNode, path: Path) -> dict[str, Node]:
-        items: dict[str, Node] = {}
-        merged: dict[str, Node] = {}
+    def _mapping(self, node: yaml.MappingNode, path: Path) -> WrittenMapping:
+        items, merged = WrittenMapping({}, self._mark(node)), WrittenMapping({})
         lines: dict[str, int] = {}
         for key_node, value_node in node.value:
-            line = key_node.start_mark.line + 1
             if key_node.tag == _TAG + "merge":
-                for name, item in self._merged(value_node, path, line):
-                    merged.setdefault(name, item)
+                for source in self._merged(value_node, path, key_node):
+                    merged.update({key: value for key, value in source.items() if key not in merged})
+                    merged.marks = source.marks | merged.marks
                 continue
             key = key_node.value
             if not isinstance(key_node, yaml.ScalarNode) or key_node.tag not in (_TAG + "str", _TAG + "bool"):
                 shown = single_line(key) if isinstance(key, str) else "a list or mapping"
-                self._problem(path, f"has the key {shown}, which is not text", "name the key", line)
+                self._problem(path, f"has the key {shown}, which is not text", "name the key", key_node)
                 continue
-            value_line = value_node.start_mark.line + 1
-            item = self.node(value_node, (*path, key), value_line if isinstance(value_node.value, str) else line)
+            value = self.data(value_node, (*path, key))
             if key in items:
-                self._problem((*path, key), f"is given twice, first in line {lines[key]}", "keep one of the two", line)
+                message = f"is given twice, first in line {lines[key]}"
+                self._problem((*path, key), message, "keep one of the two", key_node)
                 continue
-            items[key], lines[key] = item, line
-        return items | {key: item for key, item in merged.items() if key not in items}
+            items[key], lines[key] = value, key_node.start_mark.line + 1
+            items.marks[key] = self._mark(value_node if isinstance(value_node.value, str) else key_node)
+        for key in merged.keys() - items.keys():
+            items.marks[key] = merged.marks.get(key, NOWHERE)
+        items.update({key: value for key, value in merged.items() if key not in items})
+        return items
 
-    def _merged(self, node: yaml.Node, path: Path, line: int) -> Iterator[tuple[str, Node]]:
-        sources = node.value if isinstance(node, yaml.SequenceNode) else [node]
-        for source in sources:
-            if not isinstance(source, yaml.MappingNode):
-                self._problem(path, "merges (<<) what is not a mapping", "merge an alias of a mapping: <<: *name", line)
-                continue
-            yield from self.node(source, path, line).value.items()
+    def _merged(self, node: yaml.Node, path: Path, key: yaml.Node) -> Iterator[WrittenMapping]:
+        for source in node.value if isinstance(node, yaml.SequenceNode) else [node]:
+            if isinstance(source, yaml.MappingNode):
+                yield self.data(source, path)
+            else:
+                self._problem(path, "merges (<<) what is not a mapping", "merge an alias of a mapping: <<: *name", key)
 
-    def _scalar(self, node: yaml.ScalarNode, path: Path) -> object:
+    def _scalar(self, node: yaml.Node, path: Path) -> object:
         text: str = node.value
         kind = node.tag.removeprefix(_TAG)
         try:
@@ -305,12 +273,43 @@ class _Reader:
                 lower = text.lower()
                 return float(lower.replace(".inf", "inf").replace(".nan", "nan"))
         except (ValueError, KeyError):
-            self._problem(
-                path,
-                f"= {single_line(text)} is not a valid {kind}",
-                "correct it, or remove its tag",
-                node.start_mark.line + 1,
-            )
+            self._problem(path, f"= {single_line(text)} is not a valid {kind}", "correct it, or remove its tag", node)
             return None
-        self._problem(path, f"has the tag {node.tag}", "remove the tag", node.start_mark.line + 1)
+        self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
         return None
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes text that YAML 1.1 or YAML 1.2 would read as something else."""
+
+
+_Dumper.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"),
+    list("-+.0123456789"),
+)
+
+
+def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    """Escape the line break U+0085, which PyYAML writes as it is and reads back as a space."""
+    style = '"' if "\x85" in text else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Dumper.add_representer(str, _represent_text)
+
+_FIRST = ("name", "kind", "body", "at", "position", "mass", "between", "masses", "applied_to", "level")
+
+
+def dumped(data: Any) -> str:
+    """Plain data as YAML text, the keys that say what a mapping is first."""
+    return yaml.dump(
+        _ordered(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120
+    )
+
+
+def _ordered(value: Any) -> Any:
+    if isinstance(value, dict):
+        keys = [*(key for key in _FIRST if key in value), *(key for key in value if key not in _FIRST)]
+        return {key: _ordered(value[key]) for key in keys}
+    return [_ordered(item) for item in value] if isinstance(value, list) else value

@@ -1,9 +1,8 @@
 """Conversion of values as written (``151.1 kN/m``, ``2 g``, ``60 rpm``) to SI numbers.
 
-A bare number is SI. A string with a unit is read by pint, which is imported only for units that are not among the
-common ones (`beamsim.scenario.common_units`). Four things differ from plain pint:
+A bare number is SI. Besides what SI and imperial units mean anyway:
 
-- a frequency is in Hz, so ``0.8 rad/s`` is 0.1273 Hz and ``60 rpm`` is 1 Hz (pint: 0.8 and 6.28);
+- a frequency is in Hz, so ``0.8 rad/s`` is 0.1273 Hz and ``60 rpm`` is 1 Hz;
 - ``g`` is standard gravity in an acceleration or its power spectral density, gram in a mass;
 - ``oct/min`` and ``dec/min`` are sweep rates;
 - angles and percent are not interchangeable with plain numbers.
@@ -19,10 +18,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache, lru_cache
-from typing import Any
-
-from beamsim.scenario.common_units import common_factor
+from functools import lru_cache
 
 
 @dataclass(frozen=True)
@@ -39,10 +35,6 @@ class Dimension:
     def with_article(self) -> str:
         """The name after a or an."""
         return f"{'an' if self.name[0] in 'aeiou' else 'a'} {self.name}"
-
-    def show(self, value: float) -> str:
-        """Return the value with its SI unit, as messages print it."""
-        return f"{value:.6g} {self.unit}".rstrip()
 
 
 LARGEST = 1e30
@@ -98,10 +90,6 @@ _UNIT = re.compile(r"[A-Za-zµμΩ°%_][\w°%²³⁴¹⁻/*·⋅^()+\-. ]*|1\s*/
 _PLAIN_POWER = re.compile(r"(?<=[A-Za-zµμ])([2-4])(?![\w.])")  # m/s2, kg/m3: a numeral that ends the name of a unit
 _TOWER = re.compile(r"\d{3,}|(\^|\*\*)[\s()+\-]*[\d.]+[\s()]*(\^|\*\*)")
 _GRAVITY = re.compile(r"(?<![A-Za-z_µμ])(m?)g(?![A-Za-z_0-9])")
-_OWN_NAMES = re.compile(r"(?<![A-Za-z_µμ])(rev|revs)(?![A-Za-z_0-9])")
-_ANGULAR = frozenset({"radian", "degree", "turn", "revolutions_per_minute", "revolutions_per_second"})
-_ANGULAR_NAMES = _ANGULAR | {"arcminute", "arcsecond", "milliarcsecond", "grade", "mil", "milliradian"}
-_PER_ANGLE = "/rad"
 _SPELLINGS = {
     unit.lower(): unit
     for unit in ("m", "mm", "cm", "um", "kg", "g", "s", "ms", "N", "kN", "Hz", "kHz", "Pa", "kPa", "MPa", "GPa", "J")
@@ -140,6 +128,161 @@ def _note(dimension: Dimension, unit: str) -> None:
         counted[dimension, unit] += 1
 
 
+# --- the table of units -----------------------------------------------------------------------------------------------
+
+Powers = tuple[tuple[str, int], ...]
+"""Base units and their powers, in alphabetical order."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit as its SI size, ``factor`` times pi to the power ``pi``, and its base units."""
+
+    factor: Fraction = Fraction(1)
+    pi: int = 0
+    powers: Powers = ()
+
+    def times(self, other: Unit, power: int) -> Unit:
+        """The product with a power of another unit."""
+        powers = Counter(dict(self.powers))
+        for base, of in other.powers:
+            powers[base] += power * of
+        left = tuple(sorted((base, of) for base, of in powers.items() if of))
+        return Unit(self.factor * other.factor**power, self.pi + power * other.pi, left)
+
+    @property
+    def angle(self) -> int:
+        """Power of the radian."""
+        return dict(self.powers).get("rad", 0)
+
+    @property
+    def without_angle(self) -> Powers:
+        """The other base units."""
+        return tuple(item for item in self.powers if item[0] != "rad")
+
+
+_PREFIXES = {
+    "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "d": -1, "c": -2, "m": -3, "u": -6, "µ": -6, "μ": -6, "n": -9, "p": -12,
+    "giga": 9, "mega": 6, "kilo": 3, "centi": -2, "milli": -3, "micro": -6, "nano": -9,
+}  # fmt: skip
+_WITH_PREFIX = {
+    "m": "", "g": "1/1000 kg", "s": "", "N": "kg m s-2", "Pa": "kg m-1 s-2", "J": "kg m2 s-2", "W": "kg m2 s-3",
+    "Hz": "s-1", "rad": "", "bar": "100000 kg m-1 s-2", "l": "1/1000 m3", "L": "1/1000 m3", "byte": "", "B": "byte",
+    "V": "", "A": "", "K": "", "C": "A s",
+}  # fmt: skip
+_ALONE = {
+    "%": "1/100", "percent": "1/100", "ppm": "1/1000000",
+    "min": "60 s", "h": "3600 s", "hr": "3600 s", "hour": "3600 s", "day": "86400 s",
+    "t": "1000 kg", "tonne": "1000 kg",
+    "in": "0.0254 m", "ft": "0.3048 m", "yd": "0.9144 m", "mile": "1609.344 m", "thou": "0.0000254 m",
+    "lb": "0.45359237 kg", "lbm": "0.45359237 kg", "oz": "0.028349523125 kg", "lbf": "4.4482216152605 kg m s-2",
+    "slug": "{4.4482216152605/0.3048} kg", "kgf": "9.80665 kg m s-2", "kp": "9.80665 kg m s-2",
+    "dyn": "1/100000 kg m s-2",
+    "kip": "4448.2216152605 kg m s-2", "psi": "{4.4482216152605/0.0254/0.0254} kg m-1 s-2",
+    "ksi": "{4448.2216152605/0.0254/0.0254} kg m-1 s-2", "atm": "101325 kg m-1 s-2", "Wh": "3600 kg m2 s-2",
+    "g_0": "9.80665 m s-2", "gravity": "9.80665 m s-2", "degC": "degC", "degF": "degF", "dB": "dB",
+}  # fmt: skip
+_OF_TURN = {
+    "turn": "2", "rev": "2", "revolution": "2", "cycle": "2", "deg": "1/180", "degree": "1/180", "arcmin": "1/10800",
+    "arcsec": "1/648000", "grade": "1/200", "gon": "1/200", "mil": "1/3200",
+}  # fmt: skip
+"""Angles, in units of pi."""
+_SPELT_OUT = {
+    "meter": "m", "metre": "m", "gram": "g", "second": "s", "sec": "s", "newton": "N", "pascal": "Pa", "joule": "J",
+    "watt": "W", "hertz": "Hz", "radian": "rad", "minute": "min", "inch": "in", "inches": "in", "foot": "ft",
+    "feet": "ft", "pound": "lb", "liter": "l", "litre": "l", "volt": "V", "ampere": "A", "cps": "Hz", "bytes": "byte",
+}  # fmt: skip
+
+
+def _defined(text: str) -> Unit:
+    """A unit of the tables: its size, where that is not 1, and base units with their powers."""
+    unit = Unit()
+    for part in text.split():
+        if part[0].isdigit():
+            unit = Unit(Fraction(part))
+        elif part[0] == "{":
+            first, *divisors = (Fraction(number) for number in part[1:-1].split("/"))
+            unit = Unit(first / math.prod(divisors))
+        else:
+            base, power = re.fullmatch(r"([A-Za-z]+)(-?\d?)", part).groups()  # type: ignore[union-attr]
+            unit = unit.times(Unit(powers=((base, 1),)), int(power or 1))
+    return unit
+
+
+def _named(symbol: str, gravity: bool) -> Unit | None:
+    """A unit by its symbol or name, with or without a prefix; None for an unknown one."""
+    if gravity and symbol in ("g", "mg"):
+        return Unit(Fraction("9.80665") / (1000 if symbol == "mg" else 1), 0, (("m", 1), ("s", -2)))
+    for name in (symbol, symbol.removesuffix("s")):
+        name = _SPELT_OUT.get(name, name)
+        if name in _WITH_PREFIX:
+            return _defined(_WITH_PREFIX[name] or name)
+        if name in _ALONE:
+            return _defined(_ALONE[name])
+        if name in _OF_TURN:
+            return Unit(Fraction(_OF_TURN[name]), 1, (("rad", 1),))
+        if name in ("rpm", "rps"):
+            return Unit(Fraction(2, 60 if name == "rpm" else 1), 1, (("rad", 1), ("s", -1)))
+        for prefix, power in _PREFIXES.items():
+            rest = name.removeprefix(prefix)
+            rest = _SPELT_OUT.get(rest, rest) if len(prefix) > 1 else rest
+            if rest != name and rest in _WITH_PREFIX:
+                return Unit(Fraction(10) ** power).times(_defined(_WITH_PREFIX[rest] or rest), 1)
+    return None
+
+
+_SUPERSCRIPTS = str.maketrans("²³⁴¹⁻", "2341-")
+_FACTOR = re.compile(r"\s*([*/]?)\s*(?:(\()|(1)(?=\s*/)|([A-Za-zµμ_]+|%)(?:\s*\^\s*(-?\d|\(-?\d\)))?)")
+
+
+@lru_cache(maxsize=1024)
+def _unit(text: str, gravity: bool) -> Unit:
+    """Parse a unit; ``gravity`` makes ``g`` standard gravity.
+
+    Raises
+    ------
+    UnitError
+        If it is no product and quotient of known units.
+    """
+    if _RATE.fullmatch(text):
+        raise UnitError("is a sweep rate", "")
+    if not _UNIT.fullmatch(text) or _TOWER.search(text) or len(text) > 60:
+        raise UnitError("is not a number, or a number with a unit", "")
+    plain = re.sub("[²³⁴¹⁻]+", lambda power: "^" + power[0].translate(_SUPERSCRIPTS), text)
+    for sign, meaning in (("°", " deg "), ("·", "*"), ("⋅", "*"), ("**", "^")):
+        plain = plain.replace(sign, meaning)
+    unit, rest = _product(plain.strip(), gravity)
+    if unit is None or rest:
+        raise UnitError(f"has the unit {text!r}, which is not known", "")
+    return unit
+
+
+def _product(text: str, gravity: bool) -> tuple[Unit | None, str]:
+    """A product up to the end of the text or a closing bracket, and what is left; None if there is an unknown unit."""
+    unit, first = Unit(), True
+    while text.strip() and not text.lstrip().startswith(")"):
+        match = _FACTOR.match(text)
+        if match is None or (match[1] and first):
+            return None, text
+        text = text[match.end() :]
+        inner: Unit | None = Unit()
+        if match[2]:
+            inner, text = _product(text, gravity)
+            if not text.startswith(")"):
+                return None, text
+            text = text[1:]
+        elif match[4]:
+            inner = _named(match[4], gravity)
+        if inner is None:
+            return None, text
+        power = int((match[5] or "1").strip("()"))
+        unit, first = unit.times(inner, -power if match[1] == "/" else power), False
+    return (None if first else unit), text.lstrip() if text.strip() else ""
+
+
+# --- reading ----------------------------------------------------------------------------------------------------------
+
+
 def read_number(value: object) -> float:
     """Return a plain number: an int, a float, or a string that reads as one (``2e5``)."""
     remedy = f"write for example {NUMBER.example}"
@@ -164,10 +307,10 @@ def read_quantity(value: object, dimension: Dimension) -> float:
     """
     number, unit = _split(value, f"write for example {dimension.example}")
     remedy = f"write for example {dimension.example}"
-    factor = _factor(unit, dimension) if unit else 1.0
+    size = _size(unit, dimension) if unit else Unit()
     if unit:
         _note(dimension, unit)
-    return _physical(_scaled(number, factor, remedy), dimension, remedy)
+    return _physical(_scaled(number, size, remedy), dimension, remedy)
 
 
 def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float, Dimension | None]:
@@ -176,18 +319,17 @@ def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float,
     number, unit = _split(value, remedy)
     if not unit:
         return _physical(_finite(number, remedy), dimensions[0], remedy), None
-    common = [dimension for dimension in dimensions if _common(unit, dimension) is not None]
-    for dimension in common or dimensions:
+    for dimension in dimensions:
         try:
-            factor = _factor(unit, dimension)
+            size = _size(unit, dimension)
         except UnitError:
             continue
         _note(dimension, unit)
-        return _physical(_scaled(number, factor, remedy), dimension, remedy), dimension
+        return _physical(_scaled(number, size, remedy), dimension, remedy), dimension
     names = [dimension.with_article for dimension in dimensions]
     expected = ", ".join(names[:-1]) + (" or " if names[:-1] else "") + names[-1]
     try:
-        given = _given(_units(unit, False))
+        given = _given(_unit(unit, False), unit)
     except UnitError as error:
         raise UnitError(error.message, _respelled(unit, dimensions) or remedy) from None
     remedy = _respelled(unit, dimensions) or remedy
@@ -211,19 +353,13 @@ def read_sweep_rate(value: object) -> tuple[float, str]:
         raise UnitError("needs a unit, which decides whether the sweep is logarithmic or linear", remedy)
     if match := _RATE.fullmatch(unit):
         octaves = math.log2(10) if match[1].startswith("dec") else 1.0
-        return _physical(_scaled(number, octaves / _SECONDS[match[2]], remedy), FREQUENCY, remedy), "oct/s"
-    if (common := common_factor(unit, "Hz/s", gravity=False)) is not None:
-        return _physical(_scaled(number, common, remedy), FREQUENCY, remedy), "Hz/s"
+        per_second = _scaled(number, Unit(Fraction(1, _SECONDS[match[2]])), remedy)
+        return _physical(octaves * per_second, FREQUENCY, remedy), "oct/s"
     try:
-        units = _units(unit, False)
-        hertz_per_second = _registry().parse_units("Hz/s")
-        if dict(units.dimensionality) != dict(hertz_per_second.dimensionality):
-            raise UnitError(f"must be a sweep rate, not {_given(units)}", remedy)
+        size = _size(unit, Dimension("sweep rate", "Hz/s", "5 Hz/s"))
     except UnitError as error:
         raise UnitError(error.message, remedy) from None
-    factor = _linear_factor(units, hertz_per_second)
-    assert factor is not None
-    return _physical(_scaled(number, factor / _turn(units), remedy), FREQUENCY, remedy), "Hz/s"
+    return _physical(_scaled(number, size, remedy), FREQUENCY, remedy), "Hz/s"
 
 
 def _split(value: object, remedy: str) -> tuple[str | float, str]:
@@ -262,158 +398,76 @@ def _physical(number: float, dimension: Dimension, remedy: str) -> float:
     return number
 
 
-def _scaled(given: str | float, factor: float, remedy: str) -> float:
-    """Return number times factor, rounded once where the factor is a simple fraction.
+def _scaled(given: str | float, size: Unit, remedy: str) -> float:
+    """Return the number of units in SI units, rounded once.
 
     So 7 mm and 0.7 cm are the same number, and 4.2 g is the float nearest to 0.0042 kg.
     """
     number = _finite(given, remedy)
-    if number == 0.0:
-        return 0.0
-    if factor == 1.0:
+    if number == 0.0 or size == Unit(powers=size.powers):
         return number
-    ratio = _simple_fraction(factor)
     try:
-        result = float(Fraction(given) * ratio) if ratio is not None else number * factor
+        return _finite(float(Fraction(given) * size.factor) * math.pi**size.pi, remedy)
     except OverflowError:
-        result = math.inf
-    return _finite(result, remedy)
-
-
-@lru_cache(maxsize=1024)
-def _simple_fraction(factor: float) -> Fraction | None:
-    """Return the fraction a unit factor stands for (1/1000, 196133/20000), if there is a simple one."""
-    large = factor if factor >= 1.0 else 1.0 / factor
-    ratio = Fraction(large).limit_denominator(1_000_000)
-    if abs(float(ratio) - large) > 4e-16 * large:
-        return None
-    return ratio if factor >= 1.0 else 1 / ratio
-
-
-@cache
-def _registry() -> Any:
-    from pint import UnitRegistry
-
-    return UnitRegistry()
-
-
-@lru_cache(maxsize=1024)
-def _units(text: str, gravity: bool) -> Any:
-    """Parse a unit; ``gravity`` makes ``g`` standard gravity."""
-    if _RATE.fullmatch(text):
-        raise UnitError("is a sweep rate", "")
-    if not _UNIT.fullmatch(text) or _TOWER.search(text) or len(text) > 60:
-        raise UnitError("is not a number, or a number with a unit", "")
-    expression = _OWN_NAMES.sub("revolution", text).replace("%", " percent ").replace("°", " degree ").strip()
-    if gravity:
-        expression = _GRAVITY.sub(r"\1g_0", expression)
-    try:
-        return _registry().parse_units(expression, as_delta=False)
-    except Exception:  # pint raises a dozen types here, tokenizer errors among them
-        raise UnitError(f"has the unit {text!r}, which is not known", "") from None
+        return _finite(math.inf, remedy)
 
 
 def _respelled(text: str, dimensions: tuple[Dimension, ...]) -> str:
     """The question whether an ill-spelt unit is another, 'hz' for Hz; empty if that has none of the dimensions."""
     meant = re.sub(r"[A-Za-zµμ]+", lambda name: _SPELLINGS.get(name[0].lower(), name[0]), text)
-    if meant == text or all(_common(meant, dimension) is None for dimension in dimensions):
-        return ""
-    return f"did you mean {meant}?"
+    return f"did you mean {meant}?" if meant != text and any(_fits(meant, each) for each in dimensions) else ""
 
 
-def _common(text: str, dimension: Dimension) -> float | None:
-    """`_factor` of a common unit; None for every other."""
-    if dimension in (ANGLE, NUMBER):
-        return None
-    if dimension.unit.endswith(_PER_ANGLE):
-        text = text.removesuffix(_PER_ANGLE)
-    return common_factor(text, dimension.unit.removesuffix(_PER_ANGLE), gravity=dimension.gravity)
+def _fits(text: str, dimension: Dimension) -> bool:
+    try:
+        return _measured(_unit(text, dimension.gravity), dimension) is not None
+    except UnitError:
+        return False
 
 
 @lru_cache(maxsize=1024)
-def _factor(text: str, dimension: Dimension) -> float:
-    """Return how many SI units of ``dimension`` one of the unit is."""
-    if (common := _common(text, dimension)) is not None:
-        return common
+def _size(text: str, dimension: Dimension) -> Unit:
+    """How many SI units of a dimension one of a unit is."""
     remedy = f"write for example {dimension.example}"
     try:
-        units = _units(text, dimension.gravity)
+        unit = _unit(text, dimension.gravity)
     except UnitError as error:
         raise UnitError(error.message, _respelled(text, (dimension,)) or remedy) from None
-    registry = _registry()
-    target = registry.parse_units(dimension.unit)
     if dimension is LENGTH and re.fullmatch(r"mils?", text):
         remedy = "mil is an angle here; give thousandths of an inch as 200 thou or 0.2 in"
-    remedy = _respelled(text, (dimension,)) or remedy
-    wrong = UnitError(f"must be {dimension.with_article}, not {_given(units)}", remedy)
-    if dict(units.dimensionality) != dict(target.dimensionality):
-        raise wrong
-    angular = _is_angular(units)
-    if dimension.unit.startswith("rad"):
-        if not angular:
-            raise wrong
-    elif angular and dimension is not FREQUENCY and not (dimension.unit.endswith(_PER_ANGLE) and _per_angle(units)):
-        raise wrong
-    if dimension is NUMBER:
-        raise wrong
-    factor = _linear_factor(units, target)
-    if factor is None:
-        raise wrong
-    return factor / _turn(units) if dimension is FREQUENCY else factor
+    size = _measured(unit, dimension)
+    if size is None:
+        remedy = _respelled(text, (dimension,)) or remedy
+        raise UnitError(f"must be {dimension.with_article}, not {_given(unit, text)}", remedy)
+    return size
 
 
-def _linear_factor(units: Any, target: Any) -> float | None:
-    """Return the factor of a conversion; None for units with an offset or a logarithm (degC, dB)."""
-    quantity = _registry().Quantity
-    try:
-        none, one, two = (float(quantity(value, units).to(target).magnitude) for value in (0.0, 1.0, 2.0))
-    except Exception:  # pint has its own errors for these units
+def _measured(unit: Unit, dimension: Dimension) -> Unit | None:
+    """The unit in units of a dimension's own; None where it measures something else.
+
+    What is per radian may be per one. A frequency given by an angle is in turns.
+    """
+    target = _unit(dimension.unit, False) if dimension.unit else Unit()
+    if unit.without_angle != target.without_angle or dimension is NUMBER:
         return None
-    return one if none == 0.0 and math.isclose(two, 2.0 * one) else None
+    size = unit.times(target, -1)
+    if unit.angle == target.angle or (unit.angle == 0 and target.angle == -1):
+        return size
+    in_turns = dimension.unit in ("Hz", "Hz/s") and unit.angle == 1
+    return size.times(Unit(Fraction(2), 1), -1) if in_turns else None
 
 
-def _is_angular(units: Any) -> bool:
-    return any(name in _ANGULAR_NAMES or name.endswith(("radian", "degree")) for name in units._units)
-
-
-def _per_angle(units: Any) -> bool:
-    """Whether every angle of a unit is in its denominator, once."""
-    return all(power == -1 for name, power in units._units.items() if name in _ANGULAR_NAMES)
-
-
-def _turn(units: Any) -> float:
-    """Return the angle in a turn if the frequency is given by an angle, else 1."""
-    return 2.0 * math.pi if _is_angular(units) else 1.0
-
-
-def _given(units: Any) -> str:
+def _given(unit: Unit, text: str) -> str:
     """Name the dimension that was given."""
+    if not unit.without_angle:
+        return (ANGLE if unit.angle else RATIO).with_article
     for dimension in _NAMED:
-        target = _registry().parse_units(dimension.unit)
-        if dict(units.dimensionality) == dict(target.dimensionality):
-            if not units.dimensionality:
-                return ANGLE.with_article if _is_angular(units) else RATIO.with_article
+        if unit.without_angle == _unit(dimension.unit, False).without_angle:
             return dimension.with_article
-    return f"a quantity in {units:~}"
+    return f"a quantity in {text}"
 
 
 _NAMED = (
-    LENGTH,
-    AREA,
-    SECOND_MOMENT,
-    MASS,
-    DENSITY,
-    PRESSURE,
-    STIFFNESS,
-    CUBIC_STIFFNESS,
-    DASHPOT,
-    ROTATIONAL_DASHPOT,
-    VISCOUS_PER_LENGTH,
-    TIME,
-    FREQUENCY,
-    RATIO,
-    FORCE,
-    ENERGY,
-    VELOCITY,
-    ACCELERATION,
-)
+    LENGTH, AREA, SECOND_MOMENT, MASS, DENSITY, PRESSURE, STIFFNESS, CUBIC_STIFFNESS, DASHPOT, ROTATIONAL_DASHPOT,
+    VISCOUS_PER_LENGTH, TIME, FREQUENCY, FORCE, ENERGY, VELOCITY, ACCELERATION,
+)  # fmt: skip

@@ -4,34 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 from beamsim.scenario.base import Path, path_text, walk
 from beamsim.scenario.damping import ModalDamping
-from beamsim.scenario.distributed import AnyDeadLoad, DistributedLoad
+from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.excitation import Shock
-from beamsim.scenario.joint import Joint, points_apart
-from beamsim.scenario.place import Probe, Sited
-from beamsim.scenario.run import Reduction, Run
-from beamsim.scenario.whole import ScenarioParts
-
-MANY_SAMPLES = 5_000_000
-"""More output samples than this make a file of a gigabyte or so."""
+from beamsim.scenario.joint import points_apart
+from beamsim.scenario.parts import MANY_SAMPLES, ScenarioParts
+from beamsim.scenario.place import Sited
 
 
-class _Doubted(ScenarioParts, Protocol):
-    """What doubts need of a scenario beside its bodies."""
-
-    run: Run | None
-    reduction: Reduction | None
-    constant_forces: tuple[AnyDeadLoad, ...]
-    probes: tuple[Probe, ...]
-
-    @property
-    def joints(self) -> tuple[Joint, ...]: ...
-
-
-def doubts(scenario: _Doubted) -> Iterator[str]:
+def doubts(scenario: ScenarioParts) -> Iterator[str]:
     """Yield a sentence for each questionable value."""
     highest_hz = max(scenario.excitation.frequencies_hz, default=0.0)
     for name, body in scenario.all_bodies.items():
@@ -40,7 +24,7 @@ def doubts(scenario: _Doubted) -> Iterator[str]:
         yield from _damping(path_text(scenario.body_path(name)), body.damping)
     yield from _snubbers(scenario)
     yield from _point_forces(scenario)
-    for apart in points_apart(scenario.joints, scenario.default_body):
+    for apart in points_apart(scenario.joints, scenario.all_bodies, scenario.default_body):
         yield (
             f"joints[{apart.index}] joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before it "
             f"place {apart.through}: it acts as if they were together; check its positions"
@@ -57,7 +41,7 @@ def doubts(scenario: _Doubted) -> Iterator[str]:
             )
 
 
-def large_deflections(scenario: _Doubted, peaks: Mapping[str, float]) -> list[str]:
+def large_deflections(scenario: ScenarioParts, peaks: Mapping[str, float]) -> list[str]:
     """A warning for each body whose computed deflection is beyond the theory of small ones.
 
     Parameters
@@ -84,10 +68,10 @@ def _damping(where: str, damping: Any) -> Iterator[str]:
             yield f"{where}.damping.ratio = {max(ratios):g} is critical or above; was {max(ratios):g} % meant?"
 
 
-def _point_forces(scenario: _Doubted) -> Iterator[str]:
+def _point_forces(scenario: ScenarioParts) -> Iterator[str]:
     """Where forces act on points."""
     acting: list[tuple[Path, str, Any]] = [
-        *scenario.located_snubbers,
+        *((each.path, each.body, each.item) for each in scenario.located_snubbers),
         *(
             (("constant_forces", index), scenario.default_body, force)
             for index, force in enumerate(scenario.constant_forces)
@@ -104,9 +88,9 @@ def _point_forces(scenario: _Doubted) -> Iterator[str]:
                 yield from body.point_force_doubts(path, place.position)
 
 
-def _snubbers(scenario: _Doubted) -> Iterator[str]:
+def _snubbers(scenario: ScenarioParts) -> Iterator[str]:
     """Gaps larger than the structure they are at, and overdamped snubbers."""
-    for path, body, snubber in scenario.located_snubbers:
+    for path, body, snubber, _ in scenario.located_snubbers:
         ratio = getattr(snubber.damping, "ratio", 0.0)
         if ratio >= 1.0:
             yield f"{path_text(path)}.damping.ratio = {ratio:g} is critical or above; was {ratio:g} % meant?"
@@ -120,7 +104,7 @@ def _snubbers(scenario: _Doubted) -> Iterator[str]:
             )
 
 
-def _idle_forces(scenario: _Doubted) -> Iterator[str]:
+def _idle_forces(scenario: ScenarioParts) -> Iterator[str]:
     places: list[tuple[str, tuple[Sited | DistributedLoad, ...]]] = [
         ("constant_forces", scenario.constant_forces),
         ("probes", scenario.probes),
@@ -134,7 +118,7 @@ def _idle_forces(scenario: _Doubted) -> Iterator[str]:
                 yield f"{name}[{index}] sits on a support, which cannot deflect"
 
 
-def _timing(scenario: _Doubted) -> Iterator[str]:
+def _timing(scenario: ScenarioParts) -> Iterator[str]:
     run, excitation = scenario.run, scenario.excitation
     if run is None:
         return
@@ -142,18 +126,18 @@ def _timing(scenario: _Doubted) -> Iterator[str]:
     if run.duration * lowest < 1.0:
         yield f"run.duration = {run.duration:g} s is shorter than one period of the excitation, {1.0 / lowest:g} s"
     highest = max(excitation.frequencies_hz, default=0.0)
-    if run.output_rate < 10.0 * highest:
+    if scenario.sample_rate < 10.0 * highest:
         yield (
-            f"run.sample_rate = {run.output_rate:g} Hz is {run.output_rate / highest:.3g} samples a period: "
+            f"run.sample_rate = {scenario.sample_rate:g} Hz is {scenario.sample_rate / highest:.3g} samples a period: "
             "time histories are coarse, and of a time-stepping method superharmonics fold back into the spectrum"
         )
     for path, shock in walk(excitation, ("excitation",)):
-        if isinstance(shock, Shock) and run.output_rate < 20.0 * shock.highest_frequency_hz:
+        if isinstance(shock, Shock) and scenario.sample_rate < 20.0 * shock.highest_frequency_hz:
             yield (
-                f"run.sample_rate = {run.output_rate:g} Hz puts fewer than 10 samples into the pulse of "
+                f"run.sample_rate = {scenario.sample_rate:g} Hz puts fewer than 10 samples into the pulse of "
                 f"{0.5 / shock.highest_frequency_hz:g} s"
             )
         if isinstance(shock, Shock) and shock.time >= run.duration:
             yield f"{path_text(path)}.time = {shock.time:g} s lies after the end of the run, {run.duration:g} s"
-    if run.output_rate * run.duration > 1.01 * MANY_SAMPLES:
-        yield f"{run.output_rate * run.duration:.3g} output samples make a very large result file"
+    if scenario.sample_rate * run.duration > 1.01 * MANY_SAMPLES:
+        yield f"{scenario.sample_rate * run.duration:.3g} output samples make a very large result file"

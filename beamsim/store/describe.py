@@ -84,7 +84,7 @@ def _root() -> str:
         Row("schema_version", "", "attribute", "version of the layout"),
         Row("beamsim_version", "", "attribute", "version of beamsim that computed the result"),
         Row("command", "", "attribute", "command that wrote the file"),
-        Row("scenario", "", "attribute", "resolved scenario, YAML; sufficient to run the case again"),
+        Row("scenario", "", "attribute", "the case as written, YAML in SI units; sufficient to run it again"),
     ]
     common = next(iter(sections_of(Result)))
     return "## Every file\n\n" + _markdown(Section("/", "Attributes of every file.", rows + common.rows))

@@ -222,8 +222,13 @@ def _lines(number: Ints, x: Floats, y: Floats) -> list[Ints]:
 
 def _nodes(scenario: Scenario, heights: dict[str, float]) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:
     """Coordinates of every probe and snubber, and the snubbers that push downwards."""
-    probes = {("probe", p.name): _coordinates(p, heights) for p in scenario.effective_probes}
-    snubbers = {("snubber", s.name): _coordinates(s, heights) for s in scenario.all_snubbers}
+    probes = {
+        ("probe", p.name): _coordinates(p, scenario.default_body, scenario, heights) for p in scenario.effective_probes
+    }
+    snubbers = {
+        ("snubber", each.item.name): _coordinates(each.item, each.body, scenario, heights)
+        for each in scenario.located_snubbers
+    }
     return {**probes, **snubbers}, {s.name for s in scenario.all_snubbers if getattr(s, "side", "") == "above"}
 
 
@@ -257,10 +262,11 @@ def _kind_of_place(path: str, quantity: str) -> str:
     return "snubber" if quantity in _OF_SNUBBERS else "probe"
 
 
-def _coordinates(item: Any, heights: dict[str, float]) -> Coordinates:
+def _coordinates(item: Any, body: str, scenario: Scenario, heights: dict[str, float]) -> Coordinates:
     """Position along its body, or number of the mass, and y on a plate; the first place of a snubber between two."""
     place = getattr(item, "probed_places", item.places)[0]
-    x, y = place.point if isinstance(place.point, tuple) else (place.point, 0.0)
+    point = scenario.all_bodies[place.body or body].point_of(place)
+    x, y = point if isinstance(point, tuple) else (point, 0.0)
     return float(x), float(y), heights.get(place.body or "", 0.0)
 
 

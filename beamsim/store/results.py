@@ -114,7 +114,7 @@ class LazyScenario:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The resolved scenario; the files that it names are those that were solved."""
+        """The scenario as it was written; the files that it names are those that were solved."""
         from beamsim.scenario import load_scenario
         from beamsim.scenario.input_files import SolvedFiles
 

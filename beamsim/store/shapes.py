@@ -170,7 +170,7 @@ def _point_of(body: Body, coordinates: tuple[float, float], per_metre: float) ->
     if usual is not None and usual.mass is not None:
         return {"mass": round(coordinates[0])}
     x, y = (each / per_metre for each in coordinates)
-    return {"position": (x, y) if usual is not None and isinstance(usual.point, tuple) else x}
+    return {"position": (x, y) if usual is not None and isinstance(usual.position, tuple) else x}
 
 
 def _uff_frequency(mode: Mapping[str, Any]) -> float:

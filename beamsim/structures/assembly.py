@@ -46,7 +46,7 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
         One part, or several side by side.
     """
     couplings = couplings_of(scenario)
-    sections, origins = scenario.all_bodies, body_origins(scenario.joints, scenario.default_body)
+    sections, origins = scenario.all_bodies, body_origins(scenario.joints, scenario.all_bodies, scenario.default_body)
     parts: list[Structure] = []
     for group in _groups(list(sections), couplings):
         if names is not None and not set(names) & set(group):
@@ -60,10 +60,11 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
 
 def couplings_of(scenario: Scenario) -> list[Coupling]:
     """Joints, direction by direction, and the linear part of springs that are not listed in a body."""
-    body = scenario.default_body
-    couplings = [coupling for joint in scenario.joints for coupling in _of_joint(scenario, joint, site_of(joint, body))]
+    couplings = [
+        coupling for joint in scenario.joints for coupling in _of_joint(scenario, joint, site_in(scenario, joint))
+    ]
     for spring in (*scenario.springs_to_ground, *scenario.springs_between):
-        site = site_of(spring, body)
+        site = site_in(scenario, spring)
         if stiffness := linear_stiffness(spring):
             couplings.append(Coupling(spring.name, site, stiffness, to_ground=isinstance(site, Place)))
     return couplings
@@ -133,7 +134,7 @@ def acting_places(scenario: Scenario) -> list[Place]:
     places: dict[Place, None] = {}
     for _, item in walk(scenario):
         if getattr(item, "places", ()):
-            places |= dict.fromkeys(ends_of(site_of(item, scenario.default_body)))
+            places |= dict.fromkeys(ends_of(site_in(scenario, item)))
     return list(places)
 
 
@@ -143,7 +144,7 @@ def _check_places(scenario: Scenario, bodies: Sequence[BodyStructure]) -> None:
     problems = []
     for path, item in walk(scenario):
         in_structure = isinstance(item, DistributedLoad) or getattr(item, "node", None) is not None
-        site = load_site_of(item, scenario.default_body) if in_structure else None
+        site = load_site_in(scenario, item) if in_structure else None
         if not isinstance(site, Place | Distributed) or site.body not in known:
             continue
         acts = path[0] != "probes" and "outputs" not in path[:2]
@@ -165,14 +166,14 @@ def _groups(names: Sequence[str], couplings: Sequence[Coupling]) -> list[list[st
 
 def site_in(scenario: Scenario, item: Any) -> Site:
     """Where something of a scenario sits that stands at its top level: a probe, a linear spring."""
-    return site_of(item, scenario.default_body)
+    return site_of(item, scenario.default_body, scenario.all_bodies)
 
 
 def load_site_in(scenario: Scenario, item: Any) -> LoadSite:
     """Where a load of a scenario acts that stands at its top level."""
-    return load_site_of(item, scenario.default_body)
+    return load_site_of(item, scenario.default_body, scenario.all_bodies)
 
 
 def snubber_site(contact: Located) -> Site:
     """Where a snubber or spring of a scenario sits."""
-    return site_of(contact.item, contact.body)
+    return site_of(contact.item, contact.body, contact.sections)

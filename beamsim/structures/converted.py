@@ -22,7 +22,7 @@ from beamsim.structures.dof_table import TRANSLATIONS, DofTable
 from beamsim.structures.named_matrices import NamedMatrices
 
 if TYPE_CHECKING:
-    from beamsim.scenario.file_units import UnitSizes
+    from beamsim.scenario.matrices import UnitSizes
 
 
 def in_si_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:

@@ -11,7 +11,7 @@ from beamsim.structures.dof_table import TRANSLATIONS
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.scenario.file_units import FileUnits, UnitSystem
+    from beamsim.scenario.matrices import FileUnits, UnitSystem
     from beamsim.structures.named_matrices import NamedMatrices
 
 # Mass over the cube of the largest dimension, kg/m^3: a wire of 0.2 mm and 10 m has 2e-5, a block of tungsten 2e4, and

@@ -17,7 +17,7 @@ import numpy as np
 from beamsim.errors import MethodError
 from beamsim.matrix_files.formats import read_matrix
 from beamsim.matrix_files.matrix import MODAL, Dof, FileMatrix
-from beamsim.scenario.file_units import name_of, sizes_of
+from beamsim.scenario.matrices import name_of, sizes_of
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.converted import in_si_units
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, read_dof_table

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from beamsim.scenario.body import Body
 from beamsim.structures.distributed import Distributed
 
 Point = float | tuple[float, float]
@@ -91,27 +92,40 @@ def signed_ends(site: Site) -> list[tuple[float, Place]]:
     return [(-1.0, site.first), (1.0, site.second)] if isinstance(site, Link) else [(1.0, site)]
 
 
-def site_of(item: Any, body: str) -> Site:
-    """Where something of a scenario sits; ``body`` is meant where it names none."""
-    first, *second = (_resolved(place, body) for place in item.places)
+def site_of(item: Any, body: str, sections: Mapping[str, Body]) -> Site:
+    """Where something of a scenario sits.
+
+    Parameters
+    ----------
+    item : of the scenario; it has one place or two.
+    body : meant where a place names none.
+    sections : the bodies by name, which tell where shares of their lengths are.
+
+    Returns
+    -------
+    Place | Link
+        In metres.
+    """
+    first, *second = (_resolved(place, body, sections) for place in item.places)
     return Link(first, second[0]) if second else first
 
 
-def load_site_of(item: Any, body: str) -> LoadSite:
-    """Where a load of a scenario acts; ``body`` is meant where it names none."""
+def load_site_of(item: Any, body: str, sections: Mapping[str, Body]) -> LoadSite:
+    """Where a load of a scenario acts, at points or distributed; parameters as those of `site_of`."""
     if item.places:
-        return site_of(item, body)
+        return site_of(item, body, sections)
     body, ends = item.body or body, item.ends
+    shape = item.shape.on_the_body(sections[body]) if item.shape.kind == "table" else item.shape
     if ends is None:
-        return Distributed(body, item.shape, None, f"{body} as a whole")
-    first, last = ends
-    bounds = ((first, last),) if isinstance(first, float) else tuple(zip(first, last, strict=True))
-    return Distributed(body, item.shape, bounds, f"{body} from {first} to {last} m")
+        return Distributed(body, shape, None, f"{body} as a whole")
+    first, last = (sections[body].point(end) for end in ends)
+    bounds = (first, last) if isinstance(first, tuple) else ((first,), (last,))
+    return Distributed(body, shape, tuple(zip(*bounds, strict=True)), f"{body} from {first} to {last} m")
 
 
-def _resolved(place: Any, body: str) -> Place:
+def _resolved(place: Any, body: str, sections: Mapping[str, Body]) -> Place:
     named_body = place.body or body
-    point = place.point
+    point = sections[named_body].point_of(place)
     if place.node is not None:
         direction = place.direction or DEFLECTION
         label = f"{named_body} node {place.node} {direction}"

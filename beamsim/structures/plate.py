@@ -11,6 +11,7 @@ such rows along their lines. Edges hold all degrees of freedom of an end of one 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -64,7 +65,8 @@ class PlateStructure(PlateModel):
         modes = int(np.searchsorted(along_y, squared - along_x[along_x <= squared], side="right").sum())
         physical = omega * self.frequency_scale
         for beam in self.section.stiffeners:
-            beta = (beam.mass_per_length * physical**2 / beam.bending_stiffness) ** 0.25 * beam.length
+            length = math.dist(*self.section.line_of(beam))
+            beta = (beam.mass_per_length * physical**2 / beam.bending_stiffness) ** 0.25 * length
             modes += int(np.ceil(beta / np.pi)) + 2
         return modes + len(self.section.point_masses)
 
@@ -191,11 +193,11 @@ def assemble_plate(
     ]
     inertia = [rows((0, 4), (0, 4))]
     if plate.point_masses:
-        points = np.array([m.position for m in plate.point_masses]) / size
+        points = np.array(plate.mass_points) / size
         root = np.sqrt(np.array([m.mass for m in plate.point_masses]) / mass_scale)
         inertia.append(mesh.rows(points) * root[:, None])
     for stiffener in plate.stiffeners:
-        bending, moving = _stiffener_rows(stiffener, mesh, size)
+        bending, moving = _stiffener_rows(stiffener, plate.line_of(stiffener), mesh, size)
         factor += [row / np.sqrt(stiffness_scale) for row in bending]
         inertia.append(moving / np.sqrt(mass_scale))
     moving = vstack(inertia, format="csr")
@@ -218,7 +220,7 @@ def _energy_coefficients(plate: PlateBody, stiffness_scale: float) -> tuple[floa
         d.dx * width / length**3,
         d.dy * length / width**3,
         d.d1 / (length * width),
-        4 * d.twisting / (length * width),
+        4 * d.dxy / (length * width),
     )
     cx, cy, c1, cxy = (value / stiffness_scale for value in physical)
     return cx, cy, c1, cxy
@@ -226,9 +228,9 @@ def _energy_coefficients(plate: PlateBody, stiffness_scale: float) -> tuple[floa
 
 def _mesh(plate: PlateBody, nodes: Sequence[Any]) -> PlateMesh:
     """Mesh lines through everything that acts at a point, and along stiffeners parallel to an edge."""
-    points = [mass.position for mass in plate.point_masses] + [point.position for point in plate.supports.points]
+    points = [*plate.mass_points, *plate.supported_points]
     points += [tuple(node) for node in nodes]
-    ends = [(beam.from_, beam.to) for beam in plate.stiffeners]
+    ends = [plate.line_of(beam) for beam in plate.stiffeners]
     lines = [graded_mesh(count, plate.grading, sorted({at / size for at in hard})) for count, size, hard in (
         (plate.elements[axis], (plate.length, plate.width)[axis],
          [p[axis] for p in points] + [a[axis] for a, b in ends if a[axis] == b[axis]])
@@ -251,27 +253,27 @@ def _held_by(plate: PlateBody, mesh: PlateMesh) -> dict[str, Bools]:
             kinds = [getattr(supports, edge) for edge in edges]
             kinds[free] = "free"
             held[edges[1 - free]] = np.isin(along, supported_dofs(kinds[0], kinds[1], nodes))
-    for number, point in enumerate(supports.points, start=1):
-        x, y = point.position
+    for number, (x, y) in enumerate(plate.supported_points, start=1):
         i = int(np.abs(mesh.x.nodes - x / plate.length).argmin())
         j = int(np.abs(mesh.y.nodes - y / plate.width).argmin())
         held[f"point {number}"] = dofs == 2 * i * along_y + 2 * j
     return held
 
 
-def _stiffener_rows(beam: Stiffener, mesh: PlateMesh, size: Floats) -> tuple[list[Any], Any]:
+def _stiffener_rows(beam: Stiffener, line: Any, mesh: PlateMesh, size: Floats) -> tuple[list[Any], Any]:
     """Rows whose squares are twice the strain energy and the mass form of a beam along a line, in N/m and kg.
 
     The deflection is of degree 6 along a line across an element, so that 7 Gauss points integrate its square exactly.
     """
-    start, end = np.array(beam.from_), np.array(beam.to)
+    start, end = np.array(line)
+    length = math.dist(start, end)
     shares = mesh.crossings(start / size, end / size)
     place, weight = np.polynomial.legendre.leggauss(7)
     lengths = np.diff(shares)
     s = (shares[:-1, None] + lengths[:, None] * (place + 1) / 2).ravel()
-    root = np.sqrt(lengths[:, None] * weight / 2 * beam.length).ravel()
+    root = np.sqrt(lengths[:, None] * weight / 2 * length).ravel()
     points = (start + s[:, None] * (end - start)) / size
-    cos, sin = (end - start) / beam.length
+    cos, sin = (end - start) / length
 
     def derivative(x: int, y: int) -> Any:
         return mesh.rows(points, (x, y)) / (size[0] ** x * size[1] ** y)

@@ -86,7 +86,7 @@ def _strains_per_moments(plate: PlateBody) -> Floats | None:
     if plate.depth is None:
         return None
     d = plate.rigidity
-    stiffness = np.array([[d.dx, d.d1, 0.0], [d.d1, d.dy, 0.0], [0.0, 0.0, d.twisting]])
+    stiffness = np.array([[d.dx, d.d1, 0.0], [d.d1, d.dy, 0.0], [0.0, 0.0, d.dxy]])
     return np.asarray(plate.depth / 2 * np.linalg.inv(stiffness))
 
 
@@ -115,7 +115,7 @@ def moment_operator(structure: PlateModel) -> Any:
     xx = kron(_second_derivatives(x), y.rows(y.nodes), format="csr") / length**2
     yy = kron(x.rows(x.nodes), _second_derivatives(y), format="csr") / width**2
     xy = kron(x.rows(x.nodes, 1), y.rows(y.nodes, 1), format="csr") / (length * width)
-    return vstack([d.dx * xx + d.d1 * yy, d.d1 * xx + d.dy * yy, 2 * d.twisting * xy], format="csr")
+    return vstack([d.dx * xx + d.d1 * yy, d.d1 * xx + d.dy * yy, 2 * d.dxy * xy], format="csr")
 
 
 def _second_derivatives(mesh: Mesh) -> Any:

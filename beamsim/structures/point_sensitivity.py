@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.scenario.base import walk
-from beamsim.scenario.parameters import value_at, with_values
+from beamsim.scenario.parameters import replaced, value_at
+from beamsim.scenario.quantities import Share
 from beamsim.structures.assembly import assemble, couplings_of, snubber_site
 from beamsim.structures.places import Site
 from beamsim.structures.several import SeveralBodies, assemble_side_by_side
@@ -74,7 +75,7 @@ def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> d
 
 
 def _scaled(scenario: Scenario, places: set[Path], factor: float) -> Scenario:
-    return with_values(scenario, {at: value_at(scenario, at) * factor for at in places})
+    return replaced(scenario, {at: value_at(scenario, at) * factor for at in places})
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -
             yield (*base, *path), along
     for place, path in zip(contact.item.places, contact.item.place_paths, strict=True):
         for axis in range(len(sides[place.body or contact.body])):
-            number = (*contact.path, *path, "position", *((axis,) if isinstance(place.point, tuple) else ()))
+            number = (*contact.path, *path, "position", *((axis,) if isinstance(place.position, tuple) else ()))
             yield number, {number}
     for section in _JOINING:
         for index, item in enumerate(getattr(scenario, section)):
@@ -172,7 +173,7 @@ def _numbers(section: Any) -> Iterator[tuple[Path, Any]]:
             items = {(*path, key, i): item for i, item in enumerate(value)} if isinstance(value, tuple) else {}
             for place, number in (items or {(*path, key): value}).items():
                 bound = "segments" in place and place[-1] in ("from", "to")
-                if isinstance(number, float) and number != 0.0 and not bound:
+                if isinstance(number, (float, Share)) and number not in (0.0, Share(0.0)) and not bound:
                     yield place, part
 
 

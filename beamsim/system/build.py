@@ -249,7 +249,7 @@ def _settled(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
 def _remarks(snubbers: Sequence[Located], tables: Sequence[TableOfStop | None]) -> list[str]:
     return [
         f"{path_text(path)}.force_deflection: {table.remark}"
-        for (path, _, _), table in zip(snubbers, tables, strict=True)
+        for (path, _, _, _), table in zip(snubbers, tables, strict=True)
         if table is not None and table.remark
     ]
 
@@ -298,7 +298,7 @@ def _check_rigid_friction(parts: Parts, springs: Sequence[SpringInfo], stops: Co
     laws += zip((stop.name for stop in parts.scenario.all_snubbers), stops.laws, strict=True)
     coupled = [name for name, law in laws if law.arrays.coupled.any()]
     problems = []
-    for path, _, contact in parts.nonlinear_springs:
+    for path, _, contact, _ in parts.nonlinear_springs:
         if contact.kind != FRICTION or contact.stiffness is not None:
             continue
         if coupled:
@@ -392,10 +392,10 @@ def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequen
     linear = "give the snubber a stiffness alone, or make the springs piecewise_linear"
     refused = [
         (f".{_memory_key(snubber)}", path, linear)
-        for (path, _, snubber), law in zip(snubbers, stops.laws, strict=True)
+        for (path, _, snubber, _), law in zip(snubbers, stops.laws, strict=True)
         if law.family is None
     ]
-    for path, _, spring in springs:
+    for path, _, spring, _ in springs:
         if getattr(spring, "maxwell", ()):
             refused.append((".maxwell", path, "leave one of the two out"))
         if spring.kind == FRICTION:
@@ -416,7 +416,7 @@ def _describe_snubbers(
     described = []
     force = springs_of(contacts).by_contact(equilibrium.force, contacts.sign)
     located = parts.located_snubbers
-    for i, (site, (_, _, s), table) in enumerate(zip(parts.snubber_sites, located, tables, strict=True)):
+    for i, (site, (_, _, s, _), table) in enumerate(zip(parts.snubber_sites, located, tables, strict=True)):
         unit = parts.structure.unit_stiffness(site)
         stiffness = contacts.laws[i].stiffness
         described.append(

@@ -19,7 +19,7 @@ from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, by_dimension
 from beamsim.scenario import units
 from beamsim.scenario.base import counted, path_text
-from beamsim.scenario.force_table import MeasuredForces, check_points
+from beamsim.scenario.snubber import MeasuredForces, check_points
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
         For files that cannot be read and points that are no rising curve from zero.
     """
     tables: list[TableOfStop | None] = []
-    for path, _, snubber in scenario.located_snubbers:
+    for path, _, snubber, _ in scenario.located_snubbers:
         if snubber.table is None:
             tables.append(None)
             continue

@@ -10,7 +10,8 @@ import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import Path, path_text
-from beamsim.structures.places import SLOPE, LoadSite, ends_of, site_of
+from beamsim.structures.assembly import site_in
+from beamsim.structures.places import SLOPE, LoadSite, ends_of
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def open_loops(parts: Parts) -> Iterator[str]:
     members = {member.body.name: member.body for member in parts.structure.members}
     points: dict[str, dict[int, Floats]] = {}  # by body, of its joints
     for index, joint in enumerate(scenario.joints):
-        for end in ends_of(site_of(joint, scenario.default_body)):
+        for end in ends_of(site_in(scenario, joint)):
             point = members[end.body].point_of(end)
             if point is not None:
                 points.setdefault(end.body, {})[index] = point
@@ -79,7 +80,9 @@ def open_loops(parts: Parts) -> Iterator[str]:
             path.append(int(before[path[-1]]))
         bodies = [by[a, b] for a, b in pairwise(path)]
         loop, ends = frozenset((name, *bodies)), [place for k in path for place in scenario.joints[k].places]
-        if loop in reported or all(isinstance(place.position, float) for place in ends):
+        if loop in reported or all(
+            place.position is not None and not isinstance(place.position, tuple) for place in ends
+        ):
             continue
         reported.add(loop)
         yield (

@@ -17,7 +17,7 @@ import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text, suggestion
-from beamsim.scenario.moved_support import MovedSupport
+from beamsim.scenario.place import MovedSupport
 from beamsim.structures.basis import LoadPattern
 from beamsim.structures.places import DEFLECTION, SLOPE, Link, Site
 from beamsim.structures.support_forces import Support, supports_of

@@ -205,7 +205,7 @@ class _Asked:
         if output.kind == "stress":
             assert recovery.stress_per_moment is not None  # the scenario has seen to it
             weights = weights * recovery.stress_per_moment
-        if output.surface == "top":
+        if output.kind != "bending_moment" and output.surface != "bottom":
             weights = -weights
         assert recovery.bending_moment is not None
         assert recovery.base_moment is not None

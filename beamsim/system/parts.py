@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.errors import MethodError, Problem, ScenarioError
-from beamsim.scenario.moved_support import ROTATION_TAKES, TRANSLATION_TAKES
+from beamsim.scenario.place import ROTATION_TAKES, TRANSLATION_TAKES
 from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
 from beamsim.structures.base_motion import TRANSLATIONS, UPWARDS, BaseDirection

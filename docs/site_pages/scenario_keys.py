@@ -20,7 +20,12 @@ no default. A quantity is a number in the SI unit of the table, or a text with a
 def page() -> str:
     """Return the page as MyST Markdown."""
     schema = json_schema()
-    parts = {name: part for name, part in schema["$defs"].items() if not name.endswith("Changes")}
+    definitions = schema["$defs"]
+    parts = {
+        name: part | {"required": definitions.get(f"{name}Complete", part).get("required", ())}
+        for name, part in definitions.items()
+        if "description" in part
+    }
     return _INTRODUCTION + "".join(_section(name, path, parts[name]) for name, path in _paths(parts).items())
 
 
@@ -30,7 +35,7 @@ def _paths(parts: dict[str, Any]) -> dict[str, str]:
     for name in (queue := ["Scenario"]):
         for key, item in parts[name].get("properties", {}).items():
             for part, suffix in _references(item):
-                if part not in paths:
+                if part in parts and part not in paths:
                     paths[part] = ".".join(filter(None, [paths[name], key + suffix]))
                     queue.append(part)
     return dict(sorted(paths.items(), key=lambda item: item[1].split(".")[0].split("[")[0] if item[1] else ""))

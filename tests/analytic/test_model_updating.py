@@ -133,7 +133,7 @@ def test_more_unknowns_than_measurements():
         ([{"parameter": "beam.length", "bounds": [0.3, 0.2]}], "is empty"),
         ([{"parameter": "beam.length", "bounds": [0.3, 0.4]}], "does not hold the scenario's value"),
         ([{"parameter": "beam.length", "bounds": [0.3]}], "has 1 value"),
-        ([{"parameter": "beam.supports.left", "prior": 0.1}], "is a choice between"),
+        ([{"parameter": "beam.supports.left", "bounds": [0.1, 0.2]}], "is a choice between"),
         ([{"parameter": "beam.length", "prior": 0.1}], "is to be weighed against"),
         (["title"], "is not a number|has no value"),
     ],

@@ -8,7 +8,7 @@ import pytest
 from beamsim.analyses.designs.result import Response
 from beamsim.analyses.designs.sampling import latin_hypercube, sobol
 from beamsim.analyses.designs.sensitivity import sensitivities
-from beamsim.scenario.designs import VariedParameter
+from beamsim.scenario.varied import VariedParameter
 
 SAMPLES = 1024
 

@@ -348,7 +348,7 @@ def start(*arguments, **options):
 HELP = """
 import sys
 import beamsim.cli
-heavy = ["numpy", "scipy", "numba", "pint", "yaml", "h5py", "matplotlib", "rich", "beamsim.scenario"]
+heavy = ["numpy", "scipy", "numba", "yaml", "h5py", "matplotlib", "rich", "beamsim.scenario"]
 for command in ("", "run", "sweep", "nnm", "identify-stiffness"):
     sys.argv = ["beamsim", *command.split(), "--help"]
     try:
@@ -374,7 +374,7 @@ try:
     beamsim.cli.main()
 except SystemExit as end:
     assert not end.code, end.code
-heavy = ("numba", "pint", "h5py", "matplotlib", "rich", "scipy.optimize", "scipy.signal", "scipy.stats")
+heavy = ("numba", "h5py", "matplotlib", "rich", "scipy.optimize", "scipy.signal", "scipy.stats")
 heavy += ("beamsim.analyses", "beamsim.structures.plate", "beamsim.matrix_files.formats")
 print("loaded", [name for name in heavy if name in sys.modules])
 """

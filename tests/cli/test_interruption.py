@@ -127,7 +127,7 @@ def test_what_was_not_begun_is_named():
     request = After(points + 4)
     part = nnm(scenario, request, stop=request.stop)
     assert part.status.endswith("during relaxed minimisation")
-    assert 1 <= part.relaxed.factor.size < scenario.nnm.solver.steps
+    assert 1 <= part.relaxed.factor.size < scenario.nnm.method.steps
 
 
 def test_a_stepped_sine_keeps_the_frequencies_it_has():

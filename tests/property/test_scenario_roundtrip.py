@@ -186,7 +186,7 @@ def test_yaml_round_trip(data):
 @settings(deadline=None, max_examples=100)
 @given(st.text(alphabet="{}[]:,-#&*!|>'\"% \n\tab1.e<", max_size=40))
 def test_any_text_is_yaml_or_a_problem(text):
-    assert problems(lambda: parse(text).plain()) is not None
+    assert problems(lambda: parse(text)) is not None
 
 
 trees = st.recursive(

@@ -46,7 +46,7 @@ def test_other_names_are_refused():
 
 @pytest.mark.parametrize("what", ["import beamsim", "import beamsim; beamsim.ScenarioError"])
 def test_importing_costs_nothing(what):
-    heavy = ("numpy", "scipy", "numba", "pydantic", "h5py", "matplotlib", "typer", "yaml", "pint")
+    heavy = ("numpy", "scipy", "numba", "pydantic", "h5py", "matplotlib", "typer", "yaml")
     code = f"{what}; import sys; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.strip() == "[]"

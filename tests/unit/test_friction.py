@@ -375,7 +375,7 @@ def test_the_start_says_which_equilibrium(start, force):
 @pytest.mark.parametrize(
     ("pad", "says"),
     [
-        ({"normal_force": {"snubber": "tip"}}, "normal_force.snubber = tip is an unknown snubber"),
+        ({"normal_force": {"snubber": "tip"}, "coefficient": 0.3}, "normal_force.snubber = tip is an unknown snubber"),
         ({"normal_force": {"spring": "tip"}}, "friction[0].normal_force"),
         ({"coefficient": {"static": 0.2, "sliding": 0.3}}, "friction[0].coefficient.sliding = 0.3 is above static"),
         ({"coefficient": 0.3, "start": 90.0}, "friction[0].start = 90 N is not held"),

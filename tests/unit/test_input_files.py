@@ -109,7 +109,7 @@ vary: {kind: grid, parameters: [{path: snubbers.stop.gap, values: [0.1, 0.2]}]}
 """)
     table.write_text("deflection (mm),force (N)\n0,0\n1,5\n")
     plan = plan_designs(load_scenario(case))
-    assert plan.study.base["snubbers"][0]["force_deflection"]["file"] == str(table)
+    assert plan.study.case.snubbers[0].force_deflection.file == str(table)
     assert plan_designs(load_scenario(case)).fingerprint == plan.fingerprint
     table.write_text("deflection (mm),force (N)\n0,0\n1,6\n")
     assert plan_designs(load_scenario(case)).fingerprint != plan.fingerprint

@@ -87,9 +87,9 @@ def test_a_study_over_seeds_scatters_as_a_gaussian_process():
 
 def test_other_studies_and_single_runs_keep_fixed_amplitudes():
     scenario = study(2)
-    assert plan_designs(scenario).study.base["excitation"]["amplitudes"] == "random"
+    assert plan_designs(scenario).study.case.excitation.amplitudes == "random"
     assert scenario.excitation.amplitudes is None
     other = load_scenario(scenario.model_dump(mode="json", by_alias=True, exclude_none=True), [
         "vary={kind: grid, parameters: [{path: 'chain.masses[0]', values: [1, 2]}]}",
     ])  # fmt: skip
-    assert "amplitudes" not in plan_designs(other).study.base["excitation"]
+    assert getattr(plan_designs(other).study.case.excitation, "amplitudes", None) is None

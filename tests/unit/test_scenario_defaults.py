@@ -113,9 +113,8 @@ def test_gap_and_preload():
 )
 def test_default_sample_rates(run, rate):
     scenario = load_scenario(BEAM + run + "\nrun: {duration: 2 s}\n")
-    assert scenario.run.sample_rate == rate
-    assert scenario.run.output_rate == scenario.run.sample_rate
-    periods = [scenario.run.sample_rate / f for f in scenario.excitation.frequencies_hz]
+    assert scenario.sample_rate == rate
+    periods = [scenario.sample_rate / f for f in scenario.excitation.frequencies_hz]
     assert all(samples >= 99.9 for samples in periods)
     if len(periods) == 1:  # whole periods have no leakage
         assert periods[0] == pytest.approx(round(periods[0]), rel=1e-12)
@@ -123,8 +122,8 @@ def test_default_sample_rates(run, rate):
 
 def test_a_long_run_at_high_frequency_is_sampled_less():
     text = BEAM + "excitation: {kind: harmonic, applied_to: base, level: 1, frequency: 100 kHz}\nrun: {duration: 1 s}\n"
-    assert load_scenario(text).run.sample_rate == 50 * 1e5
-    assert load_scenario(text.replace("1 s}", "10 s}")).run.sample_rate == 20 * 1e5
+    assert load_scenario(text).sample_rate == 50 * 1e5
+    assert load_scenario(text.replace("1 s}", "10 s}")).sample_rate == 20 * 1e5
     with pytest.raises(ScenarioError, match="over the limit"):
         load_scenario(text.replace("1 s}", "1000 s}"))
 
@@ -135,11 +134,11 @@ def test_a_long_run_at_high_frequency_is_sampled_less():
 def test_a_random_input_is_sampled_where_the_pieces_of_its_spline_begin(highest, duration, rate):
     psd = f"psd: [{{frequency: 20, density: 1}}, {{frequency: {highest}, density: 1}}]"
     text = BEAM + f"excitation: {{kind: random, applied_to: base, {psd}}}\nrun: {{duration: {duration}}}\n"
-    assert load_scenario(text).run.sample_rate == pytest.approx(rate)
+    assert load_scenario(text).sample_rate == pytest.approx(rate)
 
 
 def test_a_short_run_gets_enough_samples():
-    assert load_scenario(CHAIN + "run: {duration: 1 ms}\n").run.sample_rate == 2e6
+    assert load_scenario(CHAIN + "run: {duration: 1 ms}\n").sample_rate == 2e6
 
 
 def test_sections():
@@ -185,7 +184,7 @@ def test_starts_and_points():
 def test_the_level_says_what_moves(level, quantity, value):
     scenario = load_scenario(BASE, [f"excitation.level={level}"])
     assert (scenario.excitation.quantity, scenario.excitation.level) == (quantity, value)
-    assert type(scenario.excitation.level) is float
+    assert isinstance(scenario.excitation.level, float)
 
 
 def test_bare_levels_follow_quantity_and_place():
@@ -323,7 +322,7 @@ the_schema = cache(json_schema)
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.yaml")), ids=lambda path: path.stem)
 def test_schema_accepts_the_examples_and_their_resolved_form(path):
     schema = the_schema()
-    assert valid(schema, parse(path.read_text()).plain(), schema)
+    assert valid(schema, parse(path.read_text()), schema)
     assert valid(schema, yaml.safe_load(load_scenario(path).to_yaml()), schema)
 
 
@@ -358,7 +357,7 @@ def test_every_example_of_the_schema_is_read_by_its_key():
 def test_schema_accepts_templates_and_partial_files_that_extend():
     schema = the_schema()
     for kind in TemplateKind:
-        assert valid(schema, parse(template(kind)).plain(), schema)
+        assert valid(schema, parse(template(kind)), schema)
     assert valid(schema, {"extends": "a.yaml", "excitation": {"frequency": "45 Hz"}, "beam": {"length": 1}}, schema)
     assert valid(schema, {"extends": "a.yaml", "run": {"start": "rest"}, "beam": None}, schema)
 
@@ -382,13 +381,13 @@ def test_schema_accepts_templates_and_partial_files_that_extend():
 )
 def test_schema_refuses(change):
     schema = the_schema()
-    data = parse(BASE).plain()
+    data = parse(BASE)
     assert valid(schema, data, schema)
     path, _, text = change.partition("=")
     target, keys = data, [int(k) if k.isdigit() else k for k in re.findall(r"\w+", path)]
     for key in keys[:-1]:
         target = target[key]
-    target[keys[-1]] = parse(text).plain()
+    target[keys[-1]] = parse(text)
     assert not valid(schema, data, schema)
     if text != "null":
         with pytest.raises(ScenarioError):
@@ -406,6 +405,8 @@ def test_every_key_is_described_with_its_unit():
     schema = the_schema()
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     for name, part in schema["$defs"].items():
+        if name.endswith("Complete") or "properties" not in part:
+            continue
         for key, item in part["properties"].items():
             assert item.get("description") or key == "extends", f"{name}.{key}"
     beam = schema["$defs"]["Beam"]["properties"]
@@ -421,18 +422,15 @@ def test_every_key_is_described_with_its_unit():
 
 
 def test_importing_is_light():
-    """pint waits for the first uncommon unit in a string; numerics have no place here at all."""
+    """Numerics have no place here at all."""
     code = (
         "import sys, beamsim.scenario as s\n"
-        "heavy = {'pint', 'numpy', 'scipy', 'numba', 'matplotlib', 'h5py', 'rich', 'typer'}\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'matplotlib', 'h5py', 'rich', 'typer'}\n"
+        "s.load_scenario('chain: {masses: [1 oz], springs: [1 kN/mm]}\\n')\n"
         "print(sorted(heavy & set(sys.modules)))\n"
-        "s.load_scenario('chain: {masses: [1 g], springs: [1 kN/mm]}\\n')\n"
-        "print('pint' in sys.modules)\n"
-        "s.load_scenario('chain: {masses: [1 oz], springs: [1]}\\n')\n"
-        "print('pint' in sys.modules)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split("\n")[:3] == ["[]", "False", "True"]
+    assert done.stdout.strip() == "[]"
 
 
 @pytest.mark.parametrize("module", ["beamsim.scenario", "beamsim.scenario.base", "beamsim.scenario.units"])

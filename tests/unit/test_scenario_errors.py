@@ -66,12 +66,20 @@ def test_everything_at_once_in_the_order_of_the_file():
         "<text>:7: beam.thickness = -5 mm",
         "<text>:9: beam.density = 2700 mm",
         "<text>:19: snubbers[0].side",
-        "<text>:20: snubbers[0].position = 0.31 m",
         "<text>:21: snubbers[0].sde",
-        "<text>:26: snubbers[0].preload",
-        "<text>:36: probes[1].name = tip",
-        "<text>:40: run.sample_rate = 100 Hz",
-        "<text>:42: run.spectrum.last = 4 s",
+    ]
+    for wrong, right in (
+        ("titel", "title"), ("thickness: -5", "thickness: 5"), ("2700 mm", "2700 kg/m^3"), ("sde:", "side:"),
+    ):  # fmt: skip
+        text = text.replace(wrong, right)
+    (found,) = problems(text)  # two fields of one section
+    assert found.startswith("<text>:26: snubbers[0].preload and gap exclude each other")
+    found = problems(text.replace("\n    preload: 1 N", ""))  # between sections
+    assert [line.split(" lies")[0].split(" is ")[0] for line in found] == [
+        "<text>:20: snubbers[0].position = 0.31 m",
+        "<text>:35: probes[1].name = tip",
+        "<text>:39: run.sample_rate = 100 Hz",
+        "<text>:41: run.spectrum.last = 4 s",
     ]
 
 
@@ -194,8 +202,8 @@ def test_everything_at_once_in_the_order_of_the_file():
         # excitation
         ("excitation.applied_to=bas", "excitation.applied_to = bas names neither the base nor a point"),
         ("excitation.applied_to={}", "excitation.applied_to = {} names neither the base nor a point"),
-        ("excitation.applied_to={position: 1}", "excitation.applied_to.position = 1 m lies beyond"),
-        ("excitation.applied_to={mass: 1}", "excitation.applied_to.mass applies to a chain"),
+        ("excitation={applied_to: {position: 1}, level: 1 N}", "excitation.applied_to.position = 1 m lies beyond"),
+        ("excitation={applied_to: {mass: 1}, level: 1 N}", "excitation.applied_to.mass applies to a chain"),
         (
             "excitation.applied_to={position: 0.1}",
             "excitation.level is an acceleration, but a point takes a force",
@@ -237,7 +245,15 @@ def test_everything_at_once_in_the_order_of_the_file():
             "run.sample_rate=129 Hz",
             "run.sample_rate = 129 Hz is under twice the excitation frequency of 65 Hz; use at least 130 Hz",
         ),
-        ("run.duration=1e9", "samples, over the limit of 1e+08"),
+        ("run.duration=1e9", "samples, over the limit of 5e+07"),
+        (
+            "run={duration: 4000 s, spectrum: null}",
+            "over run.duration = 4000 s gives 8e+07 samples, over the limit of 5e+07",
+        ),
+        (
+            "sweep={kind: swept_sine, from: 20, to: 400, rate: 2 oct/min, history_rate: 1 MHz}",
+            "sweep.history_rate = 1e+06 Hz over 129.658 s gives 1.3e+08 samples, over the limit of 5e+07",
+        ),
         ("run.spectrum.last=2 s", "run.spectrum.last = 2 s is longer than run.duration = 0.8 s"),
         ("run.spectrum={last: 0.1, periods: 5}", "run.spectrum.periods and last exclude each other"),
         ("run.spectrum={last: null, periods: 100}", "run.spectrum.periods = 100 periods of 65 Hz take 1.53846 s"),
@@ -420,9 +436,8 @@ def test_what_python_builds_is_checked_too():
 def test_round_off_at_the_end_is_forgiven():
     text = BASE.replace("length: 270 mm", "length: 0.26999999999999996").replace("position: 202.5", "position: 100")
     scenario = load_scenario(text)
-    assert scenario.snubbers[0].position == scenario.beam.length
-    assert scenario.beam.point_masses[2].position == scenario.beam.length
-    assert scenario.probes[0].position == scenario.beam.length
+    places = (scenario.snubbers[0], scenario.beam.point_masses[2], scenario.probes[0])
+    assert [scenario.beam.point(place.position) for place in places] == [scenario.beam.length] * 3
 
 
 PLATE = """\

@@ -46,15 +46,15 @@ def problems(text):
     ],
 )
 def test_scalars(text, value):
-    read = parse(f"key: {text}\n").plain()["key"]
+    read = parse(f"key: {text}\n")["key"]
     assert read == value
     assert type(read) is type(value)
 
 
 def test_infinities_reach_the_fields_which_refuse_them():
-    assert parse("a: .inf\n").plain() == {"a": float("inf")}
-    assert parse("a: -.Inf\n").plain() == {"a": float("-inf")}
-    assert parse("a: .nan\n").plain()["a"] != parse("a: .nan\n").plain()["a"]
+    assert parse("a: .inf\n") == {"a": float("inf")}
+    assert parse("a: -.Inf\n") == {"a": float("-inf")}
+    assert parse("a: .nan\n")["a"] != parse("a: .nan\n")["a"]
 
 
 def test_every_value_knows_its_line():
@@ -80,7 +80,7 @@ def test_duplicates_are_all_reported():
 
 def test_anchors_aliases_and_merge_keys():
     text = "base: &b {x: 1, y: 2}\nother: {<<: *b, y: 3}\nboth: {<<: [*b, {z: 4, x: 9}]}\nsame: *b\n"
-    assert parse(text).plain() == {
+    assert parse(text) == {
         "base": {"x": 1, "y": 2},
         "other": {"x": 1, "y": 3},
         "both": {"x": 1, "y": 2, "z": 4},
@@ -134,6 +134,6 @@ def test_python_values():
         "d": (True, None, "x"),
         "e": numpy.float32(2),
     }
-    plain = from_python(value).plain()
+    plain = from_python(value)
     assert plain == {"a": 0.5, "b": 3, "c": [0, 1], "d": [True, None, "x"], "e": 2.0}
     assert [type(plain[key]) for key in "abe"] == [float, int, float]

@@ -16,7 +16,7 @@ CHAIN = CONFIGS / "chain_bumpers.yaml"
 def test_a_run_with_too_many_events():
     result = beamsim.run(load_scenario(CHAIN, ["run.max_events=3"]))
     assert result.outcome.code is OutcomeCode.EVENT_LIMIT
-    assert result.outcome.numbers["time"] == pytest.approx(result.time[-1], abs=2.0 / result.scenario.run.output_rate)
+    assert result.outcome.numbers["time"] == pytest.approx(result.time[-1], abs=2.0 / result.scenario.sample_rate)
     assert result.outcome.remedy.startswith("raise run.max_events")
     assert result.summary["status"] == result.status
 

@@ -27,7 +27,6 @@ from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-    from beamsim.scenario.place import AtPlace
 
 HIGHEST = 1.5  # times the highest measured frequency, up to which computed modes are compared
 LEAST_MODES = 4  # more than were measured
@@ -107,7 +106,6 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
     highest, least = HIGHEST * float(measured.frequency_hz.max()), measured.frequency_hz.size + LEAST_MODES
     sites = []
     for label, place in zip(measured.labels or [""] * len(measured.places), measured.places, strict=True):
-        place = _on_body(scenario, place)
         for problem in place_problems(scenario, ("probes",), place):
             raise _wrong(measured, f"{label}: {problem.message}".strip(": "), problem.remedy)
         sites.append(site_in(scenario, place))
@@ -130,14 +128,6 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
     order = np.argsort(frequencies, kind="stable")
     most = max(int(np.sum(frequencies <= highest)), min(least, frequencies.size))
     return frequencies[order][:most], shapes[:, order[:most]]
-
-
-def _on_body(scenario: Scenario, place: AtPlace) -> AtPlace:
-    """The place with shares of a body's length in m."""
-    body = scenario.all_bodies.get(place.body or scenario.default_body)
-    if body is None or place.position is None:
-        return place
-    return place.model_copy(update={"position": body.on_the_body(place.position)})
 
 
 def _mac(one: Any, other: Any) -> Floats:

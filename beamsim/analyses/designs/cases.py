@@ -1,13 +1,13 @@
 """One case of a design study: from parameter values to responses.
 
-A case is sent to its worker as plain data (the scenario as it was written, and the values to replace in it), so that
-every worker, on this machine or another, computes the same numbers.
+A case is sent to its worker as the scenario as it was written and the values to replace in it, so that every worker, on
+this machine or another, computes the same numbers.
 """
 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -24,9 +24,8 @@ from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import BeamsimError, Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.outcomes import Outcome, OutcomeCode
-from beamsim.scenario.designs import Value
-from beamsim.scenario.loading import load_scenario
-from beamsim.scenario.written import replaced
+from beamsim.scenario.parameters import with_values
+from beamsim.scenario.varied import Value
 from beamsim.system.shared import SharedBuilds
 
 if TYPE_CHECKING:
@@ -39,17 +38,18 @@ Place = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Study:
-    """What the cases of a study share, as plain data for workers."""
+    """What the cases of a study share."""
 
     analysis: str
-    base: Mapping[str, Any]  # the scenario as it was written
+    case: Scenario  # as it was written
     places: tuple[tuple[Place, ...], ...]  # of each parameter
     asked: tuple[str, ...] = ()  # responses; empty for all
     fingerprint: str = ""
 
     def scenario(self, values: Sequence[Value]) -> Scenario:
         """The scenario with values of the first parameters, or of all; raises a ScenarioError if it is invalid."""
-        return load_scenario(replaced(self.base, self.places[: len(values)], values))
+        given = {place: value for at, value in zip(self.places, values, strict=False) for place in at}
+        return with_values(self.case, given).rechecked()
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def _solve_run(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Resp
     if gives_figures(scenario):
         asked = entries_of(solver.study.asked, scenario.excitation.kind)
         system = build_system(scenario, solver.shared, assessed=False, recovered=needs_recovery(asked))
-        figures, outcome = asked_figures(system, settings, asked, stop)
+        figures, outcome = asked_figures(system, scenario, asked, stop)
         return run_responses(figures), outcome
     result = run(scenario, stop=stop)
     return run_responses(entries_of_result(result)), result.outcome
@@ -156,7 +156,7 @@ def _rehearse_run(scenario: Scenario) -> object:
 
     settings = scenario.run
     assert settings is not None
-    short = min(settings.duration, max(1e-3 * settings.duration, 50.0 / settings.output_rate))
+    short = min(settings.duration, max(1e-3 * settings.duration, 50.0 / scenario.sample_rate))
     settings = settings.model_copy(update={"duration": short, "spectrum": SpectrumSettings()})
     return run(scenario.model_copy(update={"run": settings}))
 

@@ -28,7 +28,7 @@ from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.limits import margin_of
 from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
-from beamsim.scenario.designs import Value
+from beamsim.scenario.varied import Value
 from beamsim.system.outputs import output_units
 from beamsim.typing import Bools, Floats
 
@@ -180,7 +180,7 @@ def _about_seeds(plan: DesignPlan) -> list[str]:
     """What the scatter between the seeds of a random input means."""
     if not varies_seed(plan.study.places):
         return []
-    if plan.study.base["excitation"]["amplitudes"] == "random":
+    if getattr(plan.study.case.excitation, "amplitudes", None) == "random":
         return [
             "the seeds are realisations of a Gaussian process (excitation.amplitudes: random): they scatter as records "
             "of this duration do"

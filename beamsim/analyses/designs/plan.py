@@ -21,20 +21,12 @@ from beamsim.analyses.designs.result import (
 )
 from beamsim.analyses.designs.sampling import latin_hypercube, listed_values, sobol
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.base import suggestion
-from beamsim.scenario.designs import (
-    LatinHypercube,
-    Sobol,
-    Value,
-    VariedParameter,
-    Vary,
-    drawn_parameters,
-    varied_parameters,
-)
+from beamsim.scenario.base import plain, suggestion
+from beamsim.scenario.designs import LatinHypercube, Sobol, Vary
 from beamsim.scenario.input_files import named_files
 from beamsim.scenario.limits import OF_OUTPUTS
-from beamsim.scenario.parameters import value_at
-from beamsim.scenario.written import written
+from beamsim.scenario.parameters import value_at, with_values
+from beamsim.scenario.varied import Value, VariedParameter, drawn_parameters, varied_parameters
 from beamsim.typing import Ints
 
 if TYPE_CHECKING:
@@ -269,14 +261,12 @@ def _plan(
     realisations: Realisations,
 ) -> DesignPlan:
     places = (*(parameter.places for parameter in varied), *realisations.further_places)
-    base = _base(scenario, [place for of_parameter in places for place in of_parameter])
-    if varies_seed(places):
-        base["excitation"].setdefault("amplitudes", "random")
+    case = _case(scenario, varies_seed(places))
     analysis = analysis_of(scenario)
     contents = {key: record.get("sha256") for key, record in scenario.file_records(since=math.inf).items()}
     further = [*([asked] if asked else []), *realisations.as_data(), *([contents] if contents else [])]
-    fingerprint = _fingerprint(base, places, columns, kind, analysis, further)
-    study = Study(analysis, _with_whole_paths(base, scenario), places, asked, fingerprint)
+    fingerprint = _fingerprint(plain(case), places, columns, kind, analysis, further)
+    study = Study(analysis, _with_whole_paths(case, scenario), places, asked, fingerprint)
     grid = kind == "grid"
     shape = tuple(len(c) for c in columns) if grid else (len(columns[0]),)
     return DesignPlan(
@@ -291,30 +281,22 @@ def _plan(
     )
 
 
-def _base(scenario: Scenario, places: Iterable[Place]) -> dict[str, Any]:
-    """The scenario as it was written, without unused sections; an automatic sample rate is chosen for each case."""
-    base = written(scenario, [*places, *(path for path, _ in named_files(scenario))])
+def _case(scenario: Scenario, seed_varies: bool) -> Scenario:
+    """The scenario without unused sections; noise of several seeds has random amplitudes where nothing else is said."""
     # a sweep computes stress and gap only if there are limits on them; a run always does
-    unused = ("vary", "title", "identify_stiffness", "nnm", *(("limits",) if scenario.sweep is None else ()))
-    for key in unused:
-        base.pop(key, None)
-    if "run" in base:
-        base["run"].setdefault("convergence", "off")
-    if "run" in base and scenario.automatic_sample_rate:
-        base["run"].pop("sample_rate", None)
-    return base
+    unused = ("vary", "identify_stiffness", "nnm", *(("limits",) if scenario.sweep is None else ()))
+    case = scenario.model_copy(update={**dict.fromkeys(unused), "title": ""}).with_source(scenario.source)
+    if case.run is not None and case.run.convergence is None:
+        case = with_values(case, {("run", "convergence"): "off"})
+    if seed_varies and getattr(case.excitation, "amplitudes", None) is None:
+        case = with_values(case, {("excitation", "amplitudes"): "random"})
+    return case
 
 
-def _with_whole_paths(base: dict[str, Any], scenario: Scenario) -> dict[str, Any]:
-    """The plain data with the paths of files from the root, since it has no folder that they could be relative to."""
-    for path, name in named_files(scenario):
-        if path[0] not in base:  # a section that studies do not use
-            continue
-        owner: Any = base
-        for key in path[:-1]:
-            owner = owner[key]
-        owner[path[-1]] = str((scenario.folder_of(*path) / name).absolute())
-    return base
+def _with_whole_paths(case: Scenario, scenario: Scenario) -> Scenario:
+    """The case with the paths of files from the root, since it has no folder that they could be relative to."""
+    files = {at: str((scenario.folder_of(*at) / name).absolute()) for at, name in named_files(case)}
+    return with_values(case, files)
 
 
 def varies_seed(places: Iterable[Iterable[Place]]) -> bool:

@@ -11,8 +11,8 @@ import numpy as np
 
 from beamsim.analyses.designs.result import RealisedResponse, Tolerance
 from beamsim.analyses.designs.sampling import latin_hypercube
-from beamsim.scenario.designs import Path, Value
-from beamsim.scenario.tolerances import ToleratedParameter, tolerances_of, tolerated_parameters
+from beamsim.scenario.base import Path
+from beamsim.scenario.varied import ToleratedParameter, Value, tolerances_of, tolerated_parameters
 from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:

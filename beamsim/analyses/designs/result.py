@@ -14,7 +14,7 @@ from beamsim.analyses.result import Result
 from beamsim.codecs import JSON, as_text, outcome_of_text
 from beamsim.fields import Axes, Counter, Entry, attribute, axis, dataset, declared, key, keyed, numbered, stored
 from beamsim.outcomes import COMPLETE, Outcome
-from beamsim.scenario.designs import Value
+from beamsim.scenario.varied import Value
 from beamsim.typing import Bools, Floats, Ints
 
 _GROUP = "designs"

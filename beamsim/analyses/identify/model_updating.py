@@ -22,7 +22,7 @@ import numpy as np
 from beamsim.analyses.identify.contact_point import free_frequencies
 from beamsim.analyses.identify.result import FrequencyTable, ModelUpdate, ParameterEstimate, ProfileLikelihood
 from beamsim.errors import ScenarioError
-from beamsim.scenario.loading import replacing
+from beamsim.scenario.parameters import choices_at, find_parameters, read_as, value_at, with_values
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -63,8 +63,6 @@ class Sought:
 
 def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tuple[list[Sought], list[Place]]:
     """The numeric parameters, and the places of the non-numeric ones (supports)."""
-    from beamsim.scenario.parameters import choices_at, find_parameters, read_as, value_at
-
     numbers: list[Sought] = []
     words: list[Place] = []
     for item in items:
@@ -106,8 +104,6 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
     ValueError
         If nothing was measured without the snubber (the schema refuses that).
     """
-    from beamsim.scenario.parameters import choices_at, value_at
-
     measured = np.array(section.measured_without)
     numbers, words = sought_numbers(scenario, section.update)
     sigma = np.array([section.uncertainty_of(j + 1) for j in range(measured.size)])
@@ -117,7 +113,7 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
     for choice in product(*(choices_at(scenario, place) for place in words)):
         text = ", ".join(choice)
         try:
-            varied = replacing(scenario, words)(dict(zip(words, choice, strict=True)))
+            varied = with_values(scenario, dict(zip(words, choice, strict=True))).rechecked()
         except ScenarioError:  # a support that holds the snubber's point, for example
             alternatives.append((text, np.inf))
             continue
@@ -277,13 +273,12 @@ def _residuals(
 
 def _varied(scenario: Scenario, numbers: list[Sought]) -> Callable[[Floats], Scenario]:
     """The scenario as a function of theta, the logarithms of the numbers' factors."""
-    change = replacing(scenario, [place for number in numbers for place in number.places])
 
     def at(theta: Floats) -> Scenario:
         values: dict[Place, object] = {}
         for number, logarithm in zip(numbers, theta, strict=True):
             values |= number.at_factor(float(np.exp(logarithm)))
-        return change(values)
+        return with_values(scenario, values).rechecked()
 
     return at
 

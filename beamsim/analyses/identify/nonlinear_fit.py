@@ -13,7 +13,7 @@ method from several starting points.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,8 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
-from beamsim.scenario.loading import replacing
+from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.parameters import with_values
 from beamsim.system.shared import SharedBuilds
 from beamsim.typing import Bools, Complexes, Floats
 
@@ -272,7 +273,7 @@ class _NonlinearFit:
     tests: list[_Test]
     responses: int = 0
     last: list[Complexes] = field(default_factory=list)  # predicted harmonics of each test
-    _varied: list[Callable[[Mapping[Place, object]], Scenario]] = field(default_factory=list)
+    _cases: list[Scenario] = field(default_factory=list)
     _guesses: list[Floats | None] = field(default_factory=list)
     _vibrations: list[SteadyVibration] = field(default_factory=list)
     _shared: SharedBuilds = field(default_factory=SharedBuilds)
@@ -290,12 +291,12 @@ class _NonlinearFit:
             reduction = Reduction(highest_frequency=_HARMONICS_KEPT * highest)
         without = {"run": None, "reduction": reduction, "sweep": None, "nnm": None}
         cases = []
+        harmonic = self.scenario.excitation
+        assert isinstance(harmonic, Harmonic)
         for test in self.tests:
-            harmonic = {"frequency": test.frequency_hz, "level": test.level}
-            excitation = self.scenario.excitation.model_copy(update=harmonic)
+            excitation = harmonic.at(test.frequency_hz, test.level)
             cases.append(self.scenario.model_copy(update={"excitation": excitation, **without}))
-        places = [place for number in self.numbers for place in number.places]
-        self._varied = [replacing(case, places) for case in cases]
+        self._cases = cases
         self._guesses = [None] * len(self.tests)
         try:
             self._vibrations = [steady_vibration(case, shared=self._shared) for case in cases]
@@ -355,7 +356,7 @@ class _NonlinearFit:
         values = self.values(x)
         predicted = []
         for t, test in enumerate(self.tests):
-            varied, count = self._varied[t](values), test.harmonics.order.size
+            varied, count = with_values(self._cases[t], values).rechecked(), test.harmonics.order.size
             vibration = steady_vibration(varied, self._guesses[t], harmonics=count, shared=self._shared)
             self.responses += 1
             self._guesses[t] = vibration.start

@@ -13,13 +13,12 @@ from beamsim.analyses.identify.result import PadFit
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario.base import path_text
-from beamsim.scenario.pad_data import check_data
+from beamsim.scenario.identification import check_data
 from beamsim.typing import Complexes, Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-    from beamsim.scenario.identification import Pad
-    from beamsim.scenario.pad_data import PadData
+    from beamsim.scenario.identification import Pad, PadData
 
 AT = ("identify_stiffness", "pad", "data")
 CURVE = 200  # points of the fitted curve

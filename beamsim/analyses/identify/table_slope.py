@@ -30,7 +30,7 @@ def table_slope(scenario: Scenario, snubber: str) -> TableSlope | None:
     ScenarioError
         Where the snubber is open at rest: its slope there is not that of a permanent contact.
     """
-    names = [item.name for _, _, item in scenario.located_snubbers]
+    names = [item.name for _, _, item, _ in scenario.located_snubbers]
     index = names.index(snubber)
     curve = curves_of(scenario)[index]
     if curve is None:
@@ -58,7 +58,7 @@ def table_slope(scenario: Scenario, snubber: str) -> TableSlope | None:
 
 def with_factor(scenario: Scenario, snubber: str, factor: float) -> Scenario:
     """The scenario with all forces of a snubber's table multiplied by a factor."""
-    path, _, item = scenario.located_snubber(snubber)
+    path, _, item, _ = scenario.located_snubber(snubber)
     assert item.table is not None
     scaled = item.table.model_copy(update={"scale": factor * item.table.scale})
     return with_values(scenario, {(*path, "force_deflection"): scaled})

@@ -39,7 +39,7 @@ from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.reversible import linear_mode
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, combined
 from beamsim.scenario.excitation import NoExcitation
-from beamsim.scenario.nnm_method import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
+from beamsim.scenario.nnm import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
@@ -125,7 +125,7 @@ def nnm(
         scenario=scenario,
         mode=job.mode + 1,
         parameter=job.parameter,
-        method=scenario.nnm.solver.kind,
+        method=scenario.nnm.method.kind,
         outcome=outcome,
         branches=branches,
         jumps=followed.jumps,
@@ -189,7 +189,7 @@ def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
                     "use continue_in: {kind: stiffness_factor, from: 0, to: 1}, or leave out the comparison",
                 )
             )
-    if scenario.nnm.solver.kind == "multiple_scales" and "relaxed_minimisation" in compare:
+    if scenario.nnm.method.kind == "multiple_scales" and "relaxed_minimisation" in compare:
         raise ScenarioError(
             Problem("nnm.method", "= multiple_scales follows no backbone to compare relaxed minimisation with",
                     "use method: shooting; both can be compared with it")
@@ -206,7 +206,7 @@ def _followed(
 ) -> _MethodResults:
     """Exact motions first, then what is compared with them."""
     assert scenario.nnm is not None
-    solver = scenario.nnm.solver
+    solver = scenario.nnm.method
     begin = clock.process_time()
     if solver.kind == "multiple_scales":
         return _near_expansion(scenario, system, job)

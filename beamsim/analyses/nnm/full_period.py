@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from beamsim.analyses.nnm.paths import ModeBranches, ModePath
-    from beamsim.scenario.nnm_method import FullPeriodMethod
+    from beamsim.scenario.nnm import FullPeriodMethod
 
 FIRST_STEP, LARGEST_STEP = 0.01, 0.05  # of a non-brake branch, in scaled unknowns
 BACK = 60  # points followed back into a tongue from beyond a jump

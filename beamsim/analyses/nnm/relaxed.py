@@ -20,7 +20,7 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from beamsim.scenario.nnm_method import RelaxedMinimisationMethod
+    from beamsim.scenario.nnm import RelaxedMinimisationMethod
 
 SAME = 1e-6  # relative distance of two shapes that are one motion's
 FAR = 0.25  # relative distance between neighbouring steps' exact motions that is no continuation

@@ -133,7 +133,7 @@ def frequency_response(
         unit=f.unit,
         snubber=f.snubber,
         level_unit=level_unit(scenario),
-        method=settings.method.kind,  # type: ignore[union-attr]
+        method=settings.method.kind,
         fold_curves=tuple(folds),
         second_parameter="" if second is None else second.kind,
         second_unit="" if second is None else second.unit,

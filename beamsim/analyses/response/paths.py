@@ -18,8 +18,8 @@ from beamsim.inputs.profiles import power_of
 from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
+from beamsim.scenario.analysis_checks import snubber_index
 from beamsim.scenario.continuation import PositionPath, SnubberPath
-from beamsim.scenario.continuation_checks import snubber_index
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.quantities import FACTOR
 from beamsim.scenario.quantities import level_unit as unit_of
@@ -206,7 +206,7 @@ def moving_place(scenario: Scenario, path: PositionPath, position: float) -> Pla
     assert index is not None
     site = snubber_site(scenario.located_snubbers[index])
     assert isinstance(site, Place)
-    return replace(site, point=scenario.all_bodies[site.body].on_the_body(position))
+    return replace(site, point=scenario.all_bodies[site.body].point(position))
 
 
 def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, shape_at: Any) -> FollowedParameter:

@@ -83,7 +83,7 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
             "low_pass": None,
         }
     )  # fmt: skip
-    motion = stepped_motion_of(system, stepped, output_times(settings), None, stop, short_steps=True)
+    motion = stepped_motion_of(system, stepped, output_times(result.scenario), None, stop, short_steps=True)
     if motion.outcome.interrupted:
         return result.interrupted("the comparison with the reference integrator")
     compared = _compared(result, system, motion)

@@ -44,8 +44,7 @@ from beamsim.system.structural import StructuralSystem
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-    from beamsim.scenario.impacts import StressLife
-    from beamsim.scenario.run import ShockSpectrumSettings
+    from beamsim.scenario.run import ShockSpectrumSettings, StressLife
     from beamsim.structures.stations import StressRows
 
 
@@ -76,7 +75,7 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None, sto
         scenario, system = built_at_orbit(scenario, lambda at_rest: build_system(at_rest, shared))
     else:
         system = build_system(scenario, shared)
-    times = output_times(settings)
+    times = output_times(scenario)
     solve = stepped_motion_of if steps_in_time(system, settings) else exact_motion_of
     motion = solve(system, settings, times, progress, stop)
     derived = _Derived(stop)

@@ -29,7 +29,7 @@ from beamsim.typing import Floats
 if TYPE_CHECKING:
     from beamsim.flow.exact import ExactFlow
     from beamsim.flow.trajectory import Trajectory
-    from beamsim.scenario import Run, Scenario
+    from beamsim.scenario import Scenario
     from beamsim.system.structural import StructuralSystem
 
 SAMPLES_A_PART = 100_000  # of those whose squares are added up
@@ -76,7 +76,7 @@ def needs_recovery(asked: Collection[str]) -> bool:
 
 def asked_figures(
     system: StructuralSystem,
-    settings: Run,
+    scenario: Scenario,
     asked: Collection[str],
     stop: Stop = never,
 ) -> tuple[dict[str, Any], Outcome]:
@@ -86,14 +86,17 @@ def asked_figures(
 
     Parameters
     ----------
-    system : of a scenario for which `gives_figures`.
+    system : of the scenario.
+    scenario : for which `gives_figures`.
     asked : among `ENTRIES`; what the system does not have (a stress, snubbers) is left out.
     stop : asked between blocks of events whether to end; then only what does not need the whole motion is found.
     """
+    settings = scenario.run
+    assert settings is not None
     motion, _ = motion_in_stretches(system, settings, most_events=settings.max_events, stop=stop)
     groups = output_groups(system, motion.flow)
     searched = _searched(system, motion.flow, groups, {_SEARCHED[entry] for entry in asked if entry in _SEARCHED})
-    figures, squares = StretchFigures(searched), MeanSquares(groups, settings, asked)
+    figures, squares = StretchFigures(searched), MeanSquares(groups, scenario, asked)
     for stretch in motion.stretches():
         figures.add(stretch)
         squares.add(stretch)
@@ -117,15 +120,16 @@ class MeanSquares:
     Parameters
     ----------
     groups : all outputs.
-    settings : of the run.
+    scenario : of the run.
     asked : entries, of which those of `ROOT_MEAN_SQUARES` count.
     """
 
-    def __init__(self, groups: OutputSet, settings: Run, asked: Collection[str]) -> None:
+    def __init__(self, groups: OutputSet, scenario: Scenario, asked: Collection[str]) -> None:
         self._names = {entry: name for entry, name in ROOT_MEAN_SQUARES.items() if entry in asked}
         self._groups = OutputSet({name: groups.groups[name] for name in self._names.values()})
-        self._rate = settings.output_rate
-        self._last = int(np.floor(settings.duration * self._rate * (1 + 1e-12))) + 1
+        assert scenario.run is not None
+        self._rate = scenario.sample_rate
+        self._last = int(np.floor(scenario.run.duration * self._rate * (1 + 1e-12))) + 1
         self._first = self._reached = int(SKIPPED * self._last)
         if self._last - self._first < LEAST_SAMPLES:
             self._names = {}

@@ -21,7 +21,7 @@ from beamsim.system.structural import StructuralSystem
 
 if TYPE_CHECKING:
     from beamsim.scenario import Run, Scenario
-    from beamsim.scenario.broadband import RandomInput
+    from beamsim.scenario.excitation import RandomInput
     from beamsim.system.shared import SharedBuilds
 
 
@@ -52,7 +52,7 @@ def checked_on_first_part(
     first = _first_part_of(scenario, excitation, settings, duration)
     assert first.run is not None
     of_part = build_system(first, shared, assessed=False)
-    part = exact_motion_of(of_part, first.run, output_times(first.run), None, stop)
+    part = exact_motion_of(of_part, first.run, output_times(first), None, stop)
     if not part.outcome.complete:
         return Convergence({}, reason="interrupted" if part.outcome.interrupted else part.outcome.text)
     spectra = spectra_of(first, of_part, part)

@@ -26,8 +26,7 @@ from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.outputs import exact_flow, output_groups
 from beamsim.contacts.laws import ContactLaw
 from beamsim.flow.transient import simulate
-from beamsim.scenario.broadband import RandomInput
-from beamsim.scenario.excitation import Forces, Harmonic, Shock
+from beamsim.scenario.excitation import Forces, Harmonic, RandomInput, Shock
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints

@@ -24,7 +24,7 @@ from beamsim.analyses.run.outputs import bending_stress, stack
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
-from beamsim.scenario.impacts import ImpactSettings, StressLife
+from beamsim.scenario.run import ImpactSettings, StressLife
 from beamsim.structures.stations import StressRows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats, Ints

@@ -17,7 +17,7 @@ import numpy as np
 from beamsim.analyses.gapping import pressed_phases, static_penetration, transfer
 from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.inputs.random_input import density
-from beamsim.scenario.broadband import RandomInput
+from beamsim.scenario.excitation import RandomInput
 from beamsim.system.equations import SineLoads
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints

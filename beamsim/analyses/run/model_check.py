@@ -47,7 +47,7 @@ def convergence_of(
 
     def solve(finer: StructuralSystem) -> Solution | None:
         if finer.cubic.count:
-            again = stepped_motion_of(finer, settings, output_times(settings), None, stop)
+            again = stepped_motion_of(finer, settings, output_times(scenario), None, stop)
             if again.outcome.interrupted:
                 return None
             assert again.contact_events is not None

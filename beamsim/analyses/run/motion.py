@@ -33,7 +33,6 @@ from beamsim.analyses.run.result import (
 from beamsim.analyses.run.spectra import SPECTRAL_GROUPS, spectra_of_motion, spectra_of_samples
 from beamsim.contacts.hardening import residual_crush
 from beamsim.contacts.springs import FRICTION
-from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import later
 from beamsim.flow.stretches import MotionInStretches
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -97,20 +96,11 @@ class RunMotion:
         return self.histories.history(lambda time, values: values[group][:, index])
 
 
-def output_times(settings: Run) -> OutputTimes:
-    """The times at which the motion is asked for."""
-    rate = settings.output_rate
-    count = int(np.floor(settings.duration * rate * (1 + 1e-12))) + 1
-    if count > MOST_SAMPLES:
-        raise ScenarioError(
-            Problem(
-                "run.sample_rate",
-                f"= {rate:g} Hz over run.duration = {settings.duration:g} s gives {count:.3g} samples "
-                f"(at most {MOST_SAMPLES:.3g} are kept)",
-                "lower one of the two; contacts and peaks are exact whatever the sample rate",
-            )
-        )
-    return OutputTimes(rate, count)
+def output_times(scenario: Scenario) -> OutputTimes:
+    """The times at which the motion of a run is asked for."""
+    assert scenario.run is not None
+    rate = scenario.sample_rate
+    return OutputTimes(rate, int(np.floor(scenario.run.duration * rate * (1 + 1e-12))) + 1)
 
 
 def memory_of(flow: ExactFlow, settings: Run) -> dict[str, int]:

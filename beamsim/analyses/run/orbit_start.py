@@ -107,7 +107,7 @@ def at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool = 
         changed["reduction"] = Reduction(modes=orbit.kept_modes)
     if keep_excitation:
         return scenario.model_copy(update=changed)
-    changed["excitation"] = excitation.model_copy(update={"frequency": orbit.frequency_hz, "level": orbit.level})
+    changed["excitation"] = excitation.at(orbit.frequency_hz, orbit.level)
     if orbit.parameter in ("gap", "stiffness"):
         stops = [stop for snubber in scenario.snubbers for stop in snubber.stops]
         names = [stop.name for stop in stops]

@@ -137,7 +137,7 @@ def harmonic_loads(system: StructuralSystem, omega: float, sine: complex) -> tup
 def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
     """At least `measured_cycles`: a whole number of periods of the motion and, if possible, of the orders."""
     repeat = period
-    for order in settings.orders:
+    for order in settings.tracked_orders:
         longer = math.lcm(repeat, Fraction(order).limit_denominator(12).denominator)
         if longer <= MOST_MEASURED:
             repeat = longer
@@ -164,7 +164,7 @@ def _point(
         kind, exponent, section = lyapunov.kind, lyapunov.value, settled.section
     measured = record_cycles(
         stepper.trajectory(motion, cycles), np.arange(cycles + 1.0) * stepper.period, outputs.rows(stepper.flow),
-        (0.0, *settings.orders), SinePhase.constant(stepper.omega), outputs.searched,
+        (0.0, *settings.tracked_orders), SinePhase.constant(stepper.omega), outputs.searched,
     )  # fmt: skip
     return _Point(frequency, amplitude, settled, kind, exponent, measured, section)
 
@@ -210,6 +210,7 @@ def _curve(
     return outputs.curve(
         values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
         level_unit=level_unit(quantity), quantity=quantity, frequency_hz=frequency, time=elapsed[:-1],
-        excitation_amplitude=np.array([p.amplitude for p in points]), orders=np.array(settings.orders), steady=steady,
+        excitation_amplitude=np.array([p.amplitude for p in points]), orders=np.array(settings.tracked_orders),
+        steady=steady,
         energy_error=np.array([energy_errors(p.measured.imbalance, p.measured.energy).max() for p in points]),
     )  # fmt: skip

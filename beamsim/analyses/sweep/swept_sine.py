@@ -110,7 +110,7 @@ def sweep_level(
     march = SweptMotion(
         system.dynamics, swept_loads(system), windows, system.initial_state, progress=progress, stop=stop
     )
-    orders, rate = (0.0, *settings.orders), settings.history_rate
+    orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
     times = np.zeros(0) if rate is None else _history_times(rate, windows.duration)
     parts: list[CycleRecord] = []
     samples: list[Floats] = []
@@ -183,7 +183,7 @@ def _curves(
     record: CycleRecord,
 ) -> tuple[SweepCurve, ...]:
     """The curves of the legs that were reached."""
-    tracked = record.tracked((0.0, *settings.orders))
+    tracked = record.tracked((0.0, *settings.tracked_orders))
     period = np.diff(windows.edge)
     curves = []
     for index, leg in enumerate(legs_of(settings)):
@@ -204,7 +204,8 @@ def _curves(
         curve = outputs.curve(
             values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
             level_unit="" if settings.profile else level_unit(quantity), quantity=quantity, frequency_hz=frequency,
-            time=windows.edge[cycles], excitation_amplitude=profile(frequency), orders=np.array(settings.orders),
+            time=windows.edge[cycles], excitation_amplitude=profile(frequency),
+            orders=np.array(settings.tracked_orders),
             energy_error=energy_errors(record.imbalance[computed], record.energy[computed], complete),
         )  # fmt: skip
         curves.append(curve)
@@ -212,13 +213,4 @@ def _curves(
 
 
 def _history_times(rate: float, end: float) -> Floats:
-    count = int(np.floor(end * rate * (1 + 1e-12))) + 1
-    if count > MOST_SAMPLES:
-        raise ScenarioError(
-            Problem(
-                "sweep.history_rate",
-                f"= {rate:g} Hz over {end:g} s gives {count:.3g} samples",
-                "lower it, or leave it out: envelopes and harmonics are exact without it",
-            )
-        )
-    return np.arange(count) / rate
+    return np.arange(int(np.floor(end * rate * (1 + 1e-12))) + 1) / rate

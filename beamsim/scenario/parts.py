@@ -1,0 +1,306 @@
+"""The sections of a scenario, and what follows from several of them."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Self
+
+from pydantic import Field, Tag
+
+from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, kind_of
+from beamsim.scenario.beam import AnyBeam, Beam, SandwichBeam, SegmentedBeam, StiffnessBeam, beam_tag
+from beamsim.scenario.body import Body, Located
+from beamsim.scenario.chain import Chain
+from beamsim.scenario.designs import Vary
+from beamsim.scenario.display import DisplayUnits
+from beamsim.scenario.distributed import AnyDeadLoad
+from beamsim.scenario.excitation import Excitation, NoExcitation
+from beamsim.scenario.friction import AnyFriction
+from beamsim.scenario.identification import IdentifyStiffness
+from beamsim.scenario.joint import AnyJoint
+from beamsim.scenario.limits import Limits
+from beamsim.scenario.matrices import MatricesBody
+from beamsim.scenario.nnm import NonlinearMode
+from beamsim.scenario.output import AnyOutput
+from beamsim.scenario.place import AtPlace, Probe, numbered
+from beamsim.scenario.plate import Plate, StiffnessPlate, plate_by_stiffness
+from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
+from beamsim.scenario.run import Reduction, Run
+from beamsim.scenario.snubber import AnySnubber
+from beamsim.scenario.spring import PointGroundSpring, PointLinkSpring, has_own_law
+from beamsim.scenario.sweep import Sweep
+
+MANY_SAMPLES = 5_000_000
+"""More output samples than this make a file of a gigabyte or so."""
+
+
+def _body_tag(value: Any) -> str | None:
+    kind = kind_of(value)
+    if kind == "beam":
+        return beam_tag(value)
+    if kind == "plate":
+        return "<plate by stiffness>" if plate_by_stiffness(value) else "<plate>"
+    return f"<{kind}>" if kind in ("chain", "matrices") else None
+
+
+AnyBody = Annotated[
+    Annotated[Beam, Tag("<section>")]
+    | Annotated[StiffnessBeam, Tag("<stiffness>")]
+    | Annotated[SandwichBeam, Tag("<sandwich>")]
+    | Annotated[SegmentedBeam, Tag("<segments>")]
+    | Chain
+    | MatricesBody
+    | Plate
+    | Annotated[StiffnessPlate, Tag("<plate by stiffness>")],
+    Variants("does not say which kind of body it is", "give kind: beam, chain, plate or matrices", _body_tag),
+]
+
+
+class ScenarioParts(Schema):
+    """The sections, and what follows from several of them."""
+
+    title: Text = ""
+    """Title for tables and plots."""
+    beam: AnyBeam | None = None
+    """The structure, if it is a beam."""
+    chain: Chain | None = None
+    """The structure, if it is a chain of masses."""
+    bodies: dict[Name, AnyBody] = Field(default_factory=dict)
+    """The bodies by name, where there are several; beam or chain alone is short for one."""
+    joints: Annotated[tuple[AnyJoint, ...], numbered("joints")] = ()
+    """What joins two points of bodies, or a point and the base: rigid, hinge or spring."""
+    springs_to_ground: Annotated[tuple[PointGroundSpring, ...], numbered("springs_to_ground")] = ()
+    """Springs from points of bodies to the ground: linear, cubic, piecewise linear (those of a chain may be in it)."""
+    springs_between: Annotated[tuple[PointLinkSpring, ...], numbered("springs_between")] = ()
+    """Springs between two points of bodies, linear, cubic or piecewise linear (those of a chain may be in it)."""
+    snubbers: Annotated[tuple[AnySnubber, ...], numbered("snubbers")] = ()
+    """One-sided stops on the bodies and between them (those of a chain may be listed in it)."""
+    friction: Annotated[tuple[AnyFriction, ...], numbered("friction")] = ()
+    """Dry friction at points of bodies, on the base or the ground, and between two points."""
+    gravity: Annotated[Gravity | GravityVector, BY_FORM] = 0.0
+    """Acceleration of gravity, towards negative displacement; or its components [x, y, z], [0, 0, -9.81]."""
+    constant_forces: tuple[AnyDeadLoad, ...] = ()
+    """Dead loads: a force at a point, {line: whole, force_per_length: 5 N/m} or {area: whole, pressure: 200 Pa}."""
+    excitation: Excitation = NoExcitation.model_construct()
+    """Excitation of the structure; none by default."""
+    probes: tuple[Probe, ...] = ()
+    """Points whose motion is recorded; by default one at each snubber (on both masses it acts between)."""
+    outputs: tuple[AnyOutput, ...] = ()
+    """What runs, sweeps and continuations report beside the probes: reactions, joint forces, moments, strains,
+    stresses, energies."""
+    run: Run | None = None
+    """A run in time (`beamsim run`)."""
+    reduction: Reduction | None = None
+    """Modal reduction; chosen automatically by default."""
+    sweep: Sweep | None = None
+    """A sweep in frequency (`beamsim sweep`)."""
+    identify_stiffness: IdentifyStiffness | None = None
+    """Identification of a snubber's stiffness (`beamsim identify-stiffness`)."""
+    nnm: NonlinearMode | None = None
+    """Nonlinear normal mode (`beamsim nnm`)."""
+    vary: Vary | None = None
+    """Parameters varied from case to case (`beamsim sweep`)."""
+    limits: Limits | None = None
+    """Limits, for margins in the summary and `--check`."""
+    units: DisplayUnits | None = None
+    """Units of tables, plots and reports, {acceleration: g, length: mm}; by default those in which most quantities are
+    written. Result files and --json stay in SI units."""
+
+    @property
+    def sample_rate(self) -> float:
+        """Sample rate of a run's output, Hz, as it is written or chosen from the excitation and the structure.
+
+        100 samples a period of the excitation, more if the structure or a short run needs it. With a single frequency
+        the samples of a period are a whole number, so that spectra of whole periods have no leakage. Long runs at high
+        frequency are sampled down to 20 a period. A random input has 10 samples, or a multiple of that, in a period of
+        its highest frequency: half as many as its own spline, whose pieces they fit.
+        """
+        run = self.run
+        assert run is not None
+        if run.sample_rate is not None:
+            return run.sample_rate
+        highest = self.excitation.highest_frequency_hz
+        random = self.excitation.kind == "random"
+        rate = max((10.0 if random else 100.0) * highest, 50.0 * self._rough_frequency_hz, 2000.0 / run.duration)
+        rate = min(rate, max(MANY_SAMPLES / run.duration, (10.0 if random else 20.0) * highest))
+        units = (10.0 * highest,) if random else self.excitation.frequencies_hz
+        return _whole_multiple(rate, units[0]) if len(units) == 1 else _round_number(rate)
+
+    @property
+    def frequency_of_interest_hz(self) -> float:
+        """What the model of a run resolves where there is no ``reduction``, Hz; the output has no part in it.
+
+        50 times the frequency of the excitation (10 times the highest of a random one), and with 64 times a low natural
+        frequency about ten bending modes of a beam: peak accelerations at a stop need that many.
+        """
+        harmonics = 10.0 if self.excitation.kind == "random" else 50.0
+        return max(harmonics * self.excitation.highest_frequency_hz, 64.0 * self._rough_frequency_hz)
+
+    @property
+    def _rough_frequency_hz(self) -> float:
+        return max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
+
+    @property
+    def all_bodies(self) -> dict[str, Body]:
+        """The bodies by name; a beam or chain alone is called beam or chain."""
+        bodies: dict[str, Body | None] = {"beam": self.beam, "chain": self.chain, **self.bodies}
+        return {name: body for name, body in bodies.items() if body is not None}
+
+    @property
+    def has_mesh(self) -> bool:
+        """Whether a body has a mesh that can be finer."""
+        return any(body.refined() is not body for body in self.all_bodies.values())
+
+    @property
+    def default_body(self) -> str:
+        """The body that a place without one means; empty where there are several."""
+        bodies = self.all_bodies
+        return next(iter(bodies)) if len(bodies) == 1 else ""
+
+    def body_path(self, name: str) -> Path:
+        """Where a body is written."""
+        return ("bodies", name) if name in self.bodies else (name,)
+
+    def refined(self, modes: int) -> Self:
+        """The same case with so many modes and twice the elements of every mesh, to see what depends on them."""
+        bodies = {name: body.refined() for name, body in self.all_bodies.items()}
+        named = {name: body for name, body in bodies.items() if name in self.bodies}
+        single = {name: body for name, body in bodies.items() if name not in self.bodies}
+        return self.model_copy(update={**single, "bodies": named, "reduction": Reduction(modes=modes)})
+
+    def _located(self, path: Path, body: str, item: Any) -> Located:
+        return Located(path, body, item, self.all_bodies)
+
+    @property
+    def located_snubbers(self) -> tuple[Located, ...]:
+        """The snubbers with their paths and bodies: those of the scenario, then those listed in the bodies.
+
+        Both stops of a pair have its path.
+        """
+        return tuple(located._replace(item=stop) for located in self._written_snubbers for stop in located.item.stops)
+
+    @property
+    def _written_snubbers(self) -> tuple[Located, ...]:
+        """The same with a pair of stops as one."""
+        bodies = self.all_bodies
+        shared = (self._located(("snubbers", k), self.default_body, snubber) for k, snubber in enumerate(self.snubbers))
+        of_bodies = (
+            self._located((*self.body_path(name), "snubbers", k), name, snubber)
+            for name, body in bodies.items()
+            for k, snubber in enumerate(body.own_snubbers)
+        )
+        return (*shared, *of_bodies)
+
+    def located_snubber(self, name: str) -> Located:
+        """The snubber with this name, its path and its body."""
+        return next(located for located in self.located_snubbers if located.item.name == name)
+
+    @property
+    def joined_by(self) -> tuple[Any, ...]:
+        """Joints and springs that are not listed in a body."""
+        return (*self.joints, *self.springs_to_ground, *self.springs_between)
+
+    @property
+    def nonlinear_springs(self) -> tuple[Located, ...]:
+        """Springs and joints of the scenario and of all bodies that are nonlinear or relax, with their paths; then the
+        friction contacts, springs of kind friction."""
+        shared = tuple(
+            self._located((key, index), self.default_body, spring)
+            for key in ("springs_to_ground", "springs_between", "joints")
+            for index, spring in enumerate(getattr(self, key))
+            if has_own_law(spring)
+        )
+        of_bodies = tuple(
+            self._located((*self.body_path(name), *path), name, spring)
+            for name, body in self.all_bodies.items()
+            for path, spring in body.nonlinear_springs()
+        )
+        rubbing = tuple(
+            self._located(("friction", index), self.default_body, contact)
+            for index, contact in enumerate(self.friction)
+        )
+        return shared + of_bodies + rubbing
+
+    @property
+    def all_snubbers(self) -> tuple[Any, ...]:
+        """The snubbers of the scenario and those listed in the bodies."""
+        return tuple(located.item for located in self.located_snubbers)
+
+    @property
+    def requested_outputs(self) -> tuple[tuple[Path, Any], ...]:
+        """The outputs with their paths: those of the scenario, then those of the run alone."""
+        of_run = () if self.run is None else self.run.outputs
+        return (
+            *((("outputs", k), output) for k, output in enumerate(self.outputs)),
+            *((("run", "outputs", k), output) for k, output in enumerate(of_run)),
+        )
+
+    @property
+    def level_unit(self) -> str:
+        """SI unit of the excitation's levels; empty where levels multiply a profile or several forces, or are none."""
+        if getattr(self.sweep, "profile", ()) or getattr(self.sweep, "profile_file", None):
+            return ""
+        quantity = getattr(self.excitation, "quantity", None)
+        return "" if quantity in (None, FACTOR) else level_unit(quantity)
+
+    @property
+    def effective_probes(self) -> tuple[Probe, ...]:
+        """The probes; without any, one at each snubber, on both places it acts between, else where a body says."""
+        if self.probes:
+            return self.probes
+        several = len(self.all_bodies) > 1
+        probes: dict[str, AtPlace] = {}
+        for _, body, snubber, _ in self._written_snubbers:
+            if len(snubber.places) == 1:
+                probes[snubber.name] = _on(body if several else None, snubber.places[0])
+        for _, body, snubber, _ in self._written_snubbers:
+            for place in snubber.probed_places if len(snubber.places) > 1 else ():
+                probed = _on(body if several else None, place)
+                probes.setdefault(self._probe_name(probed), probed)
+        if not probes:
+            for name, body_section in self.all_bodies.items():
+                called, place = body_section.default_probe()
+                probes[f"{name}_{called}" if several else called] = _on(name if several else None, place)
+        return tuple(
+            Probe(name=name, at=place)
+            if several or place.node is not None
+            else Probe(name=name, position=place.position, mass=place.mass)
+            for name, place in probes.items()
+        )
+
+    @property
+    def bodies_of_places(self) -> dict[str, dict[str, str]]:
+        """Of ``probes`` and ``snubbers``, by name, the body (two with a comma); empty where there is one body."""
+        if len(self.all_bodies) < 2:
+            return {}
+        probes = {probe.name: (probe.place.body,) for probe in self.effective_probes}
+        snubbers = {s.name: (place.body or body for place in s.places) for _, body, s, _ in self.located_snubbers}
+        return {
+            folder: {name: ", ".join(filter(None, bodies)) for name, bodies in items.items()}
+            for folder, items in (("probes", probes), ("snubbers", snubbers))
+        }
+
+    def _probe_name(self, place: AtPlace) -> str:
+        """Name of a default probe: mass_2, or with its body inner_0.77."""
+        if place.node is not None:
+            named = f"node_{place.node}_{place.direction or 'z'}"
+        elif place.mass is not None:
+            named = f"mass_{place.mass}"
+        else:
+            point = self.all_bodies[place.body or self.default_body].point_of(place)
+            named = "_".join(f"{p:g}" for p in (point if isinstance(point, tuple) else (point,)))
+        return named if place.body is None else f"{place.body}_{named}"
+
+
+def _on(body: str | None, place: AtPlace) -> AtPlace:
+    return place if place.body is not None or body is None else place.model_copy(update={"body": body})
+
+
+def _whole_multiple(least: float, unit: float) -> float:
+    return math.ceil(least / unit * (1.0 - 1e-12)) * unit
+
+
+def _round_number(least: float) -> float:
+    """Return the next of 1, 2, 5, 10, 20, ..."""
+    decade = 10.0 ** math.floor(math.log10(least))
+    return next(step * decade for step in (1.0, 2.0, 5.0, 10.0, 20.0) if step * decade >= least * (1.0 - 1e-12))
