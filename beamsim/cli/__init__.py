@@ -44,15 +44,12 @@ def main() -> None:
 def show_notices() -> None:
     """Print on standard error what the package logs, one line each."""
     import logging
-    import sys
-
-    class Notices(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            print(f"beamsim: {record.getMessage()}", file=sys.stderr, flush=True)
 
     logger = logging.getLogger("beamsim")
     if not logger.handlers:
-        logger.addHandler(Notices())
+        handler = logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("beamsim: %(message)s"))
+        logger.addHandler(handler)
     logger.setLevel(logging.INFO)
 
 
