@@ -9,22 +9,12 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from beamsim.analyses.values import LIMITED
 from beamsim.scenario.limits import OF_OUTPUTS
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.scenario.limits import Limits
-
-STANDARD_GRAVITY = 9.80665  # m/s^2
-
-LIMITED = {
-    "peak_force": ("peak_force_n", "N"),
-    "bending_stress": ("largest_bending_stress_pa", "Pa"),
-    "peak_displacement": ("peak_displacement_m", "m"),
-    "peak_acceleration": ("peak_acceleration_g", "m/s^2"),
-    "gap": ("largest_gap_m", "m"),
-}
-"""For each limit but those on outputs, the entry of the summary of a run with which it is compared, and its SI unit."""
 
 
 def limit_unit(scenario: Scenario, name: str) -> str:
@@ -33,7 +23,7 @@ def limit_unit(scenario: Scenario, name: str) -> str:
         from beamsim.system.outputs import output_units
 
         return output_units(scenario)[name.removeprefix(OF_OUTPUTS)]
-    return LIMITED[name][1]
+    return LIMITED[name].unit
 
 
 def limit_label(name: str) -> str:
@@ -61,17 +51,15 @@ def margins(limits: Limits | None, summary: Mapping[str, Any]) -> dict[str, dict
         if name.startswith(OF_OUTPUTS):
             largest[name] = float(summary["peak_output"][name.removeprefix(OF_OUTPUTS)]), ""
             continue
-        key, _ = LIMITED[name]
-        given = summary[key]
+        limited = LIMITED[name]
+        given = summary[limited.entry]
         if isinstance(given, Mapping):
             at = max(given, key=lambda place: given[place])
             value = float(given[at])
         else:
             body = f"{summary['largest_bending_stress_body']}, " if "largest_bending_stress_body" in summary else ""
             at, value = f"{body}x = {summary['largest_bending_stress_position_m']:.6g} m", float(given)
-        if key.endswith("_g"):
-            value *= STANDARD_GRAVITY
-        largest[name] = value, at
+        largest[name] = value * limited.scale, at
     return margins_of(limits, largest)
 
 

@@ -77,10 +77,11 @@ class LinearOutput:
         """
         return np.asarray(y @ self.row.T + inputs @ self.direct.T + slopes @ self.direct_slope.T)
 
-    def above(self, other: LinearOutput) -> LinearOutput:
-        """These outputs and then the others."""
-        pairs = (self.row, other.row), (self.direct, other.direct), (self.direct_slope, other.direct_slope)
-        return LinearOutput(*(np.concatenate(pair) for pair in pairs))
+    @classmethod
+    def stacked(cls, *outputs: LinearOutput) -> LinearOutput:
+        """The outputs of several, one after the other."""
+        parts = zip(*((each.row, each.direct, each.direct_slope) for each in outputs), strict=True)
+        return cls(*(np.concatenate(part) for part in parts))
 
     def __neg__(self) -> LinearOutput:
         return LinearOutput(-self.row, -self.direct, -self.direct_slope)

@@ -7,13 +7,13 @@ of u it is a sum of terms as those of closed-form motions, and the search of :mo
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from beamsim.flow.extrema import Search, Waves
+from beamsim.flow.extrema import Extrema, Search, Waves
 from beamsim.flow.kernels import EPS
 from beamsim.typing import Floats
 
@@ -23,7 +23,7 @@ _POINTS = chebyshev.chebpts2(NODES + 1)
 _COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_POINTS, NODES))
 _POWERS = np.array([np.pad(chebyshev.cheb2poly(row), (0, NODES - k)) for k, row in enumerate(np.eye(NODES + 1))])
 
-Outputs = Callable[[Floats, Floats], dict[str, Floats]]
+Outputs = Callable[[Floats, Floats], Floats]
 
 
 def polynomials(values: Floats, start: Floats, length: Floats) -> Waves:
@@ -55,14 +55,14 @@ def polynomials(values: Floats, start: Floats, length: Floats) -> Waves:
 
 @dataclass
 class DenseExtremes:
-    """Lowest and highest values of groups of outputs over the steps added so far."""
+    """Lowest and highest values of outputs over the steps added so far."""
 
-    searches: dict[str, Search] = field(default_factory=dict)
+    search: Search | None = None
 
     def add(self, solution: Any, outputs: Outputs) -> None:
         """The steps of a solution of ``solve_ivp`` with dense output.
 
-        ``outputs`` takes times (nt,) and states (nt, N) and returns values (nt, k) by group.
+        ``outputs`` takes times (nt,) and states (nt, N) and returns values (nt, k).
         """
         pieces = solution.sol.interpolants
         for first in range(0, len(pieces), STEPS):
@@ -71,12 +71,11 @@ class DenseExtremes:
             length = np.diff(solution.t[first : first + len(part) + 1])
             times = start[:, None] + 0.5 * length[:, None] * (1.0 + _POINTS)
             y = np.concatenate([piece(row).T for piece, row in zip(part, times, strict=True)])
-            for name, value in outputs(times.ravel(), y).items():
-                shaped = value.reshape(start.size, NODES + 1, -1)
-                search = self.searches.setdefault(name, Search.of(shaped.shape[2]))
-                search.add([polynomials(shaped, start, length)])
+            values = outputs(times.ravel(), y).reshape(start.size, NODES + 1, -1)
+            self.search = self.search or Search.of(values.shape[2])
+            self.search.add([polynomials(values, start, length)])
 
-    def extremes(self) -> dict[str, tuple[Floats, Floats, Floats, Floats]]:
-        """By group the lowest values (k,), their times, the highest values, their times."""
-        found = {name: search.extrema() for name, search in self.searches.items()}
-        return {name: (x.low[0], x.when_low[0], x.high[0], x.when_high[0]) for name, x in found.items()}
+    def extrema(self) -> Extrema:
+        """(k,) extreme values and their times; of no steps an error."""
+        assert self.search is not None
+        return self.search.extrema().window(0)

@@ -89,6 +89,27 @@ class Extrema:
     when_high: Floats
     evaluations: int  # of an output at one time
 
+    def some(self, outputs: Ints) -> Extrema:
+        """Those of some of the outputs."""
+        low, when_low, high, when_high = (x[..., outputs] for x in self.extremes)
+        return Extrema(low, when_low, high, when_high, self.evaluations)
+
+    def window(self, number: int) -> Extrema:
+        """Those of one window (K,)."""
+        low, when_low, high, when_high = (x[number] for x in self.extremes)
+        return Extrema(low, when_low, high, when_high, self.evaluations)
+
+    def beside(self, other: Extrema) -> Extrema:
+        """These outputs and then the others."""
+        pairs = zip(self.extremes, other.extremes, strict=True)
+        low, when_low, high, when_high = (np.concatenate(pair, axis=-1) for pair in pairs)
+        return Extrema(low, when_low, high, when_high, self.evaluations + other.evaluations)
+
+    @property
+    def extremes(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Lowest values, their times, highest values, their times."""
+        return self.low, self.when_low, self.high, self.when_high
+
 
 @dataclass
 class Search:
@@ -102,24 +123,20 @@ class Search:
     evaluations: int = 0
 
     @classmethod
-    def of(cls, outputs: int, windows: int = 1, share: Ints | None = None, squares: Ints | None = None) -> Search:
+    def of(cls, outputs: int, windows: int = 1, squares: Ints | None = None) -> Search:
         """A search in which nothing is known.
 
         Parameters
         ----------
         outputs : number of the outputs of `Waves`.
         windows : number W.
-        share : (K,) of outputs with equal numbers only the largest and the smallest value of all is sought: the others
-            keep what was met on the way.
         squares : (K,) first of each group of consecutive outputs, where half the sums of their squares are asked for.
         """
         first = np.append(np.arange(outputs) if squares is None else squares, outputs)
         every = np.arange(first.size - 1)
-        share = every if share is None else share
-        shape, limits = (2, windows, every.size), int(share.max(initial=-1)) + 1
-        top = np.full((2, windows, limits), np.finfo(float).min)
-        found, when = np.full(shape, -np.inf), np.full(shape, np.nan)
-        return cls(Known(found, when, top, share, every, first, squares is not None))
+        shape = (2, windows, every.size)
+        found, when = np.full(shape, np.finfo(float).min), np.full(shape, np.nan)
+        return cls(Known(found, when, every, first, squares is not None))
 
     def add(self, waves: Sequence[Waves]) -> None:
         """Look at parts of a motion together."""
@@ -131,7 +148,7 @@ class Search:
 
     def extrema(self) -> Extrema:
         """What is known; infinite in windows of which nothing is."""
-        high, low = self.known.value
+        high, low = np.where(np.isnan(self.known.when), -np.inf, self.known.value)
         when_high, when_low = self.known.when
         return Extrema(-low, when_low, high, when_high, self.evaluations)
 

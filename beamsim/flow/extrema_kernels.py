@@ -35,8 +35,6 @@ class Known(NamedTuple):
 
     value: Any  # (2, W, J)
     when: Any  # (2, W, J) s
-    top: Any  # (2, W, L) largest values by limit
-    limit: Any  # (J,) number of the limit that a function shares with others
     every: Any  # (J,) numbers of the functions
     first: Any  # (J + 1,) of the outputs of each function
     squared: Any  # whether the functions are half the sums of the squares of their outputs
@@ -86,7 +84,7 @@ def search(sums, known, resolution):  # type: ignore[no-untyped-def]
         for j in every:
             for sign in range(2):
                 key = (sign, sums.window[i], j, i)
-                top = known.top[sign, sums.window[i], known.limit[j]]
+                top = known.value[sign, sums.window[i], j]
                 if ends.bound[HIGHEST + sign, known.first[j]] <= _limit(known, key, top, resolution):
                     continue
                 turns = _with_room(turns, used[1])
@@ -203,7 +201,7 @@ def _see(known, sums, i, which, output, look):  # type: ignore[no-untyped-def]
     value, bound, window = look.value, look.bound, sums.window[i]
     _see_outputs(known.first, which, output, look)
     for j in which:
-        k, limit = known.first[j], known.limit[j]
+        k = known.first[j]
         if known.squared:
             _add_squares(look, k, known.first[j + 1])
         high, low = -math.inf, math.inf  # of the hulls of the cubics
@@ -222,7 +220,6 @@ def _see(known, sums, i, which, output, look):  # type: ignore[no-untyped-def]
                 if reached > known.value[sign, window, j]:
                     known.value[sign, window, j] = reached
                     known.when[sign, window, j] = sums.place[2, i] + sums.place[3, i] * look.u[p]
-                    known.top[sign, window, limit] = max(known.top[sign, window, limit], reached)
 
 
 @summing
@@ -282,8 +279,8 @@ def _limit(known, key, reached, resolution):  # type: ignore[no-untyped-def]
     sign, window, j, _ = key
     if resolution >= 0.0:
         return -math.inf
-    top = known.top[sign, window, known.limit[j]]
-    scale = abs(known.top[0, window, known.limit[j]] if known.squared else top)
+    top = known.value[sign, window, j]
+    scale = abs(known.value[0, window, j] if known.squared else top)
     return top + (4.0 * EPS if reached == top else TOLERANCE) * scale
 
 

@@ -234,9 +234,7 @@ class Trajectory:
             return self
         return self.only(np.flatnonzero(lasts))
 
-    def extrema(
-        self, output_of: OutputOf, edges: Floats | None = None, share: Ints | None = None, squares: Ints | None = None
-    ) -> Extrema:
+    def extrema(self, output_of: OutputOf, edges: Floats | None = None, squares: Ints | None = None) -> Extrema:
         """Smallest and largest values of K outputs over the continuous motion, with their times.
 
         They are reached, limits from within at both ends of a segment included, and certified to 1e-10 of their size.
@@ -246,8 +244,6 @@ class Trajectory:
         output_of : the outputs, by the phases of the contacts.
         edges : (W + 1,) s, increasing: the extremes between each two of them, (W, K) in place of (K,). Where there is
             no motion they are infinite. All are searched together.
-        share : (K,) of outputs with equal numbers only the smallest and the largest value of all is sought; the others
-            keep values that they reach.
         squares : (j,) first of each group of consecutive outputs, where half the sums of their squares are asked for:
             j of them in place of K.
 
@@ -258,15 +254,13 @@ class Trajectory:
         outputs = output_of(self.flow.system.contacts.start).row.shape[0]
         largest = max(float(np.abs(self.y).max(initial=0.0)), float(np.abs(self.final_y).max(initial=0.0)))
         scale = 2.0 ** max(0.0, np.ceil(np.log2(largest / LARGEST))) if largest > LARGEST else 1.0
-        search = Search.of(outputs, 1 if edges is None else edges.size - 1, share, squares)
+        search = Search.of(outputs, 1 if edges is None else edges.size - 1, squares)
         for part in self.lasting.parts():
             search.add(part._waves(output_of, edges, scale))
         found = search.extrema()
         unit = scale if squares is None else scale**2
-        low, high = unit * found.low, unit * found.high
-        if edges is None:
-            return Extrema(low[0], found.when_low[0], high[0], found.when_high[0], found.evaluations)
-        return replace(found, low=low, high=high)
+        found = replace(found, low=unit * found.low, high=unit * found.high)
+        return found.window(0) if edges is None else found
 
     def turning_points(self, output_of: OutputOf, segments: Ints) -> TurningPoints:
         """All maxima and minima of one output, certified to 1e-10 of its largest value, and its values at the ends.

@@ -38,7 +38,7 @@ from beamsim.system.initial import initial_state
 from beamsim.system.loads import carried_start, constant_loads, sine_loads, time_dependent_loads
 from beamsim.system.mechanisms import check_mechanisms, held_problems, open_loops
 from beamsim.system.moved_supports import check_places
-from beamsim.system.outputs import output_rows, output_sites
+from beamsim.system.outputs import output_channels, output_sites
 from beamsim.system.parts import (
     Parts,
     base_direction,
@@ -180,7 +180,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
         cubic=cubic,
         springs=pushing.springs,
-        outputs=output_rows(parts, recoveries, pushing.sites, contacts, forcing) if recovered else (),
+        outputs=output_channels(parts, recoveries, pushing.sites, contacts, forcing) if recovered else (),
         files=tuple(each for member in parts.structure.members if (each := member.body.file_summary) is not None),
         warnings=(
             *parts.structure.remarks,

@@ -1,4 +1,4 @@
-"""Quantities that a scenario asks for, as linear functions of the motion and of what acts on the structure."""
+"""Channels that a scenario asks for in its outputs."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.places import DEFLECTION, SLOPE, LoadSite, Place, Site
 from beamsim.structures.support_forces import Support, supports_of
+from beamsim.system.channels import Channel, Rows, Sizes
 from beamsim.system.parts import Parts, base_direction, exciting_forces, gravity_loads, output_direction
 from beamsim.typing import Floats
 
@@ -34,40 +35,13 @@ UNITS = {
 """By kind of output."""
 
 
-@dataclass(frozen=True)
-class OutputRows:
-    """k linear functions of the motion relative to the base, of the forces of contacts, and of the loads.
-
-    Of an output that is half the sum of their squares, an energy, there are several.
-    """
-
-    name: str
-    kind: str
-    unit: str
-    at: str  # for people
-    displacement: Floats  # (k, n) for a unit of each coordinate
-    velocity: Floats  # (k, n)
-    acceleration: Floats  # (k, n)
-    base_acceleration: Floats  # (k,) for m/s^2 of the base
-    contact: Floats  # (k, m) for the force of each contact
-    load: Floats  # (k, L) for each signal of the forcing
-    constant: Floats  # (k,)
-    cubic: Floats  # (k, c) for the pull of each cubic spring, beside what that does to the acceleration
-    squared: bool = False
-
-    @property
-    def count(self) -> int:
-        """k."""
-        return self.constant.size
-
-
-def output_rows(
+def output_channels(
     parts: Parts,
     recoveries: Sequence[Recovery],
     contact_sites: Sequence[Site],
     contacts: Contacts,
     forcing: Forcing,
-) -> tuple[OutputRows, ...]:
+) -> tuple[Channel, ...]:
     """The outputs that a scenario asks for.
 
     Parameters
@@ -79,7 +53,7 @@ def output_rows(
 
     Returns
     -------
-    Rows of every output, in the scenario's order.
+    A channel for every output, in the scenario's order.
 
     Raises
     ------
@@ -87,7 +61,7 @@ def output_rows(
         Where an output asks for what its place or joint has not.
     """
     asked = _Asked(parts, recoveries, contact_sites, contacts, forcing)
-    return tuple(asked.rows(path, output) for path, output in parts.scenario.requested_outputs)
+    return tuple(asked.channel(path, output) for path, output in parts.scenario.requested_outputs)
 
 
 def output_units(scenario: Scenario) -> dict[str, str]:
@@ -145,8 +119,15 @@ class _Asked:
         """Where cubic springs act."""
         return [snubber_site(s) for s in self.parts.nonlinear_springs if s.item.kind == "cubic"]
 
-    def rows(self, path: Path, output: Any) -> OutputRows:
-        """Those of one output."""
+    @cached_property
+    def sizes(self) -> Sizes:
+        """Of what channels are made of."""
+        return Sizes(
+            self.parts.basis.size, len(self.contact_sites), len(self.forcing.signal), len(self.cubic_sites)
+        )  # fmt: skip
+
+    def channel(self, path: Path, output: Any) -> Channel:
+        """That of one output."""
         kind = output.kind
         if kind.startswith("reaction"):
             return self._reaction(path, output)
@@ -169,20 +150,13 @@ class _Asked:
         load = np.zeros((1, len(self.forcing.signal)))
         for signals, each in self.moved_signals:  # what moves with a support has its motion beside that of free dofs
             load[0, signals][_SIGNALS.index(quantity)] = each.support.direct(place)
-        return self._zero(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
+        return self._channel(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
 
-    def _zero(self, output: Any, at: str, count: int = 1, **given: Any) -> OutputRows:
-        n = self.parts.basis.size
-        sizes = {
-            "displacement": (count, n), "velocity": (count, n), "acceleration": (count, n),
-            "base_acceleration": (count,), "contact": (count, len(self.contact_sites)),
-            "load": (count, len(self.forcing.signal)), "constant": (count,), "cubic": (count, len(self.cubic_sites)),
-        }  # fmt: skip
-        rows = {name: given.pop(name, np.zeros(size)) for name, size in sizes.items()}
-        unit = _unit(self.parts.scenario, output)
-        return OutputRows(**{"name": output.name, "kind": output.kind, "unit": unit, "at": at, **rows, **given})
+    def _channel(self, output: Any, at: str, count: int = 1, *, squared: bool = False, **given: Any) -> Channel:
+        rows, unit = Rows.of(count, self.sizes, **given), _unit(self.parts.scenario, output)
+        return Channel("outputs", output.name, output.kind, unit, rows, at, squared)
 
-    def _recovered(self, output: Any) -> OutputRows:
+    def _recovered(self, output: Any) -> Channel:
         name = output.body or self.parts.scenario.default_body
         structure, names = self.parts.structure, self.parts.scenario.all_bodies[name].recovered_rows
         member, motion = structure.member(name), base_direction(self.parts.scenario) or UPWARDS
@@ -196,9 +170,9 @@ class _Asked:
             field = each.support.motion.fields.get(name)
             if field is not None:
                 load[0, signals][_SIGNALS.index(output.motion)] = row @ field
-        return self._zero(output, name, base_acceleration=base, load=load, **{output.motion: shape[None]})
+        return self._channel(output, name, base_acceleration=base, load=load, **{output.motion: shape[None]})
 
-    def _bending(self, output: Any, place: Place) -> OutputRows:
+    def _bending(self, output: Any, place: Place) -> Channel:
         recovery = next(each for each in self.recoveries if each.body == place.body or len(self.recoveries) == 1)
         at = place.coordinate, place.across, output.component or "x"
         weights = recovery.strain_weights(*at) if output.kind == "strain" else recovery.moment_weights(*at)
@@ -209,12 +183,12 @@ class _Asked:
             weights = -weights
         assert recovery.bending_moment is not None
         assert recovery.base_moment is not None
-        return self._zero(
+        return self._channel(
             output, place.label, displacement=(weights @ recovery.bending_moment)[None],
             base_acceleration=np.array([weights @ recovery.base_moment]),
         )  # fmt: skip
 
-    def _reaction(self, path: Path, output: Any) -> OutputRows:
+    def _reaction(self, path: Path, output: Any) -> Channel:
         moment = output.kind == "reaction_moment"
         if output.support == "base":
             return self._of_base(output)
@@ -232,7 +206,7 @@ class _Asked:
             raise _refused((*path, "support"), f"= {output.support} is not a support of {body}", remedy)
         return self._summed(output, f"{body} {output.support}", [(1.0, fits[0])])
 
-    def _of_joint(self, path: Path, output: Any) -> OutputRows:
+    def _of_joint(self, path: Path, output: Any) -> Channel:
         joined = [each for each in self.supports if each.at is not None and each.name == output.joint]
         direction = SLOPE if output.kind == "joint_moment" else DEFLECTION
         fits = [each for each in joined if each.direction == direction]
@@ -245,21 +219,22 @@ class _Asked:
             )  # fmt: skip
         return self._summed(output, output.joint, [(1.0, fits[0])])
 
-    def _of_base(self, output: Any) -> OutputRows:
+    def _of_base(self, output: Any) -> Channel:
         """All supports and joints that move with the base, and the contacts on it, by their work along its motion."""
         structure = self.parts.structure
         base = output_direction(self.parts.scenario, output)
         supports = self.supports if base == UPWARDS else supports_of(structure, base)
         holding = [(each.base_motion, each) for each in supports if each.on_base and each.base_motion]
         about = f"base about {output.axis_point[:2]} m" if base.rotates else "base"
-        rows = self._summed(output, about, holding)
+        channel = self._summed(output, about, holding)
         levers = [
             0.0 if ground or not isinstance(site, Place) else structure.base_motion_at(site, base)
             for site, ground in zip(self.contact_sites, self.contacts.on_ground, strict=True)
         ]
-        return replace(rows, contact=rows.contact + np.array(levers) * self.contacts.sign)
+        contact = channel.rows.contact + np.array(levers) * self.contacts.sign
+        return replace(channel, rows=replace(channel.rows, contact=contact))
 
-    def _summed(self, output: Any, at: str, supports: Sequence[tuple[float, Support]]) -> OutputRows:
+    def _summed(self, output: Any, at: str, supports: Sequence[tuple[float, Support]]) -> Channel:
         """The sum of the forces of supports, each with a factor."""
         scenario, structure = self.parts.scenario, self.parts.structure
         vectors = self.parts.basis.vectors / np.sqrt(structure.mass_scale)
@@ -274,7 +249,7 @@ class _Asked:
             return np.array([share(site) for site in sites]).reshape(len(sites))
 
         if not supports:
-            return self._zero(output, at)
+            return self._channel(output, at)
         moving = base_direction(scenario) or UPWARDS
         base, displaced = total(lambda force: force.base_forces(moving))
         weight = 0.0
@@ -288,7 +263,7 @@ class _Asked:
         elif load.size > 1:  # beside the base's acceleration its displacement, which springs to the ground feel
             load[1] = displaced
         dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
-        return self._zero(
+        return self._channel(
             output, at,
             acceleration=np.atleast_2d(total(lambda force: force.acceleration @ vectors)),
             velocity=np.atleast_2d(total(lambda force: force.velocity @ vectors)),
@@ -299,7 +274,7 @@ class _Asked:
             cubic=shares(self.cubic_sites)[None],
         )  # fmt: skip
 
-    def _energy(self, output: Any) -> OutputRows:
+    def _energy(self, output: Any) -> Channel:
         """Half the sum of squares of rows: the form of the coordinates and of supports that move the body."""
         member = self.parts.structure.member(output.body or self.parts.scenario.default_body)
         body, whole, kinetic = member.body, member.whole, output.kind == "kinetic_energy"
@@ -327,7 +302,7 @@ class _Asked:
         load = np.zeros((rows.shape[0], len(self.forcing.signal)))
         for k, (signals, _) in enumerate(self.moved_signals):
             load[:, signals][:, _SIGNALS.index(quantity)] = rows[:, n + k]
-        return self._zero(output, body.name, rows.shape[0], squared=True, load=load, **{quantity: rows[:, :n]})
+        return self._channel(output, body.name, rows.shape[0], squared=True, load=load, **{quantity: rows[:, :n]})
 
 
 def _refused(path: Path, message: str, remedy: str) -> ScenarioError:

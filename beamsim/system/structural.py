@@ -14,8 +14,8 @@ from beamsim.fields import Counter, attribute, dataset, declared, group, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
+from beamsim.system.channels import Channel, ChannelSet, channels_of
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
-from beamsim.system.outputs import OutputRows
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class StructuralSystem:
     excitation_frequency_hz: float  # nan where there is none, or several
     cubic: CubicSprings
     springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; their laws follow the snubbers in ``dynamics.contacts``
-    outputs: tuple[OutputRows, ...] = ()  # that the scenario asks for
+    outputs: tuple[Channel, ...] = ()  # that the scenario asks for
     warnings: tuple[str, ...] = ()
     files: tuple[FileSummary, ...] = ()  # of the bodies that are read from files
     base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
@@ -142,15 +142,10 @@ class StructuralSystem:
         """(nx, n) deflection at the stations for a unit of each coordinate, 1/sqrt(kg)."""
         return self.modes.shapes.T
 
-    @property
-    def linear_outputs(self) -> tuple[OutputRows, ...]:
-        """The outputs but for energies."""
-        return tuple(output for output in self.outputs if not output.squared)
-
-    @property
-    def energy_outputs(self) -> tuple[OutputRows, ...]:
-        """Those that are energies."""
-        return tuple(output for output in self.outputs if output.squared)
+    @cached_property
+    def channels(self) -> ChannelSet:
+        """Everything that can be observed."""
+        return channels_of(self)
 
     @cached_property
     def stress(self) -> StressRows | None:

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.response.analysis import frequency_response
+from beamsim.analyses.values import STANDARD_GRAVITY
 from beamsim.flow.dense_extremes import NODES, polynomials
 from beamsim.flow.extrema import Search
 from beamsim.scenario import Scenario

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.figures import energy_extremes
-from beamsim.analyses.run.outputs import energies_of_rows, exact_flow, output_groups
+from beamsim.analyses.run.outputs import exact_flow
+from beamsim.flow.channels import Observed
 from beamsim.flow.extrema import TOLERANCE
 from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
@@ -63,7 +63,7 @@ def motion(excitation, **run):
     scenario = load_scenario({**HIT, "excitation": excitation, "run": {**HIT["run"], **run}})
     system = build_system(scenario)
     flow = exact_flow(system, scenario.run.duration)
-    return system, simulate(flow, system.initial_state), output_groups(system, flow).groups["energy"]
+    return simulate(flow, system.initial_state), Observed(flow, system.channels.only(lambda each: each.squared))
 
 
 @pytest.mark.parametrize(
@@ -75,12 +75,11 @@ def motion(excitation, **run):
     ids=["with contacts", "with powers of time"],
 )
 def test_no_sample_lies_above_a_peak(excitation):
-    system, trajectory, rows_of = motion(excitation)
-    low, _, high, when_high = energy_extremes(trajectory, system.energy_outputs, rows_of)
+    trajectory, energies = motion(excitation)
+    low, _, high, when_high = energies.extrema(trajectory).extremes
     times = np.linspace(0.0, trajectory.end, 200_001)
-    samples = energies_of_rows(system.energy_outputs, trajectory.sample(times, rows_of))
+    samples = energies.values(trajectory, times)
     assert np.all(samples <= high * (1 + TOLERANCE))
     assert np.all(samples >= low - TOLERANCE * high)
     assert samples.max(axis=0) == pytest.approx(high, rel=1e-3)
-    at = trajectory.sample(np.sort(when_high), rows_of)
-    assert energies_of_rows(system.energy_outputs, at).max(axis=0) == pytest.approx(high, rel=1e-9)
+    assert energies.values(trajectory, np.sort(when_high)).max(axis=0) == pytest.approx(high, rel=1e-9)

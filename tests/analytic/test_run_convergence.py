@@ -12,7 +12,7 @@ import beamsim
 from beamsim.analyses.run import convergence, filtered_motion
 from beamsim.analyses.run.filtered_motion import FilteredPanels, FilteredSegments, filtered
 from beamsim.analyses.run.low_pass import LowPassFilter
-from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.cli.report import table_rows
 from beamsim.flow.transient import simulate
@@ -22,6 +22,7 @@ from beamsim.scenario import load_scenario
 from beamsim.structures.reduction_bound import receptance_bound
 from beamsim.system import build
 from beamsim.system.build import build_system
+from tests.helpers.observed import accelerations
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PANEL = {"length": "1.2 m", "bending_stiffness": "2967 N m^2", "mass_per_length": "2.4 kg/m",
@@ -232,7 +233,7 @@ def test_low_pass_of_a_motion_is_that_of_scipy_on_fine_samples(monkeypatch):
     system = build_system(scenario)
     flow = exact_flow(system, 0.05)
     motion = simulate(flow, system.initial_state)
-    output = output_groups(system, flow).groups["acceleration"]
+    output = accelerations(system, flow)
     times = np.linspace(0.0, 0.05, 200_001)
     closed = filtered(motion, output, 1500.0, times[::500])
     monkeypatch.setattr(filtered_motion, "_near_poles", lambda *_: True)
@@ -259,7 +260,7 @@ def test_low_passed_peaks_of_a_fast_motion_are_right_on_long_steps(frequency):
     system = build_system(harmonic_beam(reduction={"modes": 6}))
     flow = exact_flow(system, 0.2)
     motion = simulate(flow, system.initial_state)
-    behind = filtered(motion, output_groups(system, flow).groups["acceleration"], frequency, np.zeros(0))
+    behind = filtered(motion, accelerations(system, flow), frequency, np.zeros(0))
     low, _, high, _ = behind.extremes(0.0, 0.2)
     fine = behind.at(np.linspace(0.0, 0.2, 40_001))
     size = max(high[0], -low[0])

@@ -7,7 +7,7 @@ import pytest
 from independent import Beam, Stop, Structure, integrate
 
 import beamsim
-from beamsim.analyses.run.outputs import accelerations, exact_flow
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.errors import ScenarioError
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
@@ -19,6 +19,7 @@ from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.dof_table import write_dof_table
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
+from tests.helpers.observed import rows
 
 BEAM = {"length": 0.8, "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
 EI, LINE = 70e9 * 0.05 * 0.01**3 / 12, 2700 * 0.05 * 0.01
@@ -137,9 +138,7 @@ def test_sum_of_reactions_is_inertia_and_loads_with_contact():
     parts, system = reduced_parts(scenario), build_system(scenario)
     flow = exact_flow(system, 0.2)
     trajectory = simulate(flow, system.initial_state)
-    inertia = trajectory.sample(
-        result.time[:], lambda phases: accelerations(flow, parts.base_load(UPWARDS)[0][None], phases)
-    )[:, 0]
+    inertia = trajectory.sample(result.time[:], rows(flow, 1, acceleration=parts.base_load(UPWARDS)[0]))[:, 0]
     mass = LINE * 1.3
     total = inertia + mass * (system.base_acceleration(result.time[:]) + 9.81) - 4.0
     holding = sum(found[name] for name in ("force_left", "force_right", "strut", "soft")) + sum(push.values())

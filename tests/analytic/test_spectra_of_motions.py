@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.outputs import accelerations, displacements, exact_flow, stack
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.windows import Window
 from beamsim.cli.report import table_rows
 from beamsim.flow.fourier import MotionPart
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
+from tests.helpers.observed import rows
 
 BEAM = {
     "length": 0.7, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700,
@@ -81,9 +82,12 @@ def bouncing():
     flow = exact_flow(system, scenario.run.duration)
     shape = np.array([probe.shape for probe in system.probes])
 
-    def outputs(phases):
-        return stack(accelerations(flow, shape, phases, np.ones(shape.shape[0])), displacements(flow, shape))
-
+    count = shape.shape[0]
+    moved, none = np.vstack([np.zeros_like(shape), shape]), np.zeros_like(shape)
+    carried = np.repeat([1.0, 0.0], count)
+    outputs = rows(
+        flow, 2 * count, acceleration=np.vstack([shape, none]), displacement=moved, base_acceleration=carried
+    )
     trajectory = simulate(flow, system.initial_state)
     assert trajectory.event_time.size > 10
     return trajectory, outputs

@@ -6,13 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import beamsim
-from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import TOLERANCE, Search, Waves, turning_points
+from beamsim.flow.extrema import Search, Waves, turning_points
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
 from beamsim.system.build import build_system
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from tests.helpers.observed import all_outputs
 
 BEAM = {"length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0, "elements": 20,
         "damping": {"kind": "modal", "ratio": 0.01}}  # fmt: skip
@@ -37,7 +38,7 @@ def motion_of(kind, snubbers=3, duration=0.08):
     }  # fmt: skip
     system = build_system(beamsim.load_scenario(case))
     flow = exact_flow(system, duration)
-    return simulate(flow, system.initial_state), output_groups(system, flow)
+    return simulate(flow, system.initial_state), all_outputs(system, flow)
 
 
 @pytest.fixture(scope="module", params=INPUTS)
@@ -98,16 +99,6 @@ def test_extremes_between_edges_are_those_of_each_part(motion):
         assert np.all((found.when_high[w] >= edges[w] - 1e-12) & (found.when_high[w] <= edges[w + 1] + 1e-12))
     all_of_it = whole.extrema(outputs)
     np.testing.assert_allclose(found.high[1:-1].max(axis=0), all_of_it.high, rtol=1e-9)
-
-
-def test_outputs_that_share_a_limit_keep_the_largest_of_all(motion):
-    whole, outputs = motion
-    single = whole.extrema(outputs)
-    together = whole.extrema(outputs, share=np.zeros(single.low.size, dtype=np.int64))
-    assert together.high.max() == pytest.approx(single.high.max(), rel=1e-10)
-    assert together.low.min() == pytest.approx(single.low.min(), rel=1e-10)
-    assert np.all(together.high <= single.high + TOLERANCE * np.abs(single.high))
-    assert together.evaluations <= single.evaluations
 
 
 def test_half_the_sums_of_squares(motion):

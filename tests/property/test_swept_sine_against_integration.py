@@ -11,7 +11,6 @@ from independent import integrate as integrate_with_restarts
 from sampling import slow_after
 from sweep_windows import frequency_at, values_at
 
-from beamsim.analyses.run.outputs import accelerations, displacements, stack
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.swept_motion import SweptMotion
@@ -22,6 +21,7 @@ from beamsim.inputs.profiles import Profile
 from beamsim.inputs.swept import cut_into_windows, swept_signals
 from beamsim.outcomes import OutcomeCode
 from beamsim.system.equations import Forcing
+from tests.helpers.observed import rows
 
 
 def phase_of(legs, t):
@@ -331,9 +331,14 @@ def test_the_run_with_the_same_excitation_agrees(make_system):
 
 def outputs(shape):
     def of_flow(flow):
-        moved = displacements(flow, shape)
-        return lambda phases: stack(
-            moved, flow.contact_forces(phases), accelerations(flow, shape, phases, np.ones(shape.shape[0]))
+        k, m = shape.shape[0], flow.system.contacts.count
+        none, first, last = np.zeros((k + m, shape.shape[1])), slice(k), slice(k + m, None)
+        moved, accelerated, contact = np.vstack([none, 0.0 * shape]), np.vstack([none, shape]), np.zeros((2 * k + m, m))
+        moved[first], contact[k : k + m] = shape, np.eye(m)
+        carried = np.zeros(2 * k + m)
+        carried[last] = 1.0
+        return rows(
+            flow, 2 * k + m, displacement=moved, acceleration=accelerated, contact=contact, base_acceleration=carried
         )
 
     return of_flow

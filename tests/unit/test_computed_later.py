@@ -11,11 +11,10 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run import energy, histories
-from beamsim.analyses.run.figures import searched_extremes
-from beamsim.analyses.run.outputs import bending_stress, exact_flow, in_every_state, output_groups
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.cli.report import table_rows
 from beamsim.fields import RowBlocks, _Later, attribute, changed, dataset, declared, later
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.channels import Observed, outputs_of
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
@@ -98,9 +97,8 @@ def test_a_summary_costs_one_search_a_model_and_no_history(calls, tmp_path):
     assert not is_computed(result.energy, "work_in")
     curves = result.spectra.values()
     assert not any(is_computed(s, name) for s in curves for name in ("amplitude", "amplitude_db"))
-    assert not is_computed(result.bodies["beam"], "peak_bending_stress")
     write_result(result, tmp_path / "run.h5")
-    written = {"extrema": 3, "energies": 1}
+    written = {"extrema": 2, "energies": 1}
     assert calls == written
     assert is_computed(tip, "displacement")
     stored = open_run(tmp_path / "run.h5")
@@ -114,22 +112,12 @@ def test_extremes_that_are_searched_for_together_are_those_of_each_alone():
     system = build_system(scenario)
     flow = exact_flow(system, 0.4)
     motion = simulate(flow, system.initial_state)
-    outputs = {"stress": in_every_state(bending_stress(flow, system.stress)), **output_groups(system, flow).groups}
-    together = searched_extremes(motion, outputs, one_figure=())
-    assert sum(low.size for low, *_ in together.values()) > 40
-    for name, output_of in outputs.items():
-        low, _, high, _ = together[name]
-        for k in range(low.size):
-            one = {name: lambda phases, k=k, of=output_of: row(of(phases), k)}
-            alone = searched_extremes(motion, one, one_figure=())
-            size = max(abs(low[k]), abs(high[k]))
-            np.testing.assert_allclose([low[k], high[k]], [alone[name][0][0], alone[name][2][0]], atol=1e-9 * size)
-    largest = searched_extremes(motion, outputs)["stress"]
-    assert largest[2].max() == pytest.approx(together["stress"][2].max(), rel=1e-9)
-
-
-def row(output, k):
-    return LinearOutput(output.row[k : k + 1], output.direct[k : k + 1], output.direct_slope[k : k + 1])
+    together = Observed(flow, system.channels).extrema(motion)
+    assert together.low.size > 40
+    rows = system.channels.linear
+    for k, (low, high) in enumerate(zip(together.low, together.high, strict=True)):
+        alone = motion.extrema(outputs_of(flow, rows.some(np.array([k]))))
+        np.testing.assert_allclose([low, high], [alone.low[0], alone.high[0]], atol=1e-9 * max(abs(low), abs(high)))
 
 
 def test_figures_are_those_of_the_histories():

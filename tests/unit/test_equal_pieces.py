@@ -7,11 +7,12 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run.energy import energy_of_segments, power_factors
-from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.flow import moments
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
+from tests.helpers.observed import all_outputs
 
 DURATION = 0.06  # s: 2,400 pieces of a spline
 CASE = {
@@ -33,7 +34,7 @@ CASE = {
 def motion() -> tuple[Trajectory, object]:
     motion = of_case()
     assert motion.event_time.size > 10  # contact opens and closes
-    return motion, output_groups(build_system(beamsim.load_scenario(CASE)), motion.flow)
+    return motion, all_outputs(build_system(beamsim.load_scenario(CASE)), motion.flow)
 
 
 def of_case() -> Trajectory:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim import load_scenario
-from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow import trajectory
 from beamsim.flow.exact import ExactFlow
@@ -13,13 +13,14 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from tests.helpers.observed import all_outputs
 
 
 def motion(path: str, **changes: object) -> tuple[Trajectory, object]:
     """A short motion of a config and all of its outputs."""
     system = build_system(load_scenario(path, changes))
     flow = exact_flow(system, 0.05)
-    return simulate(flow, system.initial_state), output_groups(system, flow)
+    return simulate(flow, system.initial_state), all_outputs(system, flow)
 
 
 def test_samples_do_not_depend_on_what_is_sampled_with_them():

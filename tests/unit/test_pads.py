@@ -19,6 +19,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from tests.helpers.observed import velocities
 
 CURVE = ForceCurve(np.array([0.0, 0.1, 0.25, 0.4]), np.array([0.0, 1.5, 6.0, 9.0]))
 LINE = ForceCurve(np.array([0.0, 1.0]), np.array([0.0, 20.0]))
@@ -115,7 +116,7 @@ def test_work_is_counted(curve, dashpot, branches):
     balance = energy_history(trajectory, np.linspace(0.0, 20.0, 300))
     assert balance.error < 1e-12
     without_pad = trajectory.flow.system.damping.diagonal() @ np.trapezoid(
-        trajectory.sample(np.linspace(0, 20, 4001), _velocities(trajectory.flow)) ** 2, np.linspace(0, 20, 4001), axis=0
+        trajectory.sample(np.linspace(0, 20, 4001), velocities(trajectory.flow)) ** 2, np.linspace(0, 20, 4001), axis=0
     )
     assert balance.history.dissipated[-1] > without_pad + 0.1
 
@@ -130,12 +131,6 @@ def test_a_pad_that_is_left_too_fast_at_the_start_is_released_there(curve, dashp
     np.testing.assert_array_equal(trajectory.y[0], pressed)
     assert trajectory.event_time.min() > 1e-3
     assert energy_history(trajectory, np.linspace(0.0, 1.0, 30)).error < 1e-12
-
-
-def _velocities(flow):
-    from beamsim.analyses.run.outputs import in_every_state, velocities
-
-    return in_every_state(velocities(flow, np.eye(2)))
 
 
 def test_a_pad_never_pulls():
@@ -180,7 +175,7 @@ def test_work_lost_in_a_branch_in_a_cycle(omega):
     history = energy_history(trajectory, np.concatenate([[0.0], times])).history
     delta, _ = flow.penetrations
     x = trajectory.sample(times, lambda phases: delta)[:, 0]
-    v = trajectory.sample(times, _velocities(flow))
+    v = trajectory.sample(times, velocities(flow))
     amplitude = 2.0 * abs(np.mean(x[:-1] * np.exp(-1j * omega * times[:-1])))
     assert x.min() > 0.0
     in_structure = period * np.mean(v[:-1] ** 2, axis=0) @ system.damping.diagonal()

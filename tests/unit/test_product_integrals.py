@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.run.energy import power_factors
-from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.flow.fourier import MotionPart, fourier_integrals
 from beamsim.flow.moments import SegmentOutputs
 from beamsim.flow.transient import simulate
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
+from tests.helpers.observed import all_outputs
 
 CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
 
@@ -98,7 +99,7 @@ def test_integrals_count_from_a_later_time_on():
 def test_mean_squares_are_those_of_a_fine_rule(damping):
     system = build_system(light_chain(damping))
     motion = motion_of(light_chain(damping), 60.0)
-    outputs = output_groups(system, motion.flow)
+    outputs = all_outputs(system, motion.flow)
     part = MotionPart.of(motion, outputs, 0.0, 60.0, 1e9)
     fine = quadrature(motion, 0.0, np.array([60.0]), lambda at: motion.sample(at, outputs) ** 2)[0] / 60.0
     np.testing.assert_allclose(part.mean_squares, fine, rtol=1e-11, atol=1e-13 * fine.max())
@@ -110,7 +111,7 @@ def test_fourier_integrals_are_those_of_a_fine_rule():
     flow = exact_flow(system, 30.0)
     motion = simulate(flow, system.initial_state)
     assert motion.exponentials
-    outputs = output_groups(system, flow)
+    outputs = all_outputs(system, flow)
     part = MotionPart.of(motion, outputs, 5.0, 30.0, 1e9)
     load = float(np.abs(flow.sources.exponent).max())
     free = float(np.abs(flow.states[0].exponent.imag).max())

@@ -8,7 +8,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run.energy import energy_history
-from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.flow import fourier, march_kernels
@@ -20,6 +20,7 @@ from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from tests.helpers.observed import accelerations
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STIFF = [
@@ -83,7 +84,7 @@ def test_a_search_that_takes_long_goes_on_in_pieces(calls):
 def test_fourier_integrals_in_pieces_are_those_in_one(monkeypatch):
     system = build_system(load_scenario(CONFIGS / "one_sided_65hz.yaml"))
     motion = simulate(exact_flow(system, 0.8), system.initial_state)
-    acceleration = output_groups(system, motion.flow).groups["acceleration"]
+    acceleration = accelerations(system, motion.flow)
     one, other = (fourier.MotionPart.of(motion, acceleration, 0.05, 0.2, np.inf) for _ in range(2))
     omega = 2 * np.pi * np.linspace(0.0, 2000.0, 700)
     whole = one.integrals(omega, 0)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.limits import STANDARD_GRAVITY
+from beamsim.analyses.values import BY_ENTRY, VALUES
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.result import FrequencyResponse
@@ -19,28 +19,27 @@ MODES_KEPT = 6
 
 Responses = dict[str, float | list[float]]
 
-QUANTITIES: dict[str, tuple[str, str]] = {
-    "peak_displacement": ("m", "largest displacement, relative to the base"),
-    "min_displacement": ("m", "lowest displacement, relative to the base"),
-    "max_displacement": ("m", "highest displacement, relative to the base"),
-    "peak_acceleration": ("m/s^2", "largest absolute acceleration"),
-    "peak_force": ("N", "largest contact force"),
-    "rms_displacement": ("m", "root mean square of the displacement, relative to the base"),
-    "rms_absolute_acceleration": ("m/s^2", "root mean square of the absolute acceleration"),
-    "rms_force": ("N", "root mean square of the contact force"),
-    "contact_share": ("1", "share of the time in contact"),
-    "contacts": ("1", "number of closings"),
-    "largest_gap": ("m", "largest opening between structure and snubber"),
-    "peak_output": ("", "largest magnitude of the output"),
-    "min_output": ("", "smallest value of the output"),
-    "max_output": ("", "largest value of the output"),
-    "static_force": ("N", "contact force at static equilibrium"),
-    "bending_stress": ("Pa", "largest bending stress"),
-    "bending_stress_position": ("m", "where the bending stress is largest"),
-    "open_frequencies_hz": ("Hz", "natural frequencies with every contact open"),
-    "closed_frequencies_hz": ("Hz", "natural frequencies with every contact closed"),
+_OTHERS: dict[str, tuple[str, str, str, str]] = {
+    "contact_share": ("snubbers", "contact_share", "1", "share of the time in contact"),
+    "contacts": ("snubbers", "contacts", "1", "number of closings"),
+    "static_force": ("snubbers", "static_force_n", "N", "contact force at static equilibrium"),
+    "rms_absolute_acceleration": ("probes", "rms_absolute_acceleration", "m/s^2",
+                                  "root mean square of the absolute acceleration"),
+    "rms_displacement": ("probes", "rms_displacement", "m",
+                         "root mean square of the displacement, relative to the base"),
+    "rms_force": ("snubbers", "rms_force", "N", "root mean square of the contact force"),
+    "bending_stress_position": ("bodies", "largest_bending_stress_position_m", "m",
+                                "where the bending stress is largest"),
+    "open_frequencies_hz": ("", "open_frequencies_hz", "Hz", "natural frequencies with every contact open"),
+    "closed_frequencies_hz": ("", "closed_frequencies_hz", "Hz", "natural frequencies with every contact closed"),
+    "energy_error": ("", "energy_error", "1", "energy balance error"),
+}  # fmt: skip
+"""Responses of a run that are not extremes of channels: section, entry of the summary, unit and meaning."""
+OF_RUNS: dict[str, tuple[str, str, str, str]] = {
+    value.name: (value.section, value.entry, value.unit, value.meaning) for value in VALUES
+} | _OTHERS
+QUANTITIES: dict[str, tuple[str, str]] = {name: (unit, meaning) for name, (_, _, unit, meaning) in OF_RUNS.items()} | {
     "bilinear_frequency_hz": ("Hz", "2 f F / (f + F) of the first open (f) and closed (F) frequency"),
-    "energy_error": ("1", "energy balance error"),
     "resonance_frequency": ("Hz", "frequency of the largest response"),
 }
 """Unit and long name of a response, by the last part of its name."""
@@ -54,29 +53,6 @@ def describe(name: str, output_units: Mapping[str, str]) -> tuple[str, str]:
     return QUANTITIES.get(quantity, ("1", quantity.replace("_", " ")))
 
 
-RUN_ENTRIES: dict[str, tuple[str, str]] = {
-    "peak_displacement": ("probes", "peak_displacement_m"),
-    "min_displacement": ("probes", "min_displacement_m"),
-    "max_displacement": ("probes", "max_displacement_m"),
-    "peak_acceleration": ("probes", "peak_acceleration_g"),
-    "peak_force": ("snubbers", "peak_force_n"),
-    "contact_share": ("snubbers", "contact_share"),
-    "contacts": ("snubbers", "contacts"),
-    "largest_gap": ("snubbers", "largest_gap_m"),
-    "peak_output": ("outputs", "peak_output"),
-    "min_output": ("outputs", "min_output"),
-    "max_output": ("outputs", "max_output"),
-    "static_force": ("snubbers", "static_force_n"),
-    "rms_absolute_acceleration": ("probes", "rms_absolute_acceleration"),
-    "rms_displacement": ("probes", "rms_displacement"),
-    "rms_force": ("snubbers", "rms_force"),
-    "bending_stress": ("", "largest_bending_stress_pa"),
-    "bending_stress_position": ("", "largest_bending_stress_position_m"),
-    "open_frequencies_hz": ("", "open_frequencies_hz"),
-    "closed_frequencies_hz": ("", "closed_frequencies_hz"),
-    "energy_error": ("", "energy_error"),
-}
-"""By quantity of a run's responses: to what it belongs, and the entry of the summary that it is."""
 BROADBAND = ("random", "sampled")  # excitations whose responses have a root mean square
 MODEL_ENTRIES = ("static_force_n", "open_frequencies_hz", "closed_frequencies_hz")
 """Entries that responses are made of whatever is asked for; the model has them anyway."""
@@ -88,17 +64,17 @@ def run_responses(figures: Mapping[str, Any], asked: Collection[str] = ()) -> Re
     ``asked`` are quantities or whole names of responses; all of them where it is empty.
     """
     values: Responses = {}
-    for owner in ("probes", "snubbers", "outputs"):
-        entries = {quantity: entry for quantity, (of, entry) in RUN_ENTRIES.items() if of == owner}
+    for owner in ("probes", "snubbers", "springs", "friction", "outputs"):
+        entries = {quantity: entry for quantity, (of, entry, _, _) in OF_RUNS.items() if of == owner}
         names = dict.fromkeys(name for entry in entries.values() for name in figures.get(entry, ()))
         for name in names:
             for quantity, entry in entries.items():
                 if name in figures.get(entry, ()):
-                    factor = STANDARD_GRAVITY if entry.endswith("_g") else 1.0
-                    values[f"{owner}/{name}/{quantity}"] = float(figures[entry][name]) * factor
-    for quantity in ("bending_stress", "bending_stress_position"):
-        if RUN_ENTRIES[quantity][1] in figures:
-            values[quantity] = figures[RUN_ENTRIES[quantity][1]]
+                    scale = BY_ENTRY[entry].scale if entry in BY_ENTRY else 1.0
+                    values[f"{owner}/{name}/{quantity}"] = float(figures[entry][name]) * scale
+    for quantity, (of, entry, _, _) in OF_RUNS.items():
+        if of == "bodies" and entry in figures:
+            values[quantity] = figures[entry]
     snubbers = bool(figures["static_force_n"])
     values |= frequency_responses(figures["open_frequencies_hz"], figures["closed_frequencies_hz"], snubbers)
     if "energy_error" in figures:
@@ -108,10 +84,10 @@ def run_responses(figures: Mapping[str, Any], asked: Collection[str] = ()) -> Re
 
 def entries_of(asked: Collection[str], excitation: str) -> tuple[str, ...]:
     """Entries of a run's summary that the responses asked for need, with a kind of excitation."""
-    quantities = {name.rpartition("/")[2] for name in asked} or set(RUN_ENTRIES)
+    quantities = {name.rpartition("/")[2] for name in asked} or set(OF_RUNS)
     if excitation not in BROADBAND:
         quantities = {name for name in quantities if not name.startswith("rms_")}
-    needed = [entry for quantity, (_, entry) in RUN_ENTRIES.items() if quantity in quantities]
+    needed = [entry for quantity, (_, entry, _, _) in OF_RUNS.items() if quantity in quantities]
     return tuple(dict.fromkeys((*needed, *MODEL_ENTRIES)))
 
 

@@ -27,13 +27,15 @@ from beamsim.analyses.response.branches import (
 )
 from beamsim.analyses.response.closed_form import measured_orbit
 from beamsim.analyses.response.coexisting import SeekingShootingTracer, SeekingTracer, coexisting_branches
-from beamsim.analyses.response.motion import MeasuredMotion, measure, sampled_motion
+from beamsim.analyses.response.motion import MeasuredMotion, measure, measured, sampled_motion
 from beamsim.analyses.response.paths import ResponseModel, level_unit, response_model
 from beamsim.analyses.response.refinement import ReportedMaximum, cut, with_maxima, with_points_at
 from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.analyses.response.side_branches import leavings, side_branches
+from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, FORCE, PENETRATION, STRESS
 from beamsim.analyses.run.orbit_energy import balance_error, balanced, energy_error, largest_error
 from beamsim.analyses.table_reach import forces_beyond_tables
+from beamsim.analyses.values import BY_ENTRY, LIMITED, Value
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
@@ -41,7 +43,8 @@ from beamsim.orbits.shooting import STABLE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario.continuation import Continuation, HarmonicBalance
 from beamsim.scenario.limits import OF_OUTPUTS
-from beamsim.typing import Floats
+from beamsim.system.channels import ChannelSet
+from beamsim.typing import Floats, Ints
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.paths import FollowedParameter
@@ -295,7 +298,8 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
             error = balance_error(problem, point)
         return replace(motion, energy_error=error)
 
-    traced, measured = with_maxima(traced, measured_motion, _reported_maxima(model), stop)
+    channels = measured(system, limited)
+    traced, motions = with_maxima(traced, measured_motion, _reported_maxima(model, channels), stop)
     spectra = [problem.multipliers(point) for point in traced.points]
     n = system.dynamics.size
     states = np.array([orbit.state for orbit in traced.orbits])
@@ -304,9 +308,11 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
     unknown = traced.values
     parameter = np.asarray(f.outward(unknown), dtype=float)
     probes, names = [p.name for p in system.probes], [s.name for s in system.snubbers]
-    high, low = np.array([m.high for m in measured]), np.array([m.low for m in measured])
+    ends = np.array([(m.high, m.low) for m in motions])
+    high, low = channels.split(ends[:, 0]), channels.split(ends[:, 1])
+    peak = {key: np.maximum(np.abs(high[key]), np.abs(low[key])) for key in high}
 
-    def by_name(values: list[Any], of: list[str]) -> dict[str, Any]:
+    def by_name(values: Any, of: list[str]) -> dict[str, Any]:
         table = np.array(values)
         return {name: table[:, k] for k, name in enumerate(of)}
 
@@ -319,13 +325,13 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         level=float("nan") if f.kind == "level" else level,
         period_multiple=problem.multiple,
         outcome=f.shown(traced.outcome),
-        energy_error=np.array([m.energy_error for m in measured]),
+        energy_error=np.array([m.energy_error for m in motions]),
         frequency_hz=parameter.copy() if f.kind == "frequency" else np.full(parameter.size, model.frequency_hz),
-        peak_displacement=by_name(list(np.maximum(np.abs(high), np.abs(low))), probes),
-        max_displacement=by_name(list(high), probes),
-        min_displacement=by_name(list(low), probes),
-        harmonics=by_name([m.harmonics for m in measured], probes),
-        peak_force=by_name([m.force for m in measured], names),
+        peak_displacement=by_name(peak[DISPLACEMENT], probes),
+        max_displacement=by_name(high[DISPLACEMENT], probes),
+        min_displacement=by_name(low[DISPLACEMENT], probes),
+        harmonics=by_name([m.harmonics for m in motions], probes),
+        peak_force=by_name(np.maximum(high[FORCE], 0.0), names) if names else {},
         stable=np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE,
         floquet_multipliers=multipliers,
         residual=np.array([p.residual for p in traced.points]),
@@ -336,51 +342,38 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         parameter=parameter,
         unit=f.unit,
         parameter_meaning=f"what is followed: {f.label}",
-        peak_acceleration=by_name([m.acceleration for m in measured], probes),
-        contact_share=by_name([m.contact_share for m in measured], names),
-        peak_gap={name: np.array([m.gap[name] for m in measured]) for name in measured[0].gap},
-        peak_bending_stress=None if measured[0].stress is None else np.array([m.stress for m in measured]),
+        peak_acceleration=by_name(peak[ACCELERATION], probes),
+        contact_share=by_name([m.contact_share for m in motions], names),
+        peak_gap=by_name(-low[PENETRATION], names) if PENETRATION in low else {},
+        peak_bending_stress=peak[STRESS].max(axis=1) if STRESS in peak else None,
         outputs={
-            rows.name: OutputExtremes(
-                rows.name,
-                rows.kind,
-                rows.unit,
-                rows.at,
-                np.array([m.highest_output[k] for m in measured]),
-                np.array([m.lowest_output[k] for m in measured]),
-            )
-            for k, rows in enumerate(system.outputs)
+            each.name: OutputExtremes(each.name, each.quantity, each.unit, each.at, *ends[:, :, k].T)
+            for each, k in channels.located
+            if each.section == "outputs"
         },
         neglected_harmonics=from_balance,
     )
 
 
-def _reported_maxima(model: ResponseModel) -> list[ReportedMaximum]:
+def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum]:
     """Peak displacement of every probe; where there are limits, what they limit, of stable motions."""
 
-    def peak(i: int) -> Callable[[MeasuredMotion], float]:
-        return lambda m: max(abs(float(m.high[i])), abs(float(m.low[i])))
+    def largest_of(value: Value, columns: Ints) -> Callable[[MeasuredMotion], float]:
+        none = np.zeros(columns.size)
+        return lambda m: float(value.of((m.low[columns], none, m.high[columns], none)).max())
 
-    def entry(name: str, key: Any) -> Callable[[MeasuredMotion], float]:
-        return lambda m: float(getattr(m, name)[key])
-
-    def output_peak(k: int) -> Callable[[MeasuredMotion], float]:
-        return lambda m: max(abs(float(m.highest_output[k])), abs(float(m.lowest_output[k])))
-
-    probes, snubbers, limits = model.system.probes, model.system.snubbers, model.scenario.limits
-    maxima = [ReportedMaximum(peak(i), False) for i in range(len(probes))]
-    if limits is None:
-        return maxima
-    of: dict[str, list[Callable[[MeasuredMotion], float]]] = {
-        "peak_displacement": [peak(i) for i in range(len(probes))],
-        "peak_acceleration": [entry("acceleration", i) for i in range(len(probes))],
-        "peak_force": [entry("force", j) for j in range(len(snubbers))],
-        "gap": [entry("gap", s.name) for s in snubbers],
-        "bending_stress": [lambda m: m.stress or 0.0],
-    }
-    for k, rows in enumerate(model.system.outputs):
-        of[OF_OUTPUTS + rows.name] = [output_peak(k)]
-    return maxima + [ReportedMaximum(number, True) for name in limits.given for number in of[name]]
+    displacements, limits = channels.places[DISPLACEMENT], model.scenario.limits
+    maxima = [ReportedMaximum(largest_of(LIMITED["peak_displacement"], each), False) for each in displacements[:, None]]
+    for name in () if limits is None else limits.given:
+        if name.startswith(OF_OUTPUTS):
+            value, output = BY_ENTRY["peak_output"], ("outputs", name.removeprefix(OF_OUTPUTS))
+            some = [np.array([k]) for each, k in channels.located if (each.section, each.name) == output]
+        else:
+            value = LIMITED[name]
+            columns = channels.places.get(value.key, displacements[:0])
+            some = [columns] if value.single else list(columns[:, None])
+        maxima += [ReportedMaximum(largest_of(value, each), True) for each in some if each.size]
+    return maxima
 
 
 def _event(model: ResponseModel, special: SpecialPoint) -> SpecialPointResult:

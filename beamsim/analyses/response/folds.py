@@ -18,7 +18,9 @@ from beamsim.structures.assembly import snubber_site
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.branches import Budget
-    from beamsim.analyses.response.paths import FollowedParameter, ResponseModel
+    from beamsim.analyses.response.motion import measured
+from beamsim.analyses.response.paths import FollowedParameter, ResponseModel
+from beamsim.analyses.run.figures import DISPLACEMENT
 
 SETTINGS = Settings(tolerance=1e-9)
 MOST_POINTS = 600  # of one curve, in each direction
@@ -117,14 +119,14 @@ def _curve(
     points = [*halves[1][::-1][:-1], *halves[0]] if len(halves) == 2 else halves[0] if halves else []
     outcome = both_directions(outcomes[-1], outcomes[0])
     names = [p.name for p in model.system.probes]
-    peak = np.empty((len(points), len(names)))
+    peak, displacements = np.empty((len(points), len(names))), measured(model.system).places[DISPLACEMENT]
     parameter = np.array([second.outward(p.parameter) for p in points])
     for k, point in enumerate(points):
         local = _at(model, orbits, path, point, level)
         orbit = BranchPoint(point.u[:-1], point.tangent[:-1], point.scale[:-1], point.residual, point.orientation,
                             point.iterations, point.data)  # fmt: skip
         cycles = measured_orbit(model.system, model.loads, model.base, model.signals, local, orbit)
-        peak[k] = np.maximum(np.abs(cycles.high), np.abs(cycles.low))
+        peak[k] = np.maximum(np.abs(cycles.high), np.abs(cycles.low))[displacements]
     n = model.system.dynamics.size
     states = np.array([p.u[:-2] for p in points]).reshape(len(points), orbits.flow.size)
     return FoldBranch(

@@ -8,13 +8,17 @@ extreme the motion is sampled again, between the events beside it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, FORCE
+from beamsim.analyses.values import LIMITED
+from beamsim.flow.channels import sums_of_squares
+from beamsim.system.channels import ChannelSet, Rows
 from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
@@ -25,7 +29,7 @@ if TYPE_CHECKING:
     from beamsim.orbits.shooting import ForcedOrbits
     from beamsim.system.structural import StructuralSystem
 
-Rows = Callable[[Floats], Floats]
+Products = Callable[[Floats], Floats]
 Again = Callable[[Floats, Ints], "SampledMotion"]
 
 SAMPLES = 2048  # of a period: enough for the accelerations of the highest modes that are kept
@@ -69,9 +73,8 @@ class SampledMotion:
     segment: Ints  # (T,) of the motion between two events
     bounds: Floats  # (G + 1,) s, of the segments
     again: Again  # the same motion at other times within given segments
-    q: Rows  # (k, n) rows -> (T, k) their products with the displacement
-    v: Rows  # ... and of the velocity
-    penetration: Floats  # (T, contacts of the system) m
+    q: Products  # (k, n) rows -> (T, k) their products with the displacement
+    v: Products  # ... and of the velocity
     force: Floats  # (T, m) N
     contact_share: Floats  # (contacts of the system,)
     contacts: Contacts  # m of them
@@ -93,19 +96,29 @@ class SampledMotion:
 
 @dataclass(frozen=True)
 class MeasuredMotion:
-    """Measured quantities of one motion."""
+    """Measured quantities of one motion: extremes of the C channels of `measured`, and more."""
 
-    high: Floats  # (probes,) m
-    low: Floats  # (probes,)
-    harmonics: Complexes  # (probes, H + 1) of the motion's own frequency
-    acceleration: Floats  # (probes,) m/s^2, largest absolute
-    force: Floats  # (m,) N, largest
-    contact_share: Floats  # (m,)
-    gap: dict[str, float]  # m, largest opening of each snubber, where limits ask for it
-    stress: float | None  # Pa, largest bending stress, likewise
-    highest_output: Floats  # (k,) of the outputs of the system
-    lowest_output: Floats  # (k,)
+    high: Floats  # (C,)
+    low: Floats  # (C,)
+    harmonics: Complexes  # (probes, H + 1) of the displacements, of the motion's own frequency
+    contact_share: Floats  # (snubbers,)
     energy_error: float = math.nan  # relative, of the balance over a period
+
+    def peak(self, columns: Ints) -> float:
+        """Largest magnitude of some channels."""
+        return float(np.maximum(np.abs(self.high[columns]), np.abs(self.low[columns])).max())
+
+
+def measured(system: StructuralSystem, limited: Collection[str] = ()) -> ChannelSet:
+    """The channels that are measured: what response curves show, what limits ask for, and the outputs.
+
+    Parameters
+    ----------
+    system : of the channels.
+    limited : names of the limits.
+    """
+    keys = {DISPLACEMENT, ACCELERATION, FORCE, *(LIMITED[name].key for name in limited if name in LIMITED)}
+    return system.channels.only(lambda channel: channel.key in keys or channel.section == "outputs")
 
 
 def _inside(bounds: Floats) -> tuple[Floats, Ints]:
@@ -132,11 +145,10 @@ def sampled_orbit(problem: ForcedOrbits, point: BranchPoint) -> SampledMotion:
         return motion(times, segment, y, 0)
 
     def motion(times: Floats, segment: Ints, y: Floats, even: int) -> SampledMotion:
-        delta, _ = flow.penetration_of(y, times)
         force = flow.contact_forces(phases[segment], y, times)
         return SampledMotion(
             flow.omega, problem.multiple, flow.level, times, even, segment, bounds, again,
-            lambda rows: y[:, :n] @ rows.T, lambda rows: y[:, n : 2 * n] @ rows.T, delta, force, share, contacts,
+            lambda rows: y[:, :n] @ rows.T, lambda rows: y[:, n : 2 * n] @ rows.T, force, share, contacts,
             np.arange(contacts.count), np.ones(contacts.count),
         )  # fmt: skip
 
@@ -193,9 +205,8 @@ def sampled_motion(motion: HarmonicMotion, loads: PeriodicForcing, omega: float,
         delta = -contacts.gap - contacts.sign * (q(contacts.shape) + np.multiply.outer(d, ground))
         rate = -contacts.sign * (v(contacts.shape) + np.multiply.outer(dv, ground))
         force = contacts.forces(closed[segment], delta, rate, np.zeros((times.size, 0)))
-        deepest = np.array([delta[:, np.concatenate(sides)[0]] for sides in parts]).reshape(owners, times.size).T
         return SampledMotion(
-            omega, round(omega / w), level, times, even, segment, bounds, lambda t, g: at(t, g, 0), q, v, deepest,
+            omega, round(omega / w), level, times, even, segment, bounds, lambda t, g: at(t, g, 0), q, v,
             force, touching, contacts, owner, direction,
         )  # fmt: skip
 
@@ -221,71 +232,47 @@ def measure(
 
     ``base`` is its acceleration, m/s^2, None where it is at rest; ``signals`` are those of the loads.
     """
-    shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
-
-    def parts_of(motion: SampledMotion) -> dict[str, Floats]:
-        x = motion.q(shapes)
-        carried = np.zeros(motion.times.size) if base is None else base.at(motion)[:, 0]
-        acceleration = _accelerations(system, loads, motion, shapes) + np.multiply.outer(carried, system.carried)
-        parts = {"x": x, "acceleration": acceleration, "force": motion.by_contact}
-        if "gap" in limited:
-            parts["penetration"] = motion.penetration
-        if "bending_stress" in limited and system.stress is not None:
-            parts["bending"] = motion.q(system.stress.row) + np.multiply.outer(carried, system.stress.base)
-        if system.outputs:
-            parts["outputs"] = _outputs(system, loads, motion, carried, signals.at(motion))
-        return parts
+    channels, loaded = measured(system, limited), _Loaded(system, loads, base, signals)
 
     def rows_of(motion: SampledMotion) -> Floats:
-        return np.concatenate([part.T for part in parts_of(motion).values()])
+        values = loaded.values(motion, channels.linear)
+        if channels.squares.size:
+            squares = sums_of_squares(loaded.values(motion, channels.squared), channels.squares)
+            values = np.hstack([values, squares])
+        return np.asarray(values[:, channels.order].T)
 
-    parts = parts_of(motion)
-    sizes = {name: part.shape[1] for name, part in parts.items()}
-    rows = np.concatenate([part.T for part in parts.values()])
+    rows = rows_of(motion)
     high, low = _extremes(motion, rows, rows_of)
-    spectrum = 2.0 * np.fft.rfft(rows[: len(shapes), :SAMPLES])[:, : harmonics + 1] / SAMPLES
+    spectrum = 2.0 * np.fft.rfft(rows[channels.places[DISPLACEMENT], :SAMPLES])[:, : harmonics + 1] / SAMPLES
     spectrum[:, 0] *= 0.5
-    return of_extremes(system, sizes, high, low, spectrum, motion.contact_share)
+    return MeasuredMotion(high, low, spectrum, motion.contact_share[: len(system.snubbers)])
 
 
-def of_extremes(
-    system: StructuralSystem,
-    sizes: Mapping[str, int],
-    highest: Floats,
-    lowest: Floats,
-    harmonics: Complexes,
-    contact_share: Floats,
-) -> MeasuredMotion:
-    """A measured motion from the extremes of its quantities, ``sizes`` in order: "x", "acceleration", "force", and
-    where they are asked for "penetration", "bending" and "outputs"."""
-    ends = np.cumsum(list(sizes.values()))[:-1]
-    high, low = (dict(zip(sizes, np.split(top, ends), strict=True)) for top in (highest, lowest))
-    gap = {s.name: -float(low["penetration"][j]) for j, s in enumerate(system.snubbers)} if "penetration" in low else {}
-    stress = float(max(high["bending"].max(), -low["bending"].min())) if "bending" in high else None
-    none = np.zeros(0)
-    return MeasuredMotion(
-        high["x"], low["x"], harmonics, np.maximum(high["acceleration"], -low["acceleration"]),
-        np.maximum(high["force"], 0.0), contact_share, gap, stress, high.get("outputs", none), low.get("outputs", none),
-    )  # fmt: skip
+@dataclass(frozen=True)
+class _Loaded:
+    """A system under periodic loads, whose channels are evaluated where a motion is sampled."""
 
+    system: StructuralSystem
+    loads: PeriodicForcing
+    base: DrivenSignals | None
+    signals: DrivenSignals
 
-def _outputs(
-    system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion, carried: Floats, signals: Floats
-) -> Floats:
-    """(T, k) what the scenario asks for; energies are half the sums of the squares of their rows."""
-    columns = [np.zeros((motion.times.size, 0))]
-    for rows in system.outputs:
+    def values(self, motion: SampledMotion, rows: Rows) -> Floats:
+        """(T, k) values of rows."""
+        carried = np.zeros(motion.times.size) if self.base is None else self.base.at(motion)[:, 0]
+        base, _ = self.loads.base_motion(motion.omega, motion.level, motion.times)
         values = (
             motion.q(rows.displacement) + motion.v(rows.velocity) + rows.constant
-            + np.multiply.outer(carried, rows.base_acceleration) + signals @ rows.load.T
-            + motion.by_contact @ rows.contact.T
+            + np.multiply.outer(carried, rows.base_acceleration) + np.multiply.outer(base, rows.base_displacement)
+            + self.signals.at(motion) @ rows.load.T + motion.by_contact @ rows.contact.T
         )  # fmt: skip
-        if rows.acceleration.any():
-            values = values + _accelerations(system, loads, motion, rows.acceleration)
         if rows.cubic.any():
-            values = values + _pulls(system, loads, motion) @ rows.cubic.T
-        columns.append(0.5 * np.sum(values**2, axis=1, keepdims=True) if rows.squared else values)
-    return np.hstack(columns)
+            values = values + _pulls(self.system, self.loads, motion) @ rows.cubic.T
+        accelerated = np.flatnonzero(rows.acceleration.any(axis=1))
+        if accelerated.size:
+            shapes = rows.acceleration[accelerated]
+            values[:, accelerated] += _accelerations(self.system, self.loads, motion, shapes)
+        return values
 
 
 def _pulls(system: StructuralSystem, loads: PeriodicForcing, motion: SampledMotion) -> Floats:

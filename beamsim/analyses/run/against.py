@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamsim.analyses.run.figures import DISPLACEMENT
 from beamsim.analyses.run.motion import RunMotion, output_times
 from beamsim.analyses.run.parting import ContactEvents, parting
 from beamsim.analyses.run.result import Against, AgainstFigure, EventLog, RunResult
@@ -99,7 +100,7 @@ def _compared(result: RunResult, system: StructuralSystem, motion: RunMotion) ->
     difference = 0.0
     for i, probe in enumerate(result.probes.values()):
         known = probe.displacement[:count]
-        apart = np.abs(motion.histories.values["displacement"][: known.size, i] - known).max(initial=0.0)
+        apart = np.abs(motion.histories.values[DISPLACEMENT][: known.size, i] - known).max(initial=0.0)
         difference = max(difference, float(apart) / max(float(np.abs(probe.displacement).max()), 1e-300))
     return Against(
         method=motion.method,

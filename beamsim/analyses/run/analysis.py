@@ -13,7 +13,7 @@ from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.convergence import resting, with_convergence
 from beamsim.analyses.run.derived import DerivedFigures
 from beamsim.analyses.run.exact_motion import exact_motion_of
-from beamsim.analyses.run.figures import by_name, largest
+from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, PENETRATION, STRESS, by_name
 from beamsim.analyses.run.first_part import checked_on_first_part
 from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of
 from beamsim.analyses.run.jumps import jump_warnings
@@ -33,6 +33,7 @@ from beamsim.analyses.run.spectra import coverage_notes
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import spectral_lines, summary_of_run
 from beamsim.analyses.table_reach import compressed_beyond_tables
+from beamsim.analyses.values import largest
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import changed
 from beamsim.interrupts import Stop, never
@@ -45,7 +46,6 @@ from beamsim.system.structural import StructuralSystem
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.scenario.run import ShockSpectrumSettings, StressLife
-    from beamsim.structures.stations import StressRows
 
 
 CONVERGENCE = "the comparison with a finer model"
@@ -80,8 +80,9 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None, sto
     motion = solve(system, settings, times, progress, stop)
     derived = _Derived(stop)
     spectra = spectra_of(scenario, system, motion) if derived.goes_on("the spectra") else {}
-    probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes["displacement"])
+    probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes[DISPLACEMENT])
     snubbers = [snubber.name for snubber in system.snubbers]
+    compression = by_name(snubbers, motion.extremes[PENETRATION][2]) if snubbers else {}
     result = RunResult(
         scenario=scenario,
         method=motion.method,
@@ -100,7 +101,7 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None, sto
             *system.warnings,
             *motion.warnings,
             *pull_warnings(system, motion),
-            *compressed_beyond_tables(scenario, by_name(snubbers, motion.extremes["penetration"][2][: len(snubbers)])),
+            *compressed_beyond_tables(scenario, compression),
             *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
             *coverage_notes(system, spectra, closed_form=motion.trajectory is not None),
         ),
@@ -110,7 +111,7 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None, sto
     if settings.impacts is not None:
         result = _with_impacts(result, motion)
     if settings.fatigue is not None and system.stress is not None and derived.goes_on("the damage of stress"):
-        result = _with_fatigue(result, motion, system.stress, settings.fatigue)
+        result = _with_fatigue(result, system, motion, settings.fatigue)
     summary = summary_of_run(scenario, system, motion, spectra, stop)
     jumps = jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
     result = changed(result, warnings=(*result.warnings, *jumps))
@@ -176,10 +177,10 @@ def _with_impacts(result: RunResult, motion: RunMotion) -> RunResult:
     return changed(result, impacts=motion.impacts.statistics(stationary=stationary))
 
 
-def _with_fatigue(result: RunResult, motion: RunMotion, stress: StressRows, settings: StressLife) -> RunResult:
+def _with_fatigue(result: RunResult, system: StructuralSystem, motion: RunMotion, settings: StressLife) -> RunResult:
     """Add the damage of stress."""
     assert motion.trajectory is not None
-    of_bodies = fatigue_of(motion.parts, motion.trajectory.end, stress, largest(motion.station_extremes()), settings)
+    of_bodies = fatigue_of(system, motion.parts, motion.trajectory.end, largest(motion.extremes[STRESS]), settings)
     return changed(result, fatigue=of_bodies, warnings=(*result.warnings, *fatigue_doubts(of_bodies, settings)))
 
 
@@ -205,7 +206,7 @@ def _with_shock_response(
         shock = shock_response(settings, system, motion.trajectory)
     else:
         time = motion.histories.time
-        shock = shock_response(settings, system, (time, motion.histories.values["acceleration"]))
+        shock = shock_response(settings, system, (time, motion.histories.values[ACCELERATION]))
         if (time.size - 1) / time[-1] < SAMPLES_A_PERIOD * settings.to:
             warnings += (
                 f"shock response spectra of a time-stepped motion are those of its samples: raise "

@@ -19,30 +19,29 @@ import math
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.run.derived import DerivedFigures, Figures, OutputSamples, SpectrumKey, line_changes
 from beamsim.analyses.run.figures import (
+    ACCELERATION,
+    DISPLACEMENT,
     deflection_size,
-    energy_extremes,
+    extremes_of,
     motion_figures,
-    sampled_extremes,
-    searched_extremes,
+    searched,
     static_figures,
 )
 from beamsim.analyses.run.filtered_motion import FilteredMotion, filtered
-from beamsim.analyses.run.outputs import (
-    energies_of_rows,
-    exact_flow,
-    output_groups,
-    searched_outputs,
-)
+from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.parting import LONGER, ContactEvents, PartingTimes, parting, sensitivity
 from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
 from beamsim.errors import ScenarioError
 from beamsim.fields import changed, figure_in_words
+from beamsim.flow.channels import Observed
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import Outcome, OutcomeCode
@@ -56,7 +55,6 @@ if TYPE_CHECKING:
 WORTHLESS = 0.5  # relative change of the displacements beyond which the default model is not to be used
 MORE_MODES = 1.5
 WINDOWS = 8  # parts of the motion after the sequences have parted
-SAMPLES = 512  # in each of them
 FREQUENCIES = 6  # natural frequencies that are compared
 COUNTED = ("contact_share", "contacts")  # of the whole motion; all other figures of motions are extremes
 SAME_VALUE = 1e-6  # relative: an extreme of a part of the motion is that of the whole
@@ -331,8 +329,13 @@ def behind_filter(system: StructuralSystem, settings: Run, trajectory: Trajector
     """Accelerations behind the filter of a run, at any time of its motion; None where there is no filter or motion."""
     if settings.low_pass is None or trajectory is None:
         return None
-    acceleration = output_groups(system, trajectory.flow).groups["acceleration"]
+    acceleration = Observed(trajectory.flow, system.channels.of_keys(ACCELERATION)).linear
     return filtered(trajectory, acceleration, settings.low_pass, np.zeros(0))
+
+
+def _observed(system: StructuralSystem, flow: ExactFlow, behind: FilteredMotion | None) -> Observed:
+    """What is searched for extremes: not the accelerations, where they are taken behind a filter."""
+    return Observed(flow, system.channels.only(lambda c: searched(c) and (behind is None or c.key != ACCELERATION)))
 
 
 def march_again(
@@ -358,17 +361,10 @@ def solution_figures(
     ----------
     behind : the accelerations of the same motion, or of a longer one, behind the filter of `run.low_pass`.
     """
-    flow = trajectory.flow
-    groups = output_groups(system, flow)
-    searched = searched_outputs(system, flow, groups)
+    extremes = extremes_of(trajectory, _observed(system, trajectory.flow, behind))
     if behind is not None:
-        del searched["acceleration"]
-    extremes = searched_extremes(trajectory, searched)
-    if behind is not None:
-        extremes["acceleration"] = behind.extremes(0.0, trajectory.end)
-    if system.energy_outputs:
-        extremes["energy"] = energy_extremes(trajectory, system.energy_outputs, groups.groups["energy"])
-    _, lowest, _, highest = extremes["displacement"]
+        extremes[ACCELERATION] = behind.extremes(0.0, trajectory.end)
+    _, lowest, _, highest = extremes[DISPLACEMENT]
     size = deflection_size(system, trajectory.states_at(np.sort([lowest[0], highest[0]])))
     figures = motion_figures(system, extremes, trajectory.contact_share(), _closings(trajectory), size)
     return {**figures, **static_figures(system)}
@@ -481,33 +477,23 @@ def _statistical(first: Solution, early: Changes, finer: Changes, *after: Sequen
 
 
 def _windows(solution: Solution, begin: float, end: float) -> Iterator[Changes]:
-    """The figures of equal parts of a motion. None of a motion from time stepping.
+    """The values of equal parts of a motion. None of a motion from time stepping.
 
     Extremes are those of the continuous motion: a force that a dashpot or a stiff stop makes for an instant lies
-    between samples, and chance would decide which part has it. Energies are sampled.
+    between samples, and chance would decide which part has it.
     """
     system, trajectory, behind = solution.system, solution.trajectory, solution.filtered
     if trajectory is None:
         return
-    times = np.linspace(begin, end, WINDOWS * SAMPLES + 1)
-    flow = trajectory.flow
-    groups = output_groups(system, flow)
-    searched = searched_outputs(system, flow, groups)
-    sampled = {}
-    if behind is not None:
-        del searched["acceleration"]
-    if system.energy_outputs:
-        sampled["energy"] = energies_of_rows(system.energy_outputs, trajectory.sample(times, groups.groups["energy"]))
-    closing = trajectory.event_closing
-    for k in range(WINDOWS):
-        part = slice(k * SAMPLES, (k + 1) * SAMPLES)
-        motion = trajectory.between(times[part.start], times[part.stop])
-        extremes = searched_extremes(motion, searched)
-        extremes |= {name: sampled_extremes(times[part], x[part]) for name, x in sampled.items()}
+    observed, closing = _observed(system, trajectory.flow, behind), trajectory.event_closing
+    edges = np.linspace(begin, end, WINDOWS + 1).tolist()
+    for first, last in pairwise(edges):
+        motion = trajectory.between(first, last)
+        extremes = extremes_of(motion, observed)
         if behind is not None:
-            extremes["acceleration"] = behind.extremes(float(times[part.start]), float(times[part.stop]))
+            extremes[ACCELERATION] = behind.extremes(first, last)
         inside = closing & (trajectory.event_time >= motion.time[0]) & (trajectory.event_time < motion.end)
-        closings = np.bincount(trajectory.event_contact[inside], minlength=flow.system.contacts.count)
+        closings = np.bincount(trajectory.event_contact[inside], minlength=motion.flow.system.contacts.count)
         yield _compared(motion_figures(system, extremes, motion.contact_share(), closings))
 
 

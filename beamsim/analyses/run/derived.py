@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.limits import STANDARD_GRAVITY
-from beamsim.analyses.run.outputs import OutputSet, output_groups
+from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, FORCE
 from beamsim.analyses.run.random_response import statistics_of
 from beamsim.analyses.run.records import Record, SampledRecord
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, ShockResponse, Spectrum
-from beamsim.analyses.run.spectra import QUANTITIES, records_of
+from beamsim.analyses.run.spectra import records_of
 from beamsim.analyses.run.spectrum import WORTH_LISTING, found_again
+from beamsim.analyses.values import STANDARD_GRAVITY
+from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
+from beamsim.system.channels import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
@@ -33,10 +35,10 @@ SpectrumKey = tuple[str, str]  # probe and quantity
 
 @dataclass(frozen=True)
 class OutputSamples:
-    """A motion from time stepping: output times (nt,) and, by group of outputs, (nt, k) values."""
+    """A motion from time stepping: output times (nt,) and, by section and quantity, (nt, k) values of channels."""
 
     time: Floats
-    values: Mapping[str, Floats]
+    values: Mapping[Key, Floats]
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class DerivedFigures:
         assert self.scenario.run is not None
         assert self.scenario.run.srs is not None
         if isinstance(motion, OutputSamples):
-            return shock_response(self.scenario.run.srs, system, (motion.time, motion.values["acceleration"]))
+            return shock_response(self.scenario.run.srs, system, (motion.time, motion.values[ACCELERATION]))
         return shock_response(self.scenario.run.srs, system, motion)
 
     def parts(self, most: int) -> int:
@@ -106,21 +108,16 @@ class DerivedFigures:
     def _records(
         self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int
     ) -> Iterator[Mapping[SpectrumKey, Record]]:
-        s = next(iter(self.spectra.values()))
+        s, channels = next(iter(self.spectra.values())), system.channels.of_keys(ACCELERATION, DISPLACEMENT)
+        keys = [(channel.name, channel.quantity) for channel in channels.channels]
         if isinstance(motion, OutputSamples):
             inside = motion.time >= s.start_s * (1 - 1e-12)
             rate = (motion.time.size - 1) / float(motion.time[-1] - motion.time[0])
-            samples = {
-                (probe.name, quantity): motion.values[group][inside, i]
-                for group, (quantity, _) in QUANTITIES.items()
-                for i, probe in enumerate(system.probes)
-            }
-            yield {key: SampledRecord(motion.time[inside], x, rate) for key, x in samples.items()}
+            samples = np.hstack([motion.values[key][inside] for key in channels.places])
+            yield {key: SampledRecord(motion.time[inside], x, rate) for key, x in zip(keys, samples.T, strict=True)}
             return
-        keys = [(probe.name, quantity) for quantity, _ in QUANTITIES.values() for probe in system.probes]
-        end = min(s.start_s + s.duration_s, motion.end)
-        outputs = _outputs(system, motion, tuple(QUANTITIES))
-        records = [record for record, _ in records_of(self.scenario, system, motion, outputs, s.start_s, end)]
+        span = s.start_s, min(s.start_s + s.duration_s, motion.end)
+        records = [record for record, _ in records_of(self.scenario, system, motion, channels, span)]
         if parts == 1:
             yield dict(zip(keys, records, strict=True))
             return
@@ -132,19 +129,16 @@ class DerivedFigures:
         self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int
     ) -> Iterator[dict[str, float]]:
         assert self.random is not None
+        channels = system.channels.of_keys(ACCELERATION, DISPLACEMENT, FORCE)
         if isinstance(motion, OutputSamples):
-            times, values = motion.time, motion.values
+            times, values = motion.time, np.hstack([motion.values[key] for key in channels.places])
         else:
             times = self.times[self.times <= motion.end]
-            outputs = _outputs(system, motion, (*QUANTITIES, "force"))
-            values = outputs.split(motion.sample(times, outputs), motion.flow.system.contacts.start)
+            values = Observed(motion.flow, channels).values(motion, times)
         after = times >= self.random.start_s
         rate = (times.size - 1) / float(times[-1] - times[0])
-        signals = {
-            f"{probe.name} {quantity}": values[group][after, i]
-            for group, (quantity, _) in QUANTITIES.items()
-            for i, probe in enumerate(system.probes)
-        } | {f"{snubber.name} force": values["force"][after, j] for j, snubber in enumerate(system.snubbers)}
+        names = (f"{channel.name} {channel.quantity}" for channel in channels.channels)
+        signals = dict(zip(names, values[after].T, strict=True))
         divided = {name: np.array_split(x, parts) for name, x in signals.items()}
         for k in range(parts):
             statistics = {name: statistics_of(pieces[k], rate) for name, pieces in divided.items()}
@@ -196,8 +190,3 @@ def _by_name(spectra: Mapping[SpectrumKey, tuple[Floats, Floats, float]]) -> Fig
         "rms_displacement_m": {key[0]: x for key, x in rms.items() if key[1] != MAIN_QUANTITY},
         "rms_acceleration_g": {key[0]: x / STANDARD_GRAVITY for key, x in rms.items() if key[1] == MAIN_QUANTITY},
     }
-
-
-def _outputs(system: StructuralSystem, motion: Trajectory, names: tuple[str, ...]) -> OutputSet:
-    groups = output_groups(system, motion.flow).groups
-    return OutputSet({name: groups[name] for name in names})

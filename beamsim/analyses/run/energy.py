@@ -11,7 +11,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from beamsim.analyses.run.outputs import OutputSet, stack, velocities
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
@@ -132,8 +131,8 @@ def energies(
     flow, (left, right, weight) = trajectory.flow, factors
     integral = before + trajectory.product_integrals(times, left, right, weight, begin)
     phases, states = trajectory.phases_at(times), _states(flow)
-    values = states.split(trajectory.sample(times, states), phases[0])
-    stored = stored_energy(flow, values["state"], values["penetration"], phases)
+    y, penetration = np.split(trajectory.sample(times, lambda _: states), [flow.size], axis=1)
+    stored = stored_energy(flow, y, penetration, phases)
     events = np.cumsum(trajectory.event_losses().sum(axis=1))
     at, first = (
         np.clip(np.searchsorted(trajectory.time, t, side="right") - 1, 0, None) for t in (times, np.array([begin]))
@@ -183,7 +182,7 @@ def contact_losses(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearO
     dashpot, internal = flow.system.contacts.losses(phases)
     _, moved = flow.penetrations
     if internal.size:
-        moved = stack(moved, flow.internal_rates(phases))
+        moved = LinearOutput.stacked(moved, flow.internal_rates(phases))
     forces = moved.scaled(np.concatenate([dashpot, internal])[:, None])
     contacts = flow.system.contacts
     forces.direct[: dashpot.size, 0] += contacts.friction(phases)
@@ -206,11 +205,18 @@ def _base_rate(flow: ExactFlow) -> LinearOutput | None:
     return rate
 
 
-def _states(flow: ExactFlow) -> OutputSet:
+def _states(flow: ExactFlow) -> LinearOutput:
+    """The state, and the penetrations of the contacts."""
     whole = flow.empty_output(flow.size)
     whole.row[:] = np.eye(flow.size)
-    delta, _ = flow.penetrations
-    return OutputSet({"state": lambda phases: whole, "penetration": lambda phases: delta})
+    return LinearOutput.stacked(whole, flow.penetrations[0])
+
+
+def _velocities(flow: ExactFlow, shape: Floats) -> LinearOutput:
+    """``shape @ q'`` for every row of ``shape`` (k, n)."""
+    output = flow.empty_output(shape.shape[0])
+    output.row[:, flow.system.size : 2 * flow.system.size] = shape
+    return output
 
 
 def _principal(damping: Floats) -> tuple[Floats, Floats]:
@@ -227,12 +233,12 @@ def power_factors(flow: ExactFlow) -> PowerFactors:
     m, loads = contacts.count, flow.forcing.load
     rate_of_damping, direction = _principal(system.damping)
     used = np.flatnonzero(rate_of_damping)
-    moving = velocities(flow, direction[:, used].T)
+    moving = _velocities(flow, direction[:, used].T)
     signals = flow.empty_output(loads.shape[0] + 1)
     signals.direct[0, 0] = 1.0
     for index in range(loads.shape[0]):
         signals.direct[index + 1, sources.channel == index] = 1.0
-    loaded = velocities(flow, np.vstack([system.constant_load, loads]))
+    loaded = _velocities(flow, np.vstack([system.constant_load, loads]))
     base_rate = _base_rate(flow)
     driven = 0 if base_rate is None else m
 
@@ -242,11 +248,11 @@ def power_factors(flow: ExactFlow) -> PowerFactors:
 
     def left(phases: Ints) -> LinearOutput:
         forces = () if base_rate is None else (flow.contact_forces(phases),)
-        return stack(moving, losses(phases.tobytes())[0], signals, *forces)
+        return LinearOutput.stacked(moving, losses(phases.tobytes())[0], signals, *forces)
 
     def right(phases: Ints) -> LinearOutput:
         rates = () if base_rate is None else (base_rate,)
-        return stack(moving, losses(phases.tobytes())[1], loaded, *rates)
+        return LinearOutput.stacked(moving, losses(phases.tobytes())[1], loaded, *rates)
 
     inside = m + contacts.internal_states
     weight = np.zeros((used.size + inside + loads.shape[0] + 1 + driven, 2))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.run.figures import Extreme, searched_extremes
+from beamsim.analyses.run.figures import DISPLACEMENT, STRESS
 from beamsim.analyses.run.friction import friction_contacts
 from beamsim.analyses.run.histories import COMPONENTS, ExactHistories
 from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, memory_of, with_limit
@@ -15,8 +15,9 @@ from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import MOTION_SHARE, events_in_memory, exact_flow, pieces_of
 from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import Work
-from beamsim.analyses.run.stretches import ROUND_OFF, RunFigures, outer
+from beamsim.analyses.run.stretches import ROUND_OFF, RunFigures
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.channels import Observed
 from beamsim.flow.stretches import CHECKPOINT_PIECES, MotionInStretches
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
@@ -106,22 +107,11 @@ def exact_motion_of(
         figures.add(stretch)
     if motion.end * (1.0 + ROUND_OFF) < times.last:
         times = times.until(motion.end)
-    histories, balance = ExactHistories(motion, figures.groups, times), figures.balance.result()
-    extremes, searched = figures.extremes, figures.searched
-    of_first_probe = np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]])
+    sampled = Observed(motion.flow, system.channels.only(lambda channel: channel.section != "bodies"))
+    histories, balance = ExactHistories(motion, sampled, times), figures.balance.result()
+    extremes = figures.extremes
+    of_first_probe = np.array([extremes[DISPLACEMENT][k][0] for k in (1, 3)])
     order = np.argsort(of_first_probe)
-
-    def of_stations() -> Extreme:
-        """The extremes at every station; of an interrupted motion values that they reach, and the largest of all."""
-        if motion.outcome.interrupted:
-            return extremes["stress"]
-        highest: Extreme | None = None
-        for part in motion.again():
-            found = searched_extremes(part, {"stress": searched["stress"]}, one_figure=())["stress"]
-            highest = outer(highest, found)
-        assert highest is not None
-        return highest
-
     return RunMotion(
         method="exact",
         outcome=balance.checked(with_limit(motion.outcome, limit)),
@@ -131,7 +121,6 @@ def exact_motion_of(
         contact_events=ContactEvents.of(motion, len(system.snubbers)),
         breakpoints=breakpoints(system, motion),
         extremes=extremes,
-        station_extremes=of_stations,
         extreme_times=of_first_probe,
         extreme_states=motion.states_at(of_first_probe[order])[order],
         state_at=lambda time: motion.states_at(np.array([time]))[0],
@@ -146,7 +135,7 @@ def exact_motion_of(
         low_passed=None if figures.low_passed is None else figures.low_passed.reached,
         trajectory=_analysed(motion, settings),
         parts=motion.again,
-        von_mises=_von_mises(system, histories, searched),
+        von_mises=_von_mises(system, motion, histories),
         impacts=figures.impacts,
         memory=memory_of(motion.flow, settings),
         compared_s=None if motion.one_stretch else COMPARED_SHARE * _kept_s(motion, settings),
@@ -181,13 +170,14 @@ def _forgotten(motion: MotionInStretches, settings: Run) -> str:
     return kept
 
 
-def _von_mises(system: StructuralSystem, histories: ExactHistories, searched: Mapping[str, Any]) -> dict[str, Floats]:
+def _von_mises(system: StructuralSystem, motion: MotionInStretches, histories: ExactHistories) -> dict[str, Floats]:
     """(nx,) largest von Mises stress at the surface of every plate at its stations, of the samples, Pa."""
     plates = {body.body for body in system.bodies if body.moments == COMPONENTS}
     stress = system.stress
     if stress is None or not plates:
         return {}
+    observed = Observed(motion.flow, system.channels.of_keys(STRESS))
     parts = {
         part.body if len(stress.stations.parts) > 1 else stress.bodies[0]: part.stations for part in stress.stations
     }
-    return {name: histories.von_mises(searched["stress"], parts[name]) for name in plates & set(parts)}
+    return {name: histories.von_mises(observed, parts[name]) for name in plates & set(parts)}

@@ -113,11 +113,11 @@ def _sliding(
     def forces(state: Ints) -> LinearOutput:
         one = flow.empty_output(which.size)
         one.direct[:, 0] = 1.0
-        return one.above(_normal_forces(flow, contacts, which, state))
+        return LinearOutput.stacked(one, _normal_forces(flow, contacts, which, state))
 
     def speeds(state: Ints) -> LinearOutput:
         speed = sliding_speeds(flow, which, state)
-        return speed.above(speed)
+        return LinearOutput.stacked(speed, speed)
 
     integrals = trajectory.product_integrals(times, forces, speeds, np.eye(2 * which.size))
     distance, wear = integrals.reshape(times.size, 2, which.size).swapaxes(0, 1)

@@ -20,11 +20,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.gapping import contact_levels, gapping, pressed_phases, static_penetration
-from beamsim.analyses.run.figures import searched_extremes
+from beamsim.analyses.run.figures import FORCE, PENETRATION, extremes_of
 from beamsim.analyses.run.linear_prediction import Deviations, linear_input, stationary_deviations
 from beamsim.analyses.run.motion import RunMotion
-from beamsim.analyses.run.outputs import exact_flow, output_groups
+from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.values import Extremes
 from beamsim.contacts.laws import ContactLaw
+from beamsim.flow.channels import Observed
 from beamsim.flow.transient import simulate
 from beamsim.scenario.excitation import Forces, Harmonic, RandomInput, Shock
 from beamsim.scenario.quantities import INTEGRALS
@@ -165,13 +167,11 @@ def _linear_motion(
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, stop=stop)
     if not trajectory.outcome.complete:
         return None
-    groups = output_groups(linear, flow).groups
-    searched = {name: groups[name] for name in ("penetration", "force")}
-    return _excursion(searched_extremes(trajectory, searched))
+    return _excursion(extremes_of(trajectory, Observed(flow, linear.channels.of_keys(PENETRATION, FORCE))))
 
 
-def _excursion(extremes: Mapping[str, tuple[Floats, Floats, Floats, Floats]]) -> _Excursion:
-    return _Excursion(*extremes["penetration"], *extremes["force"][:2])
+def _excursion(extremes: Extremes) -> _Excursion:
+    return _Excursion(*extremes[PENETRATION], *extremes[FORCE][:2])
 
 
 def _of_random(scenario: Scenario, system: StructuralSystem) -> OfSnubbers:

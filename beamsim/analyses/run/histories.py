@@ -14,12 +14,12 @@ import numpy as np
 
 from beamsim.analyses.run.energy import energies, power_factors
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.run.outputs import OutputSet
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.fields import by_rows, later
-from beamsim.flow.contact_state import OutputOf
+from beamsim.flow.channels import Observed
 from beamsim.flow.stretches import MotionInStretches
 from beamsim.flow.trajectory import Trajectory
+from beamsim.system.channels import Key
 from beamsim.typing import Bools, Floats
 
 ENERGIES = tuple(field.name for field in fields(EnergyHistory))
@@ -29,7 +29,7 @@ _STRESSES_AT_ONCE = 256  # samples
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress of every station starts
 
 
-HistoryOf = Callable[[Floats, Mapping[str, Floats]], Floats]  # of times and, by group, of outputs there
+HistoryOf = Callable[[Floats, Mapping[Key, Floats]], Floats]  # of times and, by section and quantity, of values there
 
 
 class Histories(Protocol):
@@ -44,8 +44,8 @@ class Histories(Protocol):
         """(nt,) s."""
 
     @property
-    def values(self) -> Mapping[str, Floats]:
-        """(nt, k) by group of outputs."""
+    def values(self) -> Mapping[Key, Floats]:
+        """(nt, k) by section and quantity of the channels."""
 
     def history(self, of: HistoryOf) -> Floats:
         """(nt,) what follows from times and outputs."""
@@ -68,7 +68,7 @@ class SampledHistories:
     """Those of a motion from time stepping."""
 
     time: Floats
-    values: Mapping[str, Floats]
+    values: Mapping[Key, Floats]
     touching: Bools  # (nt, m)
     energy: EnergyHistory
 
@@ -103,14 +103,13 @@ class ExactHistories:
 
     Parameters
     ----------
-    groups : the outputs.
-    times : of the outputs.
+    observed : channels that are sampled.
+    times : of the output.
     """
 
-    def __init__(self, motion: MotionInStretches, groups: OutputSet, times: OutputTimes) -> None:
-        self._motion, self._groups, self.times = motion, groups, times
-        columns = groups(motion.flow.system.contacts.start).row.shape[0] + motion.flow.size
-        most = VALUES_A_BLOCK // columns
+    def __init__(self, motion: MotionInStretches, observed: Observed, times: OutputTimes) -> None:
+        self._motion, self._observed, self.times = motion, observed, times
+        most = VALUES_A_BLOCK // (observed.channels.order.size + motion.flow.size)
         if not motion.one_stretch:
             most = min(most, int(motion.stretch_s * times.rate / times.step))
         self.block_size: int = 1 << max(most, 1).bit_length() - 1  # times of a block
@@ -128,8 +127,8 @@ class ExactHistories:
         return self.times.all
 
     @cached_property
-    def values(self) -> Mapping[str, Floats]:
-        """(nt, k) by group of outputs."""
+    def values(self) -> Mapping[Key, Floats]:
+        """(nt, k) by section and quantity of the channels."""
         blocks = [self._outputs(number) for number in range(self._blocks)]
         return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
@@ -159,10 +158,10 @@ class ExactHistories:
         begin = float(self.times.rows(first - 1, first)[0]) if number else 0.0
         return times, self._motion.within(begin, float(times[-1]) if times.size else begin)
 
-    def _outputs(self, number: int) -> Mapping[str, Floats]:
-        def sampled(number: int) -> Mapping[str, Floats]:
+    def _outputs(self, number: int) -> Mapping[Key, Floats]:
+        def sampled(number: int) -> Mapping[Key, Floats]:
             times, motion = self._part(number)
-            return self._groups.split(motion.sample(times, self._groups), motion.flow.system.contacts.start)
+            return self._observed.channels.split(self._observed.values(motion, times))
 
         return self._once("outputs", number, sampled)  # type: ignore[no-any-return]
 
@@ -234,12 +233,12 @@ class ExactHistories:
 
         return EnergyHistory(*map(of, ENERGIES))
 
-    def von_mises(self, stress_of: OutputOf, of_body: slice) -> Floats:
+    def von_mises(self, stress: Observed, of_body: slice) -> Floats:
         """(nx,) largest von Mises stress of the samples; rows are sigma_x, sigma_y and tau_xy of all stations."""
         few = self.times.every(max(1, self.count // SAMPLES_TO_SEED_STRESS)).all
         largest = np.zeros((of_body.stop - of_body.start) // COMPONENTS)
         for first in range(0, few.size, _STRESSES_AT_ONCE):
-            sampled = self._motion.sample(few[first : first + _STRESSES_AT_ONCE], stress_of)[:, of_body]
+            sampled = self._motion.sample(few[first : first + _STRESSES_AT_ONCE], stress.linear)[:, of_body]
             x, y, shear = np.moveaxis(sampled.reshape(sampled.shape[0], COMPONENTS, -1), 1, 0)
             largest = np.maximum(largest, (x**2 - x * y + y**2 + 3 * shear**2).max(axis=0))
         return np.sqrt(largest)

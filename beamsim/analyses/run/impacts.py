@@ -18,14 +18,16 @@ import numpy as np
 
 from beamsim.analyses.rainflow import damage, equivalent_range, rainflow, reversals
 from beamsim.analyses.run.energy import contact_losses
+from beamsim.analyses.run.figures import STRESS
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow, SnubberImpacts
 from beamsim.analyses.run.intervals import BLOCKS, LEAST, SKIPPED, FigureInterval, Sums, jackknife
-from beamsim.analyses.run.outputs import bending_stress, stack
+from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.scenario.run import ImpactSettings, StressLife
 from beamsim.structures.stations import StressRows
+from beamsim.system.channels import Rows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats, Ints
 
@@ -239,10 +241,10 @@ def _factors(flow: ExactFlow, contact: int) -> tuple[OutputOf, OutputOf, Floats]
         return flow.contact_forces(phases).some(np.array([contact]))
 
     def left(phases: Ints) -> LinearOutput:
-        return stack(force(phases), one, contact_losses(flow, phases)[0].some(rows))
+        return LinearOutput.stacked(force(phases), one, contact_losses(flow, phases)[0].some(rows))
 
     def right(phases: Ints) -> LinearOutput:
-        return stack(force(phases), force(phases), contact_losses(flow, phases)[1].some(rows))
+        return LinearOutput.stacked(force(phases), force(phases), contact_losses(flow, phases)[1].some(rows))
 
     weight = np.zeros((2 + rows.size, 3))
     weight[0, 0] = weight[1, 1] = 1.0
@@ -369,20 +371,31 @@ def _intervals(every: _Impacts, counted: _Impacts, duration: float) -> tuple[Fig
 
 
 def fatigue_of(
-    parts: Callable[[], Iterable[Trajectory]], end: float, stress: StressRows, largest: Floats, settings: StressLife
+    system: StructuralSystem,
+    parts: Callable[[], Iterable[Trajectory]],
+    end: float,
+    largest: Floats,
+    settings: StressLife,
 ) -> dict[str, Fatigue]:
     """Fatigue of each body where its stress is largest.
 
     Parameters
     ----------
+    system : with stresses.
     parts : the motion, part after part.
     end : of the motion, s.
     largest : (nx,) largest magnitude of the stress at every station, Pa.
+    settings : the life that is counted in.
     """
-    return {
-        name: _fatigue(name, parts(), end, stress, max(_stations(stress, name), key=lambda k: largest[k]), settings)
-        for name in dict.fromkeys(stress.bodies)
-    }
+    stress, rows = system.stress, system.channels.of_keys(STRESS).linear
+    assert stress is not None
+    fatigue = {}
+    for name in dict.fromkeys(stress.bodies):
+        station = max(_stations(stress, name), key=lambda k: largest[k])
+        one = rows.some(np.array([station]))
+        turns = np.concatenate([_stress_turns(part, one) for part in parts()])
+        fatigue[name] = _fatigue(name, turns, end, stress, station, settings)
+    return fatigue
 
 
 def fatigue_doubts(bodies: Mapping[str, Fatigue], settings: StressLife) -> Iterator[str]:
@@ -400,11 +413,8 @@ def _stations(stress: StressRows, body: str) -> list[int]:
     return [k for k, name in enumerate(stress.bodies) if name == body]
 
 
-def _fatigue(
-    name: str, parts: Iterable[Trajectory], end: float, stress: StressRows, station: int, settings: StressLife
-) -> Fatigue:
-    one = StressRows(stress.stations, stress.row[[station]], stress.base[[station]], (name,))
-    cycles = _cycles(np.concatenate([_stress_turns(part, one) for part in parts]))
+def _fatigue(name: str, turns: Floats, end: float, stress: StressRows, station: int, settings: StressLife) -> Fatigue:
+    cycles = _cycles(turns)
     span, mean, count = cycles.T
     limit = settings.endurance_limit or 0.0
     done = damage(cycles, settings.stress_range, settings.cycles, settings.exponent, limit)
@@ -422,7 +432,7 @@ def _fatigue(
     )
 
 
-def _stress_turns(part: Trajectory, stress: StressRows) -> Floats:
+def _stress_turns(part: Trajectory, stress: Rows) -> Floats:
     """Values between which the stress at one station rises and falls in a part of a motion."""
     segments = np.arange(part.time.size)
-    return reversals(part.turning_points(lambda _: bending_stress(part.flow, stress), segments).value)
+    return reversals(part.turning_points(outputs_of(part.flow, stress), segments).value)

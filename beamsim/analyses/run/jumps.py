@@ -11,8 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.run.motion import RunMotion
+from beamsim.analyses.values import STANDARD_GRAVITY
 from beamsim.scenario import Scenario
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -10,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance
-from beamsim.analyses.run.figures import Extreme, Extremes, largest, largest_pulls
+from beamsim.analyses.run.figures import FORCE, STRESS
 from beamsim.analyses.run.friction import friction_contacts, sliding_figures
 from beamsim.analyses.run.histories import Histories
 from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.run.outputs import OutputSet, energies_of_rows, output_groups
 from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import (
     ONLY_BEAM,
@@ -30,12 +30,13 @@ from beamsim.analyses.run.result import (
     SpringHistory,
     Work,
 )
-from beamsim.analyses.run.spectra import SPECTRAL_GROUPS, spectra_of_motion, spectra_of_samples
+from beamsim.analyses.run.spectra import spectra_of_motion, spectra_of_samples
+from beamsim.analyses.values import Extremes, largest, largest_pulls
 from beamsim.contacts.hardening import residual_crush
 from beamsim.contacts.springs import FRICTION
-from beamsim.fields import later
 from beamsim.flow.stretches import MotionInStretches
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.system.channels import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
@@ -75,7 +76,6 @@ class RunMotion:
     events: EventLog
     breakpoints: int  # of piecewise-linear springs that were passed, the start left out
     extremes: Extremes
-    station_extremes: Callable[[], Extreme]  # of the stress at every station
     extreme_times: Floats  # (2,) of the lowest and highest point of the first probe
     extreme_states: Floats  # (2, 2n) there
     state_at: Callable[[float], Floats]  # (2n or more,) at a time; of a time-stepped motion at the nearest output time
@@ -91,9 +91,9 @@ class RunMotion:
     warnings: tuple[str, ...] = ()
     contact_events: ContactEvents | None = None
 
-    def column(self, group: str, index: int) -> Floats:
-        """(nt,) one output, computed when it is read."""
-        return self.histories.history(lambda time, values: values[group][:, index])
+    def column(self, section: str, quantity: str, index: int) -> Floats:
+        """(nt,) one channel of those that are alike, computed when it is read."""
+        return self.histories.history(lambda time, values: values[section, quantity][:, index])
 
 
 def output_times(scenario: Scenario) -> OutputTimes:
@@ -111,7 +111,9 @@ def memory_of(flow: ExactFlow, settings: Run) -> dict[str, int]:
 
 def pull_warnings(system: StructuralSystem, motion: RunMotion) -> list[str]:
     """A warning for each snubber whose dashpot pulls before the contact opens."""
-    forces = motion.extremes["force"]
+    if not system.snubbers:
+        return []
+    forces = motion.extremes[FORCE]
     pulls = largest_pulls(forces)
     return [
         f"snubbers.{s.name}: its dashpot pulls with up to {pulls[j]:.3g} N before the contact opens; law: no_tension "
@@ -134,19 +136,19 @@ def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
 def _probes(system: StructuralSystem, motion: RunMotion) -> dict[str, ProbeHistory]:
     """History of every probe."""
 
-    def absolute(i: int, time: Floats, values: Mapping[str, Floats]) -> Floats:
+    def absolute(i: int, time: Floats, values: Mapping[Key, Floats]) -> Floats:
         carried = system.carried[i] * _signal(system.base_displacement, time)
-        return np.asarray(values["displacement"][:, i] + carried)
+        return np.asarray(values["probes", "displacement"][:, i] + carried)
 
     return {
         probe.name: ProbeHistory(
             name=probe.name,
             position=probe.position,
             across=probe.across,
-            displacement=motion.column("displacement", i),
+            displacement=motion.column("probes", "displacement", i),
             absolute_displacement=motion.histories.history(partial(absolute, i)),
-            velocity=motion.column("velocity", i),
-            absolute_acceleration=motion.column("acceleration", i),
+            velocity=motion.column("probes", "velocity", i),
+            absolute_acceleration=motion.column("probes", "absolute_acceleration", i),
             low_passed_acceleration=None
             if motion.low_passed is None
             else motion.histories.kept(motion.low_passed[:, i]),
@@ -172,11 +174,11 @@ def _snubbers(system: StructuralSystem, motion: RunMotion) -> dict[str, SnubberH
             stiffness_ratio=s.stiffness_ratio,
             table_misfit=s.table_misfit,
             residual_crush=crushed.get(j),
-            force=motion.column("force", j),
-            penetration=motion.column("penetration", j),
+            force=motion.column("snubbers", "force", j),
+            penetration=motion.column("snubbers", "penetration", j),
             closed=motion.histories.closed(j),
-            displacement=motion.column("snubber_displacement", j),
-            velocity=motion.column("snubber_velocity", j),
+            displacement=motion.column("snubbers", "displacement", j),
+            velocity=motion.column("snubbers", "velocity", j),
         )
         for j, s in enumerate(system.snubbers)
     }
@@ -198,23 +200,16 @@ def _crushed(system: StructuralSystem, motion: RunMotion) -> dict[int, float]:
 
 
 def _springs(system: StructuralSystem, motion: RunMotion) -> dict[str, SpringHistory]:
-    def force(i: int, time: Floats, values: Mapping[str, Floats]) -> Floats:
-        if "spring_force" in values:
-            return values["spring_force"][:, i]
-        return system.springs[i].force(values["stretch"][:, i])
-
     return {
         s.name: SpringHistory(
-            s.name, s.kind, s.masses, motion.column("stretch", i), motion.histories.history(partial(force, i))
+            s.name, s.kind, s.masses, motion.column("springs", "stretch", i), motion.column("springs", "force", i)
         )
-        for i, s in enumerate(system.springs)
-        if s.kind != FRICTION
+        for i, s in enumerate(spring for spring in system.springs if spring.kind != FRICTION)
     }
 
 
 def _friction(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[str, FrictionHistory]:
     contacts, number = scenario.friction, friction_contacts(system)
-    columns = [i for i, spring in enumerate(system.springs) if spring.kind == FRICTION]
     figures: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
     if contacts and motion.trajectory is not None:
         random = scenario.excitation.kind == "random" and motion.outcome.complete
@@ -227,42 +222,36 @@ def _friction(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -
             sliding_force=c.sliding_force,
             stiffness=c.stiffness or np.inf,
             start_force=c.start_force,
-            displacement=motion.column("stretch", i),
-            force=motion.column("spring_force", i),
+            displacement=motion.column("friction", "stretch", i),
+            force=motion.column("friction", "force", i),
             stuck=motion.histories.closed(int(j)),
             **{"sliding_share": 1.0 - float(motion.contact_share[j]), **of_contact},
         )
-        for c, i, j, of_contact in zip(contacts, columns, number, figures, strict=True)
+        for i, (c, j, of_contact) in enumerate(zip(contacts, number, figures, strict=True))
     }
 
 
 def contact_instant(system: StructuralSystem, motion: RunMotion) -> ContactInstant | None:
     """The motion when a contact force is largest, for the sketch of several bodies; None without contact."""
-    forces, times = motion.extremes["force"][2:]
-    if len(system.bodies) < 2 or not system.snubbers or not forces[: len(system.snubbers)].max() > 0.0:
+    if len(system.bodies) < 2 or not system.snubbers:
         return None
-    at = int(forces[: len(system.snubbers)].argmax())
+    forces, times = motion.extremes[FORCE][2:]
+    at = int(forces.argmax())
+    if not forces[at] > 0.0:
+        return None
     coordinates = motion.state_at(float(times[at]))[: system.dynamics.size]
     return ContactInstant(float(times[at]), system.snubbers[at].name, float(forces[at]), coordinates)
 
 
 def _outputs(system: StructuralSystem, motion: RunMotion) -> dict[str, OutputHistory]:
     """The outputs that the run asks for, in its order."""
-    number = {output.name: i for i, output in enumerate(system.linear_outputs)}
-    energies = {output.name: i for i, output in enumerate(system.energy_outputs)}
-
-    def energy(i: int, time: Floats, values: Mapping[str, Floats]) -> Floats:
-        return energies_of_rows(system.energy_outputs, values["energy"])[:, i]
-
-    return {
-        output.name: OutputHistory(
-            output.name, output.kind, output.unit, output.at,
-            motion.histories.history(partial(energy, energies[output.name]))
-            if output.squared
-            else motion.column("output", number[output.name]),
-        )
-        for output in system.outputs
-    }  # fmt: skip
+    met: Counter[str] = Counter()
+    histories = {}
+    for output in system.outputs:
+        value = motion.column("outputs", output.quantity, met[output.quantity])
+        histories[output.name] = OutputHistory(output.name, output.quantity, output.unit, output.at, value)
+        met[output.quantity] += 1
+    return histories
 
 
 def events_of(system: StructuralSystem, trajectory: MotionInStretches | ReferenceTrajectory) -> EventLog:
@@ -285,14 +274,14 @@ def bodies_of_run(scenario: Scenario, system: StructuralSystem, motion: RunMotio
     stress = {} if system.stress is None else {part.body: part.stations for part in system.stress.stations}
 
     def peaks(of_body: slice, moments: int) -> Floats:
-        return np.asarray(largest(motion.station_extremes())[of_body].reshape(moments, -1).max(axis=0))
+        return np.asarray(largest(motion.extremes[STRESS])[of_body].reshape(moments, -1).max(axis=0))
 
     equilibrium = system.static_equilibrium
     bodies = {
         body.body: BodyResult(
             position=body.position,
             across=body.across,
-            peak_bending_stress=later(partial(peaks, stress[body.body], body.moments)) if body.body in stress else None,
+            peak_bending_stress=peaks(stress[body.body], body.moments) if body.body in stress else None,
             peak_von_mises_stress=motion.von_mises.get(body.body),
             extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T,
             extreme_times=motion.extreme_times,
@@ -310,6 +299,4 @@ def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) 
     """Spectra of every probe and snubber: from the closed form, or of samples."""
     if motion.trajectory is None or motion.trajectory.end <= 0.0:
         return spectra_of_samples(scenario, system, motion.histories.time, motion.histories.values)
-    groups = output_groups(system, motion.trajectory.flow).groups
-    outputs = OutputSet({name: groups[name] for name in SPECTRAL_GROUPS if name in groups})
-    return spectra_of_motion(scenario, system, motion.trajectory, outputs)
+    return spectra_of_motion(scenario, system, motion.trajectory)

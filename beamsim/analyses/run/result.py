@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.limits import STANDARD_GRAVITY
 from beamsim.analyses.result import GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.impact_result import Fatigue, Impacts
 from beamsim.analyses.run.intervals import FigureInterval
+from beamsim.analyses.values import STANDARD_GRAVITY, VALUES
 from beamsim.fields import (
     Counter,
     Entry,
@@ -455,38 +455,24 @@ _SUMMARY = (
     Entry("events", "1", "closings and openings of all snubbers"),
     Entry("linear", "", "whether contact neither begins nor ends and no spring is nonlinear"),
     GAPPING,
-    Entry("peak_force_n", "N", "largest contact force of a snubber", "peak contact force"),
+    *(value.summary_entry() for value in VALUES),
     Entry("peak_times_s", "s", "by entry (peak_force_n, peak_displacement_m, peak_acceleration_g) and name: when the "
              "peak is reached; of equal peaks any of them"),
-    Entry("largest_pull_n", "N", "largest tensile force of a snubber, 0 where it never pulls"),
     Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "preload"),
     Entry("static_force_n", "N", "contact force of a snubber at static equilibrium"),
     Entry("blocked_force_n", "N", "force of a snubber if the structure could not move"),
     Entry("stiffness_ratio", "1", "k L^3 / (E I) of a snubber; in a chain, k over the largest spring stiffness"),
-    Entry("largest_gap_m", "m", "largest opening of a contact"),
     Entry("residual_crush_m", "m", "of a snubber that yields, how far it stays crushed at the end", "residual crush"),
     Entry("impacts", "", "statistics of the impacts by snubber, if run.impacts asks for them; units are in the names",
              "impacts"),
     Entry("impacts_total", "", "those of all snubbers together"),
-    Entry("peak_displacement_m", "m", "largest magnitude of a probe's relative displacement", "peak displacement"),
-    Entry("min_displacement_m", "m", "smallest relative displacement of a probe"),
-    Entry("max_displacement_m", "m", "largest relative displacement of a probe"),
-    Entry("peak_acceleration_g", "g", "largest magnitude of a probe's absolute acceleration", "peak acceleration"),
     Entry("rms_displacement_m", "m", "rms of a probe's relative displacement over the part of the spectra"),
     Entry("rms_acceleration_g", "g", "the same of its absolute acceleration"),
-    Entry("peak_spring_force_n", "N", "largest magnitude of a spring's force", "peak spring force"),
-    Entry("peak_stretch_m", "m", "largest magnitude of a spring's stretch"),
-    Entry("peak_friction_force_n", "N", "largest magnitude of a friction contact's force", "peak friction force"),
     Entry("friction", "", "by friction contact share of time, number and distance of sliding, energy and power lost, "
              "wear power, worn volume and force at the start; units are in the names", "friction"),
     Entry("breakpoints_passed", "1", "breakpoints of piecewise-linear springs that were passed"),
-    Entry("peak_output", "", "largest magnitude of an output of run.outputs, in its output_unit", "outputs"),
-    Entry("min_output", "", "its smallest value"),
-    Entry("max_output", "", "its largest value"),
     Entry("rms_output", "", "its rms over the part of the spectra; energies have none"),
     Entry("output_unit", "", "units of the outputs"),
-    Entry("largest_bending_stress_pa", "Pa", "largest bending stress at any time and place",
-             "largest bending stress"),
     Entry("largest_bending_stress_position_m", "m", "where that is, on a plate its x"),
     Entry("largest_bending_stress_across_m", "m", "on a plate its y"),
     Entry("largest_bending_stress_body", "", "on which body that is, where there are several"),

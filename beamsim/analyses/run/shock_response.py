@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from beamsim.analyses.run.figures import ACCELERATION
 from beamsim.analyses.run.linear_filter import LONGEST_TURN, LinearFilter, Signal, panels
-from beamsim.analyses.run.outputs import OutputSet, output_groups
 from beamsim.analyses.run.result import MAIN_QUANTITY, ShockResponse, ShockSpectrum
+from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.signal import Signal as Pieces
 from beamsim.system.structural import StructuralSystem
@@ -74,8 +75,8 @@ def shock_response(
     names, peaks = [(probe.name, MAIN_QUANTITY) for probe in system.probes], []
     if isinstance(motion, Trajectory):
         times, fastest = np.append(motion.time, motion.end), motion.flow.largest_exponent
-        outputs = OutputSet({"acceleration": output_groups(system, motion.flow).groups["acceleration"]})
-        responses: Signal = lambda at: motion.sample(at, outputs)  # noqa: E731
+        accelerations = Observed(motion.flow, system.channels.of_keys(ACCELERATION)).linear
+        responses: Signal = lambda at: motion.sample(at, accelerations)  # noqa: E731
     else:
         times, fastest = motion[0], 0.0
         responses = CubicSpline(*motion)

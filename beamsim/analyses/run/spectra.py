@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.run.outputs import OutputSet
+from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT
 from beamsim.analyses.run.records import MotionRecord
 from beamsim.analyses.run.result import Spectrum
 from beamsim.analyses.run.spectrum import spectrum, spectrum_of
+from beamsim.flow.channels import Observed
 from beamsim.flow.fourier import MotionPart
+from beamsim.system.channels import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
@@ -19,8 +21,6 @@ if TYPE_CHECKING:
     from beamsim.flow.trajectory import Trajectory
     from beamsim.scenario import Scenario, SpectrumSettings
 
-QUANTITIES = {"acceleration": ("absolute_acceleration", "m/s^2"), "displacement": ("displacement", "m")}
-SPECTRAL_GROUPS = (*QUANTITIES, "output")
 SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency shown
 HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
 MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
@@ -29,8 +29,14 @@ FEWEST_SAMPLES, MOST_SAMPLES = 256, 2**17
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
 
 
+def spectral(system: StructuralSystem) -> ChannelSet:
+    """The channels of which there are spectra: of probes and of the outputs that are no energies."""
+    outputs = (c.key for c in system.channels.channels if c.section == "outputs" and not c.squared)
+    return system.channels.of_keys(ACCELERATION, DISPLACEMENT, *dict.fromkeys(outputs))
+
+
 def spectra_of_samples(
-    scenario: Scenario, system: StructuralSystem, time: Floats, values: Mapping[str, Floats]
+    scenario: Scenario, system: StructuralSystem, time: Floats, values: Mapping[Key, Floats]
 ) -> dict[tuple[str, str], Spectrum]:
     """Spectra of a motion that is known at the output times alone.
 
@@ -38,22 +44,17 @@ def spectra_of_samples(
     ----------
     scenario, system : what was asked for, and of what.
     time : (nt,) s.
-    values : by group of outputs, (nt, probes), and (nt, outputs).
+    values : (nt, k) by section and quantity of the channels.
     """
     assert scenario.run is not None
-    spectra = {}
-    for group, (quantity, unit) in QUANTITIES.items():
-        for i, probe in enumerate(system.probes):
-            spectra[probe.name, quantity] = spectrum(
-                time, values[group][:, i], scenario.run.spectrum, system.excitation_frequency_hz, probe.name, quantity,
-                unit,
-            )  # fmt: skip
-    for i, output in enumerate(system.linear_outputs):
-        spectra[output.name, output.kind] = spectrum(
-            time, values["output"][:, i], scenario.run.spectrum, system.excitation_frequency_hz, output.name,
-            output.kind, output.unit,
-        )  # fmt: skip
-    return spectra
+    channels = spectral(system)
+    samples = np.hstack([values[key] for key in channels.places])
+    return {
+        (channel.name, channel.quantity): spectrum(
+            time, x, scenario.run.spectrum, system.excitation_frequency_hz, channel.name, channel.quantity, channel.unit
+        )
+        for channel, x in zip(channels.channels, samples.T, strict=True)
+    }
 
 
 def coverage_notes(
@@ -72,38 +73,54 @@ def coverage_notes(
 
 
 def spectra_of_motion(
-    scenario: Scenario, system: StructuralSystem, trajectory: Trajectory, outputs: OutputSet
+    scenario: Scenario, system: StructuralSystem, trajectory: Trajectory
 ) -> dict[tuple[str, str], Spectrum]:
     """Spectra of a motion in closed form, whatever the output rate.
 
     Parameters
     ----------
-    outputs : the groups ``acceleration`` and ``displacement``, a row for each probe, then those of `run.outputs`.
+    scenario, system : what was asked for, and of what.
+    trajectory : the motion, or its last part.
     """
     assert scenario.run is not None
     settings, excitation_hz = scenario.run.spectrum, system.excitation_frequency_hz
     begin = trajectory.end - _duration(settings, trajectory.end, excitation_hz)
     kept, modes = system.modes.kept_modes, system.modes
     residual = (*modes.open_frequencies_hz[kept:], *modes.closed_frequencies_hz[kept:])
-    spectra = {}
-    columns = [(probe.name, *of) for of in QUANTITIES.values() for probe in system.probes]
-    columns += [(output.name, output.kind, output.unit) for output in system.linear_outputs]
-    records = records_of(scenario, system, trajectory, outputs, begin, trajectory.end)
-    for (probe, quantity, unit), (record, at_end) in zip(columns, records, strict=True):
+    spectra, channels = {}, spectral(system)
+    records = records_of(scenario, system, trajectory, channels, (begin, trajectory.end))
+    for channel, (record, at_end) in zip(channels.channels, records, strict=True):
         window = settings.window or _suited_window(scenario, record.x)
         if window == "rectangular":
             record.x[0] = 0.5 * (record.x[0] + at_end)  # both ends of the part are one sample of the periodic record
-        spectra[probe, quantity] = spectrum_of(
-            record, window, excitation_hz, probe, quantity, unit, residual, settings.frequencies
+        spectra[channel.name, channel.quantity] = spectrum_of(
+            record, window, excitation_hz, channel.name, channel.quantity, channel.unit, residual, settings.frequencies
         )
     return spectra
 
 
 def records_of(
-    scenario: Scenario, system: StructuralSystem, trajectory: Trajectory, outputs: OutputSet, begin: float, end: float
+    scenario: Scenario,
+    system: StructuralSystem,
+    trajectory: Trajectory,
+    channels: ChannelSet,
+    span: tuple[float, float],
 ) -> Iterator[tuple[MotionRecord, float]]:
-    """A record for each output, and the output at the end of the part; samples cover the modes kept."""
+    """Records of a part of a motion; samples cover the modes kept.
+
+    Parameters
+    ----------
+    scenario, system : what was asked for, and of what.
+    trajectory : the motion.
+    channels : linear ones.
+    span : s, begin and end of the part.
+
+    Returns
+    -------
+    A record of each channel, and its value at the end of the part.
+    """
     assert scenario.run is not None
+    begin, end = span
     duration = end - begin
     content = _highest_content(scenario, system, trajectory, duration)
     highest = max(scenario.run.spectrum.to or content, *scenario.run.spectrum.frequencies, 0.0)
@@ -111,7 +128,7 @@ def records_of(
     size = _even_size(min(max(rate * duration, FEWEST_SAMPLES), MOST_SAMPLES))
     rate = size / duration
     highest = min(highest, rate / SAMPLES_OF_A_PERIOD)
-    part = MotionPart.of(trajectory, outputs, begin, end, np.pi * rate)
+    part = MotionPart.of(trajectory, Observed(trajectory.flow, channels).linear, begin, end, np.pi * rate)
     samples, at_end = part.samples(size), part.at_end()
     time = begin + np.arange(size) / rate
     for column, last in enumerate(at_end):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance, power_factors, stored_energy
+from beamsim.analyses.run.figures import DISPLACEMENT
 from beamsim.analyses.run.histories import SampledHistories
 from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, with_limit
 from beamsim.analyses.run.output_times import OutputTimes
@@ -40,7 +41,7 @@ def stepped_motion_of(
 
     With ``short_steps`` a step rarely contains a whole contact; always so where springs are smooth.
     """
-    from beamsim.analyses.run.stepped_outputs import SteppedOutputs
+    from beamsim.analyses.run.stepped_outputs import SteppedChannels, SteppedOutputs, cubic_stretch
     from beamsim.flow.reference import TimeStepping, integrate
 
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
@@ -61,10 +62,12 @@ def stepped_motion_of(
         stepping, system.initial_state, times.all, progress=progress, stop=stop, observe=outputs.observe
     )
     at = trajectory.time
-    values = outputs.at(at, trajectory.y, trajectory.phases)
-    stored = stored_energy(flow, trajectory.y, values["penetration"], trajectory.phases)
+    sampled = SteppedChannels(system, flow, system.channels.only(lambda channel: channel.section != "bodies"))
+    values = sampled.channels.split(sampled.values(at, trajectory.y, trajectory.phases))
+    penetration = flow.outputs_of_states(at, trajectory.y, trajectory.phases, lambda _: flow.penetrations[0])
+    stored = stored_energy(flow, trajectory.y, penetration, trajectory.phases)
     if system.cubic.count:
-        stored = stored + 0.25 * outputs.cubic_stretch(at, trajectory.y) ** 4 @ system.cubic.stiffness
+        stored = stored + 0.25 * cubic_stretch(system, at, trajectory.y) ** 4 @ system.cubic.stiffness
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
     exchanged = float(np.abs(np.diff(trajectory.work_in)).sum())
     balance = EnergyBalance.of(at, energy, exchanged)
@@ -78,8 +81,7 @@ def stepped_motion_of(
         contact_events=ContactEvents.of(trajectory, len(system.snubbers)),
         breakpoints=breakpoints(system, trajectory),
         extremes=extremes,
-        station_extremes=lambda: extremes["stress"],
-        extreme_times=np.array([extremes["displacement"][1][0], extremes["displacement"][3][0]]),
+        extreme_times=np.array([extremes[DISPLACEMENT][k][0] for k in (1, 3)]),
         extreme_states=np.array([outputs.lowest_state, outputs.highest_state]),
         state_at=lambda time: trajectory.y[np.abs(at - time).argmin()],
         contact_share=trajectory.contact_share,

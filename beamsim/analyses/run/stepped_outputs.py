@@ -6,92 +6,106 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.figures import Extremes, sampled_extremes
+from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, sampled_extremes, searched
 from beamsim.analyses.run.low_pass import LowPassFilter
-from beamsim.analyses.run.outputs import SEARCHED, bending_stress, energies_of_rows, in_every_state, output_groups
+from beamsim.analyses.values import Extreme
+from beamsim.flow.channels import outputs_of, sums_of_squares
 from beamsim.flow.dense_extremes import DenseExtremes
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory
+from beamsim.system.channels import ChannelSet, Key, Rows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
 
-class SteppedOutputs:
-    """The outputs of a system, cubic springs included; shown a motion piece by piece, it keeps the extremes.
+class SteppedChannels:
+    """Channels where the states are known, cubic springs included.
 
     Parameters
     ----------
+    system : of the channels.
+    flow : of the system.
+    channels : C columns of values.
+    """
+
+    def __init__(self, system: StructuralSystem, flow: ExactFlow, channels: ChannelSet) -> None:
+        self.channels, self._system, self._flow = channels, system, flow
+        self._linear, self._squared = outputs_of(flow, channels.linear), outputs_of(flow, channels.squared)
+
+    def values(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> Floats:
+        """Values where the states are known.
+
+        Parameters
+        ----------
+        times : (nt,) s.
+        y : (nt, N) states then.
+        phases : (nt, m) of the contacts.
+        since : s, time whose piece of the inputs counts; by default those at the times themselves.
+
+        Returns
+        -------
+        (nt, C).
+        """
+        values = self._flow.outputs_of_states(times, y, phases, self._linear, since)
+        values += self._beside(self.channels.linear, times, y)
+        if self.channels.squares.size:
+            squared = self._flow.outputs_of_states(times, y, phases, self._squared, since)
+            squared += self._beside(self.channels.squared, times, y)
+            values = np.hstack([values, sums_of_squares(squared, self.channels.squares)])
+        return np.asarray(values[:, self.channels.order])
+
+    def _beside(self, rows: Rows, times: Floats, y: Floats) -> Floats | float:
+        """(nt, k) what the flow does not know: cubic springs, and a motion of the base that no contact feels."""
+        system, flow = self._system, self._flow
+        base = None if system.base_displacement is None else system.base_displacement(times)
+        known = flow.base_channel >= 0
+        beside = 0.0 if base is None or known else np.multiply.outer(base, rows.base_displacement)
+        if not system.cubic.count:
+            return beside
+        pull = system.cubic.stiffness * cubic_stretch(system, times, y) ** 3
+        return beside + pull @ (rows.cubic - rows.acceleration @ system.cubic.shape.T).T
+
+
+def cubic_stretch(system: StructuralSystem, times: Floats, y: Floats) -> Floats:
+    """(nt, springs) stretches of the cubic springs in states y (nt, N), m."""
+    cubic, base = system.cubic, system.base_displacement
+    d = np.zeros(times.size) if base is None else base(times)
+    return np.asarray(y[:, : system.dynamics.size] @ cubic.shape.T + d[:, None] * cubic.felt)
+
+
+class SteppedOutputs:
+    """Shown a motion piece by piece, it keeps the extremes of the channels.
+
+    Parameters
+    ----------
+    system : of the channels.
+    flow : of the system.
     times : (nt,) s, of the output.
     low_pass : Hz, of the filter of the probes' accelerations.
     """
 
     def __init__(self, system: StructuralSystem, flow: ExactFlow, times: Floats, low_pass: float | None = None) -> None:
-        self.system, self.flow, self.times = system, flow, times
-        self.groups = output_groups(system, flow)
-        self.stress = None if system.stress is None else in_every_state(bending_stress(flow, system.stress))
-        self.probe_shapes = np.array([p.shape for p in system.probes]).reshape(-1, flow.system.size)
-        self.energies: list[tuple[Floats, Floats]] = []  # times (k,) and energies (k, outputs) then
+        self.flow, self.times = flow, times
+        self.searched = SteppedChannels(system, flow, system.channels.only(searched))
         self.dense = DenseExtremes()
+        self.acceleration = SteppedChannels(system, flow, system.channels.of_keys(ACCELERATION))
         self.filter = None if low_pass is None else LowPassFilter(low_pass, len(system.probes))
         self.low_passed = None if low_pass is None else np.zeros((times.size, len(system.probes)))  # at the times
         self.lowest_state = self.highest_state = np.zeros(flow.size)  # at the extremes of the first probe
-
-    def cubic_stretch(self, times: Floats, y: Floats) -> Floats:
-        """(nt, springs) of the cubic springs."""
-        cubic, base = self.system.cubic, self.system.base_displacement
-        d = np.zeros(times.size) if base is None else base(times)
-        return np.asarray(y[:, : self.flow.system.size] @ cubic.shape.T + d[:, None] * cubic.felt)
-
-    def _cubic_acceleration(self, times: Floats, y: Floats) -> Floats:
-        """(nt, probes) that the cubic springs take away."""
-        cubic = self.system.cubic
-        return np.asarray((cubic.stiffness * self.cubic_stretch(times, y) ** 3) @ (cubic.shape @ self.probe_shapes.T))
-
-    def _cubic_outputs(self, times: Floats, y: Floats) -> Floats:
-        """(nt, outputs) what the pull of the cubic springs adds, and the acceleration that it takes away."""
-        cubic, rows = self.system.cubic, self.system.linear_outputs
-        pull = cubic.stiffness * self.cubic_stretch(times, y) ** 3
-        shares = np.vstack([each.cubic - each.acceleration @ cubic.shape.T for each in rows])
-        return np.asarray(pull @ shares.T)
-
-    def at(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> dict[str, Floats]:
-        """Values (nt, k) by group; see `ExactFlow.outputs_of_states`."""
-        system, flow = self.system, self.flow
-        values = self.groups.split(
-            flow.outputs_of_states(times, y, phases, self.groups, since), flow.system.contacts.start
-        )
-        if system.cubic.count:
-            values["acceleration"] = values["acceleration"] - self._cubic_acceleration(times, y)
-            if system.linear_outputs:
-                values["output"] = values["output"] + self._cubic_outputs(times, y)
-        for i, spring in enumerate(system.springs):
-            if spring.on_ground and flow.base_channel < 0 and system.base_displacement is not None:
-                values["stretch"][:, i] += spring.felt * system.base_displacement(times)  # which no contact feels
-        return values
-
-    def searched(self, times: Floats, y: Floats, phases: Ints, since: float | None = None) -> dict[str, Floats]:
-        """The groups whose extremes are reported."""
-        known = self.at(times, y, phases, since)
-        if self.system.energy_outputs:
-            self._keep_energies(times, known["energy"])
-        values = {name: x for name, x in known.items() if name in SEARCHED}
-        if self.stress is not None:
-            values["stress"] = self.flow.outputs_of_states(times, y, phases, self.stress, since)
-        return values
 
     def observe(self, solution: Any, phases: Ints) -> None:
         """Take a piece of the solution into the extremes."""
         begin, end = float(solution.t[0]), float(solution.t[-1])
 
-        def outputs(times: Floats, y: Floats) -> dict[str, Floats]:
+        def values(times: Floats, y: Floats) -> Floats:
             each = np.broadcast_to(phases, (times.size, phases.size))
-            return self.searched(times, y[:, : self.flow.size], each, begin)
+            return self.searched.values(times, y[:, : self.flow.size], each, begin)
 
-        self.dense.add(solution, outputs)
+        self.dense.add(solution, values)
         if self.filter is not None and self.low_passed is not None:
             self._filter_piece(self.filter, self.low_passed, solution, phases)
-        _, when_lowest, _, when_highest = self.dense.extremes()["displacement"]
-        lowest, highest = when_lowest[0], when_highest[0]
+        found, first = self.dense.extrema(), self.searched.channels.places[DISPLACEMENT][0]
+        lowest, highest = found.when_low[first], found.when_high[first]
         if begin <= lowest <= end:
             self.lowest_state = solution.sol(lowest)[: self.flow.size]
         if begin <= highest <= end:
@@ -100,33 +114,26 @@ class SteppedOutputs:
     def _filter_piece(self, low_pass: LowPassFilter, out: Floats, solution: Any, phases: Ints) -> None:
         """Lead the filter through the integrator's dense output; panels end at its steps and at the output times."""
         begin, end = float(solution.t[0]), float(solution.t[-1])
-        output_of = self.groups.groups["acceleration"]
 
         def acceleration(times: Floats) -> Floats:
             y = solution.sol(times)[: self.flow.size].T
-            each = np.broadcast_to(phases, (times.size, phases.size))
-            values = self.flow.outputs_of_states(times, y, each, output_of, begin)
-            return values - self._cubic_acceleration(times, y) if self.system.cubic.count else values
+            return self.acceleration.values(times, y, np.broadcast_to(phases, (times.size, phases.size)), begin)
 
         here = (self.times >= begin) & (self.times <= end)
         known = np.union1d(solution.t, self.times[here])
         history = low_pass.through(known, acceleration)
         out[here] = history[np.searchsorted(known, self.times[here])]
 
-    def extremes(self, trajectory: ReferenceTrajectory) -> Extremes:
+    def extremes(self, trajectory: ReferenceTrajectory) -> dict[Key, Extreme]:
         """Of the continuous motion; of a motion without length those of its start."""
-        if self.dense.searches:
-            extremes = self.dense.extremes()
+        channels = self.searched.channels
+        if self.dense.search is not None:
+            of_all = self.dense.extrema().extremes
         else:
-            values = self.searched(trajectory.time, trajectory.y, trajectory.phases)
-            extremes = {name: sampled_extremes(trajectory.time, x) for name, x in values.items()}
-        if self.system.energy_outputs:
-            times, energies = (np.concatenate(parts) for parts in zip(*self.energies, strict=True))
-            extremes["energy"] = sampled_extremes(times, energies)
-        return extremes if self.filter is None else extremes | {"acceleration": self.filter.extremes}
-
-    def _keep_energies(self, times: Floats, values: Floats) -> None:
-        """Of a piece of the motion the times of the extremes of energies, and all energies then."""
-        energies = energies_of_rows(self.system.energy_outputs, values)
-        kept = np.unique(np.concatenate([energies.argmin(axis=0), energies.argmax(axis=0)]))
-        self.energies.append((times[kept], energies[kept]))
+            values = self.searched.values(trajectory.time, trajectory.y, trajectory.phases)
+            of_all = sampled_extremes(trajectory.time, values)
+        low, when_low, high, when_high = of_all
+        extremes = {
+            key: (low[some], when_low[some], high[some], when_high[some]) for key, some in channels.places.items()
+        }
+        return extremes if self.filter is None else extremes | {ACCELERATION: self.filter.extremes}

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from beamsim.analyses.run.energy import BalanceOfStretches, energies_of_segments
-from beamsim.analyses.run.figures import Extreme, Extremes, energy_extremes, searched_extremes
+from beamsim.analyses.run.figures import ACCELERATION, extremes_of, searched
 from beamsim.analyses.run.filtered_motion import filtered
 from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.low_pass import LowPassFilter
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.run.outputs import output_groups, searched_outputs
+from beamsim.analyses.values import Extreme
+from beamsim.flow.channels import Observed
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.scenario.run import Run
+from beamsim.system.channels import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
@@ -28,12 +28,12 @@ class StretchFigures:
 
     Parameters
     ----------
-    searched : outputs by group, of which the extremes are searched for.
+    observed : channels whose extremes are searched for.
     """
 
-    def __init__(self, searched: Mapping[str, OutputOf]) -> None:
-        self.searched = dict(searched)
-        self.balance, self.extremes = BalanceOfStretches(), Extremes()
+    def __init__(self, observed: Observed) -> None:
+        self.observed = observed
+        self.balance, self.extremes = BalanceOfStretches(), dict[Key, Extreme]()
 
     def add(self, stretch: Trajectory) -> None:
         """Include the next stretch."""
@@ -42,13 +42,13 @@ class StretchFigures:
         self.balance.add(*balance)
         self.extremes = {name: outer(self.extremes.get(name), each) for name, each in found.items()}
 
-    def found(self, stretch: Trajectory) -> Extremes:
+    def found(self, stretch: Trajectory) -> dict[Key, Extreme]:
         """Extremes of a stretch."""
-        return searched_extremes(stretch, self.searched) if self.searched else {}
+        return extremes_of(stretch, self.observed) if self.observed.channels.channels else {}
 
 
 class RunFigures(StretchFigures):
-    """The figures of a run: also peaks of energies, accelerations behind a filter, and impacts.
+    """The values of a run: also accelerations behind a filter, and impacts.
 
     Parameters
     ----------
@@ -58,22 +58,23 @@ class RunFigures(StretchFigures):
     """
 
     def __init__(self, system: StructuralSystem, settings: Run, flow: ExactFlow, times: OutputTimes) -> None:
-        self.groups, self._energies = output_groups(system, flow), system.energy_outputs
-        super().__init__(searched_outputs(system, flow, self.groups))
+        filtered = settings.low_pass is not None
+        super().__init__(
+            Observed(flow, system.channels.only(lambda c: searched(c) and not (filtered and c.key == ACCELERATION)))
+        )
         self.low_passed: LowPassed | None = None
         self.impacts = None if settings.impacts is None else ImpactRecord(system, settings.impacts)
         if settings.low_pass is not None:
-            self.low_passed = LowPassed(self.searched.pop("acceleration"), settings.low_pass, times, len(system.probes))
+            acceleration = Observed(flow, system.channels.of_keys(ACCELERATION)).linear
+            self.low_passed = LowPassed(acceleration, settings.low_pass, times, len(system.probes))
 
-    def found(self, stretch: Trajectory) -> Extremes:
+    def found(self, stretch: Trajectory) -> dict[Key, Extreme]:
         """Extremes of a stretch, which is included in the impacts and led through the filter."""
         found = super().found(stretch)
-        if self._energies:
-            found["energy"] = energy_extremes(stretch, self._energies, self.groups.groups["energy"])
         if self.impacts is not None:
             self.impacts.add(stretch)
         if self.low_passed is not None:
-            found["acceleration"] = self.low_passed.add(stretch)
+            found[ACCELERATION] = self.low_passed.add(stretch)
         return found
 
 

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.limits import STANDARD_GRAVITY, margins
-from beamsim.analyses.run.figures import by_name, deflection_size, largest, motion_figures, peak_times, static_figures
+from beamsim.analyses.limits import margins
+from beamsim.analyses.run.figures import STRESS, by_name, deflection_size, motion_figures, peak_times, static_figures
 from beamsim.analyses.run.gapping import gapping_of_run
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, Spectrum
+from beamsim.analyses.values import STANDARD_GRAVITY, largest
 from beamsim.contacts.springs import FRICTION
 from beamsim.system.structural import StructuralSystem
 
@@ -63,16 +64,16 @@ def summary_of_run(
         "blocked_force_n": {s.name: s.blocked_force for s in system.snubbers},
         "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
     }
-    summary["peak_times_s"] = peak_times(system, motion.extremes, summary)
+    summary["peak_times_s"] = peak_times(motion.extremes, summary)
     if system.outputs:
-        summary["rms_output"] = {o.name: rms[o.name, o.kind] for o in system.linear_outputs}
+        summary["rms_output"] = {o.name: rms[o.name, o.quantity] for o in system.outputs if not o.squared}
         summary["output_unit"] = {output.name: output.unit for output in system.outputs}
     if system.base_correction is not None:
         summary |= system.base_correction.summary()
     if any(spring.kind != FRICTION for spring in system.springs):
         summary["breakpoints_passed"] = motion.breakpoints
     if system.stress is not None:
-        where = int(largest(motion.extremes["stress"]).argmax())
+        where = int(largest(motion.extremes[STRESS]).argmax())
         summary["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
         if system.stress.stations.across is not None:
             summary["largest_bending_stress_across_m"] = float(system.stress.stations.across[where])

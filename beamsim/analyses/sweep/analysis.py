@@ -339,13 +339,14 @@ def _uncompared(scenario: Scenario, system: StructuralSystem) -> list[str]:
     """What is asked for and not given."""
     energies = [
         f"outputs: {output.name} is an energy, which sweeps do not follow; use `beamsim run` or kind: continuation"
-        for output in system.energy_outputs
+        for output in system.outputs
+        if output.squared
     ]
     limited = () if scenario.limits is None else scenario.limits.given
     unchecked = [
         f"limits.{OF_OUTPUTS}{output.name} is not checked, because sweeps do not follow energies"
-        for output in system.energy_outputs
-        if OF_OUTPUTS + output.name in limited
+        for output in system.outputs
+        if output.squared and OF_OUTPUTS + output.name in limited
     ]
     return energies + unchecked + _without_accelerations(scenario)
 

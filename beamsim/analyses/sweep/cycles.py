@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.run.energy import contact_motion, power_factors, stored_energy
-from beamsim.analyses.run.outputs import stack
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.swept import SweepWindows, move
@@ -191,7 +190,7 @@ def _products(motion: Trajectory, output_of: OutputOf) -> tuple[Floats, Floats]:
 
     def above(factors: OutputOf) -> OutputOf:
         def both(phases: Ints) -> LinearOutput:
-            return stack(output_of(phases), factors(phases))
+            return LinearOutput.stacked(output_of(phases), factors(phases))
 
         return both
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, FORCE, PENETRATION, STRESS
 from beamsim.analyses.run.friction import friction_contacts, sliding_speeds
-from beamsim.analyses.run.outputs import accelerations, asked_for, bending_stress, displacements, stack
 from beamsim.analyses.sweep.peaks import bent
 from beamsim.analyses.sweep.result import (
     CycleImpacts,
@@ -21,11 +22,14 @@ from beamsim.analyses.sweep.result import (
     SweepCurve,
     SweepHistory,
 )
+from beamsim.analyses.values import LIMITED
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import DIRECTION, STICK, sliding_limit, snap
 from beamsim.contacts.springs import FRICTION
+from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
+from beamsim.system.channels import Channel, ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -54,13 +58,6 @@ class CycleValues:
     pressing: Floats | None = None  # (C, 2, p) per cycle, see `beamsim.flow.slide_starts`; where something snaps
     cycles: Ints | int = 1  # (C,) over which the values are taken at each frequency
 
-    def columns(self, which: slice) -> CycleValues:
-        """The values of a selection of the outputs."""
-        return replace(
-            self, high=self.high[:, which], low=self.low[:, which], mean_square=self.mean_square[:, which],
-            mean=self.mean[:, which], harmonics=self.harmonics[:, :, which],
-        )  # fmt: skip
-
     def with_rest_in_last(self) -> CycleValues:
         """Without the last row, which is not a whole cycle: the one before takes it up, but for its harmonics."""
         *_, one, rest = self.period
@@ -85,16 +82,16 @@ class CycleValues:
 
 @dataclass(frozen=True)
 class SweepOutputs:
-    """Displacements of the probes, forces of the snubbers, absolute accelerations of the probes, quantities of limits,
-    and the outputs that the scenario asks for, which come last.
+    """Channels of a system, and what impacts and sliding follow from, whose columns come after those of the channels.
 
     Parameters
     ----------
-    with_accelerations : whether the accelerations are among them.
-    limited : names of the limits. The penetrations of the snubbers follow where it holds "gap", and then the stress
-        along the beam where it holds "bending_stress".
-    with_impacts : whether the rates and losses of the impacts, and the sliding speeds of friction contacts, are among
-        them, before what limits ask for.
+    system : displacements of its probes, forces of its snubbers and the outputs that are no energies are looked at.
+    with_accelerations : whether the accelerations of the probes are, too.
+    limited : names of the limits: penetrations of the snubbers where it holds "gap", and the stress along the bodies
+        where it holds "bending_stress".
+    with_impacts : whether the rates and losses of the impacts, and the sliding speeds of friction contacts, are asked
+        for.
     """
 
     system: StructuralSystem
@@ -108,112 +105,88 @@ class SweepOutputs:
         laws = [self._contacts.laws[j] for j in self._contacts.pressed]
         return self.with_impacts and any(law.arrays.event_loss[STICK].any() for law in laws)
 
+    @cached_property
+    def channels(self) -> ChannelSet:
+        """Those whose extremes, means and harmonics are asked for."""
+        asked = {DISPLACEMENT: True, FORCE: True, ACCELERATION: self.with_accelerations}
+        asked |= {LIMITED[name].key: True for name in ("gap", "bending_stress") if name in self.limited}
+
+        def wanted(channel: Channel) -> bool:
+            return asked.get(channel.key, False) or (channel.section == "outputs" and not channel.squared)
+
+        return self.system.channels.only(wanted)
+
     def rows(self, template: ExactFlow) -> OutputOf:
-        """The outputs by the phases of the contacts, written for a flow."""
-        system = self.system
-        shapes = np.array([p.shape for p in system.probes]).reshape(-1, system.dynamics.size)
-        count = len(system.snubbers)
-        displacement = displacements(template, shapes)
-        rubbing = friction_contacts(system)
-        of_limits: list[LinearOutput] = []
-        if "gap" in self.limited:
-            of_limits.append(template.penetrations[0].some(slice(count)))
-        if "bending_stress" in self.limited and system.stress is not None:
-            of_limits.append(bending_stress(template, system.stress))
+        """All columns by the phases of the contacts, written for a flow."""
+        count, rubbing = len(self.system.snubbers), friction_contacts(self.system)
+        channels = outputs_of(template, self.channels.linear)
+        if not self.with_impacts:
+            return channels
 
         def output_of(phases: Ints) -> LinearOutput:
-            parts = [displacement, template.contact_forces(phases).some(slice(count))]
-            if self.with_accelerations:
-                parts.append(accelerations(template, shapes, phases, system.carried))
-            if self.with_impacts:
-                parts.append(_impact_rows(template, phases, count))
-                if rubbing.size:
-                    parts.append(sliding_speeds(template, rubbing, phases))
-                    parts.append(_wear_rows(template, phases))
-            of_outputs = [asked_for(template, system.linear_outputs, phases)] if system.linear_outputs else []
-            return stack(*parts, *of_limits, *of_outputs)
+            parts = [channels(phases), _impact_rows(template, phases, count)]
+            if rubbing.size:
+                parts += [sliding_speeds(template, rubbing, phases), _wear_rows(template, phases)]
+            return LinearOutput.stacked(*parts)
 
         return output_of
 
     def _groups(self) -> dict[str, slice]:
-        """Columns of each group of outputs, in the order of `rows`."""
-        system, probes, snubbers = self.system, len(self.system.probes), len(self.system.snubbers)
+        """Columns of what is no channel, in the order of `rows`."""
         losses = loss_owner(self._contacts).size
-        stations = 0 if system.stress is None else system.stress.row.shape[0]
         sizes = {
-            "displacement": probes,
-            "force": snubbers,
-            "acceleration": probes * self.with_accelerations,
-            "impacts": (snubbers + losses) * self.with_impacts,
-            "sliding": friction_contacts(system).size * self.with_impacts,
+            "impacts": (len(self.system.snubbers) + losses) * self.with_impacts,
+            "sliding": friction_contacts(self.system).size * self.with_impacts,
             "wear": 2 * self._contacts.pressed.size * self.with_impacts,
-            "gap": snubbers * ("gap" in self.limited),
-            "bending_stress": stations * ("bending_stress" in self.limited),
-            "outputs": len(system.linear_outputs),
         }
-        ends = np.cumsum(list(sizes.values())).tolist()
-        return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+        ends = self.channels.order.size + np.cumsum(list(sizes.values()))
+        return {name: slice(int(end) - size, int(end)) for (name, size), end in zip(sizes.items(), ends, strict=True)}
 
     @property
     def searched(self) -> Ints:
-        """Numbers of the outputs whose extremes are asked for: all but what losses and sliding follow from by means."""
-        groups, count = self._groups(), len(self.system.snubbers)
-        means = [np.arange(groups["impacts"].start + count, groups["impacts"].stop)] if self.with_impacts else []
-        means += [np.arange(groups[name].start, groups[name].stop) for name in ("sliding", "wear")]
-        return np.setdiff1d(np.arange(groups["outputs"].stop), np.concatenate(means))
+        """Numbers of the columns whose extremes are asked for: the channels, and the rates of impacts."""
+        rates = len(self.system.snubbers) * self.with_impacts
+        return np.arange(self.channels.order.size + rates)
 
-    def _named(self, group: str) -> dict[str, int]:
-        """Columns of a group by name of probe, snubber or output."""
-        of = self._groups()[group]
-        if group == "force":
-            names = [snubber.name for snubber in self.system.snubbers]
-        elif group == "outputs":
-            names = [output.name for output in self.system.linear_outputs]
-        else:
-            names = [probe.name for probe in self.system.probes]
-        return dict(zip(names, range(of.start, of.stop), strict=False))  # there may be no accelerations
+    def _named(self, key: Key) -> dict[str, int]:
+        """Columns of channels that are alike, by name of probe, snubber or output."""
+        alike = [channel.name for channel in self.channels.channels if channel.key == key]
+        return dict(zip(alike, self.channels.places.get(key, np.zeros(0, dtype=np.int64)).tolist(), strict=True))
 
     def column(self, section: str, item: str, quantity: str) -> int:
         """Column of a probe's displacement or acceleration, of a snubber's force, or of an output."""
-        return self._named("outputs" if section == "outputs" else quantity)[item]
+        keys = {"acceleration": ACCELERATION, "displacement": DISPLACEMENT, "force": FORCE}
+        if section != "outputs":
+            return self._named(keys[quantity])[item]
+        output = next(each for each in self.system.outputs if each.name == item)
+        return self._named(output.key)[item]
 
     def curve(self, values: CycleValues, **fields: Any) -> SweepCurve:
         """The curve of these values; ``fields`` are the other fields of `SweepCurve`."""
-        force, outputs = self._named("force"), self.system.linear_outputs
-        before = self._groups()["outputs"].start
-        values, of_outputs = values.columns(slice(before)), values.columns(slice(before, None))
+        force = self._named(FORCE)
 
-        def envelopes(columns: dict[str, int], quantity: str, unit: str) -> dict[str, Envelope]:
-            return {
-                name: Envelope(
-                    quantity, unit, values.high[:, k], values.low[:, k],
-                    np.sqrt(np.maximum(values.mean_square[:, k], 0.0)), values.mean[:, k], values.harmonics[:, :, k],
-                )
-                for name, k in columns.items()
-            }  # fmt: skip
+        def numbers(k: int) -> tuple[Floats, Floats, Floats, Floats, Complexes]:
+            rms = np.sqrt(np.maximum(values.mean_square[:, k], 0.0))
+            return values.high[:, k], values.low[:, k], rms, values.mean[:, k], values.harmonics[:, :, k]
 
+        def envelopes(key: Key, unit: str) -> dict[str, Envelope]:
+            return {name: Envelope(key[1], unit, *numbers(k)) for name, k in self._named(key).items()}
+
+        outputs = [channel for channel in self.channels.channels if channel.section == "outputs"]
         return SweepCurve(
-            displacement=envelopes(self._named("displacement"), "displacement", "m"),
-            acceleration=envelopes(self._named("acceleration"), "absolute_acceleration", "m/s^2"),
-            force=envelopes(force, "force", "N"),
+            displacement=envelopes(DISPLACEMENT, "m"),
+            acceleration=envelopes(ACCELERATION, "m/s^2"),
+            force=envelopes(FORCE, "N"),
             contact_share={name: values.contact_share[:, k] for k, name in enumerate(force)},
             contacts={name: values.closings[:, k] for k, name in enumerate(force)},
             bent=bent(values.contact_share[:, len(force) :]),
             impacts=self._impacts(values),
             sliding=self._sliding(values),
             outputs={
-                output.name: OutputEnvelope(
-                    output.name,
-                    output.kind,
-                    output.unit,
-                    output.at,
-                    of_outputs.high[:, k],
-                    of_outputs.low[:, k],
-                    np.sqrt(np.maximum(of_outputs.mean_square[:, k], 0.0)),
-                    of_outputs.mean[:, k],
-                    of_outputs.harmonics[:, :, k],
+                each.name: OutputEnvelope(
+                    each.name, each.quantity, each.unit, each.at, *numbers(self._named(each.key)[each.name])
                 )
-                for k, output in enumerate(outputs)
+                for each in outputs
             },
             **self._of_limits(values),
             **fields,
@@ -223,7 +196,7 @@ class SweepOutputs:
         """Impacts by snubber, from rates in contact and from outputs whose squares are the power lost."""
         if not self.with_impacts:
             return {}
-        force = self._named("force")
+        force = self._named(FORCE)
         first, count = self._groups()["impacts"].start, len(force)
         period, out = values.period, {}
         for k, (name, column) in enumerate(force.items()):
@@ -286,19 +259,19 @@ class SweepOutputs:
 
     def _of_limits(self, values: CycleValues) -> dict[str, Any]:
         """Fields of a curve that are computed for limits only."""
-        gap, stress = self._groups()["gap"], self._groups()["bending_stress"]
+        gaps, stress = self._named(PENETRATION), self.channels.places.get(STRESS)
         fields: dict[str, Any] = {}
         if "gap" in self.limited:
-            fields["peak_gap"] = {name: -values.low[:, gap.start + k] for k, name in enumerate(self._named("force"))}
-        if stress.stop > stress.start:
+            fields["peak_gap"] = {name: -values.low[:, k] for name, k in gaps.items()}
+        if stress is not None:
             extremes = np.abs(values.high[:, stress]), np.abs(values.low[:, stress])
             fields["peak_bending_stress"] = np.maximum(*extremes).max(axis=1)
         return fields
 
     def history(self, time: Floats, values: Floats) -> SweepHistory:
-        """The time history of outputs (nt, K)."""
-        groups = (self._named(group) for group in ("displacement", "acceleration", "force"))
-        return SweepHistory(time, *({name: values[:, k] for name, k in columns.items()} for columns in groups))
+        """The time history of all columns (nt, K)."""
+        of_keys = (self._named(key) for key in (DISPLACEMENT, ACCELERATION, FORCE))
+        return SweepHistory(time, *({name: values[:, k] for name, k in columns.items()} for columns in of_keys))
 
 
 def loss_owner(contacts: Contacts) -> Ints:
@@ -316,14 +289,14 @@ def _wear_rows(flow: ExactFlow, phases: Ints) -> LinearOutput:
     normal = flow.pressing_forces(phases).scaled(0.5 * slides)
     speed = sliding_speeds(flow, pressed, phases).scaled(0.5)
     pairs = np.arange(2 * pressed.size).reshape(2, -1).T.ravel()
-    return (normal + speed).above(normal + (-speed)).some(pairs)
+    return LinearOutput.stacked(normal + speed, normal + (-speed)).some(pairs)
 
 
 def _impact_rows(flow: ExactFlow, phases: Ints, snubbers: int) -> LinearOutput:
     """Penetration rates of the snubbers in contact, 0 elsewhere, and outputs whose squares are the power lost."""
     contacts, rate = flow.system.contacts, flow.penetrations[1]
-    moved = stack(rate, flow.internal_rates(phases)) if contacts.internal_states else rate
-    rows = stack(rate.some(slice(snubbers)), moved)
+    moved = LinearOutput.stacked(rate, flow.internal_rates(phases)) if contacts.internal_states else rate
+    rows = LinearOutput.stacked(rate.some(slice(snubbers)), moved)
     touching = contacts.touching(phases)[:snubbers].astype(float)
     factor = np.concatenate([touching, np.sqrt(np.concatenate(contacts.losses(phases)))])[:, None]
     return rows.scaled(factor)

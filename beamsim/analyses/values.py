@@ -1,0 +1,142 @@
+"""The values that analyses report of channels: what each is called in summaries, studies and limits, and what it is of
+the extremes of its channel. Everything that lists values takes them from this table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from beamsim.fields import Entry
+from beamsim.system.channels import ChannelSet, Key
+from beamsim.typing import Floats
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+ROUND_OFF_PULL = 1e-9  # of the largest contact force
+ALWAYS_THERE = ("probes", "snubbers")  # sections whose entries are there even where they are empty
+
+Extreme = tuple[Floats, Floats, Floats, Floats]  # (k,) each: lowest, its time, highest, its time
+Extremes = Mapping[Key, Extreme]  # by section and quantity of the channels
+
+
+def largest(extreme: Extreme) -> Floats:
+    """(k,) largest magnitudes."""
+    low, _, high, _ = extreme
+    return np.maximum(np.abs(low), np.abs(high))
+
+
+def largest_at(extreme: Extreme) -> Floats:
+    """(k,) s, when the largest magnitudes are reached."""
+    low, when_low, high, when_high = extreme
+    return np.where(np.abs(low) > np.abs(high), when_low, when_high)
+
+
+def largest_pulls(forces: Extreme) -> Floats:
+    """(m,) largest tension of each contact; 0 where it is the round-off of an opening."""
+    low, _, high, _ = forces
+    return np.where(-low > ROUND_OFF_PULL * high, np.maximum(-low, 0.0), 0.0)
+
+
+def lowest(extreme: Extreme) -> Floats:
+    """(k,)."""
+    return extreme[0]
+
+
+def highest(extreme: Extreme) -> Floats:
+    """(k,)."""
+    return extreme[2]
+
+
+def openings(penetrations: Extreme) -> Floats:
+    """(m,) largest openings of contacts, m."""
+    return np.maximum(-penetrations[0], 0.0)
+
+
+class Value(NamedTuple):
+    """A value of every channel of a section that has a quantity; of all outputs, whatever they are."""
+
+    name: str  # in studies, in SI
+    entry: str  # in summaries, with its unit
+    section: str
+    quantity: str  # empty: any
+    of: Callable[[Extreme], Floats]
+    unit: str  # SI
+    meaning: str
+    label: str = ""  # of its row in a printed table
+    limit: str = ""  # by which it is limited
+    scale: float = 1.0  # SI over the unit of the entry
+
+    def takes(self, key: Key) -> bool:
+        """Whether it is a value of channels of a section and quantity."""
+        return key[0] == self.section and self.quantity in ("", key[1])
+
+    @property
+    def key(self) -> Key:
+        """Section and quantity of its channels."""
+        return self.section, self.quantity
+
+    @property
+    def single(self) -> bool:
+        """Whether it is the largest along all bodies, and not one for each name."""
+        return self.section == "bodies"
+
+    def summary_entry(self) -> Entry:
+        """Its entry in the summary."""
+        unit = "g" if self.entry.endswith("_g") else "" if self.section == "outputs" else self.unit
+        return Entry(self.entry, unit, self.meaning, self.label)
+
+
+VALUES = (
+    Value("peak_force", "peak_force_n", "snubbers", "force", highest, "N", "largest contact force of a snubber",
+          "peak contact force", "peak_force"),
+    Value("largest_pull", "largest_pull_n", "snubbers", "force", largest_pulls, "N",
+          "largest tensile force of a snubber, 0 where it never pulls"),
+    Value("largest_gap", "largest_gap_m", "snubbers", "penetration", openings, "m", "largest opening of a contact",
+          limit="gap"),
+    Value("peak_displacement", "peak_displacement_m", "probes", "displacement", largest, "m",
+          "largest magnitude of a probe's displacement relative to the base", "peak displacement",
+          "peak_displacement"),
+    Value("min_displacement", "min_displacement_m", "probes", "displacement", lowest, "m",
+          "smallest relative displacement of a probe"),
+    Value("max_displacement", "max_displacement_m", "probes", "displacement", highest, "m",
+          "largest relative displacement of a probe"),
+    Value("peak_acceleration", "peak_acceleration_g", "probes", "absolute_acceleration", largest, "m/s^2",
+          "largest magnitude of a probe's absolute acceleration", "peak acceleration", "peak_acceleration",
+          STANDARD_GRAVITY),
+    Value("peak_spring_force", "peak_spring_force_n", "springs", "force", largest, "N",
+          "largest magnitude of a spring's force", "peak spring force"),
+    Value("peak_stretch", "peak_stretch_m", "springs", "stretch", largest, "m",
+          "largest magnitude of a spring's stretch"),
+    Value("peak_friction_force", "peak_friction_force_n", "friction", "force", largest, "N",
+          "largest magnitude of a friction contact's force", "peak friction force"),
+    Value("peak_output", "peak_output", "outputs", "", largest, "",
+          "largest magnitude of an output, in its output_unit", "outputs"),
+    Value("min_output", "min_output", "outputs", "", lowest, "", "smallest value of an output"),
+    Value("max_output", "max_output", "outputs", "", highest, "", "largest value of an output"),
+    Value("bending_stress", "largest_bending_stress_pa", "bodies", "bending_stress", largest, "Pa",
+          "largest bending stress at any time and place", "largest bending stress", "bending_stress"),
+)  # fmt: skip
+BY_ENTRY = {value.entry: value for value in VALUES}
+LIMITED = {value.limit: value for value in VALUES if value.limit}
+
+
+def values_of(channels: ChannelSet, extremes: Extremes, values: Iterable[Value] = VALUES) -> dict[str, Any]:
+    """Values of a motion, by entry of the summary, and by name where there are several.
+
+    Parameters
+    ----------
+    channels : whose extremes are known.
+    extremes : by section and quantity.
+    values : that are asked for; those without a channel are left out.
+    """
+    found: dict[str, Any] = {}
+    for value in values:
+        some = [c for c in channels.channels if value.takes(c.key) and c.key in extremes]
+        numbers = {key: iter((value.of(extremes[key]) / value.scale).tolist()) for key in {c.key for c in some}}
+        if value.single:
+            of_all = [number for key in numbers for number in numbers[key]]
+            found |= {value.entry: max(of_all)} if of_all else {}
+        elif some or value.section in ALWAYS_THERE:
+            found[value.entry] = {channel.name: next(numbers[channel.key]) for channel in some}
+    return found

@@ -1,0 +1,35 @@
+"""Channels of systems, and rows of a test's own, as outputs of a flow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamsim.flow.channels import Observed, outputs_of
+from beamsim.flow.contact_state import OutputOf
+from beamsim.flow.exact import ExactFlow
+from beamsim.system.channels import Rows, Sizes
+from beamsim.system.structural import StructuralSystem
+
+ACCELERATION = ("probes", "absolute_acceleration")
+
+
+def all_outputs(system: StructuralSystem, flow: ExactFlow) -> OutputOf:
+    """All channels of a system that are no energies."""
+    return Observed(flow, system.channels).linear
+
+
+def accelerations(system: StructuralSystem, flow: ExactFlow) -> OutputOf:
+    """Absolute accelerations of the probes."""
+    return Observed(flow, system.channels.of_keys(ACCELERATION)).linear
+
+
+def rows(flow: ExactFlow, count: int, **given: object) -> OutputOf:
+    """Rows of which some parts are given, the others being zero."""
+    dynamics = flow.system
+    sizes = Sizes(dynamics.size, dynamics.contacts.count, len(flow.forcing.signal), 0)
+    return outputs_of(flow, Rows.of(count, sizes, **given))
+
+
+def velocities(flow: ExactFlow) -> OutputOf:
+    """Velocities of all coordinates."""
+    return rows(flow, flow.system.size, velocity=np.eye(flow.system.size))
