@@ -14,7 +14,7 @@ from beamsim.fields import Counter, attribute, dataset, declared, group, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
-from beamsim.system.channels import Channel, ChannelSet, channels_of
+from beamsim.system.channels import Channel, ChannelSet, Rows, Sizes
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.typing import Floats
 
@@ -169,3 +169,89 @@ class StructuralSystem:
         laws = [(spring.name, spring.law.parts or ()) for spring in self.springs if spring.law is not None]
         names = [name for name, parts in laws for _ in range(len(parts) if split else 1)]
         return (*(snubber.name for snubber in self.snubbers), *names)
+
+
+def channels_of(system: StructuralSystem) -> ChannelSet:
+    """Everything that can be observed of a system.
+
+    Of probes the displacement and velocity relative to the base, and the absolute acceleration; of snubbers force,
+    penetration, and displacement and velocity of the structure there; of springs with laws of their own and of friction
+    contacts stretch and force; the outputs that the scenario asks for; and the bending stress along the bodies.
+    """
+    sizes = sizes_of(system)
+    channels = (
+        *_of_probes(system, sizes), *_of_snubbers(system, sizes), *_of_springs(system, sizes), *system.outputs,
+        *_of_stations(system, sizes),
+    )  # fmt: skip
+    return ChannelSet(channels, sizes)
+
+
+def sizes_of(system: StructuralSystem) -> Sizes:
+    """Sizes of what the channels of a system are made of."""
+    dynamics = system.dynamics
+    return Sizes(dynamics.size, dynamics.contacts.count, len(system.forcing.signal), system.cubic.count)
+
+
+def _of_probes(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
+    channels = []
+    for probe, carried in zip(system.probes, system.carried, strict=True):
+        channels += [
+            Channel("probes", probe.name, "displacement", "m", Rows.of(1, sizes, displacement=probe.shape)),
+            Channel("probes", probe.name, "velocity", "m/s", Rows.of(1, sizes, velocity=probe.shape)),
+            Channel(
+                "probes", probe.name, "absolute_acceleration", "m/s^2",
+                Rows.of(1, sizes, acceleration=probe.shape, base_acceleration=carried),
+            ),
+        ]  # fmt: skip
+    return channels
+
+
+def _of_snubbers(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
+    contacts, channels = system.dynamics.contacts, []
+    unit = np.eye(contacts.count)
+    for j, snubber in enumerate(system.snubbers):
+        sign, shape = contacts.sign[j], contacts.shape[j]
+        penetration = Rows.of(
+            1, sizes, displacement=-sign * shape, constant=-contacts.gap[j], base_displacement=-sign * contacts.felt[j]
+        )
+        channels += [
+            Channel("snubbers", snubber.name, "force", "N", Rows.of(1, sizes, contact=unit[j])),
+            Channel("snubbers", snubber.name, "penetration", "m", penetration),
+            Channel("snubbers", snubber.name, "displacement", "m", Rows.of(1, sizes, displacement=shape)),
+            Channel("snubbers", snubber.name, "velocity", "m/s", Rows.of(1, sizes, velocity=shape)),
+        ]
+    return channels
+
+
+def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
+    """Those of springs with laws of their own, whose contacts follow the snubbers: one, or one for each part."""
+    channels, contact, pulling = [], len(system.snubbers), 0
+    split = system.cubic.count > 0
+    for spring in system.springs:
+        of_contacts, pull = np.zeros(sizes.contacts), np.zeros(sizes.cubic)
+        if spring.kind == "cubic":
+            pull[pulling] = 1.0
+            pulling += 1
+        if spring.law is not None:
+            for part in (spring.law.parts if split else None) or (None,):
+                of_contacts[contact] = 1.0 if part is None else part.direction
+                contact += 1
+        force = Rows.of(
+            1, sizes, displacement=spring.linear * spring.shape, base_displacement=spring.linear * spring.felt,
+            contact=of_contacts, cubic=pull,
+        )  # fmt: skip
+        stretch = Rows.of(1, sizes, displacement=spring.shape, base_displacement=spring.felt)
+        section = "friction" if spring.kind == "friction" else "springs"
+        channels += [
+            Channel(section, spring.name, "stretch", "m", stretch),
+            Channel(section, spring.name, "force", "N", force),
+        ]
+    return channels
+
+
+def _of_stations(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
+    stress = system.stress
+    if stress is None:
+        return []
+    rows = Rows.of(stress.row.shape[0], sizes, displacement=stress.row, base_acceleration=stress.base)
+    return [Channel("bodies", "", "bending_stress", "Pa", rows)]
