@@ -20,7 +20,9 @@ def pyyeti() -> Any:
             warnings.simplefilter("ignore")
             from pyyeti import nastran
     except ImportError:
-        raise MethodError("file", "is of Nastran, which needs pyyeti", "pip install 'beamsim[nastran]'") from None
+        raise MethodError(
+            "file", "is one of Nastran, for which pyYeti is needed", "pip install 'beamsim[nastran]'"
+        ) from None
     return nastran
 
 

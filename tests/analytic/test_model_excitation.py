@@ -121,9 +121,12 @@ def test_trapezoid_of_base_velocity():
 @pytest.mark.parametrize(
     ("pulse", "said"),
     [
-        ({"kind": "sawtooth", "level": "1 m/s"}, "is a sawtooth of the base's velocity"),
-        ({"kind": "sawtooth", "level": "1 rad/s", "direction": "ry"}, "is a sawtooth of the base's angular velocity"),
-        ({"kind": "trapezoid", "level": "1 mm"}, "is a trapezoidal pulse of the base's displacement"),
+        ({"kind": "sawtooth", "level": "1 m/s"}, "is a sawtooth pulse of the base's velocity"),
+        (
+            {"kind": "sawtooth", "level": "1 rad/s", "direction": "ry"},
+            "is a sawtooth pulse of the base's angular velocity",
+        ),
+        ({"kind": "trapezoid", "level": "1 mm"}, "is a trapezoid pulse of the base's displacement"),
         ({"kind": "step", "level": "1 m/s"}, "is a step of the base's velocity"),
         ({"kind": "trapezoid", "level": 1.0, "rise": 0.015, "fall": 0.01}, "are longer than the pulse of 0.02 s"),
     ],

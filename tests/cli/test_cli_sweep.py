@@ -151,7 +151,7 @@ def test_history_and_envelope_agree(here):
         ("sweep.notches=[{from: 2, to: 1, level: 1}]", "does not lie above"),
         ("sweep.history_rate=1e9", "samples"),
         ("chain.springs_to_ground=[{mass: 1, kind: cubic, stiffness: 1}]", "no closed form"),
-        ("sweep={profile: [{frequency: 0.1, level: 1 g}], levels: []}", "a level of acceleration"),
+        ("sweep={profile: [{frequency: 0.1, level: 1 g}], levels: []}", "give at least one level"),
         ("sweep={profile: [{frequency: 0.1, level: 1 N}], levels: [2 N]}", "multiplies"),
         ("sweep.notches=[{from: 0.1, to: 0.2, level: 1 mm}]", "a level of displacement"),
         ("sweep=null", "missing"),

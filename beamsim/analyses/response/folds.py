@@ -8,6 +8,8 @@ import numpy as np
 
 from beamsim.analyses.branch import FoldBranch
 from beamsim.analyses.response.closed_form import measured_orbit
+from beamsim.analyses.response.motion import measured
+from beamsim.analyses.run.figures import DISPLACEMENT
 from beamsim.interrupts import until
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
@@ -18,9 +20,7 @@ from beamsim.structures.assembly import snubber_site
 
 if TYPE_CHECKING:
     from beamsim.analyses.response.branches import Budget
-    from beamsim.analyses.response.motion import measured
-from beamsim.analyses.response.paths import FollowedParameter, ResponseModel
-from beamsim.analyses.run.figures import DISPLACEMENT
+    from beamsim.analyses.response.paths import FollowedParameter, ResponseModel
 
 SETTINGS = Settings(tolerance=1e-9)
 MOST_POINTS = 600  # of one curve, in each direction
