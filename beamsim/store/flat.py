@@ -473,6 +473,8 @@ class Reader:
             raise ValueError(f"{path} is a group")
         if item.values.dtype == object:
             raise ValueError(f"{path} holds text instead of numbers")
+        if declared.scale and not item.scale:
+            raise ValueError(f"{path} is no dimension scale")
         along = () if isinstance(declared.along, Axes) else declared.along or ()
         if member.scalar is None and item.values.ndim < (least := 1 if declared.scale else len(along)):
             raise ValueError(f"{path} has {item.values.ndim} dimensions, not {least}")
