@@ -14,6 +14,9 @@ from beamsim.typing import Floats
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
+DISPLACEMENT, ACCELERATION = ("probes", "displacement"), ("probes", "absolute_acceleration")
+FORCE, PENETRATION = ("snubbers", "force"), ("snubbers", "penetration")
+STRESS = ("bodies", "bending_stress")
 ALWAYS_THERE = ("probes", "snubbers")  # sections whose entries are there even where they are empty
 
 Extreme = tuple[Floats, Floats, Floats, Floats]  # (k,) each: lowest, its time, highest, its time
@@ -88,20 +91,20 @@ class Value(NamedTuple):
 
 
 VALUES = (
-    Value("peak_force", "peak_force_n", "snubbers", "force", highest, "N", "largest contact force of a snubber",
+    Value("peak_force", "peak_force_n", *FORCE, highest, "N", "largest contact force of a snubber",
           "peak contact force", "peak_force"),
-    Value("largest_pull", "largest_pull_n", "snubbers", "force", largest_pulls, "N",
+    Value("largest_pull", "largest_pull_n", *FORCE, largest_pulls, "N",
           "largest tensile force of a snubber, 0 where it never pulls"),
-    Value("largest_gap", "largest_gap_m", "snubbers", "penetration", openings, "m", "largest opening of a contact",
+    Value("largest_gap", "largest_gap_m", *PENETRATION, openings, "m", "largest opening of a contact",
           limit="gap"),
-    Value("peak_displacement", "peak_displacement_m", "probes", "displacement", largest, "m",
+    Value("peak_displacement", "peak_displacement_m", *DISPLACEMENT, largest, "m",
           "largest magnitude of a probe's displacement relative to the base", "peak displacement",
           "peak_displacement"),
-    Value("min_displacement", "min_displacement_m", "probes", "displacement", lowest, "m",
+    Value("min_displacement", "min_displacement_m", *DISPLACEMENT, lowest, "m",
           "smallest relative displacement of a probe"),
-    Value("max_displacement", "max_displacement_m", "probes", "displacement", highest, "m",
+    Value("max_displacement", "max_displacement_m", *DISPLACEMENT, highest, "m",
           "largest relative displacement of a probe"),
-    Value("peak_acceleration", "peak_acceleration_g", "probes", "absolute_acceleration", largest, "m/s^2",
+    Value("peak_acceleration", "peak_acceleration_g", *ACCELERATION, largest, "m/s^2",
           "largest magnitude of a probe's absolute acceleration", "peak acceleration", "peak_acceleration",
           STANDARD_GRAVITY),
     Value("peak_spring_force", "peak_spring_force_n", "springs", "force", largest, "N",
@@ -114,24 +117,26 @@ VALUES = (
           "largest magnitude of an output, in its output_unit", "outputs"),
     Value("min_output", "min_output", "outputs", "", lowest, "", "smallest value of an output"),
     Value("max_output", "max_output", "outputs", "", highest, "", "largest value of an output"),
-    Value("bending_stress", "largest_bending_stress_pa", "bodies", "bending_stress", largest, "Pa",
+    Value("bending_stress", "largest_bending_stress_pa", *STRESS, largest, "Pa",
           "largest bending stress at any time and place", "largest bending stress", "bending_stress"),
 )  # fmt: skip
 BY_ENTRY = {value.entry: value for value in VALUES}
 LIMITED = {value.limit: value for value in VALUES if value.limit}
 
 
-def values_of(channels: ChannelSet, extremes: Extremes, values: Iterable[Value] = VALUES) -> dict[str, Any]:
+def searched(channels: ChannelSet, values: Iterable[Value] = VALUES) -> ChannelSet:
+    """The channels of whose extremes values are made."""
+    wanted = tuple(values)
+    return channels.only(lambda channel: any(value.takes(channel.key) for value in wanted))
+
+
+def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
     """Values of a motion, by entry of the summary, and by name where there are several.
 
-    Parameters
-    ----------
-    channels : whose extremes are known.
-    extremes : by section and quantity.
-    values : that are asked for; those without a channel are left out.
+    Those of channels without extremes (by section and quantity) are left out.
     """
     found: dict[str, Any] = {}
-    for value in values:
+    for value in VALUES:
         some = [c for c in channels.channels if value.takes(c.key) and c.key in extremes]
         numbers = {key: iter((value.of(extremes[key]) / value.scale).tolist()) for key in {c.key for c in some}}
         if value.single:

@@ -31,13 +31,9 @@ class Acting(NamedTuple):
             output.direct[:] = numbers[:, None] == flow.sources.channel
             return output
 
-        base, displaced = (
-            of(np.array([number])) if known else flow.empty_output(1)
-            for number, known in (
-                (flow.first_observer, bool(flow.observers)),
-                (flow.base_channel, flow.base_channel >= 0),
-            )
-        )
+        nothing = flow.empty_output(1)
+        base = of(np.array([flow.first_observer])) if flow.observers else nothing
+        displaced = of(np.array([flow.base_channel])) if flow.base_channel >= 0 else nothing
         return cls(of(np.arange(signals)), base, displaced)
 
 
@@ -63,16 +59,20 @@ def outputs_of(flow: ExactFlow, rows: Rows, acting: Acting | None = None) -> Out
     fixed.direct[:, 0] += rows.constant
     varying = np.flatnonzero(rows.acceleration.any(axis=1) | rows.contact.any(axis=1))
     of_phases = rows.some(varying)
+    shape = of_phases.acceleration
 
     def output_of(phases: Ints) -> LinearOutput:
         if not varying.size:
             return fixed
         output = LinearOutput(fixed.row.copy(), fixed.direct.copy(), fixed.direct_slope.copy())
-        stiffness, damping, internal, load, load_slope = flow.equation_of_motion(phases)
-        forces, shape = flow.contact_forces(phases).combined(of_phases.contact), of_phases.acceleration
-        output.row[varying] += forces.row + shape @ np.hstack([-stiffness, -damping, internal])
-        output.direct[varying] += forces.direct + shape @ load.T
-        output.direct_slope[varying] += forces.direct_slope + shape @ load_slope.T
+        added = flow.contact_forces(phases).combined(of_phases.contact)
+        if shape.any():
+            stiffness, damping, internal, load, load_slope = flow.equation_of_motion(phases)
+            rates = np.hstack([-stiffness, -damping, internal])
+            added += LinearOutput(shape @ rates, shape @ load.T, shape @ load_slope.T)
+        output.row[varying] += added.row
+        output.direct[varying] += added.direct
+        output.direct_slope[varying] += added.direct_slope
         return output
 
     return output_of
@@ -93,10 +93,7 @@ class Observed:
 
     def values(self, motion: Trajectory, times: Floats) -> Floats:
         """(nt, C) at increasing times, s; at an event the state after it counts."""
-        values, squares = motion.sample(times, self.linear), self.channels.squares
-        if squares.size:
-            values = np.hstack([values, sums_of_squares(motion.sample(times, self.squared), squares)])
-        return np.asarray(values[:, self.channels.order])
+        return self.channels.values(lambda squared: motion.sample(times, self.squared if squared else self.linear))
 
     def extrema(self, motion: Trajectory) -> Extrema:
         """(C,) extreme values of the continuous motion and their times, s; see `Trajectory.extrema`."""
@@ -104,8 +101,3 @@ class Observed:
         if squares.size:
             found = found.beside(motion.extrema(self.squared, squares=squares))
         return found.some(self.channels.order)
-
-
-def sums_of_squares(values: Floats, squares: Ints) -> Floats:
-    """(nt, j) half the sums of squares of values (nt, k), the first of each sum being ``squares`` (j,)."""
-    return np.add.reduceat(0.5 * values**2, squares, axis=1)

@@ -109,20 +109,7 @@ class SmoothFlow(PeriodicFlow):
         return decisive(value, ROUND_OFF * parts)[0] > 0
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
-        """The state after ``duration``, with its derivatives; see :class:`beamsim.flow.periodic_flow.PeriodicFlow`.
-
-        Parameters
-        ----------
-        start : (N,) state at t.
-        duration : s.
-        parameters : P of them, by which the end is differentiated.
-        t : s, in the phase of the loads.
-
-        Returns
-        -------
-        Passage
-            The end, and its derivatives by start and parameters.
-        """
+        """The state after ``duration``, with its derivatives; see :meth:`PeriodicFlow.carry`."""
         from beamsim.flow.event_kernels import BEGINNING
         from beamsim.flow.taylor_kernels import DONE, FULL, SmoothMotion, Steps, carry_smooth
 

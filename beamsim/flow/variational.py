@@ -65,20 +65,7 @@ class VariationalFlow(PeriodicFlow):
         return flow
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
-        """The state after ``duration``, with its derivatives; see :class:`beamsim.flow.periodic_flow.PeriodicFlow`.
-
-        Parameters
-        ----------
-        start : (N,) state at t.
-        duration : s.
-        parameters : P of them, by which the end is differentiated.
-        t : s, in the phase of the loads.
-
-        Returns
-        -------
-        Passage
-            The end, and its derivatives by start and parameters.
-        """
+        """The state after ``duration``, with its derivatives; see :meth:`PeriodicFlow.carry`."""
         self._carried[0] += 1
         exact = self.exact
         phases = exact.begin(start, t).phases

@@ -118,6 +118,10 @@ class ChannelSet:
         """Those of some sections and quantities, key after key."""
         return ChannelSet(tuple(c for key in keys for c in self.channels if c.key == key), self.sizes)
 
+    def without(self, *keys: Key) -> ChannelSet:
+        """All but those of some sections and quantities."""
+        return self.only(lambda channel: channel.key not in keys)
+
     @cached_property
     def linear(self) -> Rows:
         """Rows of the linear channels, of which each is a value."""
@@ -145,6 +149,14 @@ class ChannelSet:
         """(C,) numbers of the columns among those of the linear channels and then those of the energies."""
         squared = np.concatenate([np.full(c.columns, c.squared) for c in self.channels] or [np.zeros(0, dtype=bool)])
         return np.argsort(np.argsort(squared, kind="stable"), kind="stable")
+
+    def values(self, of_rows: Callable[[bool], Floats]) -> Floats:
+        """(nt, C) values from those of the rows (nt, k): of the linear channels, or (True) of the energies."""
+        values = of_rows(False)
+        if self.squares.size:
+            energies = np.add.reduceat(0.5 * of_rows(True) ** 2, self.squares, axis=1)
+            values = np.hstack([values, energies])
+        return np.asarray(values[:, self.order])
 
     @property
     def located(self) -> list[tuple[Channel, int]]:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from beamsim.analyses.values import ACCELERATION
 from beamsim.flow.channels import Observed, outputs_of
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.system.channels import Rows, Sizes
 from beamsim.system.structural import StructuralSystem
-
-ACCELERATION = ("probes", "absolute_acceleration")
 
 
 def all_outputs(system: StructuralSystem, flow: ExactFlow) -> OutputOf:

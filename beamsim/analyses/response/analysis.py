@@ -32,10 +32,9 @@ from beamsim.analyses.response.paths import ResponseModel, level_unit, response_
 from beamsim.analyses.response.refinement import ReportedMaximum, cut, with_maxima, with_points_at
 from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.analyses.response.side_branches import leavings, side_branches
-from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, FORCE, PENETRATION, STRESS
 from beamsim.analyses.run.orbit_energy import balance_error, balanced, energy_error, largest_error
 from beamsim.analyses.table_reach import forces_beyond_tables
-from beamsim.analyses.values import BY_ENTRY, LIMITED, Value
+from beamsim.analyses.values import ACCELERATION, BY_ENTRY, DISPLACEMENT, FORCE, LIMITED, PENETRATION, STRESS, Value
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
@@ -283,22 +282,21 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
     f, system, problem = model.followed, model.system, traced.problem
     settings, limits = model.scenario.sweep, model.scenario.limits
     assert isinstance(settings, Continuation)
-    limited = () if limits is None else tuple(limits.given)
+    channels = measured(system, () if limits is None else limits.given)
     by_balance = not hasattr(problem, "flow")
 
     def measured_motion(point: BranchPoint) -> MeasuredMotion:
         driving = system, model.loads, model.base, model.signals
         if not by_balance:
-            motion = measured_orbit(*driving, problem, point, limited, settings.stored_harmonics)
+            motion = measured_orbit(*driving, problem, point, channels, settings.stored_harmonics)
             error = energy_error(problem.flow_at(point.parameter)[0], point.data)
         else:
             omega, driven = problem.at(point.parameter)
             sampled = sampled_motion(point.data, model.loads, omega, driven)
-            motion = measure(*driving, sampled, limited, settings.stored_harmonics)
+            motion = measure(*driving, sampled, channels, settings.stored_harmonics)
             error = balance_error(problem, point)
         return replace(motion, energy_error=error)
 
-    channels = measured(system, limited)
     traced, motions = with_maxima(traced, measured_motion, _reported_maxima(model, channels), stop)
     spectra = [problem.multipliers(point) for point in traced.points]
     n = system.dynamics.size

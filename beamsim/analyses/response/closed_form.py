@@ -6,7 +6,6 @@ that bounds skip most of, and its harmonics from integrals of exponentials.
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,10 +14,9 @@ from beamsim.analyses.response.motion import (
     DrivenSignals,
     MeasuredMotion,
     measure,
-    measured,
     sampled_orbit,
 )
-from beamsim.analyses.run.figures import DISPLACEMENT
+from beamsim.analyses.values import DISPLACEMENT
 from beamsim.flow.channels import Acting, outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.fourier import fourier_integrals
@@ -41,7 +39,7 @@ def measured_orbit(
     signals: DrivenSignals,
     problem: ForcedOrbits,
     point: BranchPoint,
-    limited: Collection[str] = (),
+    channels: ChannelSet,
     harmonics: int = 5,
 ) -> MeasuredMotion:
     """As :func:`beamsim.analyses.response.motion.measure` of an orbit found by shooting.
@@ -49,13 +47,13 @@ def measured_orbit(
     Of orbits that are no sums of exponentials, and where energies are asked for, samples are measured.
     """
     flow, _ = problem.flow_at(point.parameter)
-    contacts, channels = flow.system.contacts, measured(system, limited)
+    contacts = flow.system.contacts
     output_of = orbit = None
     linear = not (contacts.internal_states or contacts.jointly_acting or channels.squares.size)
     if isinstance(flow, VariationalFlow) and linear:
         output_of, orbit = _outputs(flow, channels, base, signals), flow.motion(point.data)
     if output_of is None or orbit is None or not orbit.exponentials:
-        return measure(system, loads, base, signals, sampled_orbit(problem, point), limited, harmonics)
+        return measure(system, loads, base, signals, sampled_orbit(problem, point), channels, harmonics)
     table = orbit.flow.output_table(output_of)
     spectrum = _harmonics(orbit, table[:, :, channels.places[DISPLACEMENT]], harmonics)
     found, share = orbit.extrema(output_of), orbit.contact_share()[: len(system.snubbers)]

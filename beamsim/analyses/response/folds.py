@@ -9,7 +9,7 @@ import numpy as np
 from beamsim.analyses.branch import FoldBranch
 from beamsim.analyses.response.closed_form import measured_orbit
 from beamsim.analyses.response.motion import measured
-from beamsim.analyses.run.figures import DISPLACEMENT
+from beamsim.analyses.values import DISPLACEMENT
 from beamsim.interrupts import until
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
@@ -119,13 +119,14 @@ def _curve(
     points = [*halves[1][::-1][:-1], *halves[0]] if len(halves) == 2 else halves[0] if halves else []
     outcome = both_directions(outcomes[-1], outcomes[0])
     names = [p.name for p in model.system.probes]
-    peak, displacements = np.empty((len(points), len(names))), measured(model.system).places[DISPLACEMENT]
+    channels = measured(model.system)
+    peak, displacements = np.empty((len(points), len(names))), channels.places[DISPLACEMENT]
     parameter = np.array([second.outward(p.parameter) for p in points])
     for k, point in enumerate(points):
         local = _at(model, orbits, path, point, level)
         orbit = BranchPoint(point.u[:-1], point.tangent[:-1], point.scale[:-1], point.residual, point.orientation,
                             point.iterations, point.data)  # fmt: skip
-        cycles = measured_orbit(model.system, model.loads, model.base, model.signals, local, orbit)
+        cycles = measured_orbit(model.system, model.loads, model.base, model.signals, local, orbit, channels)
         peak[k] = np.maximum(np.abs(cycles.high), np.abs(cycles.low))[displacements]
     n = model.system.dynamics.size
     states = np.array([p.u[:-2] for p in points]).reshape(len(points), orbits.flow.size)

@@ -15,9 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, FORCE
-from beamsim.analyses.values import LIMITED
-from beamsim.flow.channels import sums_of_squares
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED
 from beamsim.system.channels import ChannelSet, Rows
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -225,21 +223,18 @@ def measure(
     base: DrivenSignals | None,
     signals: DrivenSignals,
     motion: SampledMotion,
-    limited: Collection[str] = (),
+    channels: ChannelSet,
     harmonics: int = 5,
 ) -> MeasuredMotion:
-    """Extremes, harmonics (the mean and as many as asked for), forces and outputs of a motion.
+    """Extremes of channels, see `measured`, and harmonics (the mean and as many as asked for) of a motion.
 
     ``base`` is its acceleration, m/s^2, None where it is at rest; ``signals`` are those of the loads.
     """
-    channels, loaded = measured(system, limited), _Loaded(system, loads, base, signals)
+    loaded = _Loaded(system, loads, base, signals)
 
     def rows_of(motion: SampledMotion) -> Floats:
-        values = loaded.values(motion, channels.linear)
-        if channels.squares.size:
-            squares = sums_of_squares(loaded.values(motion, channels.squared), channels.squares)
-            values = np.hstack([values, squares])
-        return np.asarray(values[:, channels.order].T)
+        rows = {False: channels.linear, True: channels.squared}
+        return channels.values(lambda squared: loaded.values(motion, rows[squared])).T
 
     rows = rows_of(motion)
     high, low = _extremes(motion, rows, rows_of)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.run.figures import DISPLACEMENT
 from beamsim.analyses.run.motion import RunMotion, output_times
 from beamsim.analyses.run.parting import ContactEvents, parting
 from beamsim.analyses.run.result import Against, AgainstFigure, EventLog, RunResult
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import figures_of_motion
+from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import never
 from beamsim.system.build import build_system

@@ -13,7 +13,7 @@ from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.convergence import resting, with_convergence
 from beamsim.analyses.run.derived import DerivedFigures
 from beamsim.analyses.run.exact_motion import exact_motion_of
-from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, PENETRATION, STRESS, by_name
+from beamsim.analyses.run.figures import by_name
 from beamsim.analyses.run.first_part import checked_on_first_part
 from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of
 from beamsim.analyses.run.jumps import jump_warnings
@@ -33,7 +33,7 @@ from beamsim.analyses.run.spectra import coverage_notes
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import spectral_lines, summary_of_run
 from beamsim.analyses.table_reach import compressed_beyond_tables
-from beamsim.analyses.values import largest
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, PENETRATION, STRESS, largest
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import changed
 from beamsim.interrupts import Stop, never

@@ -8,20 +8,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.run.exact_motion import motion_in_stretches
-from beamsim.analyses.run.figures import (
-    ACCELERATION,
-    DISPLACEMENT,
-    FORCE,
-    STRESS,
-    by_name,
-    motion_figures,
-    static_figures,
-)
+from beamsim.analyses.run.figures import by_name, motion_figures, static_figures
 from beamsim.analyses.run.intervals import SKIPPED
 from beamsim.analyses.run.motion import with_limit
 from beamsim.analyses.run.random_response import LEAST_SAMPLES
 from beamsim.analyses.run.stretches import StretchFigures
-from beamsim.analyses.values import BY_ENTRY, VALUES, Value, largest
+from beamsim.analyses.values import (
+    ACCELERATION,
+    BY_ENTRY,
+    DISPLACEMENT,
+    FORCE,
+    STRESS,
+    VALUES,
+    Value,
+    largest,
+    searched,
+)
 from beamsim.flow.channels import Observed
 from beamsim.interrupts import Stop, never
 from beamsim.outcomes import Outcome
@@ -88,9 +90,7 @@ def asked_figures(
     settings = scenario.run
     assert settings is not None
     motion, _ = motion_in_stretches(system, settings, most_events=settings.max_events, stop=stop)
-    values = _values(asked)
-    searched = system.channels.only(lambda channel: any(value.takes(channel.key) for value in values))
-    figures = StretchFigures(Observed(motion.flow, searched))
+    figures = StretchFigures(Observed(motion.flow, searched(system.channels, _values(asked))))
     squares = MeanSquares(system, motion.flow, scenario, asked)
     for stretch in motion.stretches():
         figures.add(stretch)

@@ -25,19 +25,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.run.derived import DerivedFigures, Figures, OutputSamples, SpectrumKey, line_changes
-from beamsim.analyses.run.figures import (
-    ACCELERATION,
-    DISPLACEMENT,
-    deflection_size,
-    extremes_of,
-    motion_figures,
-    searched,
-    static_figures,
-)
+from beamsim.analyses.run.figures import deflection_size, extremes_of, motion_figures, static_figures
 from beamsim.analyses.run.filtered_motion import FilteredMotion, filtered
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.parting import LONGER, ContactEvents, PartingTimes, parting, sensitivity
 from beamsim.analyses.run.result import ALLOWED_CHANGE, MAIN_QUANTITY, RunResult, Work
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, searched
 from beamsim.errors import ScenarioError
 from beamsim.fields import changed, figure_in_words
 from beamsim.flow.channels import Observed
@@ -335,7 +328,8 @@ def behind_filter(system: StructuralSystem, settings: Run, trajectory: Trajector
 
 def _observed(system: StructuralSystem, flow: ExactFlow, behind: FilteredMotion | None) -> Observed:
     """What is searched for extremes: not the accelerations, where they are taken behind a filter."""
-    return Observed(flow, system.channels.only(lambda c: searched(c) and (behind is None or c.key != ACCELERATION)))
+    channels = searched(system.channels)
+    return Observed(flow, channels if behind is None else channels.without(ACCELERATION))
 
 
 def march_again(

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, FORCE
 from beamsim.analyses.run.random_response import statistics_of
 from beamsim.analyses.run.records import Record, SampledRecord
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, ShockResponse, Spectrum
 from beamsim.analyses.run.spectra import records_of
 from beamsim.analyses.run.spectrum import WORTH_LISTING, found_again
-from beamsim.analyses.values import STANDARD_GRAVITY
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, STANDARD_GRAVITY
 from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.channels import Key

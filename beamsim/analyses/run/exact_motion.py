@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.run.figures import DISPLACEMENT, STRESS
 from beamsim.analyses.run.friction import friction_contacts
 from beamsim.analyses.run.histories import COMPONENTS, ExactHistories
 from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, memory_of, with_limit
@@ -16,6 +15,7 @@ from beamsim.analyses.run.outputs import MOTION_SHARE, events_in_memory, exact_f
 from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import Work
 from beamsim.analyses.run.stretches import ROUND_OFF, RunFigures
+from beamsim.analyses.values import DISPLACEMENT, STRESS
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
 from beamsim.flow.stretches import CHECKPOINT_PIECES, MotionInStretches
@@ -107,7 +107,7 @@ def exact_motion_of(
         figures.add(stretch)
     if motion.end * (1.0 + ROUND_OFF) < times.last:
         times = times.until(motion.end)
-    sampled = Observed(motion.flow, system.channels.only(lambda channel: channel.section != "bodies"))
+    sampled = Observed(motion.flow, system.channels.without(STRESS))
     histories, balance = ExactHistories(motion, sampled, times), figures.balance.result()
     extremes = figures.extremes
     of_first_probe = np.array([extremes[DISPLACEMENT][k][0] for k in (1, 3)])

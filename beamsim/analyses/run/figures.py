@@ -7,23 +7,25 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.values import VALUES, Extreme, Extremes, largest, largest_at, values_of
+from beamsim.analyses.values import (
+    ACCELERATION,
+    DISPLACEMENT,
+    FORCE,
+    PENETRATION,
+    Extreme,
+    Extremes,
+    largest,
+    largest_at,
+    values_of,
+)
 from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
-from beamsim.system.channels import Channel
+from beamsim.system.channels import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
 ROUND_OFF = 1e-12  # of the motion of the structure: a probe that moves by less is at rest
 ALWAYS = 1e-12  # of the time: a contact that is open for no longer is closed throughout
-DISPLACEMENT, ACCELERATION = ("probes", "displacement"), ("probes", "absolute_acceleration")
-FORCE, PENETRATION = ("snubbers", "force"), ("snubbers", "penetration")
-STRESS = ("bodies", "bending_stress")
-
-
-def searched(channel: Channel) -> bool:
-    """Whether values are made of the extremes of a channel."""
-    return any(value.takes(channel.key) for value in VALUES)
 
 
 def sampled_extremes(times: Floats, values: Floats) -> Extreme:
@@ -31,12 +33,15 @@ def sampled_extremes(times: Floats, values: Floats) -> Extreme:
     return values.min(axis=0), times[values.argmin(axis=0)], values.max(axis=0), times[values.argmax(axis=0)]
 
 
-def extremes_of(motion: Trajectory, observed: Observed) -> dict[tuple[str, str], Extreme]:
+def extremes_of(motion: Trajectory, observed: Observed) -> dict[Key, Extreme]:
     """Extremes of the continuous motion, by section and quantity of the channels."""
-    low, when_low, high, when_high = observed.extrema(motion).extremes
-    return {
-        key: (low[some], when_low[some], high[some], when_high[some]) for key, some in observed.channels.places.items()
-    }
+    return by_key(observed.channels, observed.extrema(motion).extremes)
+
+
+def by_key(channels: ChannelSet, extreme: Extreme) -> dict[Key, Extreme]:
+    """Extremes (C,) of channels by section and quantity."""
+    low, when_low, high, when_high = extreme
+    return {key: (low[some], when_low[some], high[some], when_high[some]) for key, some in channels.places.items()}
 
 
 def deflection_size(system: StructuralSystem, states: Floats) -> float:
@@ -69,7 +74,7 @@ def motion_figures(
 
 def _without_round_off(
     system: StructuralSystem, extremes: Extremes, contact_share: Floats, size: float
-) -> dict[tuple[str, str], Extreme]:
+) -> dict[Key, Extreme]:
     """The extremes where what is round-off is zero.
 
     A probe at a node of the motion moves by round-off: its displacement is 0, and its acceleration where that is no

@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.gapping import contact_levels, gapping, pressed_phases, static_penetration
-from beamsim.analyses.run.figures import FORCE, PENETRATION, extremes_of
+from beamsim.analyses.run.figures import extremes_of
 from beamsim.analyses.run.linear_prediction import Deviations, linear_input, stationary_deviations
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.outputs import exact_flow
-from beamsim.analyses.values import Extremes
+from beamsim.analyses.values import FORCE, PENETRATION, Extremes
 from beamsim.contacts.laws import ContactLaw
 from beamsim.flow.channels import Observed
 from beamsim.flow.transient import simulate

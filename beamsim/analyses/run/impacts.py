@@ -18,9 +18,9 @@ import numpy as np
 
 from beamsim.analyses.rainflow import damage, equivalent_range, rainflow, reversals
 from beamsim.analyses.run.energy import contact_losses
-from beamsim.analyses.run.figures import STRESS
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow, SnubberImpacts
 from beamsim.analyses.run.intervals import BLOCKS, LEAST, SKIPPED, FigureInterval, Sums, jackknife
+from beamsim.analyses.values import STRESS
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow

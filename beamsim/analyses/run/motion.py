@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance
-from beamsim.analyses.run.figures import FORCE, STRESS
 from beamsim.analyses.run.friction import friction_contacts, sliding_figures
 from beamsim.analyses.run.histories import Histories
 from beamsim.analyses.run.impacts import ImpactRecord
@@ -31,7 +30,7 @@ from beamsim.analyses.run.result import (
     Work,
 )
 from beamsim.analyses.run.spectra import spectra_of_motion, spectra_of_samples
-from beamsim.analyses.values import Extremes, largest, largest_pulls
+from beamsim.analyses.values import FORCE, STRESS, Extremes, largest, largest_pulls
 from beamsim.contacts.hardening import residual_crush
 from beamsim.contacts.springs import FRICTION
 from beamsim.flow.stretches import MotionInStretches

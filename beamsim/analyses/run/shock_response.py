@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from beamsim.analyses.run.figures import ACCELERATION
 from beamsim.analyses.run.linear_filter import LONGEST_TURN, LinearFilter, Signal, panels
 from beamsim.analyses.run.result import MAIN_QUANTITY, ShockResponse, ShockSpectrum
+from beamsim.analyses.values import ACCELERATION
 from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.signal import Signal as Pieces

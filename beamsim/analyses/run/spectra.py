@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT
 from beamsim.analyses.run.records import MotionRecord
 from beamsim.analyses.run.result import Spectrum
 from beamsim.analyses.run.spectrum import spectrum, spectrum_of
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
 from beamsim.flow.channels import Observed
 from beamsim.flow.fourier import MotionPart
 from beamsim.system.channels import ChannelSet, Key

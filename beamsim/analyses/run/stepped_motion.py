@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance, power_factors, stored_energy
-from beamsim.analyses.run.figures import DISPLACEMENT
 from beamsim.analyses.run.histories import SampledHistories
 from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, with_limit
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import EnergyHistory, Work
+from beamsim.analyses.values import DISPLACEMENT, STRESS
 from beamsim.system.structural import StructuralSystem
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def stepped_motion_of(
         stepping, system.initial_state, times.all, progress=progress, stop=stop, observe=outputs.observe
     )
     at = trajectory.time
-    sampled = SteppedChannels(system, flow, system.channels.only(lambda channel: channel.section != "bodies"))
+    sampled = SteppedChannels(system, flow, system.channels.without(STRESS))
     values = sampled.channels.split(sampled.values(at, trajectory.y, trajectory.phases))
     penetration = flow.outputs_of_states(at, trajectory.y, trajectory.phases, lambda _: flow.penetrations[0])
     stored = stored_energy(flow, trajectory.y, penetration, trajectory.phases)

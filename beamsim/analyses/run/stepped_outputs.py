@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, sampled_extremes, searched
+from beamsim.analyses.run.figures import by_key, sampled_extremes
 from beamsim.analyses.run.low_pass import LowPassFilter
-from beamsim.analyses.values import Extreme
-from beamsim.flow.channels import outputs_of, sums_of_squares
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, Extreme, searched
+from beamsim.flow.channels import outputs_of
 from beamsim.flow.dense_extremes import DenseExtremes
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory
@@ -46,13 +46,13 @@ class SteppedChannels:
         -------
         (nt, C).
         """
-        values = self._flow.outputs_of_states(times, y, phases, self._linear, since)
-        values += self._beside(self.channels.linear, times, y)
-        if self.channels.squares.size:
-            squared = self._flow.outputs_of_states(times, y, phases, self._squared, since)
-            squared += self._beside(self.channels.squared, times, y)
-            values = np.hstack([values, sums_of_squares(squared, self.channels.squares)])
-        return np.asarray(values[:, self.channels.order])
+
+        def of_rows(squared: bool) -> Floats:
+            output_of = self._squared if squared else self._linear
+            known = self._flow.outputs_of_states(times, y, phases, output_of, since)
+            return known + self._beside(self.channels.squared if squared else self.channels.linear, times, y)
+
+        return self.channels.values(of_rows)
 
     def _beside(self, rows: Rows, times: Floats, y: Floats) -> Floats | float:
         """(nt, k) what the flow does not know: cubic springs, and a motion of the base that no contact feels."""
@@ -86,7 +86,7 @@ class SteppedOutputs:
 
     def __init__(self, system: StructuralSystem, flow: ExactFlow, times: Floats, low_pass: float | None = None) -> None:
         self.flow, self.times = flow, times
-        self.searched = SteppedChannels(system, flow, system.channels.only(searched))
+        self.searched = SteppedChannels(system, flow, searched(system.channels))
         self.dense = DenseExtremes()
         self.acceleration = SteppedChannels(system, flow, system.channels.of_keys(ACCELERATION))
         self.filter = None if low_pass is None else LowPassFilter(low_pass, len(system.probes))
@@ -132,8 +132,5 @@ class SteppedOutputs:
         else:
             values = self.searched.values(trajectory.time, trajectory.y, trajectory.phases)
             of_all = sampled_extremes(trajectory.time, values)
-        low, when_low, high, when_high = of_all
-        extremes = {
-            key: (low[some], when_low[some], high[some], when_high[some]) for key, some in channels.places.items()
-        }
+        extremes = by_key(channels, of_all)
         return extremes if self.filter is None else extremes | {ACCELERATION: self.filter.extremes}

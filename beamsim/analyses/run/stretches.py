@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.run.energy import BalanceOfStretches, energies_of_segments
-from beamsim.analyses.run.figures import ACCELERATION, extremes_of, searched
+from beamsim.analyses.run.figures import extremes_of
 from beamsim.analyses.run.filtered_motion import filtered
 from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.low_pass import LowPassFilter
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.values import Extreme
+from beamsim.analyses.values import ACCELERATION, Extreme, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
@@ -58,10 +58,8 @@ class RunFigures(StretchFigures):
     """
 
     def __init__(self, system: StructuralSystem, settings: Run, flow: ExactFlow, times: OutputTimes) -> None:
-        filtered = settings.low_pass is not None
-        super().__init__(
-            Observed(flow, system.channels.only(lambda c: searched(c) and not (filtered and c.key == ACCELERATION)))
-        )
+        channels = searched(system.channels)
+        super().__init__(Observed(flow, channels if settings.low_pass is None else channels.without(ACCELERATION)))
         self.low_passed: LowPassed | None = None
         self.impacts = None if settings.impacts is None else ImpactRecord(system, settings.impacts)
         if settings.low_pass is not None:

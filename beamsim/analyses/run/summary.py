@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.limits import margins
-from beamsim.analyses.run.figures import STRESS, by_name, deflection_size, motion_figures, peak_times, static_figures
+from beamsim.analyses.run.figures import by_name, deflection_size, motion_figures, peak_times, static_figures
 from beamsim.analyses.run.gapping import gapping_of_run
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, Spectrum
-from beamsim.analyses.values import STANDARD_GRAVITY, largest
+from beamsim.analyses.values import STANDARD_GRAVITY, STRESS, largest
 from beamsim.contacts.springs import FRICTION
 from beamsim.system.structural import StructuralSystem
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.run.figures import ACCELERATION, DISPLACEMENT, FORCE, PENETRATION, STRESS
 from beamsim.analyses.run.friction import friction_contacts, sliding_speeds
 from beamsim.analyses.sweep.peaks import bent
 from beamsim.analyses.sweep.result import (
@@ -22,7 +21,7 @@ from beamsim.analyses.sweep.result import (
     SweepCurve,
     SweepHistory,
 )
-from beamsim.analyses.values import LIMITED
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, PENETRATION, STRESS
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import DIRECTION, STICK, sliding_limit, snap
 from beamsim.contacts.springs import FRICTION
