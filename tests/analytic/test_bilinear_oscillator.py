@@ -71,32 +71,3 @@ def test_coefficient_of_restitution_of_a_dashpot(make_system, no_forcing, law):
     assert trajectory.event_closing.tolist() == [True, False]
     np.testing.assert_allclose(trajectory.event_time, [0.0, end], rtol=1e-12)
     np.testing.assert_allclose(trajectory.final_y[1], -left, rtol=1e-12)
-
-
-def test_undamped_resonance_grows_linearly(make_system):
-    """Excited exactly at its natural frequency: (sin t - t cos t) / 2."""
-    from beamsim.inputs.signal import Signal
-    from beamsim.system.equations import Forcing
-
-    system = make_system([1.0], [0.0], shape=np.zeros((0, 1)), stiffness=[])
-    flow = ExactFlow(system, Forcing(np.ones((1, 1)), (Signal.harmonic(1.0, 1.0),)), 500.0)
-    trajectory = simulate(flow, np.zeros(2))
-    t = np.linspace(0, 500, 777)
-    np.testing.assert_allclose(trajectory.states_at(t)[:, 0], 0.5 * (np.sin(t) - t * np.cos(t)), atol=250 * 1e-12)
-
-
-@pytest.mark.parametrize("offset", [1e-3, 1e-6, 1e-9, 1e-13])
-def test_just_beside_an_undamped_resonance(make_system, offset):
-    """(sin(w t) - w sin t) / (1 - w^2) has no digits left in this form; the flow keeps them."""
-    from beamsim.inputs.signal import Signal
-    from beamsim.system.equations import Forcing
-
-    omega = 1.0 + offset
-    system = make_system([1.0], [0.0], shape=np.zeros((0, 1)), stiffness=[])
-    flow = ExactFlow(system, Forcing(np.ones((1, 1)), (Signal.harmonic(1.0, omega),)), 300.0)
-    trajectory = simulate(flow, np.zeros(2))
-    t = np.linspace(0, 300, 500)
-    # sin(w t) - w sin t = 2 cos(s t) sin(h t) - 2 h sin t with s = (w + 1)/2, h = (w - 1)/2
-    half = 0.5 * (omega - 1.0)
-    exact = (2 * np.cos((1 + half) * t) * np.sin(half * t) - 2 * half * np.sin(t)) / (-2 * half * (1 + omega))
-    np.testing.assert_allclose(trajectory.states_at(t)[:, 0], exact, atol=150 * 1e-11)

@@ -1,7 +1,5 @@
 """Bodies that joints make one structure: against one body, closed forms, and matrices assembled by hand."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -20,7 +18,6 @@ from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 
 BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0}
-FREE = {"supports": {"left": "free", "right": "free"}}
 EI, MASS = 70e9 * 0.05 * 0.01**3 / 12, 2700 * 0.05 * 0.01
 SHAKEN = {
     "excitation": {"kind": "harmonic", "applied_to": "base", "level": 3.0, "frequency": 20.0},
@@ -449,27 +446,6 @@ def test_sensitivities_of_a_beam_cut_in_two_add_up_to_those_of_the_whole():
         assert total == pytest.approx(expected["beam", number], rel=tolerance)
 
 
-def test_ten_joined_beams_with_twenty_snubbers_take_the_work_of_one_beam():
-    """The march knows coordinates and contacts, not bodies: the same coordinates, contact states and events."""
-    stop = {"side": "both", "stiffness": 2e4, "gap": 2e-4}
-    names = [f"b{i}" for i in range(10)]
-    common = {**SHAKEN, "reduction": {"modes": 12}}
-    one = {**common, "beam": {k: v for k, v in beam(2.0, 40, "clamped").items() if k != "kind"}}
-    one["snubbers"] = [{**stop, "name": name, "position": 0.2 * i + 0.1} for i, name in enumerate(names)]
-    ten = {
-        **common,
-        "bodies": {name: beam(0.2, 4, "clamped" if name == "b0" else "free") for name in names},
-        "joints": [{"kind": "rigid", "between": [at(a, 0.2), at(b, 0.0)]} for a, b in pairwise(names)],
-        "snubbers": [{**stop, "name": name, "at": at(name, "50 %")} for name in names],
-    }
-    systems = [build_system(load_scenario(case)) for case in (one, ten)]
-    assert systems[0].dynamics.size == systems[1].dynamics.size
-    assert systems[1].dynamics.contacts.count == 20
-    first, second = (beamsim.run(load_scenario(case)) for case in (one, ten))
-    assert first.work.events == second.work.events > 20
-    assert first.work.states == second.work.states
-
-
 def test_start_of_a_beam_that_is_joined_to_the_base():
     plain = {key: value for key, value in beam(0.5, left="pinned").items() if key != "kind"}
     held = {"kind": "rigid", "between": [{"position": 0.0}, "base"]}
@@ -569,17 +545,6 @@ def test_null_space_is_orthonormal_sparse_and_complete():
     assert basis.nnz < 400 + 16
     np.testing.assert_allclose((basis.T @ basis).toarray(), np.eye(396), atol=1e-14)
     np.testing.assert_allclose(rows @ basis, 0.0, atol=1e-14)
-
-
-def test_ten_beams_keep_the_sparsity_of_one():
-    names = [f"b{i}" for i in range(10)]
-    bodies = {name: beam(0.5, 100, "clamped" if name == "b0" else "free") for name in names}
-    pairs = pairwise(names)
-    joints = [{"kind": "rigid", "between": [at(a, 0.5), at(b, 0.0)]} for a, b in pairs]
-    structure = assemble(load_scenario(joined(bodies, joints)))
-    one = assemble(load_scenario({"beam": {k: v for k, v in beam(5.0, 1000, "clamped").items() if k != "kind"}}))
-    assert structure.size == one.size
-    assert structure.mass.nnz <= one.mass.nnz + 9 * 16
 
 
 @pytest.mark.parametrize("spring", [0.0, 150.0])

@@ -8,19 +8,16 @@ import pytest
 from scipy.sparse import diags_array, identity, kron
 
 from beamsim.matrix_files.formats import write_matrices
-from beamsim.matrix_files.nastran import read_op4
 from beamsim.scenario import load_scenario
-from beamsim.structures import modes, sturm
-from beamsim.structures import symmetric_lu as factors
+from beamsim.structures import sturm
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dissection import dissection
 from beamsim.structures.dof_table import write_dof_table
 from beamsim.structures.matrices import structure_of
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place
-from beamsim.structures.sturm import frequency_beyond, negative_eigenvalues
+from beamsim.structures.sturm import negative_eigenvalues
 from beamsim.structures.symmetric_lu import symmetric_lu
-from beamsim.system.build import build_system
 
 PLATE = """
 bodies:
@@ -75,38 +72,6 @@ def panel(tmp_path_factory):
     return given, load_scenario(folder / "case.yaml")
 
 
-def test_no_more_modes_are_sought_than_a_default_reduction_keeps(panel, monkeypatch):
-    """At 200 Hz the panel has some 300 modes of interest; one more than the 100 kept shows that they were too many."""
-    sought = []
-    kept = modes._sparse
-    monkeypatch.setattr(modes, "_sparse", lambda model, count: sought.append(count) or kept(model, count))
-    system = build_system(load_scenario(panel[1].to_yaml(), {"excitation.frequency": "200 Hz"}))
-    assert sought == [101]
-    assert system.modes.open_frequencies_hz.size == 101  # with a static vector
-
-
-def test_a_stiffness_is_factorised_twice(panel, monkeypatch):
-    """Once for the rigid motions; influence of the base, factor, modes and static deflections share the other."""
-    factorised = []
-    known = factors.symmetric_lu
-
-    def counted(matrix, order=None):
-        factorised.append(matrix.shape[0])
-        return known(matrix, order)
-
-    for module in (factors, modes):
-        monkeypatch.setattr(module, "symmetric_lu", counted)
-    given, _ = panel
-    held = [i for i, (node, _) in enumerate(given.table.dofs) if node not in given.base]
-    clamped = structure_of(given)
-    assert clamped.rigid.shape[1] == 0
-    omega = natural_modes(clamped, 6).omega[:6] * clamped.frequency_scale
-    clamped.unit_stiffness(_corner(given))
-    assert factorised == 2 * [len(held)]
-    built = plate()
-    np.testing.assert_allclose(omega, natural_modes(built, 6).omega[:6] * built.frequency_scale, rtol=1e-8)
-
-
 def _corner(given):
     node = max(n for n, direction in given.table.dofs if direction == "z" and n not in given.base)
     return Place("panel", float(node), "z")
@@ -120,19 +85,6 @@ def test_signs_of_inaccurate_factors_count_where_no_eigenvalue_is_near_zero(pane
     monkeypatch.setattr(sturm, "_DENSE", 1000)
     assert negative_eigenvalues(between) == 10
     assert negative_eigenvalues(at) is None
-
-
-def test_counts_of_a_large_model_go_where_the_next_mode_is_expected(monkeypatch):
-    """Far too high a guess costs two counts more, not one for each share of it."""
-    model = plate()
-    omega = natural_modes(model, 40).omega
-    counted = []
-    known = sturm.negative_eigenvalues
-    monkeypatch.setattr(sturm, "negative_eigenvalues", lambda *given: counted.append(1) or known(*given))
-    monkeypatch.setattr(sturm, "_DENSE", 1000)
-    beyond = frequency_beyond(model, omega[:5], float(omega[38]))
-    assert omega[4] < beyond <= omega[5]
-    assert len(counted) <= 3
 
 
 def test_nested_dissection_leaves_less_fill_than_minimum_degree_in_a_solid():
@@ -168,11 +120,3 @@ def test_an_order_of_elimination_changes_no_result(panel, monkeypatch):
     limit = (plain.frequency_scale, ordered.frequency_scale)
     counts = [each.frequency_count(1.5 * omega[0][3] / s) for each, s in zip((plain, ordered), limit, strict=True)]
     assert counts[0] == counts[1] > 3
-
-
-def test_matrices_that_are_not_asked_for_are_passed_over(tmp_path):
-    given = exported()
-    for binary in (True, False):
-        write_matrices(tmp_path / "p.op4", {"mass": given.mass, "stiff": given.stiffness}, binary=binary)
-        (stiffness,) = read_op4(tmp_path / "p.op4", "stiff")
-        assert abs(stiffness.values - given.stiffness).max() == 0.0

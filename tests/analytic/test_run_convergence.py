@@ -19,8 +19,6 @@ from beamsim.flow.transient import simulate
 from beamsim.outcomes import OutcomeCode
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
-from beamsim.structures.reduction_bound import receptance_bound
-from beamsim.system import build
 from beamsim.system.build import build_system
 from tests.helpers.observed import accelerations
 
@@ -85,20 +83,6 @@ def test_the_change_is_that_of_the_finer_model_itself(damped):
             b = other[figure][name]
             change = abs(a - b) / max(abs(a), abs(b))
             assert damped.summary["convergence"][figure][name] == pytest.approx(change, rel=1e-5, abs=1e-9)
-
-
-def test_the_error_of_the_reduction_is_bounded_of_the_model_of_the_run_alone(monkeypatch):
-    """It takes a quarter of building a model; nobody reads that of the finer one."""
-    bounded = []
-
-    def counted(model, basis, *loads):
-        bounded.append(basis.modes)
-        return receptance_bound(model, basis, *loads)
-
-    monkeypatch.setattr(build, "receptance_bound", counted)
-    summary = beamsim.run(harmonic_beam(run={"duration": 0.05})).summary
-    assert bounded == [summary["kept_modes"]]
-    assert summary["convergence_model"]["modes"] > summary["kept_modes"]
 
 
 def test_status_table_file_and_pictures_say_so(damped, tmp_path):

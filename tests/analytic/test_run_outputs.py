@@ -9,7 +9,6 @@ from independent import Beam, Stop, Structure, integrate
 import beamsim
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.errors import ScenarioError
-from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
@@ -458,19 +457,6 @@ def test_dead_load_along_a_beam(line, shape, total, lever):
     if line == "whole":
         assert prop == pytest.approx(50 * 0.8 * {0.8: 3 / 8, 0.4: 11 / 40}[total], rel=1e-6)
     np.testing.assert_allclose(values(propped)["force_left"], 50 * total - prop, rtol=1e-6)
-
-
-def test_extremes_of_a_body_at_rest_take_no_search(monkeypatch):
-    """What moves is round-off, by less than two peaks may differ; the search took as long as at those frequencies."""
-    counted = []
-    extrema = Trajectory.extrema
-    monkeypatch.setattr(Trajectory, "extrema", lambda *a, **k: counted.append(extrema(*a, **k)) or counted[-1])
-    dead = [{"line": "whole", "force_per_length": "-50 N/m", "shape": {"kind": "uniform"}}]
-    stop = {"name": "s", "position": 0.8, "side": "below", "stiffness": 1e12, "gap": 0.0}
-    run({"beam": held("clamped", "free"), "constant_forces": dead, "snubbers": [stop]}, [support("force", "left")])
-    evaluations = [found.evaluations for found in counted]
-    assert evaluations
-    assert sum(evaluations) < 5000
 
 
 ORTHOTROPIC = {"dx": 400.0, "dy": 150.0, "nu": 0.25, "dxy": 90.0}

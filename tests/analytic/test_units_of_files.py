@@ -6,7 +6,6 @@ from scipy.io import mmwrite, savemat
 from scipy.sparse import csc_array
 from typer.testing import CliRunner
 
-from beamsim.analyses.run.analysis import run
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.matrix_files.formats import write_matrices
@@ -227,13 +226,6 @@ def test_validate_reads_once_and_says_what_was_assumed(tmp_path, counted_reads, 
         in printed.stdout
     )
     assert "beamsim: warning: bar: the structure has 0.0003375 kg, 500 x 10 x 20 m, if its files are" in printed.stderr
-    assert len(counted_reads) == 1
-
-
-def test_a_run_and_its_finer_model_read_once(tmp_path, counted_reads):
-    case(tmp_path, in_si())
-    result = run(load_scenario(tmp_path / "case.yaml", ["reduction={modes: 1}", "run.convergence=on"]))
-    assert result.summary["convergence_model"]["modes"] == 2
     assert len(counted_reads) == 1
 
 

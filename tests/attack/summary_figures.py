@@ -1,17 +1,13 @@
-"""Figures of sweeps, continuations, nonlinear modes, studies and identification, each computed again apart from them.
+"""Figures of sweeps, continuations and nonlinear modes, each computed again apart from them.
 
 A check takes the seed of a random chain and returns the number of figures compared and what differs. Steady motions
-are integrated again from their states by `own_chain`; frequencies follow from matrices; cases of a study are run one by
-one.
+are integrated again from their states by `own_chain`.
 """
-
-import copy
 
 import numpy as np
 from figure_comparison import CLOSE, JUMPY, Compared
-from own_chain import OwnChain, natural_frequencies, random_chain
-from scipy.optimize import brentq
-from sweep_figures import levels, linear_response, notching, profile, random_response, stepped_sine, structure
+from own_chain import OwnChain, random_chain
+from sweep_figures import profile, stepped_sine, structure
 
 MARGIN = 1e-5  # multipliers closer to the unit circle are neither stable nor unstable
 
@@ -117,83 +113,7 @@ def nonlinear_mode(seed):
     return compared.count, compared.differences
 
 
-def study(seed):
-    """Responses of a grid of stiffness and gap, and those of runs one by one."""
-    import beamsim
-    from beamsim.analyses.designs.analysis import design_study
-    from beamsim.analyses.designs.plan import plan_designs
-
-    case = random_chain(seed)
-    case["run"] = {"duration": 10 / case["excitation"]["frequency"], "convergence": "off"}
-    stop = case["chain"]["snubbers"][0]
-    values = {"stiffness": [stop["stiffness"] * f for f in (0.5, 1.0, 3.0)], "gap": [1e-4, 7e-4]}
-    places = [{"path": f"chain.snubbers.{stop['name']}.{key}", "values": list(v)} for key, v in values.items()]
-    varied = {**case, "vary": {"kind": "grid", "parameters": places}}
-    result = design_study(plan_designs(beamsim.Scenario.model_validate(varied)), workers=1)
-    compared = Compared()
-    for number in range(6):
-        stop["stiffness"], stop["gap"] = values["stiffness"][number // 2], values["gap"][number % 2]
-        summary = beamsim.run(beamsim.Scenario.model_validate(case)).summary
-        for entry, folder, name in (
-            ("peak_displacement_m", "probes", "peak_displacement"),
-            ("peak_force_n", "snubbers", "peak_force"),
-            ("contact_share", "snubbers", "contact_share"),
-        ):
-            for place, value in summary[entry].items():
-                response = result.responses[f"{folder}/{place}/{name}"]
-                compared(f"case {number}: {name} of {place}", np.ravel(response.values)[number], value, close=1e-8)
-    return compared.count, compared.differences
-
-
-def identification(seed):
-    """Stiffness, its deviation, interval and sensitivities from frequencies that matrices give."""
-    import beamsim
-    from beamsim.analyses.identify.analysis import identify_stiffness
-
-    case = random_chain(seed)
-    case["chain"]["snubbers"] = case["chain"]["snubbers"][:1]
-    (stop,) = case["chain"]["snubbers"]
-    true, step, spread = stop["stiffness"], 1e-6, 0.003
-    measured = natural_frequencies(case, [true])
-    mode = int(np.argmax(natural_frequencies(case, [true * 1.001]) / measured))
-
-    def stiffness_for(frequency, case=case):
-        try:
-            return np.exp(
-                brentq(lambda x: natural_frequencies(case, [np.exp(x)])[mode] - frequency, -18.0, 32.0, xtol=1e-14)
-            )
-        except ValueError:  # beyond what a stiffness reaches
-            return None
-
-    section = {"snubber": stop["name"], "measured_with": measured.tolist(), "fit_to": [mode + 1], "uncertainty": spread}
-    guessed = copy.deepcopy(case)
-    guessed["chain"]["snubbers"][0]["stiffness"] = 3.7 * true
-    scenario = beamsim.Scenario.model_validate({**guessed, "identify_stiffness": section})
-    summary = identify_stiffness(scenario).summary
-    compared = Compared()
-    compared("stiffness", summary["stiffness_n_per_m"], true, close=1e-8)
-    slope = np.diff([natural_frequencies(case, [true * (1 + s)])[mode] for s in (-step, step)])[0] / (2 * step * true)
-    compared("deviation", summary["standard_deviation_n_per_m"], spread * measured[mode] / slope, close=1e-4)
-    for found, side in zip(summary["interval_n_per_m"], (-1, 1), strict=True):
-        end = stiffness_for(measured[mode] * (1 + side * 1.959963984540054 * spread))
-        if end is not None:
-            compared("interval", found, end)
-    for path, sensitivity in summary["sensitivities"].items():
-        key, _, number = path.removeprefix("chain.").rstrip("]").partition("[")
-        ends = []
-        for change in (-1e-5, 1e-5):
-            other = copy.deepcopy(case)
-            other["chain"][key][int(number)] *= 1 + change
-            ends.append(stiffness_for(measured[mode], other))
-        if None not in ends:
-            compared(path, sensitivity, np.log(ends[1] / ends[0]) / 2e-5, max(abs(sensitivity), 1.0), 1e-3)
-    return compared.count, compared.differences
-
-
-CHECKS = (
-    stepped_sine, levels, structure, profile, notching, linear_response, random_response, continuation, nonlinear_mode,
-    study, identification,
-)  # fmt: skip
+CHECKS = (stepped_sine, structure, profile, continuation, nonlinear_mode)
 
 
 def attack(count, seed, say=lambda *_: None):

@@ -1,4 +1,4 @@
-"""Figures of sweeps, each computed again apart: steady motions, levels, profiles, notches, linear responses and Q.
+"""Figures of sweeps, each computed again apart: steady motions and profiles.
 
 Steady motions are integrated again by `own_chain`. The motion under a profile is integrated by SciPy's DOP853 from the
 level and the phase that the profile means; a second one with a looser tolerance says how far it can be trusted.
@@ -11,41 +11,32 @@ from figure_comparison import CLOSE, JUMPY, Compared
 from own_chain import OwnChain, peaks, random_chain
 from own_structure import OwnStructure, random_structure
 from scipy.integrate import simpson, solve_ivp
-from scipy.optimize import brentq, minimize_scalar
 
 NEWTON = 12  # steps from where a motion is nearly steady
 TRIES = 4  # starts of other motions beside the one that a sweep settled on
 TABLE = ("frequency", "level")
-WIDE = 1.05  # a limit of a notched sweep may be exceeded by so much
 LATE = 1e-5  # of the largest displacement: what the integration of a profile is compared to
 SAMPLES = 256  # of a cycle
 
 
 def stepped_sine(seed):
     """Envelopes, means, rms and contact shares at six frequencies of a stepped sine."""
-    return _stepped(random_chain(seed), OwnChain, np.random.default_rng([seed, 5]), 6, {})
-
-
-def levels(seed):
-    """The same at two levels and three frequencies."""
-    case, rng = random_chain(seed), np.random.default_rng([seed, 15])
-    level = case["excitation"]["level"]
-    return _stepped(case, OwnChain, rng, 3, {"levels": [level * f for f in rng.uniform(0.3, 2, 2).tolist()]})
+    return _stepped(random_chain(seed), OwnChain, np.random.default_rng([seed, 5]), 6)
 
 
 def structure(seed):
     """The same of beams and of two bodies."""
-    return _stepped(random_structure(seed), OwnStructure, np.random.default_rng([seed, 16]), 2, {}, 80)
+    return _stepped(random_structure(seed), OwnStructure, np.random.default_rng([seed, 16]), 2, 80)
 
 
-def _stepped(case, own_of, rng, points, more, cycles=300):
+def _stepped(case, own_of, rng, points, cycles=300):
     import beamsim
 
     first = case["excitation"]["frequency"]
     low, high = first * rng.uniform(0.4, 0.9), first * rng.uniform(1.1, 3)
     case["sweep"] = {
         "kind": "stepped", "from": low, "to": high, "points": points, "steady_to": 1e-11, "most_cycles": 5000,
-        "direction": str(rng.choice(["up", "down"])), **more,
+        "direction": str(rng.choice(["up", "down"])),
     }  # fmt: skip
     compared = Compared()
     for curve in beamsim.sweep(beamsim.Scenario.model_validate(case)).curves.values():
@@ -203,151 +194,3 @@ def _extreme(motion, j, times, i):
     """Largest and smallest displacement of a mass about a sample: a stiff stop turns a motion within one."""
     fine = np.linspace(times[max(i - 1, 0)], times[min(i + 1, times.size - 1)], 65)
     return np.ravel(peaks(motion(fine)[[j]].T))
-
-
-def notching(seed):
-    """A level that is lowered to limits: they hold within 5 per cent, or the outcome says so; its table repeats it."""
-    import beamsim
-
-    case, rng = random_chain(seed), np.random.default_rng([seed, 18])
-    first = case["excitation"]["frequency"]
-    low, high = first * rng.uniform(0.5, 0.9), first * rng.uniform(1.2, 2.0)
-    rate = float(60 * (high - low) / (rng.uniform(100, 300) * np.log(2)))
-    section = {"kind": "swept_sine", "from": low, "to": high, "rate": f"{rate!r} oct/min"}
-    names = {f"probes.mass_{len(case['chain']['masses'])}.{rng.choice(['displacement', 'acceleration'])}": None}
-    if rng.random() < 0.5:
-        names["snubbers.stop_1.force"] = None
-
-    def swept(more):
-        result = beamsim.sweep(beamsim.Scenario.model_validate({**case, "sweep": {**section, **more}}))
-        (curve,) = result.curves.values()
-        return result, curve
-
-    def largest(curve, name):
-        _, item, quantity = name.split(".")
-        row = curve.envelope_of("", item, quantity)
-        values = row.peak if quantity != "force" else np.maximum(row.maximum, 0.0)
-        return values
-
-    _, free = swept({})
-    limits = {name: float(rng.uniform(0.3, 0.8) * largest(free, name).max()) for name in names}
-    limits = {name: limit for name, limit in limits.items() if limit > 0}
-    compared = Compared()
-    if not limits:
-        return compared.count, compared.differences
-    result, notched = swept({"notch_to": limits})
-    table = notched.notching
-    compared.must("level beyond what is specified", np.all(table.level <= table.specified * (1 + 1e-9)))
-    compared.must("no range is lowered", len(table.ranges) > 0)
-    shares = []
-    for limit in table.limits:
-        values = largest(notched, limit.name)
-        compared(f"largest of {limit.name}", limit.largest, values.max(), close=1e-9)
-        compared(f"share of {limit.name}", limit.share, values.max() / limits[limit.name], close=1e-9)
-        shares.append(values.max() / limits[limit.name])
-    compared.must(
-        f"limits exceeded {max(shares):.3f} times, {result.outcome}", max(shares) <= WIDE or not result.complete
-    )
-    compared.must(f"no limit is reached, {max(shares):.3f}", max(shares) > 0.9)
-    rows = zip(table.frequency_hz.tolist(), table.level.tolist(), strict=True)
-    points = [{**dict(zip(TABLE, row, strict=True)), "quantity": table.quantity} for row in rows]
-    _, again = swept({"profile": points, "between": "log_log", "levels": [1]})
-    for name in limits:
-        compared(f"repetition of {name}", largest(again, name), largest(notched, name), close=1e-9)
-    return compared.count, compared.differences
-
-
-def linear_response(seed):
-    """The response without stops over frequency, and Q of its resonance from the half-power band."""
-    import beamsim
-    from beamsim.analyses.compare.sweeps import peaks_of
-
-    case = random_chain(seed)
-    for stop in case["chain"]["snubbers"]:
-        stop["gap"] = 1.0
-    first = case["excitation"]["frequency"]
-
-    def response(f):
-        """To a unit of the base's acceleration or of the force: displacements and accelerations."""
-        own, w = OwnChain(case, 2 * np.pi * f), 2 * np.pi * f
-        x = np.linalg.solve(own.K - w**2 * np.diag(own.m) + 1j * w * own.C, own.load)
-        return x, -(w**2) * x + own.base
-
-    def amplitude(f):
-        """Of the first mass, at the level that is given."""
-        return float(np.abs(response(f)[0][0]) * np.linalg.norm(OwnChain(case, 2 * np.pi * f).drive))
-
-    bounds = {"bounds": (0.9 * first, 1.1 * first), "method": "bounded", "options": {"xatol": 1e-9 * first}}
-    top = minimize_scalar(lambda f: -amplitude(f), **bounds).x
-    half = amplitude(top) / np.sqrt(2)
-    ends = []
-    for side in (0.5 * first, 1.5 * first):
-        if amplitude(side) > 0.9 * half:
-            return 0, []  # no band
-        ends.append(brentq(lambda f: amplitude(f) - half, *sorted((side, top))))
-    width = ends[1] - ends[0]
-    section = {"kind": "stepped", "from": ends[0] - width, "to": ends[1] + width, "points": 60, "steady_to": 1e-9}
-    case["sweep"] = section
-    result = beamsim.sweep(beamsim.Scenario.model_validate(case))
-    (curve,) = result.curves.values()
-    compared = Compared()
-    found = peaks_of(curve.frequency_hz, curve.displacement["mass_1"].peak)
-    compared.must("one resonance", len(found) == 1)
-    for f, level, quality in found:
-        # of a parabola through samples that lie a twentieth of the width apart
-        compared("resonance", f, top, width, 5e-3)
-        compared("its displacement", level, amplitude(top), close=3e-4)
-        compared("Q", quality, top / width, close=2e-3)
-    for k in np.linspace(0, result.linear.frequency_hz.size - 1, 20).astype(int):
-        x, a = response(result.linear.frequency_hz[k])
-        compared.what = f"linear response at {result.linear.frequency_hz[k]:.6g} Hz"
-        compared("displacement", [abs(row[k]) for row in result.linear.displacement.values()], np.abs(x))
-        compared("acceleration", [abs(row[k]) for row in result.linear.acceleration.values()], np.abs(a))
-    return compared.count, compared.differences
-
-
-def random_response(seed):
-    """Statistics of a random vibration from its samples; deviations of both linear structures from the density."""
-    import beamsim
-
-    case, rng = random_chain(seed), np.random.default_rng([seed, 19])
-    sine = case.pop("excitation")
-    first, on_base = sine["frequency"], sine["applied_to"] == "base"
-    f = first * np.array([0.3, 1.0, 4.0])
-    density = sine["level"] ** 2 / first * rng.uniform(0.02, 0.2, 3)
-    if sine.get("quantity", "acceleration") != "acceleration":
-        density = (1e-3 * (2 * np.pi * first) ** 2) ** 2 / first * rng.uniform(0.002, 0.02, 3)
-    table = [{"frequency": a, "density": b} for a, b in zip(f.tolist(), density.tolist(), strict=True)]
-    case["excitation"] = {"kind": "random", "applied_to": sine["applied_to"], "psd": table, "seed": seed}
-    case["run"] = {"duration": 40 / first, "convergence": "off", "start": "rest"}
-    result = beamsim.run(beamsim.Scenario.model_validate(case))
-    own = OwnChain({**case, "excitation": sine}, 1.0)
-    compared = Compared()
-    node, weight = np.polynomial.legendre.leggauss(6)
-    edges = np.unique(np.concatenate([np.geomspace(f[0], f[-1], 3000), f]))
-    at = (edges[:-1, None] + np.diff(edges)[:, None] * (node + 1) / 2).ravel()
-    share = (np.diff(edges)[:, None] * weight / 2).ravel()
-    load = np.exp(np.interp(np.log(at), np.log(f), np.log(density))) * share
-    for closed in (False, True):
-        A = own.matrix((closed,) * len(own.stops))[0]
-        K, C = (-own.m[:, None] * A[own.n : 2 * own.n, part] for part in (slice(own.n), slice(own.n, 2 * own.n)))
-        w = 2 * np.pi * at[:, None, None]
-        x = np.linalg.solve(K - w**2 * np.diag(own.m) + 1j * w * C, own.load[:, None])[..., 0]
-        a = -(w[:, 0] ** 2) * x + (1.0 if on_base else 0.0)
-        for values, quantity in ((x, "displacement"), (a, "absolute_acceleration")):
-            sigma = np.sqrt(load @ np.abs(values) ** 2)
-            for i in range(own.n):
-                theirs = result.summary["random_linear"][f"mass_{i + 1} {quantity}"]["closed" if closed else "open"]
-                compared(f"{quantity} of mass {i + 1}, {'closed' if closed else 'open'}", theirs, sigma[i], close=1e-5)
-    late = result.time >= result.random.start_s * (1 - 1e-12)
-    for name, probe in result.probes.items():
-        x, compared.what = probe.displacement[late], name
-        found = result.summary["random"][f"{name} displacement"]
-        deviation = x.std()
-        for key, value in {
-            "rms": np.sqrt(np.mean(x**2)), "standard_deviation": deviation, "highest": x.max(), "lowest": x.min(),
-            "kurtosis": np.mean((x - x.mean()) ** 4) / deviation**4,
-            "crest_factor": np.abs(x - x.mean()).max() / deviation,
-        }.items():  # fmt: skip
-            compared(key, found[key], value, close=1e-9)
-    return compared.count, compared.differences

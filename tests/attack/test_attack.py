@@ -104,7 +104,7 @@ def test_the_same_contact_is_not_counted_twice(tmp_path):
     assert finding.events > 500
 
 
-DEAR = ("levels", "structure", "profile", "notching", "linear_response", "continuation")  # one chain is enough here
+DEAR = ("structure", "profile", "continuation")  # one chain is enough here
 
 
 @pytest.mark.parametrize("check", summary_figures.CHECKS, ids=lambda check: check.__name__)

@@ -7,15 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import h5py
 import pytest
 from sampling import slow_after
 from typer.testing import CliRunner
 
 import beamsim
 from beamsim.cli.app import app
-from beamsim.cli.failures import verdict
-from beamsim.errors import NotTrustedError, Problem, ResultFileError, ScenarioError
 from beamsim.kinds import TemplateKind
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario import template
@@ -130,34 +127,6 @@ def test_output_may_be_a_file_or_a_folder(output, file, call, here, solved):
     done = call("run", "case.yaml", "--no-plots", "-o", output)
     assert done.exit_code == 0, done.output
     assert (here / file).is_file()
-
-
-@pytest.mark.parametrize("how", [{"chain": True}, {"snubbers": ()}, {"frequency": math.nan}, {"snubbers": ("a", "b")}])
-def test_info_of_every_kind_of_result(how, call, here, fabricated_run):
-    write_run(fabricated_run(**how), here / "x.h5")
-    done = call("info", "x.h5")
-    assert done.exit_code == 0, done.output
-    assert "Fabricated, 65 Hz" in done.stdout
-    assert "2026-01-01" in done.stdout
-    assert json.loads(call("info", "x.h5", "--json").stdout)["kept_modes"] == 2
-
-
-def test_plot_draws_again(call, here, stored):
-    done = call("plot", "stored.h5", "-o", "pictures", "--format", "svg", "--json")
-    assert done.exit_code == 0, done.output
-    assert {os.path.basename(file) for file in json.loads(done.stdout)["files"]} == {f"stored_{p}.svg" for p in PLOTS}
-    assert len(os.listdir(here / "pictures")) == len(PLOTS)
-
-
-@pytest.mark.parametrize(("form", "file"), [("csv", "stored_csv"), ("uff", "stored.uff"), ("mat", "stored.mat")])
-def test_export(form, file, call, here, stored):
-    done = call("export", "stored.h5", "--format", form)
-    assert done.exit_code == 0, done.output
-    assert (here / file).exists()
-    assert json.loads(call("export", "stored.h5", "--format", form, "--json", "-o", "x").stdout)["files"]
-    assert (here / "x" / file).exists()
-    assert call("export", "stored.h5", "-o", f"y/{file.replace('_csv', '.csv')}").exit_code == 0
-    assert os.listdir(here / "y") == [file]
 
 
 def test_a_name_and_a_format_that_contradict_are_refused(call, here, stored):
@@ -292,78 +261,7 @@ def test_a_bug_ends_with_1_in_one_line(call, here, solved):
     assert (here / "case.h5").read_bytes() == b"old"
 
 
-@pytest.mark.parametrize("where", ["solver", "writing", "plotting"])
-def test_interrupt_ends_with_130_and_leaves_nothing_half_written(where, call, here, solved, monkeypatch):
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-
-    if where == "solver":
-        solved.error = KeyboardInterrupt()
-    elif where == "writing":
-        monkeypatch.setattr("beamsim.store.hdf5._create", interrupted)
-    else:
-        monkeypatch.setattr("beamsim.plots.save.draw", interrupted)
-    done = call("run", "case.yaml")
-    assert done.exit_code == 130
-    assert "interrupted" in done.stderr
-    assert set(os.listdir(here)) == {"case.yaml"} | ({"case.h5"} if where == "plotting" else set())
-
-
-def test_results_that_are_not_ours(call, here, stored):
-    with h5py.File(here / "alien.h5", "w") as file:
-        file["x"] = 1
-    for file in ("alien.h5", "case.yaml", "gone.h5"):
-        for command in (("info",), ("plot",), ("export", "--format", "csv")):
-            done = call(*command, file)
-            assert done.exit_code == 2, done.output
-            assert file in done.stderr
-
-
-def test_every_family_of_exceptions_has_its_code():
-    located = ScenarioError(
-        [Problem("beam.length", "is negative", "use m", "case.yaml", 3), Problem("run", "is missing")]
-    )
-    assert verdict(located) == (2, "case.yaml:3: beam.length is negative; use m\nbeamsim: run is missing")
-    assert verdict(ResultFileError("x"))[0] == 2
-    assert verdict(NotTrustedError("x"))[0] == 3
-    assert verdict(MemoryError())[0] == 2
-    assert verdict(PermissionError(13, "Permission denied", "/x")) == (2, "beamsim: /x: Permission denied")
-    assert verdict(RuntimeError(""))[0] == 1
-    assert verdict(KeyboardInterrupt())[0] == 130
-
-
 # --- as a process -----------------------------------------------------------------------------------------------------
-
-
-def start(*arguments, **options):
-    return subprocess.Popen(
-        [sys.executable, "-m", "beamsim", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        **options,
-    )
-
-
-HELP = """
-import sys
-import beamsim.cli
-heavy = ["numpy", "scipy", "numba", "yaml", "h5py", "matplotlib", "rich", "beamsim.scenario"]
-for command in ("", "run", "sweep", "nnm", "identify-stiffness"):
-    sys.argv = ["beamsim", *command.split(), "--help"]
-    try:
-        beamsim.cli.main()
-    except SystemExit:
-        own = heavy if command else [*heavy, "pydantic"]  # Typer itself reads a command's options with pydantic
-        print("loaded", [name for name in own if name in sys.modules])
-"""
-
-LAZY = """
-import sys
-import beamsim
-assert "numpy" not in sys.modules
-assert all(getattr(beamsim, name) is not None for name in dir(beamsim))
-"""
 
 
 VALIDATE = """
@@ -380,30 +278,9 @@ print("loaded", [name for name in heavy if name in sys.modules])
 """
 
 
-def test_help_imports_nothing_heavy():
-    done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, check=True)
-    assert [line for line in done.stdout.splitlines() if line.startswith("loaded")] == ["loaded []"] * 5
-
-
 def test_validate_imports_only_what_it_needs():
     case = str(Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml")
     done = subprocess.run(
         [sys.executable, "-c", VALIDATE.format(case=case)], capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines()[-1] == "loaded []"
-
-
-def test_importing_the_package_is_lazy_and_its_names_resolve():
-    subprocess.run([sys.executable, "-c", LAZY], check=True)
-    with pytest.raises(AttributeError, match="nothing"):
-        _ = beamsim.nothing
-
-
-def test_closed_pipe_is_no_bug(here, stored):
-    process = start("info", "stored.h5")
-    process.stdout.close()
-    errors = process.stderr.read()
-    process.stderr.close()
-    process.wait()
-    assert "internal error" not in errors
-    assert "Traceback" not in errors

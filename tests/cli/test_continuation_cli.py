@@ -1,31 +1,21 @@
 """``beamsim sweep`` of kind continuation: configs, folds, overlay, harmonic balance, files, limits, exit codes."""
 
-import json
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from beamsim.analyses.response.analysis import frequency_response
-from beamsim.analyses.response.balance import balance_tracer
-from beamsim.analyses.response.branches import reach_of
 from beamsim.analyses.response.overlay import with_overlay
-from beamsim.analyses.response.paths import response_model
 from beamsim.cli.app import app
 from beamsim.cli.report import table_rows
-from beamsim.errors import ResultFileError, ScenarioError
-from beamsim.outcomes import Outcome
-from beamsim.plots.continuation import frequency_response_figures
+from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.results import holds, open_response, open_sweep, write_frequency_response
+from beamsim.store.results import open_response, open_sweep
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CHAIN, BEAM = CONFIGS / "chain_two_dof.yaml", CONFIGS / "one_sided_65hz.yaml"
-OWN = sorted(set(CONFIGS.glob("continuation_*.yaml")) - {CONFIGS / "continuation_60_120hz.yaml"})  # test_nnm_cli.py
-
-
 GAP = "kind: continuation, continue_in: {kind: gap, from: 0, to: 1}"
 SHORT = "kind: continuation, from: 20, to: 30"
 
@@ -49,23 +39,6 @@ def results():
             return self.setdefault(name, frequency_response(load_scenario(CONFIGS / f"{name}.yaml", changes)))
 
     return Computed()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [path.stem for path in OWN])
-def test_every_config_is_complete_and_drawn(results, name):
-    result = results[name]
-    assert result.complete, result.status
-    for branch in result.branches:
-        assert branch.residual.max() < 1e-9
-        assert branch.stable.any()
-    figures = frequency_response_figures(result)
-    with_force = {"force"} if result.scenario.located_snubbers else set()
-    assert {"response", "harmonics"} | with_force <= {key.split("_")[0] for key in figures}
-    for figure in figures.values():
-        for ax in figure.axes:
-            assert "(" in ax.get_xlabel()
-            assert "(" in ax.get_ylabel()
 
 
 def test_level_with_backlash_is_linear_until_it_touches(results):
@@ -122,18 +95,6 @@ def test_reported_peaks_are_the_largest_of_all_motions(results):
     assert len(rows) == len(result.summary["peaks"])
 
 
-@pytest.mark.slow
-def test_folds_in_the_gap_are_those_in_the_level_scaled(results):
-    """Lengths scale: at (level, gap) as at level / gap of a unit gap."""
-    changes = ["sweep.follow_folds_in={kind: gap, from: 0.5 m, to: 2 m}"]
-    gap = frequency_response(load_scenario(CONFIGS / "continuation_folds.yaml", changes))
-    for a, b in zip(results["continuation_folds"].fold_curves, gap.fold_curves, strict=True):
-        o, p = np.argsort(a.parameter), np.argsort(b.parameter)[::-1]
-        inside = (0.1 / b.parameter[p] > 0.06) & (0.1 / b.parameter[p] < 0.19)
-        expected = np.interp(0.1 / b.parameter[p][inside], a.parameter[o], a.frequency_hz[o])
-        np.testing.assert_allclose(b.frequency_hz[p][inside], expected, rtol=2e-4)
-
-
 def test_the_sweep_rides_on_the_stable_motions(results):
     result = results["continuation_overlay"]
     assert list(result.overlay) == ["up_0", "down_0"]
@@ -173,70 +134,6 @@ def test_too_few_harmonics_are_not_trusted(tmp_path):
     kinds = [e.kind for e in many.branches[0].special]
     assert kinds.count("fold") == 2
     assert kinds.count("period_doubling") == 2
-
-
-@pytest.mark.parametrize("elements", [20, 100])
-def test_the_size_of_the_model_is_not_that_of_the_balance(elements):
-    """Unknowns, steps and what stability is computed with: the same for 40 coordinates and for 200."""
-    changes = {"beam.elements": elements, "reduction": {"modes": "all"}, "snubbers[0].gap": "0.05 mm",
-               "sweep": {"kind": "continuation", "from": 80.0, "to": 78.0, "method": "harmonic_balance"}}  # fmt: skip
-    model = response_model(load_scenario(BEAM, changes))
-    assert model.system.dynamics.size == 2 * elements
-    first, last = 2 * np.pi * 80.0, 2 * np.pi * 78.0
-    tracer = balance_tracer(model, 21, model.levels[0], reach_of(first, last, beyond=True))
-    start = tracer.begin(first, -1.0)
-    assert start.u.size == 44
-    from beamsim.orbits.continuation import Settings
-
-    points = [p for p, _ in zip(tracer.branch(start, Settings()), range(6), strict=False)]
-    assert len(points) == 6
-    assert max(p.iterations for p in points[1:]) <= 4
-    assert tracer.problem.multipliers(points[-1]).size <= 16
-
-
-def test_the_file_is_read_back_whole(results, tmp_path):
-    for name in ("continuation_folds", "continuation_overlay", "continuation_harmonic_balance", "continuation_gap"):
-        result = results[name]
-        stored = open_response(write_frequency_response(result, tmp_path / f"{name}.h5"))
-        assert stored.scenario == result.scenario
-        assert json.dumps(stored.summary, sort_keys=True) == json.dumps(result.summary, sort_keys=True)
-        for field in ("status", "parameter", "unit", "snubber", "method", "second_parameter", "second_unit", "title"):
-            assert getattr(stored, field) == getattr(result, field)
-        np.testing.assert_equal(_plain(stored.branches), _plain(result.branches))
-        np.testing.assert_equal(_plain(stored.fold_curves), _plain(result.fold_curves))
-        np.testing.assert_equal(_plain(stored.modes), _plain(result.modes))
-        assert list(stored.overlay) == list(result.overlay)
-        for key, laid in result.overlay.items():
-            np.testing.assert_equal(_plain(stored.overlay[key].displacement), _plain(laid.displacement))
-        frequency_response_figures(stored)
-
-
-def _plain(value):
-    if isinstance(value, Outcome):
-        return value.as_dict()
-    if isinstance(value, (tuple, list)):
-        return [_plain(v) for v in value]
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    return {k: _plain(v) for k, v in vars(value).items()} if hasattr(value, "__dict__") else value
-
-
-def test_what_is_no_continuation_is_refused(tmp_path):
-    done = sweep(CONFIGS / "continuation_gap.yaml", "-o", tmp_path, "--no-plots", "-q")
-    assert done.exit_code == 0
-    assert holds(tmp_path / "continuation_gap.h5", "continuation")
-    assert not holds(BEAM, "continuation")
-    assert not holds(tmp_path / "none.h5", "continuation")
-    with pytest.raises(ResultFileError, match="not a sweep of one design"):
-        open_sweep(tmp_path / "continuation_gap.h5")
-    with h5py.File(tmp_path / "continuation_gap.h5") as file:
-        branch = file["branches/0"]
-        assert (file.attrs["parameter"], file.attrs["unit"], file.attrs["snubber"]) == ("gap", "m", "tip")
-        assert branch["parameter"].attrs["units"] == "m"
-        assert branch["parameter"].dims[0][0] == branch["point"]
-        for item in branch.values():
-            if isinstance(item, h5py.Dataset):
-                assert item.attrs["long_name"]
 
 
 @pytest.mark.slow

@@ -1,12 +1,10 @@
 """The shipped design studies, each with fewer cases and a shorter run."""
 
 import numpy as np
-import pytest
 from shipped import PATHS, shipped
 
 import beamsim
 from beamsim.analyses.designs.analysis import design_study
-from beamsim.analyses.designs.plan import check_cases, plan_designs
 
 CONFIGS = PATHS[0].parent
 STUDIES = [path for path in PATHS if shipped(path).vary and shipped(path).sweep is None]
@@ -27,16 +25,6 @@ def shortened(path, count=3):
 
 def test_there_are_studies():
     assert {"design_stiffness_gap", "design_tolerances", "spring_position"} <= {path.stem for path in STUDIES}
-
-
-@pytest.mark.slow  # two of the configs are also in the table of sameness
-@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
-def test_study_runs_in_a_shortened_form(path):
-    check_cases(plan_designs(beamsim.load_scenario(path)))
-    result = design_study(shortened(path), workers=2)
-    assert result.complete, result.status
-    assert all(np.isfinite(r.values).all() for r in result.responses.values() if r.values.shape == result.shape)
-    assert result.responses["energy_error"].values.max() < 1e-8
 
 
 def test_a_spring_nearer_to_the_tip_raises_the_first_closed_frequency_up_to_a_maximum():

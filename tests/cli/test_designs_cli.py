@@ -177,22 +177,6 @@ def test_check_without_limits(command, call, here):
     assert os.listdir(here) == ["case.yaml"]
 
 
-def test_partial_files_on_the_way(call, here, monkeypatch):
-    """The file is brought up to date while the study goes on."""
-    monkeypatch.setattr("beamsim.cli.designs.SAVED_EVERY_S", 0.0)
-    from beamsim.store import results as store
-
-    written = []
-    real = store.write_designs
-    monkeypatch.setattr(
-        store, "write_designs", lambda result, path: written.append(result.status) or real(result, path)
-    )
-    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots")
-    assert done.exit_code == 0, done.output
-    # the last file is written by the command itself
-    assert written == [*(f"{k} of 6 cases computed" for k in range(1, 6)), "complete"]
-
-
 # --- refusals ---------------------------------------------------------------------------------------------------------
 
 
@@ -254,38 +238,6 @@ def test_resume_of_a_complete_study_computes_nothing(call, here, monkeypatch):
     assert done.exit_code == 0, done.output
     assert "there is nothing to compute" in done.stderr
     assert (here / "case.h5").read_bytes() == before
-
-
-@pytest.mark.parametrize("interrupt", [KeyboardInterrupt, MemoryError])
-def test_what_was_solved_before_an_interrupt_is_kept(interrupt, call, here, monkeypatch):
-    from beamsim.analyses.designs import analysis as designs
-
-    real = designs._solved
-
-    def interrupted(*arguments):
-        for count, outcome in enumerate(real(*arguments)):
-            if count == 2:
-                raise interrupt
-            yield outcome
-
-    assert call("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots", "-o", "whole.h5").exit_code == 0
-    with monkeypatch.context() as patch:
-        patch.setattr(designs, "_solved", interrupted)
-        done = call("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots")
-        assert done.exit_code == (130 if interrupt is KeyboardInterrupt else 2)
-    assert "2 of 6 cases are in case.h5; --resume computes the others" in done.stderr
-    assert "no incomplete file" not in done.stderr  # there is one
-    partial = open_designs("case.h5")
-    assert partial.status == "2 of 6 cases computed"
-    assert partial.solved.sum() == 2
-    other = call("sweep", "case.yaml", "--resume", "--set", "beam.thickness=4 mm", "--no-plots")
-    assert other.exit_code == 2
-    assert "belongs to another study" in other.stderr
-    done = call("sweep", "case.yaml", "--resume", "--workers", 1, "--no-plots")
-    assert done.exit_code == 0, done.output
-    assert "2 of 6 cases are already computed" in done.stderr
-    assert_same_datasets("case.h5", "whole.h5")
-    assert not (here / "case.h5.partial").exists()
 
 
 def test_beginning_anew_says_what_it_gives_up(call, here, monkeypatch):
@@ -367,47 +319,7 @@ def test_killed_at_random_moments_and_resumed_gives_the_same_datasets(call, here
     assert not [pid for pid in survivors if os.path.exists(f"/proc/{pid}")], "workers outlived their parent"
 
 
-@pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow)]
-)
-def test_a_signal_keeps_what_there_is_and_is_obeyed_at_once(number, code, here):
-    long = CASE.replace("points: 3", "points: 90000").replace("[50 kN/m, 200 kN/m]", "[50 kN/m]")
-    (here / "case.yaml").write_text(long)
-    process = start("case.yaml", "--workers", "2")
-    journal = here / "case.h5.partial"
-    try:
-        while process.poll() is None:
-            if journal.exists() and journal.read_bytes().count(b"\n") > 5:
-                break
-            time.sleep(0.01)
-        process.send_signal(number)
-        _, errors = process.communicate(timeout=120)
-    finally:
-        process.kill()
-        process.communicate()  # what is left of it would fail another test
-    assert process.returncode == code, errors
-    assert "Traceback" not in errors
-    assert "--resume computes the others" in errors
-    assert journal.exists()
-
-
 # --- the result file again --------------------------------------------------------------------------------------------
-
-
-def test_info_plot_and_export_of_a_study(call, here):
-    assert call("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots").exit_code == 0
-    done = call("info", "case.h5")
-    assert done.exit_code == 0, done.output
-    assert "grid of 2 x 3" in done.stdout
-    assert json.loads(call("info", "case.h5", "--json").stdout)["cases"] == 6
-    assert json.loads(call("plot", "case.h5", "--json", "--format", "svg").stdout)["files"] == ["case_maps.svg"]
-    table = "case_csv/designs_by_snubbers.tip.stiffness_and_snubbers.tip.gap.csv"
-    assert table in json.loads(call("export", "case.h5", "--format", "csv", "--json").stdout)["files"]
-    assert (here / table).read_text().startswith("snubbers.tip.stiffness_n_per_m,snubbers.tip.gap_m,")
-    done = call("export", "case.h5", "--format", "uff")
-    assert done.exit_code == 2
-    assert "use --format csv" in done.stderr
-    assert json.loads(call("export", "case.h5", "--format", "mat", "--json").stdout)["files"] == ["case.mat"]
 
 
 def test_a_study_of_sweeps_is_checked_against_stress_and_gap(call, here):

@@ -1,14 +1,11 @@
 """Every exit code has one meaning, and every outcome leads to one."""
 
 import gzip
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import beamsim
 from beamsim.cli.app import app
 from beamsim.cli.conclusion import EXIT_CODES, Reporting, conclude, exit_code
 from beamsim.cli.interruption import Interruption
@@ -54,53 +51,6 @@ def test_a_limit_counts_only_where_it_is_checked(fabricated_run):
     assert ended(result, check=True) == 0
 
 
-CASE = """
-chain: {masses: [1 kg], springs: [1 kN/m], snubbers: [{name: stop, mass: 1, side: below, gap: 1 mm, stiffness: 1e5}]}
-excitation: {kind: harmonic, applied_to: base, frequency: 5 Hz, level: 2 g}
-probes: [{name: mass, mass: 1}]
-run: {duration: 0.4 s, convergence: off}
-"""
-
-
-def overflowing(real, since):
-    """A solver whose motion is infinite from a time on: loads within the range of physical quantities give none."""
-
-    def solver(*arguments, **options):
-        motion = real(*arguments, **options)
-        y = np.where(motion.time[:, None] >= since, np.inf, motion.y)
-        return replace(motion, y=y, final_y=motion.final_y * np.inf).up_to_finite()
-
-    return solver
-
-
-@pytest.mark.parametrize(
-    ("options", "code", "says"),
-    [
-        (["--set", "run.method=reference", "--set", "run.rtol=1e-2"], 3, "the energy balance is wrong by "),
-        (["--set", "run.method=reference", "--set", "run.rtol=1e-9"], 0, ""),
-        ([], 3, "the motion leaves the range of floating-point numbers after 0."),
-    ],
-    ids=["lost energy", "its twin", "overflow"],
-)
-def test_a_run_that_is_not_to_be_trusted_ends_with_3_keeps_its_file_and_says_from_when(
-    options, code, says, tmp_path, monkeypatch
-):
-    from beamsim.flow import stretches
-
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(stretches, "motion_of", overflowing(stretches.motion_of, 0.2))
-    Path("case.yaml").write_text(CASE)
-    done = CliRunner().invoke(app, ["run", "case.yaml", "--quiet", "--no-plots", *options])
-    assert done.exit_code == code, done.output
-    kept = beamsim.open_result("case.h5")
-    assert kept.complete is (code == 0)
-    if code:
-        assert says in done.stderr
-        assert "the partial result is in case.h5" in done.stderr
-        assert 0 < kept.outcome.numbers["time"] < 0.2
-        assert f" {kept.outcome.numbers['time']:.6g} s" in done.stderr
-
-
 def test_a_reader_that_leaves_early_is_no_damage_of_the_file(tmp_path, monkeypatch):
     """`beamsim info case.h5 | head` said that the file is damaged."""
 
@@ -113,12 +63,6 @@ def test_a_reader_that_leaves_early_is_no_damage_of_the_file(tmp_path, monkeypat
     for printer, more in (("print_table", []), ("print_json", ["--json"])):
         monkeypatch.setattr(f"beamsim.cli.printing.{printer}", closed)
         assert CliRunner().invoke(app, ["info", str(tmp_path / "sweep.h5"), *more]).exit_code == 141
-
-
-@pytest.mark.parametrize("arguments", [["walk"], ["run"], ["run", "case.yaml", "--nonsense"], ["run", "gone.yaml"]])
-def test_usage_ends_with_2(arguments, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert CliRunner().invoke(app, arguments).exit_code == ExitCode.USAGE == 2
 
 
 @pytest.mark.parametrize(

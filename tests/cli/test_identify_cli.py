@@ -66,22 +66,6 @@ def test_json_has_the_fixed_names_and_nothing_else(call):
     assert values["files"] == ["identify_snubber.h5"]
 
 
-def test_info_and_plot_read_the_file_again(call, tmp_path):
-    first = call("identify-stiffness", CASE, "--no-plots")
-    again = call("info", "identify_snubber.h5")
-    assert again.exit_code == 0, again.output
-    printed = again.output.splitlines()
-    assert [printed[0].partition(": ")[2], *printed[2:-1]] == first.output.splitlines()[:-2]  # all but files and time
-    assert printed[1].split()[0] == "written"
-    values = json.loads(call("info", "identify_snubber.h5", "--json").stdout)
-    assert values["stiffness_n_per_m"] == pytest.approx(153.59e3, rel=1e-3)
-    drawn = call("plot", "identify_snubber.h5", "--format", "svg")
-    assert drawn.exit_code == 0, drawn.output
-    assert {p.name for p in tmp_path.glob("*.svg")} == {
-        f"identify_snubber_{name}.svg" for name in ("frequencies", "residuals", "profiles")
-    }
-
-
 def test_a_loop_that_jumps_ends_with_3_and_keeps_what_it_has(call, tmp_path):
     done = call(
         "identify-stiffness", CASE, "--no-plots", "--set", "identify_stiffness.method=thesis", "--set",

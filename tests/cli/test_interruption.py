@@ -149,14 +149,6 @@ def test_a_fit_keeps_the_best_so_far():
     assert part.nonlinear.profiles == ()
 
 
-def test_nothing_found_is_nothing_kept(monkeypatch):
-    monkeypatch.setattr("beamsim.analyses.response.branches.ShootingTracer.begin", lambda *_: None)
-    with pytest.raises(KeyboardInterrupt):
-        frequency_response(load_scenario(RESPONSE), stop=lambda: True)
-    with pytest.raises(beamsim.ScenarioError, match="no periodic motion"):
-        frequency_response(load_scenario(RESPONSE))
-
-
 # --- as a process -----------------------------------------------------------------------------------------------------
 
 CHILD = f"""
@@ -255,24 +247,6 @@ def test_the_first_signal_is_a_flag_and_the_second_one_ends(number, heeded, caps
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
 
 
-def test_a_signal_while_a_random_input_is_made_keeps_the_first_events(heeded, monkeypatch, tmp_path):
-    from typer.testing import CliRunner
-
-    from beamsim.cli.app import app
-    from beamsim.inputs import random_input
-
-    def density(*given, real=random_input.density, sent=[]):  # noqa: B006
-        if not sent:
-            sent.append(signal.raise_signal(signal.SIGINT))
-        return real(*given)
-
-    monkeypatch.setattr(random_input, "density", density)
-    target = tmp_path / "case.h5"
-    done = CliRunner().invoke(app, ["run", str(CONFIGS / "random_vibration.yaml"), "--no-plots", "-o", str(target)])
-    assert done.exit_code == 130, done.output
-    assert beamsim.open_result(target).outcome.interrupted
-
-
 def test_a_signal_that_is_ignored_stays_ignored(heeded):
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with interruptible() as interrupted:
@@ -289,49 +263,6 @@ def test_a_second_signal_ends_at_once(under_way, tmp_path):
     assert process.returncode == 130
     assert errors == "beamsim: interrupted; no incomplete file was left\n"
     assert os.listdir(tmp_path) == []
-
-
-@pytest.mark.slow
-def test_a_signal_during_an_identification_keeps_the_best_so_far(under_way, tmp_path):
-    starts = "identify_stiffness.nonlinear.starts=8"
-    process = under_way("identify-stiffness", CONFIGS / "identify_nonlinear.yaml", "--set", starts, "-o", "case.h5")
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate("go on\n", timeout=120)
-    assert process.returncode == 130, errors
-    assert os.listdir(tmp_path) == ["case.h5"]
-    kept = beamsim.open_identification(tmp_path / "case.h5")
-    assert kept.status == f"interrupted after {POINTS} of 8 starts"
-
-
-LONG = {
-    "run": ("one_sided_65hz.yaml", "run.duration=2000 s", "run.sample_rate=200 Hz"),
-    "sweep": ("sweep_up_down.yaml", "sweep.rate=0.3 oct/min", "sweep.direction=up"),
-}
-
-
-@pytest.mark.parametrize(
-    ("command", "number", "code"),
-    [
-        ("run", signal.SIGINT, 130),
-        pytest.param("run", signal.SIGTERM, 143, marks=pytest.mark.slow),
-        pytest.param("sweep", signal.SIGTERM, 143, marks=pytest.mark.slow),
-    ],
-)
-def test_a_signal_during_a_long_motion_keeps_what_was_computed(command, number, code, under_way, tmp_path):
-    name, *overrides = LONG[command]
-    sets = [x for override in overrides for x in ("--set", override)]
-    process = under_way(command, CONFIGS / name, *sets, "-o", "case.h5")
-    process.send_signal(number)
-    _, errors = process.communicate("go on\n", timeout=120)
-    assert process.returncode == code, errors
-    assert "Traceback" not in errors
-    assert os.listdir(tmp_path) == ["case.h5"]
-    kept = beamsim.open_result(tmp_path / "case.h5")
-    assert kept.outcome.interrupted
-    assert not kept.complete
-    if command == "run":
-        assert 0.0 < kept.time[-1] < 2000.0
-        assert kept.time[-1] <= kept.outcome.numbers["parameter"]
 
 
 def test_a_signal_during_a_comparison_keeps_the_result(heeded, monkeypatch, tmp_path):
@@ -381,34 +312,6 @@ def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkey
     assert again.exit_code == 0, again.output
     assert len(solved) == 6
     assert beamsim.open_designs(target).complete
-
-
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_of_which_a_library_makes_an_error_is_a_signal(number, code, heeded, monkeypatch, tmp_path):
-    """As pyuff does: it catches everything while it writes."""
-    import pyuff
-    from typer.testing import CliRunner
-
-    from beamsim.cli.app import app
-
-    def write(*_, **__):
-        try:
-            os.kill(os.getpid(), number)
-        except BaseException as error:
-            raise RuntimeError("Error writing data-set #58") from error
-
-    short = ["--set", "run.duration=0.5 s", "--no-plots", "-o", str(tmp_path / "case.h5")]
-    done = CliRunner().invoke(app, ["run", str(CONFIGS / "one_sided_45hz.yaml"), *short])
-    assert done.exit_code == 0, done.output
-    monkeypatch.setattr(pyuff.UFF, "write_sets", write)
-    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
-    try:
-        done = CliRunner().invoke(app, ["export", str(tmp_path / "case.h5"), "--format", "uff", "-o", str(tmp_path)])
-    finally:
-        signal.signal(signal.SIGTERM, before)
-    assert done.exit_code == code, done.output
-    assert done.output.splitlines()[-1] == "beamsim: interrupted; no incomplete file was left"
-    assert os.listdir(tmp_path) == ["case.h5"]
 
 
 # --- while a result is written and drawn ------------------------------------------------------------------------------

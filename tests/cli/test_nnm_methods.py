@@ -4,7 +4,6 @@ import dataclasses
 import json
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -14,10 +13,9 @@ from beamsim.analyses.nnm.orbits import orbit_motion
 from beamsim.analyses.nnm.paths import mode_path
 from beamsim.cli.app import app
 from beamsim.cli.report import table_rows
-from beamsim.errors import ResultFileError, ScenarioError
-from beamsim.plots.nnm import nnm_figures
+from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_nnm, write_nnm
+from beamsim.store.results import open_nnm
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CHAIN = CONFIGS / "nnm_chain_mass_5.yaml"
@@ -34,11 +32,6 @@ def compared():
     """A chain by relaxed minimisation, the expansion beside it."""
     changes = {"nnm.method": {"kind": "relaxed_minimisation", "steps": 12, "tolerance": 1e-8}}
     return nnm(load_scenario(CHAIN, changes), compare=["multiple_scales"])
-
-
-@pytest.fixture(scope="module")
-def never_at_rest():
-    return nnm(load_scenario(CONFIGS / "nnm_never_at_rest.yaml"))
 
 
 @pytest.fixture(scope="module")
@@ -68,49 +61,6 @@ def same(a, b, path="result"):
         assert np.isnan(b), path
     else:
         assert a == b, path
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["compared", "never_at_rest", "beam"])
-def test_a_file_holds_the_whole_result(name, request, tmp_path):
-    """Every field comes back; the table and the pictures are the same, and nothing is computed for them."""
-    result = request.getfixturevalue(name)
-    stored = open_nnm(write_nnm(result, tmp_path / "mode.h5"))
-    summary = {key: value for key, value in result.summary.items() if key != "jumps"}
-    for field in dataclasses.fields(result):
-        if field.name not in ("scenario", "summary"):
-            same(getattr(result, field.name), getattr(stored, field.name), field.name)
-    same(summary, {key: stored.summary[key] for key in summary}, "summary")
-    assert "scenario" not in vars(stored)  # it is parsed when it is asked for
-    assert stored.scenario == result.scenario
-    assert dict(table_rows("nnm", stored)) == dict(table_rows("nnm", result))
-    assert list(nnm_figures(stored)) == list(nnm_figures(result))
-
-
-def test_a_file_of_another_result_is_refused(compared, tmp_path):
-    path = write_nnm(compared, tmp_path / "mode.h5")
-    with h5py.File(path, "r+") as file:
-        del file["branches/0/frequency_hz"]
-    with pytest.raises(ResultFileError, match="damaged"):
-        open_nnm(path)
-    with h5py.File(path, "r+") as file:
-        file.attrs["command"] = "run"
-    with pytest.raises(ResultFileError):
-        open_nnm(path)
-
-
-def test_every_dataset_says_what_it_is(compared, tmp_path):
-    unnamed = []
-
-    def look(name, item):
-        if isinstance(item, h5py.Dataset) and not (item.attrs.get("long_name") and "units" in item.attrs):
-            unnamed.append(name)
-
-    with h5py.File(write_nnm(compared, tmp_path / "mode.h5")) as file:
-        file.visititems(look)
-        assert {"thesis", "multiple_scales", "branches", "modes", "jumps"} <= set(file)
-        assert file["thesis/functional"].dims[0][0] == file["thesis/factor"]
-    assert unnamed == []
 
 
 def test_thesis_method_beside_shooting(compared):
@@ -237,16 +187,6 @@ def test_jumps_that_nothing_explains(beam):
 def test_the_old_name_of_relaxed_minimisation(method):
     expected = "relaxed_minimisation" if isinstance(method, str) else {"kind": "relaxed_minimisation", "steps": 12}
     assert load_scenario(CHAIN, {"nnm.method": method}) == load_scenario(CHAIN, {"nnm.method": expected})
-
-
-def test_python(compared):
-    """The result says in Python what it holds."""
-    assert compared.backbone is compared.branches[0]
-    assert compared.tongues == compared.non_brake == ()
-    assert compared.method == "relaxed_minimisation"
-    assert compared.title == compared.scenario.title
-    with pytest.raises(ValueError, match="no comparison"):
-        nnm(compared.scenario, compare=["guesswork"])
 
 
 @pytest.mark.parametrize(

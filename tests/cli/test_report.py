@@ -113,19 +113,6 @@ def test_every_kind_of_result_has_a_report_in_one_file(name, tmp_path):
     assert ("Motion" in headings) == (data["animation"] is not None) == name.startswith(("run", "nnm"))
 
 
-def test_a_report_builds_the_model_once_and_marches_once(tmp_path, monkeypatch):
-    """The sketch, the shapes of the animation and its motion come from one system."""
-    from beamsim.flow.march import March
-    from beamsim.system import build
-
-    built, marched = [], []
-    assemble, on = build._build, March.on
-    monkeypatch.setattr(build, "_build", lambda *parts: built.append(1) or assemble(*parts))
-    monkeypatch.setattr(March, "on", lambda *motion: marched.append(1) or on(*motion))
-    reported("run_chain", tmp_path)
-    assert (len(built), len(marched)) == (1, 1)
-
-
 def test_the_verdict_names_the_limit_that_is_exceeded(tmp_path):
     text = reported("continuation", tmp_path).read_text(encoding="utf-8")
     assert '<div class="verdict bad"><strong>Limit exceeded: gap</strong>' in text

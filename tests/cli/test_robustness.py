@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 
@@ -87,10 +86,6 @@ class Stop(BaseException):
     """What a signal handler may raise at any moment."""
 
 
-def stop(*_):
-    raise Stop
-
-
 ITEMS = {"/": Item(), **{f"/a{k}": Item(values=np.zeros(10_000)) for k in range(20)}}
 
 
@@ -110,22 +105,4 @@ def test_whatever_happens_while_a_file_is_written_is_told_and_leaves_nothing(err
     expected = ResultFileError if isinstance(error, OSError) else type(error)
     with pytest.raises(expected):
         hdf5.write_items(ITEMS, tmp_path / "x.h5")
-    assert os.listdir(tmp_path) == []
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_while_a_file_is_written_ends_the_writing(number, tmp_path, monkeypatch):
-    def create(*arguments):
-        signal.raise_signal(number)
-        return hdf5_create(*arguments)
-
-    hdf5_create = hdf5._create
-    monkeypatch.setattr(hdf5, "_create", create)
-    before = signal.signal(number, stop)
-    try:
-        with pytest.raises(Stop):
-            hdf5.write_items(ITEMS, tmp_path / "x.h5")
-        assert signal.getsignal(number) is stop
-    finally:
-        signal.signal(number, before)
     assert os.listdir(tmp_path) == []

@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from free_balance import FreeBalance
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.passage import PeriodicForcing
@@ -14,9 +13,7 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.aft import to_real
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance, resampled, truncation
-from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.orbits.spring_families import SpringFamily
 
 K = np.array([[1.0, -1.0], [-1.0, 2.0]])
 W2, V = np.linalg.eigh(K)
@@ -68,10 +65,6 @@ def refined(problem, point, H, omega=OMEGA):
     found = solve_at(finer, np.append(to_real(W).ravel(), omega), Settings(iterations=30), omega)
     assert found is not None
     return finer, found
-
-
-def _samples(motion, count=2048):
-    return motion.states(np.arange(count) * motion.period / count)[:, : motion.coordinates.shape[1]]
 
 
 def exact_harmonics(system, motion, omega=OMEGA, count=4096):
@@ -167,63 +160,3 @@ def test_cubic_spring_converges_exponentially(make_system):
     )
     assert errors[-1] < 1e-12
     assert np.all(np.diff(np.log(errors[:5])) < -1.5)
-
-
-@pytest.mark.parametrize("even", [True, False])
-def test_bilinear_oscillator_free(make_system, even):
-    """2 w1 w2 / (w1 + w2), reached as H^-5, along a path in the stiffness factor at constant energy."""
-    system = make_system([1.0], [0.0], shape=[[1.0]], stiffness=3.0)
-    errors, counts = [], [4, 8, 16, 32, 64]
-    for H in counts:
-        problem = FreeBalance(system, H, even=even)
-        start = solve_at(problem, problem.linear_guess(0, 0.0), Settings(), 0.0)
-        branch = Branch(problem, start, 0.0, 1.0, Settings(largest_step=0.2))
-        points = list(branch)
-        assert branch.outcome.text == "complete: reached parameter 1"
-        assert points[-1].data.energy == pytest.approx(1.0, rel=1e-9)
-        errors.append(abs(points[-1].data.fundamental - 4.0 / 3.0))
-    assert errors[-1] < 1e-10
-    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(4.8, abs=0.4)
-
-
-def test_duffing_backbone_in_energy(make_system):
-    """Frequency of u'' + u + u³ = 0 from the period's elliptic integral, at the energy of each point."""
-    from scipy.special import ellipk
-
-    system = make_system([1.0], [0.0], shape=np.zeros((0, 1)), stiffness=[])
-    problem = FreeBalance(system, 15, "energy", cubic=CubicSprings(np.eye(1), np.ones(1)))
-    start = solve_at(problem, problem.linear_guess(0, np.log(0.01)), Settings(iterations=15), np.log(0.01))
-    branch = Branch(problem, start, np.log(0.01), np.log(5.0), Settings(largest_step=0.1))
-    points = list(branch)
-    assert branch.outcome.complete
-    for point in points[:: max(1, len(points) // 6)]:
-        a2 = np.sqrt(1.0 + 4.0 * np.exp(point.parameter)) - 1.0  # E = a²/2 + a⁴/4
-        m = a2 / (2.0 * (1.0 + a2))
-        exact = np.pi * np.sqrt(1.0 + a2) / (2.0 * ellipk(m))
-        assert point.data.fundamental == pytest.approx(exact, rel=1e-9)
-
-
-def test_six_masses_against_half_period_shooting(make_system):
-    """Mode 4 with a stop at mass 5, full factor 0.5: frequency and shape as the harmonics grow."""
-    chain = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
-    w2, modes = np.linalg.eigh(chain)
-    system = make_system(np.sqrt(w2), np.zeros(6), shape=modes[4:5], stiffness=0.5)
-    frequencies, shapes = [], []
-    for H in (5, 11, 23, 47):
-        problem = FreeBalance(system, H)
-        start = solve_at(problem, problem.linear_guess(3, 0.0, float(np.sign(modes[4, 3]))), Settings(), 0.0)
-        branch = Branch(problem, start, 0.0, 1.0, Settings(largest_step=0.1))
-        point = list(branch)[-1]
-        assert branch.outcome.text == "complete: reached parameter 1"
-        frequencies.append(point.data.fundamental)
-        shapes.append(point.data.states(np.zeros(1))[0, :6])
-    orbits = BrakeOrbits(SpringFamily(system), energy=1.0)
-    exact = solve_at(
-        orbits, orbits.unknowns(shapes[-1], 2 * np.pi / frequencies[-1], 1.0), Settings(iterations=15), 1.0
-    )
-    mode = orbits.orbit(exact)
-    assert mode.period == pytest.approx(4.011, abs=2e-3)  # thesis, chapter 3
-    errors = [abs(f - 2 * np.pi / mode.period) for f in frequencies]
-    assert errors[-1] < 1e-7
-    assert errors[-1] < 1e-2 * errors[0]
-    np.testing.assert_allclose(shapes[-1], mode.state[:6], atol=1e-5)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from expansions import expand_forced, forced_remainder, free_remainder, steady
+from expansions import free_remainder, steady
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import MethodError
@@ -109,22 +109,6 @@ def test_free_remainders(six, mass, mode, gap):
             assert observed_orders(FACTORS[1:], long_times)[-1] == pytest.approx(long, abs=0.15)
 
 
-@pytest.mark.parametrize("case", ["oscillator", "six", "free decay", "no damping"])
-def test_slow_amplitude_over_long_times(oscillator, six, case):
-    """Leading term with slow amplitude and phase: O(e) up to times 3/e, forced or not, damped or not, with a gap."""
-    damping = 0.3 * np.eye(6) + 0.05
-    system, mode, force = {
-        "oscillator": (oscillator(1.0), 0, 0.7),
-        "six": (six(5, damping, gap=0.1), 3, 0.7),
-        "free decay": (six(5, damping, gap=0.1, dashpot=0.4), 3, 0.0),
-        "no damping": (six(5, gap=0.1), 3, 0.0),
-    }[case]
-    resonant = ResonantForcing(system, mode, np.full(system.size, force))
-    off = [forced_remainder(resonant, 0.1, 1.0 + 0.5j, e, 3.0 / e) for e in FACTORS]
-    assert observed_orders(FACTORS, off)[-1] == pytest.approx(1.0, abs=0.1)
-    assert off[-1] < 0.02
-
-
 @pytest.mark.parametrize("case", ["oscillator", "six", "gap", "dashpot"])
 def test_steady_motion_near_resonance(oscillator, six, case):
     """Against shooting: O(e), then O(e²) with the correction; decay rates of the slow flow are Floquet's."""
@@ -194,21 +178,6 @@ def test_thesis_forced_oscillator(oscillator):
     assert abs(found[1]) == pytest.approx(abs(c[1]), rel=0.01)
     np.testing.assert_allclose(np.abs(found[[0, 2, 4]] / found[1]), np.abs(c[[0, 2, 4]] / c[1]), rtol=0.1)
     assert np.abs(c[[3, 5]] / c[1]).max() < 0.02 * np.abs(c[2] / c[1])  # odd ones are of second order
-
-
-@pytest.mark.parametrize("contact", [{"gap": 0.1}, {"gap": -0.05, "dashpot": 0.3}])
-def test_forced_away_from_resonance(six, contact):
-    """q0 + e q1 + e² q2 against shooting: e, e², e³."""
-    system = six(5, 0.1 * np.eye(6), **contact)
-    expansion = expand_forced(system, harmonic(V[1]), 1.1)
-    off = [[], [], []]
-    for e in FACTORS:
-        guess = expansion.states(e, np.zeros(1), 2)[0]
-        t, exact, _ = steady_motion(weakened(system, e, 1.0), V[1], 1.1, guess)
-        for order in range(3):
-            off[order].append(np.abs(expansion.states(e, t, order) - exact)[:, :6].max())
-    for order in range(3):
-        assert observed_orders(FACTORS, off[order])[-1] == pytest.approx(order + 1, abs=0.15)
 
 
 def test_energy_chooses_the_amplitude(six):

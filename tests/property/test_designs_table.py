@@ -1,20 +1,14 @@
 """A design study is the same as its cases run one by one, whoever computes them."""
 
 import math
-import signal
-import sys
 
 import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm
 from typer.testing import CliRunner
 
-import beamsim
 from beamsim.analyses.designs.analysis import design_study
-from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import check_cases, plan_designs
-from beamsim.analyses.designs.result import CaseOutcome
-from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.parallel import on_this_machine
 from beamsim.cli.app import app
 from beamsim.errors import NotTrustedError, ScenarioError
@@ -53,29 +47,6 @@ def assert_same(one, other):
 @pytest.fixture(scope="module")
 def grid():
     return design_study(load_scenario(BASE + GRID), workers=1)
-
-
-def test_every_case_is_the_run_of_its_own_scenario(grid):
-    assert grid.complete
-    assert grid.shape == (2, 3)
-    for i, stiffness in enumerate((50e3, 200e3)):
-        for j, frequency in enumerate((50.0, 85.0, 120.0)):
-            changes = {"snubbers[0].stiffness": stiffness, "excitation.frequency": frequency}
-            s = beamsim.run(load_scenario(BASE, changes)).summary
-            for name, expected in (
-                ("probes/tip/peak_displacement", s["peak_displacement_m"]["tip"]),
-                ("snubbers/tip/peak_force", s["peak_force_n"]["tip"]),
-                ("snubbers/tip/contact_share", s["contact_share"]["tip"]),
-                ("snubbers/tip/largest_gap", s["largest_gap_m"]["tip"]),
-                ("bending_stress", s["largest_bending_stress_pa"]),
-            ):
-                assert grid.responses[name].values[i, j] == pytest.approx(expected, rel=1e-9), name
-            np.testing.assert_allclose(
-                grid.responses["closed_frequencies_hz"].values[i, j, :3], s["closed_frequencies_hz"][:3], rtol=1e-10
-            )
-            assert s["margins"]["peak_force"]["margin"] == pytest.approx(
-                grid.margins["peak_force"].values[i, j], rel=1e-9
-            )
 
 
 def test_the_responses_asked_for_and_those_with_limits_are_computed(grid):
@@ -317,34 +288,6 @@ vary: {kind: grid, parameters: [{path: chain.snubbers.stop.gap, values: [1e-3, 1
     assert "bending_stress" not in result.responses
 
 
-def _note(item):
-    import os
-    from pathlib import Path
-
-    folder = Path(os.environ["BEAMSIM_TEST_NOTES"])
-    (folder / f"{os.getpid()}").write_text(repr(item) + os.environ["OPENBLAS_NUM_THREADS"])
-
-
-@pytest.mark.slow
-def test_one_worker_prepares_for_all(tmp_path, monkeypatch):
-    monkeypatch.setenv("BEAMSIM_TEST_NOTES", str(tmp_path))
-    assert sorted(on_this_machine(abs, [-3, -4, -5], 2, _note)) == [3, 4, 5]
-    notes = sorted(path.read_text() for path in tmp_path.iterdir())
-    assert "-31" in notes  # the first item, linear algebra on one thread
-    assert set(notes) <= {"-31", "None1"}
-
-
-def test_gathering_before_anything_is_known():
-    plan = plan_designs(load_scenario(BASE + GRID))
-    empty = gather(plan, CaseTable(6))
-    assert empty.status == "0 of 6 cases computed"
-    assert not empty.solved.any()
-    assert empty.summary["margins"] == {}
-    one = gather(plan, CaseTable(6, [CaseOutcome(2, {"bending_stress": 1e6})]))
-    assert one.solved.sum() == 1
-    assert one.responses["bending_stress"].values[0, 2] == 1e6
-
-
 def _die(item):
     import os
 
@@ -358,35 +301,3 @@ def _nothing(item):
 def test_a_worker_that_dies_ends_the_study_with_a_remedy():
     with pytest.raises(NotTrustedError, match="--resume"):
         list(on_this_machine(_die, [1, 2, 3], 2, _nothing))
-
-
-def _die_with_parent(item):
-    import os
-    import signal
-
-    os.kill(os.getppid(), signal.SIGTERM)
-    os._exit(9)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="processes have no signals there")
-def test_a_signal_of_which_workers_die_is_what_ends_the_study(monkeypatch):
-    monkeypatch.setattr("beamsim.analyses.parallel._ASKED_EVERY_S", 60.0)  # their death is noticed first
-    received = []
-    before = signal.signal(signal.SIGTERM, lambda number, _: received.append(number))
-    try:
-        assert not list(on_this_machine(_die_with_parent, [1, 2, 3], 2, _nothing, lambda: bool(received)))
-        assert received
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-@pytest.mark.slow
-def test_the_environment_is_left_as_it_was(monkeypatch):
-    import os
-
-    monkeypatch.setenv("OMP_NUM_THREADS", "7")
-    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
-    assert list(on_this_machine(abs, [-1, -2], 2, _nothing)) in ([1, 2], [2, 1])
-    assert os.environ["OMP_NUM_THREADS"] == "7"
-    assert "MKL_NUM_THREADS" not in os.environ

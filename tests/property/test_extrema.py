@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import beamsim
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import Search, Waves, turning_points
+from beamsim.flow.extrema import Search, Waves
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
 from beamsim.system.build import build_system
@@ -141,14 +141,6 @@ def test_turning_points_are_those_of_fine_samples(motion):
             assert np.all((np.diff(values) * rises)[inside] >= -1e-7 * size)
 
 
-def test_few_pairs_of_a_segment_and_an_output_are_divided():
-    whole, outputs = motion_of("harmonic", 12)
-    found = whole.extrema(outputs)
-    of_lines = 8 * found.low.size * 2 * whole.segments  # two signs at eight parts of each segment
-    assert whole.segments > 50
-    assert found.evaluations < 2 * of_lines
-
-
 @settings(max_examples=25, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1), frequency=st.floats(0.1, 60.0), decay=st.floats(0.0, 1e6),
@@ -206,15 +198,6 @@ def no_contacts():
     return Contacts(np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool), ())
 
 
-def test_peaks_of_a_long_motion_without_damping_are_equal():
-    """10,000 periods with peaks that differ by round-off: one of them is found, and no other is searched for."""
-    whole, outputs = one_mode(2.0 * np.pi, 0.0, [1.0, 0.0], 10_000.25)
-    found = whole.extrema(outputs)
-    assert found.high[0] == pytest.approx(1.0, rel=1e-12)
-    assert found.low[1] == pytest.approx(-2.0 * np.pi, rel=1e-12)
-    assert found.evaluations < 3_000_000
-
-
 @pytest.mark.parametrize("growth", [2.0, 20.0, 200.0])
 def test_growing_motions_end_with_their_largest_value(growth):
     """``exp(growth t)`` up to 1e86, beside a term that would grow beyond all numbers but rests."""
@@ -223,14 +206,6 @@ def test_growing_motions_end_with_their_largest_value(growth):
     assert found.high[0, 0] == pytest.approx(np.exp(growth), rel=1e-9)
     assert found.when_high[0, 0] == 1.0
     assert found.low[0, 0] == pytest.approx(1.0, rel=1e-12)
-
-
-def test_fast_functions_that_rest_cost_nothing():
-    """Beside a pulse of 1e-12 s, after it."""
-    exponent, amplitude = np.array([3e12j, -1.0 + 40j]), np.array([[0.0, 1.0 + 0j]])
-    found = extrema_of(waves_of(exponent, amplitude, 2.0))
-    assert found.high[0, 0] == 1.0
-    assert found.evaluations < 1000
 
 
 def test_large_numbers_are_no_matter():
@@ -250,14 +225,6 @@ def test_a_parabola_and_its_flat_top():
     assert found.when_high[0] == pytest.approx(0.3, abs=1e-6)
     assert found.low[0] == pytest.approx(-2.0, rel=1e-12)
     assert found.low[1] == pytest.approx(-7.0, rel=1e-12)
-
-
-def test_a_motion_at_rest_takes_one_look():
-    whole, outputs = one_mode(2.0, 0.1, [0.0, 0.0], 5.0)
-    found = whole.extrema(outputs)
-    assert not found.high.any()
-    assert not found.low.any()
-    assert found.evaluations < 1000
 
 
 def waves_of(exponent, amplitude, length):
@@ -283,21 +250,6 @@ def test_no_output_has_no_extremes():
     assert found.evaluations == 0
 
 
-def test_turning_points_of_many_short_segments():
-    """A maximum in each of 1,000 segments, on which a cubic is exact enough: none is divided, all are kept."""
-    count, exponent, number = 1000, np.array([0.01j]), np.zeros(1, dtype=np.int64)
-    waves = Waves(
-        exponent, number, number, number, np.ones((1, 1), dtype=complex),
-        lambda rows: (np.full((rows.size, 1), np.exp(-0.005j)), np.zeros((rows.size, 1))),
-        np.arange(count, dtype=float), np.ones(count), np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64),
-    )  # fmt: skip
-    wave, row, time, value = turning_points([waves])
-    np.testing.assert_array_equal(wave, np.zeros(count))
-    np.testing.assert_array_equal(np.sort(row), np.arange(count))
-    np.testing.assert_allclose(time - row, 0.5, atol=1e-6)
-    np.testing.assert_allclose(value, 1.0, rtol=1e-12)
-
-
 def test_a_peak_between_samples_is_found_to_round_off():
     """``cos(w t) + 0.5 cos(3 w t)`` has its maximum at a time that is known, and others that are lower by 1e-6."""
     w, first = 40.0, 0.123456789
@@ -308,13 +260,3 @@ def test_a_peak_between_samples_is_found_to_round_off():
     turns = (found.when_high[0, 0] - first) * w / (2.0 * np.pi)
     assert turns == pytest.approx(round(turns), abs=1e-7)
     assert found.evaluations < 4000  # of both signs, on 13 periods
-
-
-def test_a_motion_at_rest_but_for_round_off_is_not_searched_from_end_to_end():
-    """Of 10,000 periods of something small one peak is found, and what may exceed it by less than peaks may differ."""
-    exponent = np.array([0.0, 6e6j, 300j])
-    amplitude = np.array([[-2.0 + 0j, 1e-7j, 1e-12]])
-    found = extrema_of(waves_of(exponent, amplitude, 0.01))
-    assert found.high[0, 0] == pytest.approx(-2.0 + 1e-7, abs=1e-11)
-    assert found.low[0, 0] == pytest.approx(-2.0 - 1e-7, abs=1e-11)
-    assert found.evaluations < 20_000

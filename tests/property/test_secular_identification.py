@@ -67,16 +67,6 @@ def test_roots_are_those_of_an_independent_decomposition(point, decades):
 
 
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(point=points(), mode=st.integers(1, 6), low=st.floats(-3, 9), more=st.floats(0, 3))
-def test_frequencies_never_fall_and_stay_within_reach(point, mode, low, more):
-    below, above = (point.frequencies(10.0**x, mode)[mode - 1] for x in (low, low + more))
-    free, pinned = point.reach(mode)
-    assert free <= below * (1 + 1e-14)
-    assert below <= above * (1 + 1e-14)
-    assert above <= pinned * (1 + 1e-14)
-
-
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(point=points(), decades=st.floats(2, 6), modes=st.sampled_from([(1, 2), (1, 2, 3), (2, 3)]))
 def test_several_consistent_modes_agree(point, decades, modes):
     k = 10.0**decades

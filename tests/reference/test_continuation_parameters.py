@@ -7,9 +7,7 @@ import pytest
 
 from beamsim.analyses.response.analysis import frequency_response
 from beamsim.analyses.response.contact_rates import MovedContact
-from beamsim.analyses.response.paths import response_model
 from beamsim.flow.variational import VariationalFlow
-from beamsim.orbits.shooting import find_orbit
 from beamsim.scenario import load_scenario
 from beamsim.structures.moving_point import ACCURATE, compliance_defect
 from beamsim.structures.places import Place
@@ -127,34 +125,6 @@ def test_one_basis_serves_the_whole_way(moving):
         whole = build_system(s)
         exact = np.sum(whole.probes[0].shape ** 2 / whole.dynamics.stiffness)
         assert compliance[6 * k] == pytest.approx(exact, rel=2 * ACCURATE)
-
-
-def test_states_are_numbered_alike_along_a_path():
-    """Two snubbers, four states met in any order: a passage of one flow is read with another."""
-    sweep = "{kind: continuation, continue_in: {kind: gap, snubber: top, from: 0.1 mm, to: 0.3 mm}}"
-    top = {"name": "top", "position": 0.27, "side": "above", "stiffness": 1e5, "gap": 1e-4}
-    base = load_scenario(BEAM)
-    tip = base.snubbers[0].model_dump(by_alias=True, exclude_none=True)
-    model = response_model(load_scenario(BEAM, {"snubbers": [tip, top], "sweep": _plain(sweep)}))
-    path = model.orbits(2 * 9.81).parameter
-    orbit = find_orbit(model.orbits_at(1e-4, 2 * 9.81))
-    first, _ = path(1.0)
-    first = first.under(2 * np.pi * 65.0, 2 * 9.81)
-    z = np.zeros(first.size)
-    z[: orbit.u.size - 1] = orbit.u[:-1]
-    passage = first.carry(z, 1 / 65.0)
-    path(1.5)
-    again, _ = path(1.0)
-    again = again.under(2 * np.pi * 65.0, 2 * 9.81)
-    times = np.linspace(0, 1 / 65.0, 50, endpoint=False)
-    assert len({tuple(phases) for phases in passage.phases.tolist()}) >= 3
-    np.testing.assert_allclose(again.states_at(passage, times), first.states_at(passage, times), rtol=1e-12, atol=1e-15)
-
-
-def _plain(text):
-    import yaml
-
-    return yaml.safe_load(text)
 
 
 def test_extremes_are_those_of_a_stepped_sine():

@@ -294,35 +294,3 @@ def test_a_branch_that_ends_says_why(flow_of):
     impossible, points, _ = walk(problem, tolerance=1e-30)
     assert len(points) == 1
     assert impossible.outcome.code is OutcomeCode.STEP_TOO_SMALL
-
-
-def test_the_curve_takes_few_passages(flow_of):
-    """About five passages a point (143 points, 731), those for special points and stability included."""
-    problem = ForcedOrbits(flow_of())
-    _, points, _ = walk(problem)
-    stable = [problem.orbit(p).stable for p in points]
-    assert any(stable)
-    assert not all(stable)
-    assert problem.flow.passages < 6 * len(points)
-
-
-def test_located_grazings_survive_a_failing_search(flow_of, monkeypatch):
-    """Multipliers that cannot be computed hide bifurcations, but not the grazing; the failures are recorded."""
-    problem = ForcedOrbits(flow_of(0.5))
-    start = find_orbit(problem)
-    branch = follow_orbits(problem, start, 0.4, 0.8)
-    a, b = next((a, b) for a, b in itertools.pairwise(branch) if not problem.same_events(a, b))
-    (grazing,) = (s for s in special_points(problem, a, b, branch.settings) if s.kind == "grazing")
-
-    def failing(point):
-        raise np.linalg.LinAlgError
-
-    monkeypatch.setattr(problem, "multipliers", failing)
-    with pytest.raises(np.linalg.LinAlgError):
-        special_points(problem, a, b, branch.settings)
-    failed = []
-    (kept,) = special_points(problem, a, b, branch.settings, failed)
-    assert kept.kind == "grazing"
-    assert kept.parameter == grazing.parameter
-    assert failed
-    assert {search.parameter for search in failed} == {a.parameter}

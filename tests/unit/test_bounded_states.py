@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import exact_motion
 from beamsim.analyses.run.motion import memory_of
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension
-from beamsim.errors import ScenarioError
 from beamsim.flow import exact
 from beamsim.flow.contact_state import contact_modes
-from beamsim.flow.exact import ExactFlow, states_in_memory
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.fourier import MotionPart, fourier_integrals
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
@@ -113,32 +111,8 @@ def test_the_least_recently_used_state_goes_first():
     assert len(flow.visited) == 4
 
 
-def test_few_states_rebuild_more_often():
-    built = [simulate(flow_of(most), np.zeros(2 * N)).flow.built for most in (2, 5, None)]
-    assert built[0] > built[1] > built[2]
-
-
-def test_as_many_states_as_fit_into_memory():
-    system = flow_of().system
-    assert states_in_memory(system, 256e6) > 10_000
-    states = simulate(flow_of(), np.zeros(2 * N)).flow.tables()
-    size = sum(array.nbytes for array in states if array.ndim and array.shape[0] == states.horizon.size)
-    assert size / states.horizon.size < 4 * 256e6 / states_in_memory(system, 256e6)
-
-
 def test_the_summary_says_how_many_states_are_kept_where_some_were_dropped():
     settings = beamsim.load_scenario(CASE, SHORT).run
     for most, kept in ((5, 5), (None, None)):
         flow = simulate(flow_of(most), np.zeros(2 * N)).flow
         assert memory_of(flow, settings).get("contact_states_kept") == kept
-
-
-def test_the_setting_reaches_the_run(monkeypatch):
-    given = []
-    original = exact_motion.exact_flow
-    monkeypatch.setattr(exact_motion, "exact_flow", lambda *a, **k: given.append(a[2]) or original(*a, **k))
-    for most in (2, None):
-        beamsim.run(beamsim.load_scenario(CASE, {**SHORT, "run.most_contact_states": most}))
-    assert given == [2, None]
-    with pytest.raises(ScenarioError, match="most_contact_states"):
-        beamsim.load_scenario(CASE, {"run.most_contact_states": 1})

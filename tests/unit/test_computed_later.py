@@ -1,109 +1,18 @@
 """A run computes its summary; curves and histories follow when they are read or written."""
 
-import json
-import pickle
-from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import energy, histories
 from beamsim.analyses.run.outputs import exact_flow
-from beamsim.cli.report import table_rows
-from beamsim.fields import RowBlocks, _Later, attribute, changed, dataset, declared, later
 from beamsim.flow.channels import Observed, outputs_of
-from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_run, write_result
 from beamsim.system.build import build_system
-from beamsim.typing import Floats
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-
-ARRAYS = ("displacement", "absolute_displacement", "velocity", "absolute_acceleration")
-
-
-@declared
-class Curve:
-    name: str = attribute("", "name")
-    values: Floats = dataset("m", "values", along=("n",))
-    more: Floats | None = dataset("m", "more", along=("n",), default=None)
-    size: float | None = attribute("m", "size", default=None)
-
-
-@dataclass
-class Computations:
-    count: int = 0
-
-    def __call__(self) -> Floats:
-        self.count += 1
-        return np.arange(3.0)
-
-
-def is_computed(owner, name):
-    value = vars(owner)[name]
-    return not isinstance(value, (_Later, RowBlocks)) or "value" in vars(value)
-
-
-def test_a_field_is_computed_once_for_all_copies():
-    compute = Computations()
-    first = Curve("a", later(compute))
-    second = changed(first, name="b")
-    assert compute.count == 0
-    assert not is_computed(first, "values")
-    assert (second.name, second.more, second.size) == ("b", None, None)
-    np.testing.assert_array_equal(second.values, np.arange(3.0))
-    assert is_computed(first, "values")
-    assert first.values is second.values
-    assert compute.count == 1
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(Curve("a", later(compute)))).values, np.arange(3.0))
-    with pytest.raises(AttributeError):
-        first.values = np.zeros(3)
-
-
-@pytest.fixture
-def calls(monkeypatch):
-    """How often searches for extremes were begun, and energies sampled."""
-    counted = Counter()
-
-    def counting(owner, name):
-        function = getattr(owner, name)
-
-        def call(*arguments, **keywords):
-            counted[name] += 1
-            return function(*arguments, **keywords)
-
-        monkeypatch.setattr(owner, name, call)
-
-    counting(Trajectory, "extrema")
-    counting(histories, "energies")
-    counting(energy, "energy_history")
-    return counted
-
-
-def test_a_summary_costs_one_search_a_model_and_no_history(calls, tmp_path):
-    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", ["run.duration=0.4 s"])
-    result = beamsim.run(scenario)
-    assert calls == {"extrema": 2}  # of this model and of the finer one
-    json.dumps(result.summary)
-    list(table_rows("run", result))
-    tip, snubber = result.probes["tip"], result.snubbers["tip"]
-    assert not any(is_computed(tip, name) for name in ARRAYS)
-    assert not any(is_computed(snubber, name) for name in ("force", "penetration", "closed"))
-    assert not is_computed(result.energy, "work_in")
-    curves = result.spectra.values()
-    assert not any(is_computed(s, name) for s in curves for name in ("amplitude", "amplitude_db"))
-    write_result(result, tmp_path / "run.h5")
-    written = {"extrema": 2, "energies": 1}
-    assert calls == written
-    assert is_computed(tip, "displacement")
-    stored = open_run(tmp_path / "run.h5")
-    np.testing.assert_array_equal(stored.probes["tip"].absolute_acceleration, tip.absolute_acceleration)
-    assert calls == written
 
 
 def test_extremes_that_are_searched_for_together_are_those_of_each_alone():

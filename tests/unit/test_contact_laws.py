@@ -1,14 +1,9 @@
 """Contact laws as phases: the types take a law that the package does not ship, and laws agree with their parts."""
 
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import beamsim
-from beamsim.analyses.response.paths import response_model
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import (
     DEPTH,
@@ -17,21 +12,14 @@ from beamsim.contacts.laws import (
     LawRow,
     LawSpring,
     Phase,
-    kelvin_voigt,
     piecewise_linear,
 )
-from beamsim.contacts.pads import no_tension
-from beamsim.contacts.snubbers import LAWS
-from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import Frequency, PeriodicForcing
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
-from beamsim.scenario import load_scenario
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-
-CONFIGS = Path(__file__).parents[2] / "configs"
 
 K, KM, TAU, GAP = 20.0, 35.0, 0.15, 0.1
 LOAD, OMEGA = np.array([1.0, 0.6]), 1.3
@@ -146,21 +134,6 @@ def test_a_piecewise_linear_law_is_the_sum_of_its_parts():
         np.testing.assert_allclose(slope, 0.5 * (together[1:] + together[:-1]), atol=0.02)
 
 
-def test_without_a_dashpot_a_law_that_never_pulls_is_that_of_kelvin_voigt():
-    assert no_tension(5.0).phases == kelvin_voigt(5.0).phases
-
-
-def test_numbers_of_slow_motions_do_not_make_a_law_of_two_numbers(system):
-    """Statics and natural frequencies may use them; what takes them for the whole law is refused."""
-    c = replace(system.contacts, laws=(replace(zener(), stiffness=K, dashpot=0.0), no_tension(3.0, 2.0)))
-    np.testing.assert_array_equal(c.slow, [[K, 3.0], [0.0, 2.0]])
-    np.testing.assert_array_equal(replace(c, laws=c.laws[1:]).stiffness, [3.0])
-    with pytest.raises(ValueError, match="one stiffness and one dashpot"):
-        c.stiffness  # noqa: B018
-    with pytest.raises(ValueError, match="one stiffness and one dashpot"):
-        c.with_numbers(0, 2 * K, 0.0)
-
-
 def test_phases_that_do_not_exist_are_refused():
     with pytest.raises(ValueError, match="names a phase"):
         ContactLaw((Phase("alone", (Guard(1, DEPTH),), touching=True),))
@@ -169,25 +142,3 @@ def test_phases_that_do_not_exist_are_refused():
         ContactLaw((Phase("a", twice, touching=True), Phase("b", (), touching=False)))
     with pytest.raises(ValueError, match="not a sum"):
         Contacts(np.ones((1, 1)), np.ones(1), np.zeros(1), np.array([False]), (zener(),)).one_sided_parts()
-
-
-@pytest.mark.parametrize(
-    ("case", "key", "analysis"),
-    [
-        ("continuation_stiffness.yaml", "sweep.continue_in.kind", "frequency_response"),
-        ("nnm_first.yaml", "nnm", "nnm"),
-    ],
-)
-def test_analyses_that_need_a_law_of_two_numbers_name_the_key(case, key, analysis, monkeypatch):
-    law = replace(zener(), stiffness=K, dashpot=0.0)
-    monkeypatch.setitem(LAWS, "kelvin_voigt", lambda stiffness, dashpot: law)
-    with pytest.raises(ScenarioError, match=rf"{key}\b.*(alone|internal states)"):
-        getattr(beamsim, analysis)(load_scenario(CONFIGS / case))
-
-
-def test_a_gap_is_followed_along_any_law(monkeypatch):
-    monkeypatch.setitem(LAWS, "kelvin_voigt", lambda stiffness, dashpot: replace(zener(), stiffness=K, dashpot=0.0))
-    model = response_model(load_scenario(CONFIGS / "continuation_gap.yaml"))
-    contacts, direction = model.followed.contacts_at(1.5)
-    assert contacts.gap[0] == pytest.approx(model.followed.outward(1.5))
-    assert direction.gap[0] == model.followed.last - model.followed.first

@@ -1,10 +1,5 @@
 """Result file, journal, tables and pictures of design studies, from outcomes that no solver made."""
 
-import csv
-import math
-from types import SimpleNamespace
-
-import h5py
 import numpy as np
 import pytest
 from sampling import slow_after
@@ -13,13 +8,11 @@ from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.table import CaseTable
-from beamsim.cli.designs_report import TEXTS, _response_label
 from beamsim.errors import ResultFileError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.plots.designs import design_figures, shown_quantities
 from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.export import export_result
 from beamsim.store.journal import Journal, journal_path
 from beamsim.store.results import holds, open_designs, write_designs
 
@@ -133,69 +126,6 @@ def test_xarray_sees_parameters_as_coordinates(tmp_path):
         assert {"beam.thickness", "snubbers.tip.gap", "case"} <= set(data["bending_stress"].coords)
 
 
-def test_every_dataset_says_what_it_is(tmp_path):
-    with h5py.File(write_designs(fabricated("three"), tmp_path / "study.h5")) as file:
-
-        def check(name, item):
-            if isinstance(item, h5py.Dataset):
-                assert item.attrs["long_name"], name
-                assert "units" in item.attrs, name
-                assert item.is_scale or all(len(d) for d in item.dims), name
-
-        file["designs"].visititems(check)
-        assert file.attrs["command"] == "sweep"
-        assert file["designs/solved"].shape == (5, 3, 2)
-        assert file["designs/snubbers/tip/peak_force"].shape == (5, 3, 2)
-        assert file["designs/margins/peak_force"].shape == (5, 3, 2)
-
-
-def test_the_table_as_csv(tmp_path):
-    result = fabricated("map", failed=(1,))
-    export_result(write_designs(result, tmp_path / "study.h5"), tmp_path / "tables", "csv")
-    along = "by_snubbers.tip.stiffness_and_snubbers.tip.gap"
-    with open(tmp_path / "tables" / f"designs_{along}.csv", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    with open(tmp_path / "tables" / f"designs_{along}_and_mode.csv", encoding="utf-8") as file:
-        by_mode = list(csv.DictReader(file))
-    assert len(rows) == 15
-    assert float(rows[4]["snubbers.tip.stiffness_n_per_m"]) == result.coordinates[0].values[1]
-    assert float(rows[4]["snubbers.tip.gap_m"]) == 1e-4
-    assert float(rows[4]["bending_stress_pa"]) == result.responses["bending_stress"].values[1, 1]
-    pytest.importorskip("pandas")
-    frame = result.to_pandas()[f"designs_{along}"]
-    assert frame["bending_stress_pa"][4] == float(rows[4]["bending_stress_pa"])
-    frequencies = result.responses["closed_frequencies_hz"].values
-    assert float(by_mode[4 * frequencies.shape[-1] + 1]["closed_frequencies_hz"]) == frequencies[1, 1, 1]
-    assert float(rows[4]["margins_peak_force"]) == result.margins["peak_force"].values[1, 1]
-    assert rows[1]["bending_stress_pa"] == "nan"
-    assert [int(row["passing"]) for row in rows] == result.passing.ravel().tolist()
-
-
-@pytest.mark.parametrize("how", ["missing", "text", "other"])
-def test_files_that_hold_no_study(how, tmp_path):
-    path = tmp_path / "x.h5"
-    if how == "text":
-        path.write_text("no")
-    elif how == "other":
-        with h5py.File(path, "w") as file:
-            file.attrs["command"] = "run"
-    with pytest.raises(ResultFileError, match=r"x\.h5"):
-        open_designs(path)
-    assert not holds(path, "designs")
-
-
-def test_damaged_and_foreign_versions(tmp_path):
-    path = write_designs(fabricated("curve"), tmp_path / "x.h5")
-    with h5py.File(path, "a") as file:
-        del file["designs/solved"]
-    with pytest.raises(ResultFileError, match="damaged"):
-        open_designs(path)
-    with h5py.File(path, "a") as file:
-        file.attrs["schema_version"] = 99
-    with pytest.raises(ResultFileError, match="schema_version 99"):
-        open_designs(path)
-
-
 # --- pictures ---------------------------------------------------------------------------------------------------------
 
 
@@ -233,13 +163,6 @@ def test_cells_of_small_maps_are_numbered():
     beyond = (force > 30.0).astype(int)
     (outline,) = (c for c in ax.collections if c.get_paths()[0].vertices.shape == (2, 2))
     assert len(outline.get_paths()) == np.abs(np.diff(beyond, axis=0)).sum() + np.abs(np.diff(beyond, axis=1)).sum()
-
-
-@pytest.mark.parametrize("margin", [math.inf, math.nan])  # as it is computed, and as files hold it
-def test_the_margin_of_a_force_of_zero_has_no_bound(margin):
-    best = [{"case": 0, "parameters": {}, "margin": margin, "limit": "peak_force"}]
-    ((_, text),) = TEXTS["best"](fabricated("map"), best)
-    assert text.endswith("margin without bound (peak force)")
 
 
 def test_cases_beyond_the_limit_are_marked():
@@ -316,13 +239,3 @@ def test_a_journal_in_use_is_left_alone(tmp_path):
             pass
         journal.add(outcomes(2)[1])
     assert len(Journal(path, "print", resume=True).known) == 2
-
-
-def test_responses_are_labelled_by_place_and_quantity():
-    """Names stand as they were given; the curve of a sweep is named where there are several."""
-    names = ["up_0/snubbers/pad_1/peak_force", "up_0/probes/probes/peak_displacement", "bilinear_frequency_hz"]
-    one = SimpleNamespace(responses=dict.fromkeys(names))
-    labels = [_response_label(one, name) for name in names]
-    assert labels == ["pad_1 peak force", "probes peak displacement", "bilinear frequency"]
-    two = SimpleNamespace(responses=dict.fromkeys([*names, "down_0/snubbers/pad_1/peak_force"]))
-    assert _response_label(two, names[0]) == "up_0 pad_1 peak force"

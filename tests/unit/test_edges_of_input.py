@@ -10,9 +10,8 @@ import pytest
 from sampling import slow_after
 from typer.testing import CliRunner
 
-from beamsim import files
 from beamsim.cli.app import app
-from beamsim.errors import BeamsimError, ResultFileError, ScenarioError
+from beamsim.errors import BeamsimError, ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
@@ -146,22 +145,6 @@ def test_an_empty_output_is_refused():
     done = CliRunner().invoke(app, ["run", str(ROOT / "configs/one_sided_65hz.yaml"), "-o", ""])
     assert done.exit_code == 2
     assert "it is empty; give a file or a folder" in done.output
-
-
-@pytest.mark.parametrize("also", ["unlink", "exists"])
-def test_a_folder_without_permission_is_named_with_the_remedy(tmp_path, monkeypatch, also):
-    """The message named the file that probes the folder."""
-
-    def refuse(self, *_, **__):
-        raise PermissionError(13, "Permission denied", str(self))
-
-    monkeypatch.setattr(Path, "touch", refuse)
-    monkeypatch.setattr(Path, also, refuse)
-    with pytest.raises(ResultFileError) as caught:
-        files.check_writable(tmp_path / "run.h5")
-    assert str(caught.value).startswith(f"cannot write {tmp_path / 'run.h5'}: ")
-    assert "-o" in str(caught.value)
-    assert ".tmp" not in str(caught.value)
 
 
 def test_a_long_document_is_refused_unread(tmp_path, monkeypatch):

@@ -5,8 +5,6 @@ import pytest
 
 import beamsim
 from beamsim.analyses.designs import cases
-from beamsim.analyses.designs.plan import plan_draws
-from beamsim.flow.trajectory import Trajectory
 from beamsim.store.journal import Journal, journal_path
 
 CASE = """\
@@ -51,28 +49,6 @@ def test_the_number_of_threads_changes_no_bit(scenario, whole):
     assert list(threads.table) == list(whole.table)
     for name, column in whole.table.items():
         np.testing.assert_array_equal(threads.table[name], column, err_msg=name)
-
-
-def test_only_what_is_asked_for_is_computed(scenario, whole, monkeypatch):
-    rows, sampled = [], []
-    real, sample = Trajectory.extrema, Trajectory.sample
-    monkeypatch.setattr(Trajectory, "sample", lambda self, at, of: sampled.append(at.size) or sample(self, at, of))
-
-    def counted(self, of, **rest):
-        rows.append(of(self.flow.system.contacts.start).row.shape[0])
-        return real(self, of, **rest)
-
-    monkeypatch.setattr(Trajectory, "extrema", counted)
-    force = beamsim.ensemble(scenario, DRAWS, ["peak_force"], workers=1)
-    assert set(force.responses) == {"snubbers/stop/peak_force"}
-    assert rows == [1, 1, 1, 1]
-    assert max(sampled, default=0) < 10  # every segment is looked at
-    rows.clear()
-    number = beamsim.ensemble(scenario, DRAWS, ["contacts", "closed_frequencies_hz"], workers=1)
-    assert rows == []
-    for result in (force, number):
-        for name, response in result.responses.items():
-            np.testing.assert_allclose(response.values, whole.responses[name].values, rtol=1e-10)
 
 
 def test_seeds_of_a_random_input_are_realisations(scenario):
@@ -182,12 +158,3 @@ def test_a_measured_input_is_found_beside_its_scenario(tmp_path, monkeypatch):
     assert summary["peak_force_n"]["stop"] > 0
     again = beamsim.load_scenario(folder / "case.yaml", {"chain.snubbers[0].gap": 1e-3})
     assert table["snubbers/stop/peak_force"][1] == pytest.approx(beamsim.run(again).summary["peak_force_n"]["stop"])
-
-
-def test_a_case_that_is_interrupted_ends_at_once(scenario):
-    study = plan_draws(scenario, {"excitation.level": [1.0]}).tasks
-    asked = []
-    outcome = cases.CaseSolver(study.study).solve(study[0], lambda: asked.append(1) or True)
-    assert not outcome.outcome.complete
-    assert outcome.values == {}
-    assert len(asked) <= 2

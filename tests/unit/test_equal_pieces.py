@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.energy import energy_of_segments, power_factors
+from beamsim.analyses.run.energy import power_factors
 from beamsim.analyses.run.outputs import exact_flow
-from beamsim.flow import moments
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
@@ -52,11 +51,6 @@ def some_times() -> np.ndarray:
     return np.sort(np.concatenate([even, np.random.default_rng(2).uniform(0.0, DURATION, 100)]))
 
 
-def test_most_pieces_take_one_look_for_contact(motion):
-    """High powers of time are no reason to approach the end of a short piece in steps that double."""
-    assert motion[0].evaluations < 1.5 * motion[0].time.size
-
-
 def test_integrals_of_products(motion):
     """Against a fine rule on the samples."""
     trajectory, _ = motion
@@ -80,14 +74,3 @@ def test_integrals_of_products_from_a_later_time_on(motion):
     together = late.product_integrals(times, *factors, begin)
     whole = trajectory.product_integrals(np.append(begin, times), *factors)
     assert largest_difference(together, whole[1:] - whole[0]) < 1e-11
-
-
-def test_equal_pieces_share_their_moments(motion, monkeypatch):
-    trajectory, _ = motion
-    asked = []
-    right = moments.exponential_moments
-    monkeypatch.setattr(moments, "exponential_moments", lambda x, top: (asked.append(x.shape[0]), right(x, top))[1])
-    balance = energy_of_segments(trajectory)
-    assert balance.error < 1e-11
-    assert balance.history.stored.size == trajectory.time.size + 1  # the balance is looked at in every piece
-    assert 0 < sum(asked) <= trajectory.time.size / 8

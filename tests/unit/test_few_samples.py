@@ -7,7 +7,6 @@ import numpy as np
 from beamsim import load_scenario
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.contacts.contacts import Contacts
-from beamsim.flow import trajectory
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
@@ -39,15 +38,6 @@ def test_samples_do_not_depend_on_what_is_sampled_with_them():
         again = [simulate(whole.flow, whole.y[0], duration=float(t)).final_y for t in times[1::19]]
         states = whole.states_at(times)
         assert np.all(np.abs(again - states[1::19]).max(axis=0) <= 1e-9 * np.abs(states).max(axis=0)), changes
-
-
-def test_samples_are_taken_some_at_a_time(monkeypatch):
-    """With few of them at a time, which bounds the memory, they are the same."""
-    whole, outputs = motion("configs/one_sided_65hz.yaml")
-    times = np.linspace(0.0, whole.end, 500)
-    together = whole.sample(times, outputs)
-    monkeypatch.setattr(trajectory, "VALUES_AT_ONCE", 100)
-    np.testing.assert_allclose(whole.sample(times, outputs), together, atol=1e-12 * np.abs(together).max())
 
 
 def test_rest_on_an_unstable_equilibrium_is_sampled_as_rest():

@@ -1,7 +1,6 @@
 """Force-deflection tables of stops: their law, files, fits, and what is refused."""
 
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ import beamsim
 from beamsim.analyses.identify.steady import steady_vibration
 from beamsim.contacts.force_curve import _slopes, fit_curve
 from beamsim.contacts.hysteresis import fit_branch, loop_width, relaxed_part
-from beamsim.contacts.pads import table_law
 from beamsim.errors import ScenarioError
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
@@ -113,12 +111,6 @@ def test_a_preload_on_a_table():
     np.testing.assert_allclose(pad.force, 0.4, rtol=1e-8)
 
 
-@pytest.mark.parametrize("force", [3.0, 8.0, 15.0, 100.0])
-def test_penetration_of_a_static_force(force):
-    law = table_law(build_curve())
-    assert law.static_force(law.static_penetration(force)) == pytest.approx(force, rel=1e-14)
-
-
 def build_curve():
     from beamsim.contacts.force_curve import ForceCurve
 
@@ -142,13 +134,6 @@ def test_the_fit_is_the_best_one():
         assert np.all(curve.slopes >= 0)
         assert curve.slopes.size == segments
         assert misfit == pytest.approx(np.sqrt(np.mean((curve.at(x) - y) ** 2)), rel=1e-9)
-
-
-def test_a_curve_of_few_segments_is_found_again():
-    x = np.linspace(0, 4e-4, 301)
-    curve, misfit = fit_curve(x, build_curve().at(x), 3)
-    np.testing.assert_allclose(curve.deflection, [p[0] for p in POINTS], rtol=1e-6, atol=1e-12)
-    assert misfit < 1e-6
 
 
 def test_a_table_from_a_file(tmp_path):
@@ -248,17 +233,6 @@ def test_cubic_springs_beside_a_table_are_refused():
     }  # fmt: skip
     with pytest.raises(ScenarioError, match=r"force_deflection cannot be combined with cubic springs"):
         build_system(load_scenario({"chain": chain}))
-
-
-def test_the_path_is_relative_to_the_scenario(tmp_path, monkeypatch):
-    import yaml
-
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data" / "pad.csv").write_text("x (mm),N (N)\n0,0\n1,9\n")
-    scenario = {**CASE, "snubbers": [{"position": 0.27, "side": "below", "force_deflection": "data/pad.csv"}]}
-    (tmp_path / "case.yaml").write_text(yaml.safe_dump(scenario))
-    monkeypatch.chdir(Path("/"))
-    assert build_system(load_scenario(tmp_path / "case.yaml")).snubbers[0].stiffness == pytest.approx(9000)
 
 
 def pressed(preload, frequencies, **others):

@@ -215,12 +215,6 @@ def test_bad_numbers_are_refused(stop, says):
         chain(stop)
 
 
-def test_modes_without_losses_refuse_it():
-    scenario = chain(YIELDS, excitation={"kind": "none"}, nnm={"mode": 1})
-    with pytest.raises(ScenarioError, match=r"leave out hardening of pad"):
-        beamsim.nnm(scenario)
-
-
 @pytest.mark.slow
 def test_a_continuation_goes_on_where_the_stop_begins_to_yield():
     """A slider that rests and one that is set anew have the same sign in the determinant that tells forth from back."""

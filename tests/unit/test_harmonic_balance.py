@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from free_balance import FreeBalance
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -102,18 +101,6 @@ def test_forced_jacobian(make_system, parameter, coupled):
     problem = ForcedBalance(system, forcing, 9, parameter, 1.1, 0.7, 2, springs)
     x = np.array([smooth_coefficients(s, 9) for s in range(3)]).T.ravel()
     assert jacobian_error(problem, np.append(x, 1.2)) < 1e-8
-
-
-@pytest.mark.parametrize("even", [True, False])
-@pytest.mark.parametrize("parameter", ["stiffness_factor", "energy", "frequency"])
-def test_free_jacobian(make_system, parameter, even):
-    system, _, springs = general_case(make_system)
-    problem = FreeBalance(system, 9, parameter, 1.0, 0.8, even, springs)
-    u = problem.linear_guess(1, 0.5 if parameter != "frequency" else 1.1)
-    u = u + 0.1 * np.random.default_rng(1).normal(size=u.size)
-    u[-1] = 0.6
-    problem.residual(u)  # fixes the phase's reference
-    assert jacobian_error(problem, u) < 1e-8
 
 
 @pytest.mark.parametrize("coupled", [True, False])

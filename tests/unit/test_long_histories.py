@@ -10,7 +10,6 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run import histories
-from beamsim.fields import rows_of
 from beamsim.flow import moments, trajectory
 from beamsim.plots.drawing import thinned
 from beamsim.plots.run import plot_displacement
@@ -70,19 +69,6 @@ def test_histories_are_the_same_in_one_piece_and_in_parts(small_parts, tmp_path)
     np.testing.assert_array_equal(stored["/base/acceleration"], whole.base_acceleration)
 
 
-def test_energies_in_parts_balance(small_parts):
-    energy = long_run().energy
-    imbalance = energy.work_in - energy.dissipated - (energy.stored - energy.stored[0])
-    assert np.abs(imbalance).max() < 1e-10 * energy.stored.max()
-
-
-def test_any_part_of_a_history_is_that_of_the_whole(small_parts):
-    late, whole = long_run(), long_run()
-    part = slice(70_003, 80_001)  # before any other is computed
-    np.testing.assert_array_equal(rows_of(late.energy, "dissipated")[part], whole.energy.dissipated[part])
-    np.testing.assert_array_equal(rows_of(late.snubbers["tip"], "force")[part], whole.snubbers["tip"].force[part])
-
-
 @pytest.mark.slow
 def test_a_long_run_is_written_read_drawn_and_exported_in_little_memory(small_parts, tmp_path, monkeypatch):
     from matplotlib.figure import Figure
@@ -127,15 +113,6 @@ def test_a_history_of_a_file_that_was_replaced_is_that_of_the_earlier_one(small_
     assert isinstance(stored.snubbers["tip"].closed, np.memmap)
     np.testing.assert_array_equal(stored.snubbers["tip"].force, short.snubbers["tip"].force)
     np.testing.assert_array_equal(stored.snubbers["tip"].closed, short.snubbers["tip"].closed)
-
-
-def test_a_thinned_curve_has_the_extremes_of_the_whole():
-    rng = np.random.default_rng(4)
-    x = rng.normal(size=300_007)
-    times, values = thinned(np.arange(x.size) / RATE, x, 5000, begin=11)
-    assert values.size <= 5200
-    assert (values.max(), values.min()) == (x[11:].max(), x[11:].min())
-    np.testing.assert_array_equal(values, x[np.rint(times * RATE).astype(int)])
 
 
 def test_the_bound_on_memory_is_in_the_summary_and_ends_a_motion_that_exceeds_it(monkeypatch):

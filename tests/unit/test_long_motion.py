@@ -1,19 +1,15 @@
 """Motions under random input that are not kept as a whole: the same as kept ones, in bounded memory."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 
 import beamsim
 from beamsim.analyses.run import exact_motion, parting
-from beamsim.analyses.run.outputs import exact_flow
 from beamsim.errors import ScenarioError
 from beamsim.flow import exact, stretches
 from beamsim.inputs import streamed
 from beamsim.inputs.random_input import random_signals
 from beamsim.outcomes import OutcomeCode
-from beamsim.system.build import build_system
 
 PIECES = 5600  # of the input in 0.14 s
 
@@ -108,30 +104,6 @@ def test_memory_does_not_grow_with_the_duration(pieces_made):
         beamsim.run(scenario(duration=duration, sample_rate=5000.0))
         most.append(max(pieces_made))
     assert most[1] <= 1.1 * most[0]
-
-
-def test_stretches_are_forgotten():
-    system = build_system(scenario())
-    flow = exact_flow(system, 0.14, pieces=(0, 513))
-    motion, kept = stretches.MotionInStretches(flow, system.initial_state, 256), []
-    tracemalloc.start()
-    for stretch in motion.stretches():
-        del stretch
-        kept.append(tracemalloc.get_traced_memory()[0])
-    tracemalloc.stop()
-    assert len(kept) == 22
-    size_of_a_stretch = 256 * 8 * (flow.size + 4)
-    assert kept[-1] - kept[8] < 2 * size_of_a_stretch  # checkpoints and events; segments would be 13 times as much
-
-
-@pytest.mark.slow
-def test_statistics_are_gathered_a_few_histories_at_a_time(in_stretches, monkeypatch):
-    whole = in_stretches.random
-    monkeypatch.setattr("beamsim.analyses.run.random_response.HISTORIES_SHARE", 0.005)  # two histories
-    few = beamsim.run(scenario()).random
-    assert [signal.rms for signal in few.signals] == [signal.rms for signal in whole.signals]
-    for name, coherence in whole.coherence.items():
-        np.testing.assert_array_equal(few.coherence[name], coherence)
 
 
 def test_an_interrupted_motion_keeps_what_it_reached(in_stretches, pieces_made):

@@ -1,12 +1,11 @@
 """Measured signals: harmonics, noise, and the files they come from."""
 
-import h5py
 import numpy as np
 import pytest
 
 from beamsim.analyses.compare.measured import harmonics_of, settled_from
 from beamsim.errors import ScenarioError
-from beamsim.measurements.channels import channel_named, in_si, read_signals
+from beamsim.measurements.channels import in_si, read_signals
 from beamsim.measurements.signal import MeasuredSignal
 
 TIME = np.arange(4000) / 8000.0
@@ -60,23 +59,6 @@ def test_complex_and_plain_spectra():
     assert np.abs(found.value) == pytest.approx(np.abs(TRUE), abs=1e-10)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "time_s,tip\n0,1\n0.5,2\n1,3\n",
-        "Time (s);tip (m)\n0;1\n0,5;2\n1;3\n",
-        "# a comment\ntime (s)\ttip\n0\t1\n0.5\t2\n1\t3\n",
-        "0 1\n0.5 2\n1 3\n",
-    ],
-)
-def test_csv_dialects(tmp_path, text):
-    (tmp_path / "a.csv").write_text(text)
-    (signal,) = read_signals(tmp_path / "a.csv", "s" if text[0] == "0" else None)
-    assert signal.x.tolist() == [0.0, 0.5, 1.0]
-    assert signal.y.tolist() == [1.0, 2.0, 3.0]
-    assert not signal.of_frequency
-
-
 def test_units_of_header_and_scenario(tmp_path):
     (tmp_path / "a.csv").write_text("time,tip (g)\n0,1\n1,2\n")
     with pytest.raises(ScenarioError, match=r"states no unit of its times \(axis time\)"):
@@ -93,42 +75,6 @@ def test_units_of_header_and_scenario(tmp_path):
     with pytest.raises(ScenarioError, match=r"x is missing, and .*b\.csv states no unit of tip") as error:
         in_si(signal, None, "absolute_acceleration", "x")
     assert error.value.problems[0].remedy == "give the unit of the absolute acceleration, for example g"
-
-
-def test_units_of_axes(tmp_path):
-    """A time in ms was read as seconds."""
-    (tmp_path / "a.csv").write_text("time (ms),tip (g)\n0,1\n1,2\n")
-    assert read_signals(tmp_path / "a.csv")[0].x.tolist() == [0.0, 1e-3]
-    (tmp_path / "b.csv").write_text("Frequency [kHz];tip\n0;1\n0,5;2\n")
-    (signal,) = read_signals(tmp_path / "b.csv")
-    assert signal.of_frequency
-    assert signal.x.tolist() == [0.0, 500.0]
-    with h5py.File(tmp_path / "c.h5", "w") as file:
-        file["time"], file["tip"] = [0.0, 1.0, 2.0], [1.0, 2.0, 3.0]
-        file["time"].attrs["units"] = "ms"
-    assert read_signals(tmp_path / "c.h5")[0].x.tolist() == [0.0, 1e-3, 2e-3]
-    (tmp_path / "d.csv").write_text("time (V),tip\n0,1\n1,2\n")
-    with pytest.raises(ScenarioError, match="has a time axis in V, which must be a time"):
-        read_signals(tmp_path / "d.csv")
-    (tmp_path / "e.csv").write_text("time,tip\n0,0,1,5\n0,5,2,0\n")
-    with pytest.raises(ScenarioError, match="decimal commas"):
-        read_signals(tmp_path / "e.csv")
-
-
-def test_hdf5_axes_by_scale_and_by_name(tmp_path):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file["lab/zeit"] = [0.0, 1.0, 2.0]
-        file["lab/tip"] = [1.0, 2.0, 3.0]
-        file["lab/spectrum/frequency"] = [0.0, 10.0]
-        file["lab/spectrum/tip"] = [0.5, 0.25]
-        file["lab/tip"].attrs["units"] = "m/s^2"
-        file["lab/zeit"].attrs["units"], file["lab/spectrum/frequency"].attrs["units"] = "s", "Hz"
-    signals = {s.name: s for s in read_signals(tmp_path / "a.h5")}
-    assert not signals["lab tip"].of_frequency
-    assert signals["lab tip"].unit == "m/s^2"
-    assert signals["lab spectrum tip"].of_frequency
-    chosen = channel_named(list(signals.values()), "tip", "absolute_acceleration", tmp_path / "a.h5")
-    assert chosen.name == "lab tip"
 
 
 @pytest.mark.parametrize("name", ["a.uff", "a.h5"])

@@ -8,7 +8,7 @@ import pytest
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension
-from beamsim.flow import contact_state, neighbouring_modes
+from beamsim.flow import contact_state
 from beamsim.flow.contact_state import contact_modes, tabulated
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
@@ -65,15 +65,6 @@ def solved(monkeypatch):
 
 
 @pytest.mark.parametrize("law", [kelvin_voigt, no_tension])
-def test_a_march_solves_one_eigenvalue_problem(law, solved):
-    flow = flow_of(beam_like(law))
-    trajectory = simulate(flow, np.zeros(2 * N))
-    assert trajectory.outcome.complete
-    assert len(flow.states) > 8
-    assert solved == {"solved": 1, "updated": len(flow.states) - 1}
-
-
-@pytest.mark.parametrize("law", [kelvin_voigt, no_tension])
 @pytest.mark.parametrize("seed", range(4))
 def test_long_chains_of_states_stay_as_exact_as_fresh_ones(law, seed, solved):
     """60 random changes of contacts, one after the other."""
@@ -91,15 +82,6 @@ def test_long_chains_of_states_stay_as_exact_as_fresh_ones(law, seed, solved):
     one, other = (tabulated(each, flow.sources).term_vector[0] for each in (state, fresh))
     np.testing.assert_allclose(one, other, atol=1e-11 * np.abs(other).max())
     assert np.abs(propagator(state, system, 0.0) - np.eye(propagator(state, system, 0.0).shape[0])).max() < 2e-12
-
-
-def test_several_contacts_at_once(solved):
-    system = beam_like()
-    flow = flow_of(system)
-    for phases in ([0] * 6, [1, 0, 1, 0, 1, 0], [1] * 6, [0] * 6):
-        flow.state_index(np.array(phases))
-    flow.state_index(np.array([1, 1, 1, 1, 1, 0]))
-    assert solved == {"solved": 1, "updated": 3}
 
 
 def test_coupled_contacts_at_one_place(solved):
@@ -132,18 +114,6 @@ def test_stiff_contacts_are_solved_anew_where_updates_lose_digits(solved):
         assert np.abs(propagator(state.modes, system, 1e-3) - propagator(fresh, system, 1e-3)).max() < 1e-10
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [{"dashpot": 0.0, "ratio": 0.0}, {"ratio": 3.0}],
-    ids=["undamped: no real parts from round-off", "overdamped: real eigenvalues"],
-)
-def test_other_systems_are_solved_anew(changes, solved):
-    flow = flow_of(beam_like(**changes))
-    for phases in ([0] * 6, [1] + [0] * 5):
-        flow.state_index(np.array(phases))
-    assert solved == {"solved": 2, "updated": 0}
-
-
 def test_coincident_modes_and_coupled_damping_are_solved_anew(solved):
     system = beam_like()
     stiffness, damping = system.stiffness.copy(), system.damping.copy()
@@ -157,16 +127,3 @@ def test_coincident_modes_and_coupled_damping_are_solved_anew(solved):
         fresh = contact_modes(one, flow.forcing, flow.sources, -1, np.array([1] + [0] * 5), flow.longest_window)
         assert np.abs(propagator(flow.states[1].modes, one, 1e-3) - propagator(fresh, one, 1e-3)).max() < 1e-9
     assert solved["updated"] == 0
-
-
-def test_inexact_modes_are_noticed():
-    """The check sees modes of a contact that is 1e-9 stiffer."""
-    system = beam_like()
-    flow = flow_of(system)
-    open_state = flow.states[flow.state_index(np.zeros(M, dtype=np.int64))]
-    closed = np.array([1] + [0] * 5)
-    modes = neighbouring_modes.neighbouring_modes(system, open_state.modes.simple, open_state.phases, closed)
-    force = system.contacts.force_rows(closed)[0][:1]
-    shape = system.contacts.shape[:1]
-    assert neighbouring_modes._error(system, force[:, 0], force[:, 1], shape, modes) < 1e-13
-    assert neighbouring_modes._error(system, force[:, 0] * (1 + 1e-9), force[:, 1], shape, modes) > 1e-11

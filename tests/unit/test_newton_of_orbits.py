@@ -27,21 +27,6 @@ def problem() -> ForcedOrbits:
     return ForcedOrbits(model.orbits(model.levels[0]).flow.under(2 * np.pi * 65.0, model.levels[0]))
 
 
-def test_a_step_costs_one_passage_and_the_flow_is_left_where_the_method_ends(problem):
-    point = find_orbit(problem)
-    before = problem.flow.passages
-    row = np.zeros(point.u.size)
-    row[-1] = 1.0
-    moved = point.u.copy()
-    moved[-1] *= 1.0001
-    found = newton(problem, moved, row, point.scale, SETTINGS)
-    assert found.iterations >= 1
-    assert problem.flow.passages == before + found.iterations + 1
-    assert problem.flow.omega == found.u[-1]
-    again = problem.flow.carry(found.u[:-1], found.data.duration)
-    np.testing.assert_allclose(again.end, found.data.end, rtol=0, atol=1e-14 * np.abs(found.u[:-1]).max())
-
-
 def test_a_flow_under_other_loads_shares_the_modes_and_leaves_the_first_as_it_is(problem):
     """The motion under a load that was set in steps is that of a flow built for it."""
     point = find_orbit(problem)

@@ -1,8 +1,5 @@
 """Nonlinear modes where random structures once tripped them up."""
 
-from itertools import count, cycle
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from sampling import slow_after
@@ -10,8 +7,6 @@ from sampling import slow_after
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.paths import mode_path
 from beamsim.errors import ScenarioError
-from beamsim.orbits import grazing
-from beamsim.orbits.continuation import Settings
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
@@ -40,46 +35,6 @@ def test_two_stops_that_touch_one_point_take_turns():
             own = passage.event_time[passage.event_contact == contact]
             assert np.all(np.diff(own) > 1e-6 * passage.duration)
         assert np.unique(passage.event_time[passage.event_contact < 2].round(9)).size <= 3
-
-
-SEPARATE = SimpleNamespace(system=SimpleNamespace(contacts=SimpleNamespace(jointly_acting=False)))
-
-
-def test_work_between_two_neighbours_is_bounded(monkeypatch):
-    """However the events differ, and however often."""
-    looked, events = [], count()
-
-    class Passage:
-        def __init__(self, number):
-            self.event_time = np.zeros(number)
-            self.signature = tuple((j, 1) for j in range(number))
-
-    class Unruly:
-        def same_events(self, a, b):
-            return False
-
-        def cycle(self, point):
-            return SEPARATE, Passage(next(events))
-
-    monkeypatch.setattr(grazing, "_stays", lambda contacts, more, few: [])
-    monkeypatch.setattr(grazing, "between", lambda *arguments: looked.append(0) or object())
-    assert list(grazing.grazings(Unruly(), object(), object(), Settings())) == []
-    assert len(looked) == grazing.MOST_MIDDLES
-
-
-def test_contacts_met_in_another_order_graze_nothing(monkeypatch):
-    looked, orders = [], cycle([((0, 1), (1, 1), (2, 1)), ((1, 1), (0, 1), (2, 1))])
-
-    class Reordered:
-        def same_events(self, a, b):
-            return False
-
-        def cycle(self, point):
-            return SEPARATE, SimpleNamespace(signature=next(orders), event_time=np.zeros(3))
-
-    monkeypatch.setattr(grazing, "between", lambda *arguments: looked.append(0) or object())
-    assert list(grazing.grazings(Reordered(), object(), object(), Settings())) == []
-    assert len(looked) == 3
 
 
 def test_free_chain_has_no_resonance_with_its_rigid_body_mode():

@@ -8,7 +8,6 @@ import pytest
 
 import beamsim
 from beamsim.cli.report import table_rows
-from beamsim.kinds import KINDS, kind_of_class, named
 
 CHAIN = {
     "title": "One mass & its stop",
@@ -68,13 +67,6 @@ def test_a_result_read_from_its_file_shows_the_same(result, tmp_path):
     pytest.importorskip("pandas")
     histories = read.to_pandas()["time_histories"]
     np.testing.assert_array_equal(histories["probe_first_displacement_m"], result.probes["first"].displacement)
-
-
-def test_every_kind_is_known_by_its_class():
-    for name, kind in KINDS.items():
-        assert kind_of_class(named(kind.result)) == name
-    with pytest.raises(KeyError):
-        kind_of_class(dict)
 
 
 @pytest.mark.parametrize(

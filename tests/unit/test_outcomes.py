@@ -29,37 +29,11 @@ def test_parameter_is_converted_as_a_number():
     assert not whole.complete
 
 
-def test_message_names_the_parameter_where_no_unit_is_known():
-    assert "stopped at parameter 125.664 after" in STOPPED.message
-
-
-def test_optional_parts_of_a_message():
-    assert Outcome.of(OutcomeCode.INTERRUPTED).text == "interrupted"
-    full = Outcome.of(OutcomeCode.INTERRUPTED, parameter=0.5, name="stiffness factor", left=("level 1", "level 2"))
-    assert full.text == "interrupted at stiffness factor 0.5; not started: level 1, level 2"
-    many = Outcome.of(OutcomeCode.INTERRUPTED, left=tuple(f"level {k}" for k in range(9)))
-    assert many.text.endswith("level 5 and 3 more")
-
-
-def test_missing_numbers_are_refused():
-    with pytest.raises(ValueError, match="needs events, time"):
-        Outcome.of(OutcomeCode.EVENT_LIMIT)
-    old = Outcome.of(OutcomeCode.EVENT_LIMIT, text="stopped at 1 s")  # what an old file says
-    assert (old.text, old.remedy, old.complete) == ("stopped at 1 s", "", False)
-
-
 def test_combined():
     reached = Outcome.of(OutcomeCode.REACHED_END, parameter=3.0)
     assert combined([reached, STOPPED, COMPLETE]) is STOPPED
     assert combined([reached]) is COMPLETE
     assert combined([]) is COMPLETE
-
-
-def test_a_model_without_a_mesh_has_no_elements():
-    given = {"percent": 2.0, "figures": ["rms by 3 %"], "remedy": ""}
-    with_mesh, without = (Outcome.of(OutcomeCode.FIGURES_DOUBTFUL, elements=e, **given) for e in ("more elements", ""))
-    assert "half as many modes more and more elements: rms" in with_mesh.text
-    assert "half as many modes more: rms" in without.text
 
 
 def test_both_directions():

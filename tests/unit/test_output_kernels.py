@@ -55,19 +55,6 @@ def test_integrals_of_products_are_those_of_a_fine_rule(motion):
     assert np.abs(coarse / expected[-1] - 1).max() > 1e-6  # the comparison can fail
 
 
-def test_extremes_cost_one_look_at_every_segment(motion):
-    column = np.arange(4)
-    found = motion.extrema(state_rows(motion.flow))
-    highest, when = found.high, found.when_high
-    fine = motion.sample(np.linspace(0, 6, 200_001), state_rows(motion.flow)).max(axis=0)
-    assert np.all(highest >= fine * (1 - 1e-9))
-    np.testing.assert_allclose(highest, fine, rtol=1e-4)  # the fine samples miss corners by a little
-    reached = motion.sample(np.sort(when), state_rows(motion.flow))[np.argsort(np.argsort(when)), column]
-    np.testing.assert_allclose(reached, highest, rtol=1e-9)
-    assert motion.time.size > 300
-    assert found.evaluations < 2 * 8 * 4 * motion.time.size + 20_000  # two signs, eight parts of a segment
-
-
 @pytest.mark.parametrize("exponent", [[0.0], [0.0, -0.3 + 2j], [1j]])
 def test_antiderivatives_join_and_differentiate_back(exponent):
     rng = np.random.default_rng(2)

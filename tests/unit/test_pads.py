@@ -8,8 +8,7 @@ import beamsim
 from beamsim.analyses.run.energy import energy_history
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.force_curve import ForceCurve
-from beamsim.contacts.laws import kelvin_voigt
-from beamsim.contacts.pads import MaxwellBranch, no_tension, recovering_law, table_law
+from beamsim.contacts.pads import MaxwellBranch, recovering_law, table_law
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import Frequency, PeriodicForcing
@@ -200,20 +199,6 @@ def test_derivatives_across_a_pad(curve, dashpot, branches):
         np.testing.assert_allclose(passage.transition[:, k], slope, atol=1e-5)
     ends = [VariationalFlow(system, forcing, OMEGA + x).carry(start, 9.0).end for x in (h, -h)]
     np.testing.assert_allclose(passage.parameters[:, 0], (ends[0] - ends[1]) / (2 * h), atol=1e-5)
-
-
-def test_linear_limits():
-    """No branch: the law of the package with a face; a branch of next to no stiffness: nearly so."""
-    plain, general = moved(no_tension(20.0, 0.8)), moved(recovering_law(LINE, 0.8))
-    np.testing.assert_allclose(general.final_y, plain.final_y, atol=1e-13)
-    bare = moved(kelvin_voigt(20.0)).final_y
-    for small in (1e-3, 1e-6):
-        weak = moved(recovering_law(LINE, 0.0, [MaxwellBranch(small, 0.15)])).final_y[:4]
-        assert 0.0 < np.abs(weak - bare).max() < 10.0 * small
-    fast = moved(recovering_law(LINE, 0.0, [MaxwellBranch(800.0, 1e-3)])).final_y[:4]  # a dashpot of 0.8 N s/m
-    np.testing.assert_allclose(fast, plain.final_y[:4], atol=5e-3)
-    slow = moved(recovering_law(LINE, 0.0, [MaxwellBranch(30.0, 1e7)])).final_y[:4]
-    np.testing.assert_allclose(slow, moved(kelvin_voigt(50.0)).final_y, atol=1e-4)
 
 
 def test_after_a_long_rest():

@@ -11,13 +11,11 @@ from matplotlib.figure import Figure
 from sampling import slow_after
 
 import beamsim
-from beamsim.errors import ResultFileError
 from beamsim.fields import changed
 from beamsim.plots import run as plots
 from beamsim.plots.drawing import legend_columns, thinned
 from beamsim.plots.run import run_figures
 from beamsim.plots.save import save_figures
-from beamsim.plots.style import scale_for
 from beamsim.scenario import load_scenario
 
 EVERYTHING = {
@@ -99,11 +97,6 @@ def test_spectrum_is_over_the_excitation_frequency(ax, fabricated_run):
     assert free.get_xlabel() == "Frequency (Hz)"
 
 
-def test_every_panel_of_spectra_has_a_label(fabricated_run):
-    """The upper panel had another axis than the lower one, and no label."""
-    assert all(ax.get_xlabel() for ax in plots.run_figures(fabricated_run())["spectrum"].axes)
-
-
 def test_of_many_snubbers_the_strongest_are_shown(ax, fabricated_run):
     plots.plot_contact_force(fabricated_run(snubbers=tuple("hgfedcba")), ax)
     assert [line.get_label() for line in ax.lines] == list("hgfedc")
@@ -113,17 +106,6 @@ def test_of_many_snubbers_the_strongest_are_shown(ax, fabricated_run):
 def test_a_chain_has_no_deflected_shape(ax, fabricated_run):
     with pytest.raises(ValueError, match="chain"):
         plots.plot_deflected_shapes(fabricated_run(chain=True), ax)
-
-
-def test_interrupted_plot_leaves_no_file(fabricated_run, tmp_path, monkeypatch):
-    def interrupted(figure, path, *_):
-        path.write_bytes(b"half")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("beamsim.plots.save.draw", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        save_figures(plots.run_figures(fabricated_run()), tmp_path, "case")
-    assert os.listdir(tmp_path) == []
 
 
 @pytest.mark.parametrize("how", [{}, {"snubbers": tuple("abcdefgh")}, {"chain": True}])
@@ -151,23 +133,6 @@ def test_colour_bars_and_other_figures_get_their_places(form, tmp_path):
     save_figures({"map": figure}, tmp_path, "case", form)
     assert (tmp_path / f"case_map.{form}").stat().st_size > 1000
     assert figure.axes[1].get_position().x0 > 0.6
-
-
-def test_no_place_for_the_plots(fabricated_run, tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ResultFileError, match="not a folder"):
-        save_figures(plots.run_figures(fabricated_run()), tmp_path / "file", "case")
-
-
-@pytest.mark.parametrize(
-    ("unit", "value", "expected"),
-    [("m", 4e-4, "mm"), ("m", 30.0, "m"), ("N", 31.0, "N"), ("N", 2e4, "kN"), ("m/s", 0.16, "m/s"), ("m", 0.0, "m"),
-     ("m", 3e-7, "µm"), ("N", 1e-14, "pN")],
-)  # fmt: skip
-def test_prefixes(unit, value, expected):
-    scale = scale_for(unit, np.array([value, -value / 2]))
-    assert scale.unit == expected
-    assert scale_for(unit).factor == 1.0
 
 
 @pytest.mark.parametrize(("name", "beside", "columns"), [("tip", 1, 5), ("node number 10", 1, 4), ("node", 3, 2)])

@@ -48,36 +48,6 @@ def test_a_journal_is_locked_as_windows_does(of_windows, tmp_path):
     assert [case.index for case in known] == [0, 1]
 
 
-def test_no_open_file_is_replaced_or_removed_where_locks_forbid_it(of_windows, tmp_path, monkeypatch):
-    opened = []
-    real = open
-
-    def counting(place, *arguments, **options):
-        file = real(place, *arguments, **options)
-        opened.append((os.path.realpath(place), file))
-        return file
-
-    def closed(place):
-        return all(file.closed for where, file in opened if where == os.path.realpath(place))
-
-    def replace(source, target, move=os.replace):
-        assert closed(source)
-        assert closed(target)
-        move(source, target)
-
-    monkeypatch.setattr("builtins.open", counting)
-    monkeypatch.setattr(os, "replace", replace)
-    path = tmp_path / "case.h5.partial"
-    with Journal(path, "print", resume=False):
-        pass
-    of_windows.clear()
-    with Journal(path, "print", resume=True) as journal:
-        of_windows.clear()
-        journal.remove()
-        assert closed(path)
-    assert not path.exists()
-
-
 def test_a_journal_without_locks(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "fcntl", None)
     monkeypatch.setitem(sys.modules, "msvcrt", None)

@@ -14,14 +14,13 @@ from beamsim.contacts.force_curve import ForceCurve
 from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.hardening import hardening_law
 from beamsim.contacts.laws import kelvin_voigt
-from beamsim.contacts.pads import MaxwellBranch, no_tension, recovering_law, table_law
+from beamsim.contacts.pads import MaxwellBranch, no_tension, recovering_law
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import Frequency, PeriodicForcing
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
-from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
@@ -46,64 +45,6 @@ def motion(system, duration, load=LOAD, start=(0.0, 0.0, 0.0, 0.0)):
     y = np.append(start, system.contacts.settled_states(-system.contacts.gap - system.contacts.sign * (
         system.contacts.shape @ np.array(start[:2]))))  # fmt: skip
     return simulate(flow, y, max_events=2000)
-
-
-SCALED = [
-    (rigid_friction_law(0.3, 0.2), False), (friction_law(20.0, 0.3, 0.2), False),
-    (hardening_law(20.0, 0.4, 5.0), False), (pressed_friction_law(None, STATIC, SLIDING), True),
-    (pressed_friction_law(20.0, STATIC, SLIDING), True),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("law", "pressed"), SCALED)
-def test_all_forces_four_times_as_large_move_a_structure_twice_as_fast(law, pressed):
-    """Laws that know no time of their own: the same motion in half the time, with four times the energies."""
-    factor, duration = 4.0, 12.0
-    one = replace(system_of(law, pressed=pressed), damping=np.zeros((2, 2)))
-    fast = replace(one, stiffness=factor * one.stiffness, contacts=one.contacts.scaled(factor))
-    slow_motion, fast_motion = (
-        simulate(
-            ExactFlow(system, Forcing(scale * np.diag(LOAD), tuple(Signal.harmonic(1.0, np.sqrt(scale) * w)
-                                                                   for w in OMEGA)), duration / np.sqrt(scale)),
-            np.append(np.zeros(4), system.contacts.settled_states(-system.contacts.gap)), max_events=2000,
-        )
-        for system, scale in ((one, 1.0), (fast, factor))
-    )  # fmt: skip
-    assert slow_motion.event_time.size > 10
-    np.testing.assert_array_equal(fast_motion.event_phase, slow_motion.event_phase)
-    np.testing.assert_allclose(2.0 * fast_motion.event_time, slow_motion.event_time, atol=1e-9)
-    np.testing.assert_allclose(fast_motion.final_y[:2], slow_motion.final_y[:2], atol=1e-10)
-    losses = slow_motion.event_losses().sum()
-    np.testing.assert_allclose(fast_motion.event_losses().sum(), factor * losses, rtol=1e-9)
-    assert energy_of_segments(fast_motion).error < 1e-11
-    assert one.contacts.scaled(factor).resting_load == pytest.approx(factor * one.contacts.resting_load)
-
-
-def test_scaled_friction_sticks_up_to_its_scaled_limit():
-    """A mass without a spring under 5 N stays, where twice 3 N hold it, and under 7 N moves with 7 N - 2 * 2 N."""
-    for load, moved in ((5.0, 0.0), (7.0, 1.5)):
-        contacts = Contacts(np.ones((1, 1)), -np.ones(1), np.zeros(1), np.zeros(1, dtype=bool),
-                            (rigid_friction_law(3.0, 2.0),)).scaled(2.0)  # fmt: skip
-        system = PiecewiseLinearSystem(np.zeros(1), np.zeros((1, 1)), contacts, np.array([load]))
-        end = simulate(ExactFlow(system, Forcing(np.zeros((0, 1)), ()), 1.0), np.zeros(2)).final_y
-        assert end[0] == pytest.approx(moved, abs=1e-12)
-
-
-def test_what_presses_is_known_after_contacts_are_split_and_joined():
-    """Numbers of pressing contacts follow them; one that presses another stays whole."""
-    rubs = pressed_friction_law(20.0, STATIC, SLIDING)
-    table = table_law(ForceCurve(np.array([0.0, 0.1, 0.2]), np.array([0.0, 1.0, 5.0])))
-    contacts = Contacts(
-        np.eye(4), np.array([1.0, 1.0, -1.0, -1.0]), np.zeros(4), np.zeros(4, dtype=bool), (table, table, rubs, rubs),
-        pressed_by=np.array([-1, -1, 1, 1]),
-    )  # fmt: skip
-    split = contacts.split()
-    assert split.pressed_by.tolist() == [-1, -1, -1, 2, 2]
-    assert split.laws[2] is table
-    assert split.owners_of_parts[0].tolist() == list(range(5))
-    np.testing.assert_array_equal(split.shape[split.pressing[0]], contacts.shape[1])
-    joined = system_of(rubs).contacts.with_others(system_of(rubs).contacts)
-    assert joined.pressed_by.tolist() == [-1, 0, -1, 2]
 
 
 def by_hand(tangential, dashpot, duration):
@@ -228,18 +169,6 @@ def test_constant_pressing_force(tangential):
     assert pressed.event_time.size == given.event_time.size > 15
     np.testing.assert_allclose(pressed.event_time, given.event_time, atol=1e-12)
     np.testing.assert_allclose(pressed.final_y[:4], given.final_y[:4], atol=1e-12)
-
-
-@pytest.mark.parametrize("tangential", [None, 20.0])
-def test_vanishing_friction(tangential):
-    """As the coefficients tend to zero the motion tends to that without friction, in proportion."""
-    duration, errors = 6.0, []
-    without = motion(system_of(friction_law(1e-9, 1e-12, 1e-12), pressed=False), duration).final_y[:4]
-    for share in (1e-5, 1e-6):
-        law = pressed_friction_law(tangential, STATIC * share, SLIDING * share)
-        errors.append(np.abs(motion(system_of(law), duration).final_y[:4] - without).max())
-    assert errors[1] < 1e-5
-    assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.02)
 
 
 # -- scenarios -------------------------------------------------------------------------------------------------------
@@ -450,14 +379,3 @@ def test_monodromy_of_laws_together():
     np.testing.assert_allclose(passage.transition, by_difference, atol=1e-6 * np.abs(by_difference).max())
     phases = passage.phases
     assert [len(set(column.tolist())) >= 3 for column in phases.T] == [True] * 4
-
-
-def test_a_face_that_sticks_throughout_stays_where_it_is():
-    """Any place of it is periodic: shooting leaves it, and one multiplier is 1."""
-    system = system_of(rigid_friction_law(10.0, 8.0), pressed=False)
-    problem = ForcedOrbits(VariationalFlow(system, LOADS, 1.3, 1.0))
-    guess = np.array([0.3, 0.1, 0.0, 0.0])
-    point = find_orbit(problem, guess)
-    assert SHAPE[1] @ point.u[:2] == pytest.approx(SHAPE[1] @ guess[:2], abs=1e-9)
-    assert np.abs(problem.multipliers(point) - 1.0).min() < 1e-9
-    assert np.abs(problem.multipliers(point)[-1]) < 1e-15  # the face has no speed

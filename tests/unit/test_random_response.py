@@ -14,7 +14,6 @@ from beamsim.cli.report import table_rows
 from beamsim.inputs.random_input import noise
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_run, write_run
 from beamsim.system.build import build_system
 
 G = 9.80665
@@ -79,30 +78,6 @@ def test_contact_lowers_the_coherence(result):
     shown = (hit.random.frequency_hz > 5) & (hit.random.frequency_hz < 30)
     assert np.median(hit.random.coherence["mass"][shown]) < 0.98
     assert hit.summary["random"]["stop force"]["rms"] > 0
-
-
-def test_the_statistics_are_stored_and_drawn(result, tmp_path):
-    stored = open_run(write_run(result, tmp_path / "x.h5")).random
-    assert stored.start_s == result.random.start_s
-    np.testing.assert_array_equal(stored.frequency_hz, result.random.frequency_hz)
-    np.testing.assert_array_equal(stored.transmissibility["mass"], result.random.transmissibility["mass"])
-    for a, b in zip((stored.input, *stored.signals), (result.random.input, *result.random.signals), strict=True):
-        assert (a.name, a.quantity, a.rms, a.kurtosis) == (b.name, b.quantity, b.rms, b.kurtosis)
-        np.testing.assert_array_equal(a.density, b.density)
-    figure = run_figures(result)["random"]
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    for label in (ax.yaxis.label.get_window_extent(canvas.get_renderer()) for ax in figure.axes):
-        assert label.y0 >= 0.0
-        assert label.y1 <= figure.bbox.y1
-    assert "mass absolute_acceleration" in result.summary["random"]
-    np.testing.assert_array_equal(stored.level, LEVELS)
-    assert run_figures(result)["level_crossings"].axes[0].lines
-
-
-def test_a_motionless_signal_and_a_short_run():
-    still = {**OSCILLATOR, "run": {"duration": "0.2 s", "sample_rate": "100 Hz"}}
-    assert beamsim.run(load_scenario(still)).random is None
 
 
 def coverage(amplitudes: str, seeds: int) -> tuple[float, float, float]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.response.analysis import _outcome
-from beamsim.analyses.response.branches import Budget, covered, missing, progress_that_grows, reach_of, trace_range
+from beamsim.analyses.response.branches import Budget, missing, progress_that_grows, trace_range
 from beamsim.analyses.response.paths import FollowedParameter
 from beamsim.orbits.branch import BranchPoint, recorded
 from beamsim.orbits.continuation import Settings
@@ -64,31 +64,6 @@ class Lines:
         return []
 
 
-def test_one_branch_that_covers_everything():
-    tracer = Lines((0.0, 1.0))
-    found = trace_range(tracer, 0.0, 1.0, Budget(1000, 60.0))
-    assert len(found) == 1
-    assert tracer.begun == [0.0]
-    assert missing(found, 0.0, 1.0) == []
-
-
-def test_a_branch_that_ends_is_met_from_the_other_end():
-    tracer = Lines((0.0, 0.4), (0.35, 1.0))
-    found = trace_range(tracer, 0.0, 1.0, Budget(1000, 60.0))
-    assert tracer.begun == [0.0, 1.0]
-    assert missing(found, 0.0, 1.0) == []
-    assert found[0].outcome == a_corner(0.4)
-
-
-def test_the_middle_of_what_is_left_is_begun_both_ways():
-    tracer = Lines((0.0, 0.2), (0.2, 0.7), (0.7, 1.0))
-    found = trace_range(tracer, 1.0, 0.0, Budget(1000, 60.0))
-    assert tracer.begun == [1.0, 0.0, pytest.approx(0.45)]
-    assert missing(found, 1.0, 0.0) == []
-    assert found[2].span == (0.2, 0.7)
-    assert "in the other direction" in found[2].outcome.text
-
-
 def test_a_hole_is_tried_a_bounded_number_of_times_and_told():
     tracer = Lines((0.0, 0.3), (0.6, 1.0))
     found = trace_range(tracer, 0.0, 1.0, Budget(1000, 60.0))
@@ -96,26 +71,6 @@ def test_a_hole_is_tried_a_bounded_number_of_times_and_told():
     assert 5 < len(tracer.begun) <= 12
     assert len(set(tracer.begun)) == len(tracer.begun)
     assert missing(found, 0.0, 1.0) == [pytest.approx((0.3, 0.6))]
-
-
-def test_points_are_bounded():
-    tracer = Lines((0.0, 1.0), step=1e-3)
-    found = trace_range(tracer, 0.0, 1.0, Budget(40, 60.0))
-    assert sum(len(t.points) for t in found) == 40
-    assert missing(found, 0.0, 1.0)
-    assert len(tracer.begun) == 1
-
-
-def test_a_branch_that_runs_into_a_known_one_ends_there():
-    """The second begins at the far end, in the same stretch: it ends after two coincidences, not at the start."""
-    tracer = Lines((0.0, 1.0))
-    stopped = Walk([point(v) for v in np.linspace(0.0, 0.6, 13)], a_corner(0.6))
-    first = {"walks": [stopped]}
-    follow = tracer.branch
-    tracer.branch = lambda start, settings: first["walks"].pop() if first["walks"] else follow(start, settings)
-    found = trace_range(tracer, 0.0, 1.0, Budget(1000, 60.0))
-    assert found[1].outcome.code is OutcomeCode.JOINED_BRANCH
-    assert 0.5 < found[1].span[0] < 0.6
 
 
 def test_progress_never_falls():
@@ -129,15 +84,6 @@ def test_progress_never_falls():
     for fraction in (0.1, 0.05, 0.3, 2.0):
         grown(fraction)
     assert told == [0.1, 0.3, 1.0]
-
-
-def test_gaps_and_reach():
-    assert covered([(0.0, 0.5), (0.4, 0.8)], 0.0, 1.0) == [(0.8, 1.0)]
-    assert covered([(0.0, 0.5), (0.5004, 1.0)], 0.0, 1.0) == []
-    assert covered([], 2.0, 3.0) == [(2.0, 3.0)]
-    assert reach_of(2.0, 3.0, beyond=True) == (2.0 / 1.5, 3.0)
-    assert reach_of(3.0, 2.0, beyond=True) == (2.0, 4.5)
-    assert reach_of(3.0, 2.0, beyond=False) == (2.0, 3.0)
 
 
 def test_a_search_that_fails_is_told_with_the_branch():

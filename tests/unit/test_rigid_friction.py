@@ -347,9 +347,3 @@ def test_what_is_refused(others, says):
     assert "friction[0].stiffness is missing" in str(refused.value)
     assert says in str(refused.value)
     assert "give the contact a tangential stiffness" in str(refused.value)
-
-
-def test_modes_without_losses_refuse_it():
-    case = scenario(nnm={"mode": 1}, run=None, excitation={"kind": "none"})
-    with pytest.raises(ScenarioError, match="nnm needs contacts without losses"):
-        beamsim.nnm(case)

@@ -13,12 +13,6 @@ from beamsim.system.parts import reduced_parts
 from beamsim.system.shared import MOST_KEPT, SharedBuilds
 
 CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
-BEAM = """\
-beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4,
-  supports: {left: clamped, right: free}}
-excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
-run: {duration: 0.1 s}
-"""
 
 
 def test_threads_that_need_the_same_wait_for_the_one_that_builds_it():
@@ -44,23 +38,6 @@ def test_many_threads_keep_a_bounded_number_of_each_sort():
         found = list(pool.map(ask, range(2000)))
     assert found == [[number % 37] * 2 for number in range(2000)]
     assert {sort: len(kept) for sort, kept in shared._kept.items()} == {"structure": MOST_KEPT, "signal": MOST_KEPT}
-
-
-def test_the_one_used_longest_ago_is_built_anew():
-    shared, built = SharedBuilds(), []
-    for number in [*range(MOST_KEPT), 0, MOST_KEPT, 0, 1]:
-        shared.once("structure", number, lambda number=number: built.append(number))
-    assert built == [*range(MOST_KEPT), MOST_KEPT, 1]
-
-
-def test_a_build_may_need_another_one():
-    shared = SharedBuilds()
-    assert shared.once("reduced", 1, lambda: shared.once("structure", 1, lambda: 2) + 1) == 3
-
-
-def test_what_has_no_hash_is_not_kept():
-    shared = SharedBuilds()
-    assert shared.once("structure", [1], object) is not shared.once("structure", [1], object)
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,5 @@
 """Exports: what other programs find in the files."""
 
-import csv
-import math
-import os
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +11,7 @@ from beamsim.analyses.compare_modes.analysis import compare_modes
 from beamsim.cli.app import app
 from beamsim.errors import ResultFileError
 from beamsim.scenario import load_scenario
-from beamsim.store.export import export_result, export_target
+from beamsim.store.export import export_result
 from beamsim.store.results import write_run
 from beamsim.store.shapes import read_shapes
 from beamsim.store.uff import Source, record_55, write_uff
@@ -24,38 +21,6 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 def export_run(result, target, form):
     return export_result(write_run(result, target.parent / "run.h5"), target, form)
-
-
-def read_csv(path):
-    with open(path, newline="", encoding="utf-8") as stream:
-        header, *rows = csv.reader(stream)
-    return header, rows
-
-
-@pytest.mark.parametrize("chain", [False, True])
-def test_csv_tables(chain, fabricated_run, tmp_path):
-    result = fabricated_run(chain=chain, snubbers=("tip", "a, b"))
-    folder = export_target(tmp_path, "case", "csv")
-    files = export_run(result, folder, "csv")
-    assert sorted(os.listdir(folder)) == sorted(path.name for path in files)
-    assert ("beam_by_position.csv" in os.listdir(folder)) is not chain
-
-    header, rows = read_csv(folder / "time_histories.csv")
-    assert header[0] == "time_s"
-    column = header.index("probe_tip_absolute_acceleration_m_per_s2")
-    assert [float(row[column]) for row in rows] == result.probes["tip"].absolute_acceleration.tolist()  # to the bit
-    assert "snubber_a, b_force_n" in header
-    assert {row[header.index("snubber_tip_closed")] for row in rows} == {"0", "1"}
-
-    header, rows = read_csv(folder / "spectra_tip_displacement_lines_by_line.csv")
-    lines = result.spectra["tip", "displacement"].lines
-    kind = header.index("kind")
-    assert [row[kind] for row in rows] == [line.kind for line in lines]
-    header, rows = read_csv(folder / "events_by_event.csv")
-    assert len(rows) == result.events.time.size
-    assert (rows[0][header.index("snubber")], rows[0][header.index("closing")]) == ("tip", "1")
-    _, rows = read_csv(folder / "summary.csv")
-    assert ["peak_force_n", "tip", "15.11"] in rows
 
 
 def test_uff_is_read_back_by_pyuff(fabricated_run, tmp_path):
@@ -97,26 +62,6 @@ def test_uff_is_ascii_where_that_is_exact(fabricated_run, tmp_path):
     assert path.read_bytes().isascii()
     function = next(each for each in pyuff.UFF(str(path)).read_sets() if each["type"] == 58)
     np.testing.assert_allclose(function["x"], result.time, atol=1e-15)
-
-
-@pytest.mark.parametrize("how", [{}, {"chain": True}, {"snubbers": ()}, {"frequency": math.nan}])
-def test_mat_is_read_back_by_scipy(how, fabricated_run, tmp_path):
-    from scipy.io import loadmat
-
-    result = fabricated_run(probes=("tip", "2nd probe", "2nd/probe"), **how)
-    (path,) = export_run(result, tmp_path / "case.mat", "mat")
-    mat = loadmat(path, simplify_cells=True)
-    np.testing.assert_array_equal(mat["time"], result.time)
-    np.testing.assert_array_equal(mat["probes"]["tip"]["velocity"], result.probes["tip"].velocity)
-    assert {"x2nd_probe", "x2nd_probe_"} < set(mat["probes"])
-    assert mat["summary"]["peak_displacement_m"]["tip"] == 4e-4
-    assert mat["info"]["title"] == result.title
-    lines = mat["spectra"]["tip"]["displacement"]["lines"]
-    assert list(np.atleast_1d(lines["kind"])) == [line.kind for line in result.spectra["tip", "displacement"].lines]
-    assert ("beam" in mat) is (bool(result.bodies))
-    if result.snubbers:
-        np.testing.assert_array_equal(mat["snubbers"]["tip"]["closed"].astype(bool), result.snubbers["tip"].closed)
-        assert set(mat["events"]["snubber"]) == {1}
 
 
 def test_refusals(fabricated_run, tmp_path):

@@ -2,12 +2,10 @@
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.errors import ResultFileError
 from beamsim.measurements.channels import read_tests
 from beamsim.plots.identification import identification_figures
 from beamsim.scenario import load_scenario
@@ -64,15 +62,3 @@ def test_every_picture_can_be_drawn(result):
         labels = [ax.get_xlabel() for ax in profiles.axes if ax.get_visible()]
         assert not any("SI" in label or "." in label for label in labels)  # words, not paths
         assert all(label.endswith("kN/m)") for label in labels if "stiffness" in label)
-
-
-def test_other_files_are_refused(tmp_path):
-    with pytest.raises(ResultFileError, match="no such result file"):
-        open_identification(tmp_path / "nothing.h5")
-    (tmp_path / "text.h5").write_text("x")
-    with pytest.raises(ResultFileError, match="damaged"):
-        open_identification(tmp_path / "text.h5")
-    with h5py.File(tmp_path / "other.h5", "w") as file:
-        file.attrs["command"] = "run"
-    with pytest.raises(ResultFileError, match="not from beamsim"):
-        open_identification(tmp_path / "other.h5")

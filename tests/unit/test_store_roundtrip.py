@@ -12,7 +12,6 @@ import pytest
 import beamsim
 from beamsim.errors import ResultFileError
 from beamsim.files import check_writable, replacing
-from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.store.results import SCHEMA_VERSION, open_run, write_run
 
 ROOT_ATTRIBUTES = (
@@ -87,12 +86,6 @@ def test_round_trip(case, fabricated_run, tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["case.h5"]
 
 
-def test_stored_scenario_is_parsed_on_demand(fabricated_run, tmp_path):
-    read = open_run(write_run(fabricated_run(), tmp_path / "case.h5"))
-    assert read.scenario.excitation.frequency == 65.0
-    assert not dataclasses.replace(read, outcome=Outcome.of(OutcomeCode.STOPPED)).complete
-
-
 def test_every_dataset_is_described_and_every_axis_has_its_scale(fabricated_run, tmp_path):
     path = write_run(fabricated_run(snubbers=("a", "b")), tmp_path / "case.h5")
     seen = []
@@ -128,29 +121,6 @@ def test_every_dataset_is_described_and_every_axis_has_its_scale(fabricated_run,
         assert name in seen
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_xarray_opens_every_group(case, fabricated_run, tmp_path):
-    xarray = pytest.importorskip("xarray")
-    path = write_run(fabricated_run(**CASES[case]), tmp_path / "case.h5")
-    with h5py.File(path) as file:
-        groups = ["/"]
-        file.visititems(lambda name, item: groups.append(f"/{name}") if isinstance(item, h5py.Group) else None)
-    for group in groups:
-        with xarray.open_dataset(path, engine="h5netcdf", group=group) as dataset:
-            dataset.load()
-    if case == "beam":
-        with xarray.open_dataset(path, engine="h5netcdf", group="/probes/tip") as probe:
-            assert probe["displacement"].dims == ("time",)
-            assert probe["displacement"].attrs["units"] == "m"
-        with xarray.open_dataset(path, engine="h5netcdf", group="/spectra/tip") as spectrum:
-            assert spectrum["amplitude_db"].dims == ("frequency_hz",)
-            assert float(spectrum["amplitude"].sel(frequency_hz=65, method="nearest")) > 0
-        with xarray.open_dataset(path, engine="h5netcdf", group="/modes") as modes:
-            assert modes["shapes"].dims == ("mode", "position")
-        with xarray.open_datatree(path, engine="h5netcdf") as tree:
-            assert "tip" in tree["probes"].children
-
-
 def test_long_scenario_fits(fabricated_run, tmp_path):
     fabricated = fabricated_run()
 
@@ -160,27 +130,6 @@ def test_long_scenario_fits(fabricated_run, tmp_path):
 
     path = write_run(dataclasses.replace(fabricated, scenario=Long()), tmp_path / "long.h5")
     assert len(open_run(path).scenario_yaml) > 2_000_000
-
-
-@pytest.mark.parametrize("failure", [KeyboardInterrupt, RuntimeError("no"), OSError(28, "No space left on device")])
-@pytest.mark.parametrize("existing", [True, False])
-def test_failed_write_leaves_everything_as_it_was(failure, existing, fabricated_run, tmp_path, monkeypatch):
-    path = tmp_path / "case.h5"
-    if existing:
-        path.write_bytes(b"old")
-
-    def fail(*_, **__):
-        raise failure
-
-    monkeypatch.setattr("beamsim.store.hdf5._create", fail)
-    with pytest.raises((KeyboardInterrupt, RuntimeError, ResultFileError)) as caught:
-        write_run(fabricated_run(), path)
-    if isinstance(failure, OSError):
-        assert "No space left" in str(caught.value)
-        assert caught.type is ResultFileError
-    assert os.listdir(tmp_path) == (["case.h5"] if existing else [])
-    if existing:
-        assert path.read_bytes() == b"old"
 
 
 def test_write_replaces_through_a_link_and_makes_the_folder(fabricated_run, tmp_path):
@@ -223,39 +172,3 @@ def test_replacing_keeps_nothing_of_an_interrupted_block(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert os.listdir(tmp_path) == []
-
-
-def test_missing_alien_and_damaged_files(fabricated_run, tmp_path):
-    with pytest.raises(ResultFileError, match=r"no such result file; .*beamsim run"):
-        open_run(tmp_path / "missing.h5")
-    text = tmp_path / "case.yaml"
-    text.write_text("title: x\n")
-    with pytest.raises(ResultFileError, match="not an HDF5 file"):
-        open_run(text)
-    alien = tmp_path / "alien.h5"
-    with h5py.File(alien, "w") as file:
-        file["x"] = 1.0
-    with pytest.raises(ResultFileError, match="not from beamsim"):
-        open_run(alien)
-
-    path = write_run(fabricated_run(), tmp_path / "case.h5")
-    truncated = tmp_path / "truncated.h5"
-    truncated.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(ResultFileError, match="damaged"):
-        open_run(truncated)
-    with h5py.File(path, "a") as file:
-        del file["energy/stored"]
-    with pytest.raises(ResultFileError, match=r"damaged .*run the case again"):
-        open_run(path)
-
-
-@pytest.mark.parametrize(
-    ("attribute", "value", "message"),
-    [("schema_version", 99, "schema_version 99, written by beamsim 0.1.0"), ("command", "sweep", "beamsim sweep")],
-)
-def test_results_of_another_version_or_command(attribute, value, message, fabricated_run, tmp_path):
-    path = write_run(fabricated_run(), tmp_path / "case.h5")
-    with h5py.File(path, "a") as file:
-        file.attrs[attribute] = value
-    with pytest.raises(ResultFileError, match=message):
-        open_run(path)
