@@ -113,25 +113,6 @@ def test_turning_about_a_point_is_turning_about_another_and_moving_up():
     np.testing.assert_allclose(there, here + 0.37 * up, rtol=0, atol=1e-15 * np.abs(here).max())
 
 
-def test_a_beam_cut_in_two_turns_as_the_whole():
-    half = {key: value for key, value in BEAM.items() if key != "elements"} | {"kind": "beam", "length": L / 2}
-    cut = load_scenario({
-        "bodies": {
-            "one": {**half, "elements": 4, "supports": {"left": "clamped"}},
-            "two": {**half, "elements": 4, "supports": {"left": "free", "right": "free"}},
-        },
-        "joints": [{"kind": "rigid", "between": [{"body": "one", "position": L / 2}, {"body": "two", "position": 0}]}],
-        "excitation": {**TURN, "about": 0.1}, "run": {"duration": 0.2},
-        "probes": [{"name": "p", "at": {"body": "two", "position": 0.2 * L}}],
-    })  # fmt: skip
-    whole = case({**TURN, "about": 0.1}, beam={"elements": 8})
-    a, b = (beamsim.run(scenario) for scenario in (cut, whole))
-    for name in ("displacement", "absolute_displacement", "absolute_acceleration"):
-        one, other = (np.asarray(getattr(result.probes["p"], name)) for result in (a, b))
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-8 * np.abs(other).max())
-    assert a.summary["largest_bending_stress_pa"] == pytest.approx(b.summary["largest_bending_stress_pa"], rel=1e-6)
-
-
 def test_energies_balance_with_contact_while_the_base_turns():
     result = beamsim.run(
         case(TURN, snubbers=[{"name": "s", "position": L, "side": "below", "stiffness": 2e4, "gap": 1e-4}])
@@ -180,18 +161,6 @@ def written(folder: Path, mass, stiffness, table, excitation, *, base=(1,), prob
 
 def free_beam():
     return assemble(case(TURN, beam={"supports": {"left": "free"}})).named_matrices
-
-
-def test_imported_matrices_turn_as_the_beam_that_they_came_from(tmp_path):
-    model = free_beam()
-    excitation = {**TURN, "about": [0.25, 0, 0]}
-    one = written(tmp_path, model.mass, model.stiffness, model.table, excitation, probe=8, reduction={"modes": 5})
-    other = case({**TURN, "about": 0.25}, probes=[{"name": "p", "position": L}], reduction={"modes": 5})
-    a, b = (beamsim.run(scenario).probes["p"] for scenario in (one, other))
-    for name in ("displacement", "absolute_displacement", "absolute_acceleration"):
-        np.testing.assert_allclose(
-            getattr(a, name), getattr(b, name), rtol=0, atol=1e-7 * np.abs(getattr(b, name)).max()
-        )
 
 
 def test_reactions_of_imported_matrices_are_those_of_the_beam(tmp_path):

@@ -243,35 +243,6 @@ def test_energies_balance_with_contact_and_several_loads():
     assert result.summary["energy_error"] < 1e-10
 
 
-def test_a_line_load_on_one_of_two_joined_beams_is_that_on_the_whole():
-    half = {key: value for key, value in BEAM.items() if key != "elements"} | {"kind": "beam", "length": L / 2}
-    cut = load_scenario({
-        "bodies": {
-            "one": {**half, "elements": 4, "supports": {"left": "clamped"}},
-            "two": {**half, "elements": 4, "supports": FREE},
-        },
-        "joints": [{"kind": "rigid", "between": [{"body": "one", "position": L / 2}, {"body": "two", "position": 0}]}],
-        "excitation": load(body="two", line="whole"),
-        "probes": [{"name": "p", "at": {"body": "two", "position": 0.2 * L}}],
-        "run": {"duration": 0.2},
-    })  # fmt: skip
-    whole = case(load(line=["50 %", L]), beam={"elements": 8})
-    a, b = (beamsim.run(scenario).probes["p"].displacement for scenario in (cut, whole))
-    np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * np.abs(b).max())
-
-
-@pytest.mark.slow
-def test_a_stepped_sine_takes_a_pressure():
-    excitation = load(area=[[0, 0], ["50 %", "100 %"]])
-    scenario = case(
-        excitation, plate={"supports": {"left": "clamped"}}, reduction={"modes": 3},
-        sweep={"kind": "stepped", "from": 20, "to": 24, "points": 3, "levels": ["20 Pa"]},
-    )  # fmt: skip
-    curve = next(iter(beamsim.sweep(scenario).curves.values()))
-    assert curve.quantity == "pressure"
-    assert curve.excitation_unit == curve.level_unit == "Pa"
-
-
 @pytest.mark.parametrize(
     ("excitation", "message"),
     [

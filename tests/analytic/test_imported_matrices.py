@@ -8,11 +8,9 @@ import pytest
 from scipy.linalg import eigh
 from scipy.sparse import block_diag, csc_array, identity
 
-import beamsim
-from beamsim.errors import MethodError, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
-from beamsim.structures import sturm
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import DofTable, write_dof_table
 from beamsim.structures.matrices import structure_of
@@ -84,27 +82,6 @@ def problems(folder, mass, stiffness, table, **given):
     with pytest.raises(ScenarioError) as caught:
         build_system(imported(folder, mass, stiffness, table, **given))
     return str(caught.value)
-
-
-def test_a_beam_exported_and_read_back_gives_the_same_contact_run(tmp_path):
-    model = exported()
-    known = beamsim.run(built())
-    again = beamsim.run(imported(tmp_path, model.mass, model.stiffness, model.table))
-    assert known.summary["contacts"] == again.summary["contacts"]
-    assert known.summary["contacts"]["corner"] > 3
-    for one, other in (
-        (known.probes["corner"].displacement, again.probes["corner"].displacement),
-        (known.snubbers["corner"].force, again.snubbers["corner"].force),
-    ):
-        one, other = np.asarray(one), np.asarray(other)
-        assert np.abs(one - other).max() <= 1e-9 * np.abs(one).max()
-
-
-def test_the_order_of_the_degrees_of_freedom_changes_nothing(tmp_path):
-    model = exported()
-    order = np.random.default_rng(1).permutation(len(model.table.dofs))
-    case = imported(tmp_path, model.mass[order][:, order], model.stiffness[order][:, order], model.table.part(order))
-    np.testing.assert_allclose(frequencies(case), frequencies(built()), rtol=1e-9)
 
 
 def test_a_free_beam_keeps_its_rigid_motions(tmp_path):
@@ -313,24 +290,6 @@ def test_viscous_matrices_are_taken(tmp_path):
     np.testing.assert_allclose(system.modes.damping_ratios, 0.5e-5 * omega, rtol=1e-6)
 
 
-def test_joined_to_a_chain(tmp_path):
-    """A mass on a spring at the tip: the built beam and the imported one give the same frequencies."""
-    chain = """
-  mass:
-    kind: chain
-    masses: [50 g]
-    springs: [0]
-joints:
-  - {{kind: spring, stiffness: 2 kN/m, between: [{{body: panel, {place}}}, {{body: mass, mass: 1}}]}}
-"""
-    model = exported()
-    beam = parse_scenario(BEAM + chain.format(place=PLACE["built"]) + CASE.format(place=PLACE["built"]))
-    case = imported(
-        tmp_path, model.mass, model.stiffness, model.table, body=BODY + chain.replace("{place}", PLACE["imported"])
-    )
-    np.testing.assert_allclose(frequencies(case)[:4], frequencies(beam)[:4], rtol=1e-8)
-
-
 def test_a_small_model_that_is_joined_needs_no_reduction_section(tmp_path):
     """It has no more modes than by default are kept: all of them are counted, whatever the frequency."""
     chain = """
@@ -385,10 +344,3 @@ def test_modes_are_counted_where_no_pivot_on_the_diagonal_serves():
     structure = triples(300)
     limit = 1.0 / structure.frequency_scale
     assert structure.frequency_count(limit) == 300 * np.sum(np.linalg.eigvalsh(TRIPLE) < 1.0) == 600
-
-
-def test_modes_that_cannot_be_counted_are_said_with_a_remedy(monkeypatch):
-    monkeypatch.setattr(sturm, "_DENSE", 10)
-    monkeypatch.setattr("beamsim.structures.symmetric_lu._FAR_BELOW", -1.0)
-    with pytest.raises(MethodError, match=r"modes of triples below 0.1592 Hz cannot be counted; give reduction.modes"):
-        triples(20).frequency_count(1.0 / triples(20).frequency_scale)

@@ -1,19 +1,13 @@
 """Supports and joints that move by signals of their own."""
 
-import json
-
 import numpy as np
 import pytest
-from independent import Beam
 from scipy.linalg import expm
-from scipy.sparse import csc_array
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
-from beamsim.structures.dof_table import write_dof_table
 from beamsim.structures.support_forces import supports_of
 from beamsim.system.build import build_system
 
@@ -63,76 +57,11 @@ def test_a_moved_end_of_a_clamped_beam_bends_it_as_a_cubic(modes):
         np.testing.assert_allclose(body.bending_moment @ q, bent, rtol=0, atol=1e-6 * np.abs(bent).max())
 
 
-@pytest.mark.parametrize("force", [False, True])
-def test_two_supports_move_differently_against_independent_integration(force):
-    """Full matrices with their couplings to both ends: -K_qb b - C_qb b' - M_qb b''."""
-    push = {"kind": "harmonic", "applied_to": {"position": 0.4}, "level": 2.0, "frequency": 61.0}
-    result = beamsim.run(case(together(*([push] if force else []), LEFT, RIGHT), reduction={"modes": "all"},
-                              probes=[{"name": "p", "position": 0.6}]))  # fmt: skip
-    nodes = 10  # the probe is at one of them, which leaves the mesh uniform
-    whole = Beam(L, W, H, E, RHO, nodes - 1, "free")
-    b, q = [0, 2 * nodes - 2], np.setdiff1d(np.arange(2 * nodes), [0, 2 * nodes - 2])
-    m, k = whole.M, whole.K
-    n = q.size
-    inverse = np.linalg.inv(m[np.ix_(q, q)])
-    size = 2 * n + 6  # with sine and cosine of both supports and the force as states
-    a = np.zeros((size, size))
-    a[:n, n : 2 * n] = np.eye(n)
-    a[n : 2 * n, :n] = -inverse @ k[np.ix_(q, q)]
-    a[n : 2 * n, n : 2 * n] = -inverse @ (BETA * k[np.ix_(q, q)])
-    start = np.zeros(size)
-    static = -np.linalg.solve(k[np.ix_(q, q)], k[np.ix_(q, b)])
-    for i, (level, hz, phase) in enumerate(((1e-3, 23.0, 0.0), (5e-4, 31.0, 1.0), (2.0 * force, 61.0, 0.0))):
-        s, c, w = 2 * n + 2 * i, 2 * n + 2 * i + 1, 2 * np.pi * hz
-        a[s, c], a[c, s] = w, -w
-        start[s], start[c] = np.sin(phase), np.cos(phase)
-        if i == 2:
-            a[n : 2 * n, s] = level * inverse @ whole.whole_row(0.4)[q]
-            continue
-        kb, mb = k[q, b[i]], m[q, b[i]]
-        a[n : 2 * n, s] = level * inverse @ (-kb + w**2 * mb)
-        a[n : 2 * n, c] = level * inverse @ (-BETA * kb * w)
-        start[:n] += level * np.sin(phase) * static[:, i]
-        start[n : 2 * n] += level * w * np.cos(phase) * static[:, i]
-    row = whole.whole_row(0.6)[q]
-    every = slice(None, None, max(1, result.time.size // 40))
-    expected = np.array([row @ (expm(a * t) @ start)[:n] for t in result.time[every]])
-    np.testing.assert_allclose(
-        result.probes["p"].displacement[every], expected, rtol=0, atol=1e-8 * np.abs(expected).max()
-    )
-
-
-def test_both_supports_moving_alike_are_the_base():
-    both = [{**LEFT, "applied_to": {"support": end}} for end in ("left", "right")]
-    modes = {"reduction": {"modes": 6}}
-    moved = beamsim.run(case(together(*both), **modes))
-    base = beamsim.run(case({**LEFT, "applied_to": "base"}, beam={"nodes": [0.7 * L]}, **modes))
-    np.testing.assert_allclose(
-        moved.probes["p"].displacement, base.probes["p"].absolute_displacement, rtol=0, atol=2e-6 * 1e-3
-    )
-
-
 def test_energies_balance_with_a_snubber_between_supports_that_move():
     stop = {"name": "s", "position": 0.5, "side": "below", "stiffness": 2e4, "gap": 2e-4}
     result = beamsim.run(case(together(LEFT, RIGHT), snubbers=[stop]))
     assert result.summary["contacts"]["s"] >= 2
     assert result.summary["energy_error"] < 1e-10
-
-
-def test_a_joint_to_the_base_moves_as_the_support_that_it_stands_for():
-    body = {**{k: v for k, v in BEAM.items() if k != "supports"}, "kind": "beam", "supports": {"left": "free"}}
-    joined = load_scenario({
-        "bodies": {"panel": body}, "joints": [{"name": "root", "kind": "rigid",
-                                               "between": [{"body": "panel", "position": 0}, "base"]}],
-        "excitation": {**LEFT, "applied_to": {"joint": "root"}},
-        "probes": [{"name": "p", "at": {"body": "panel", "position": 0.7 * L}}], "run": {"duration": 0.2},
-    })  # fmt: skip
-    clamped = case(LEFT, beam={"supports": {"left": "clamped"}})
-    one, other = (beamsim.run(scenario) for scenario in (joined, clamped))
-    a, b = (result.probes["p"].displacement for result in (one, other))
-    np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * np.abs(b).max())
-    stress = "largest_bending_stress_pa"
-    assert one.summary[stress] == pytest.approx(other.summary[stress], rel=1e-6)
 
 
 def test_the_wall_of_a_chain_moves():
@@ -159,48 +88,6 @@ def test_the_wall_of_a_chain_moves():
     np.testing.assert_allclose(
         result.probes["p"].displacement[every], expected, rtol=0, atol=1e-9 * np.abs(expected).max()
     )
-
-
-def test_all_edges_of_a_plate_together_carry_it_along():
-    edges = ("left", "right", "bottom", "top")
-    scenario = load_scenario({
-        "bodies": {"panel": {
-            "kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.002, "youngs_modulus": E,
-            "poissons_ratio": 0.3, "density": RHO, "elements": [4, 3], "supports": dict.fromkeys(edges, "pinned"),
-        }},
-        "excitation": together(*({**LEFT, "applied_to": {"support": edge}} for edge in edges)),
-        "probes": [{"name": "p", "position": [0.2, 0.1]}], "run": {"duration": 0.1}, "reduction": {"modes": 3},
-    })  # fmt: skip
-    system = build_system(scenario)
-    q = sum(held(system, k) for k in range(4))
-    assert system.probes[0].shape @ q == pytest.approx(1.0, rel=1e-8)
-    moment = system.bodies[0].bending_moment
-    single = np.abs(moment @ held(system, 0)).max()
-    assert np.abs(moment @ q).max() < 1e-6 * single  # as a rigid body
-
-
-def test_a_node_of_imported_matrices_moves_as_the_end_of_the_beam(tmp_path):
-    free = {"supports": {"left": "free"}, "damping": {"kind": "modal", "ratio": 0.02}}
-    model = assemble(case(LEFT | {"applied_to": "base"}, beam=free)).named_matrices
-    write_matrices(tmp_path / "m.op4", {"mxx": csc_array(model.mass), "kxx": csc_array(model.stiffness)})
-    write_dof_table(tmp_path / "dofs.csv", model.table)
-    path = tmp_path / "case.yaml"
-    path.write_text(json.dumps({
-        "bodies": {"panel": {
-            "kind": "matrices", "mass": {"file": "m.op4", "name": "mxx"}, "dofs": "dofs.csv",
-            "stiffness": {"file": "m.op4", "name": "kxx"}, "base": {"nodes": [1, 10]},
-            "damping": {"kind": "modal", "ratio": 0.02},
-        }},
-        "excitation": {**RIGHT, "applied_to": {"support": "node 10"}}, "run": {"duration": 0.2},
-        "probes": [{"name": "p", "at": {"node": 6}}], "reduction": {"modes": 5},
-    }))  # fmt: skip
-    one = beamsim.run(load_scenario(path)).probes["p"].displacement
-    built = case(
-        RIGHT, beam={"supports": CLAMPED, "damping": {"kind": "modal", "ratio": 0.02}}, reduction={"modes": 5},
-        probes=[{"name": "p", "position": 5 * L / 9}],
-    )  # fmt: skip
-    other = beamsim.run(built).probes["p"].displacement
-    np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
 
 
 SWEEP = {"kind": "swept_sine", "from": 15, "to": 17, "rate": "1 oct/min"}

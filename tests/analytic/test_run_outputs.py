@@ -1,7 +1,5 @@
 """Reactions, joint forces, moments, strains and energies of a run: closed forms, balances, independent integration."""
 
-import json
-
 import numpy as np
 import pytest
 from independent import Beam, Stop, Structure, integrate
@@ -10,12 +8,9 @@ import beamsim
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.errors import ScenarioError
 from beamsim.flow.transient import simulate
-from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_run, write_result
-from beamsim.structures.assembly import assemble
 from beamsim.structures.base_motion import UPWARDS
-from beamsim.structures.dof_table import write_dof_table
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 from tests.helpers.observed import rows
@@ -72,23 +67,6 @@ def test_static_reactions_of_a_beam_clamped_at_both_ends(modes):
         assert found["force_right"][0] == pytest.approx(force * a**2 * (a + 3 * b) / length**3, rel=1e-9)
         assert found["moment_left"][0] == pytest.approx(force * a * b**2 / length**2, rel=1e-9)
         assert found["moment_right"][0] == pytest.approx(-force * a**2 * b / length**2, rel=1e-9)
-
-
-def test_reactions_under_a_distributed_load():
-    """w L / 2 and w L^2 / 12 at both ends, long after a load on a beam with much damping came on."""
-    length, load = BEAM["length"], 60.0
-    case = {
-        "beam": held("clamped", "clamped", damping={"kind": "modal", "ratio": 0.7}),
-        "excitation": {"kind": "step", "applied_to": {"line": "whole"}, "level": -load},
-        "probes": [{"name": "middle", "position": length / 2}],
-    }
-    names = [support(kind, end) for kind in ("force", "moment") for end in ("left", "right")]
-    found = values(run(case, [*names, support("force", "base")], duration=1.0, start="rest"))
-    assert found["force_left"][-1] == pytest.approx(load * length / 2, rel=1e-9)
-    assert found["force_right"][-1] == pytest.approx(load * length / 2, rel=1e-9)
-    assert found["force_base"][-1] == pytest.approx(load * length, rel=1e-9)
-    assert found["moment_left"][-1] == pytest.approx(load * length**2 / 12, rel=1e-9)
-    assert found["moment_right"][-1] == pytest.approx(-load * length**2 / 12, rel=1e-9)
 
 
 CONTACT = {
@@ -306,42 +284,6 @@ def test_walls_of_a_chain_pull_by_their_springs():
     np.testing.assert_allclose(result.outputs["force_left"].value[:], expected, atol=1e-10 * np.abs(expected).max())
     expected = -80.0 * two.displacement[:] - 0.5 * two.velocity[:]
     np.testing.assert_allclose(result.outputs["force_right"].value[:], expected, atol=1e-10 * np.abs(expected).max())
-
-
-def test_imported_body_rests_on_its_nodes_as_the_beam_that_it_came_from(tmp_path):
-    """Force and moment of the clamp by rows of K and M of the held node, in a run with contact and few modes."""
-    stop = {"name": "s", "side": "below", "stiffness": 2e5, "gap": 1e-4}
-    common = {"excitation": SHAKEN, "reduction": {"modes": 4}}
-    built = {**common, "beam": held("clamped", "free"), "snubbers": [{**stop, "position": 0.8}]}
-    one = values(run(built, [support("force", "left"), support("moment", "left")], duration=0.1))
-    free = assemble(load_scenario({"beam": held("free", "free")}))
-    table = free.named_dofs
-    scale = 1 / table.scale
-    mass, stiffness = (
-        scale[:, None] * matrix.toarray() * scale
-        for matrix in (free.mass_scale * free.mass, free.stiffness_scale * free.stiffness)
-    )
-    write_matrices(tmp_path / "m.op4", {"mxx": mass, "kxx": stiffness})
-    write_dof_table(tmp_path / "dofs.csv", table.table)
-    body = {
-        "kind": "matrices", "mass": {"file": "m.op4", "name": "mxx"}, "stiffness": {"file": "m.op4", "name": "kxx"},
-        "dofs": "dofs.csv", "base": {"nodes": [1], "direction": "z"},
-    }  # fmt: skip
-    case = {
-        **common,
-        "bodies": {"panel": body},
-        "snubbers": [{**stop, "at": {"body": "panel", "node": 7, "direction": "z"}}],
-        "run": {**QUIET, "duration": 0.1, "outputs": [
-            {"name": "force", "kind": "reaction_force", "support": "node 1"},
-            {"name": "moment", "kind": "reaction_moment", "support": "node 1"},
-        ]},
-    }  # fmt: skip
-    path = tmp_path / "case.yaml"
-    path.write_text(json.dumps(case))
-    two = values(beamsim.run(load_scenario(path)))
-    np.testing.assert_allclose(two["force"], one["force_left"], atol=1e-8 * np.abs(one["force_left"]).max())
-    # ry tilts the beam down
-    np.testing.assert_allclose(two["moment"], -one["moment_left"], atol=1e-8 * np.abs(one["moment_left"]).max())
 
 
 @pytest.mark.parametrize("cubic", [False, True])

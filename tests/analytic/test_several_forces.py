@@ -52,23 +52,6 @@ def test_a_single_force_in_the_list_is_that_force():
     np.testing.assert_array_equal(listed.probes["p"].displacement, one.probes["p"].displacement)
 
 
-def test_forces_superpose_while_a_preloaded_stop_stays_closed():
-    # modes and static vectors follow the places of the forces: all modes make the models alike
-    closed = {
-        "snubbers": [{"name": "s", "position": L, "side": "below", "stiffness": 2e3, "gap": -0.2}],
-        "reduction": {"modes": "all"},
-    }
-    results = [run(force, **closed) for force in FORCES]
-    rest = run({**HARMONIC, "level": 0.0}, **closed).probes["p"].displacement
-    whole = run(together(*FORCES), **closed)
-    assert whole.summary["contacts"]["s"] == 0
-    assert whole.snubbers["s"].force.min() > 0.0
-    expected = rest + sum(result.probes["p"].displacement - rest for result in results)
-    scale = np.abs(expected - rest).max()
-    np.testing.assert_allclose(whole.probes["p"].displacement, expected, atol=1e-9 * scale)
-    assert whole.summary["energy_error"] < 1e-10
-
-
 def test_slow_forces_give_the_static_deflection():
     """Two forces far below the first frequency: the sum of the closed-form deflections of a cantilever."""
     slow = [

@@ -1,19 +1,14 @@
 """Shock response spectra against closed forms, an independent simulation and an independent recursive filter."""
 
-import json
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from scipy.signal import lfilter, lsim
-from typer.testing import CliRunner
 
 import beamsim
-from beamsim.analyses.run.linear_filter import LinearFilter, panels
 from beamsim.analyses.run.result import ShockResponse, ShockSpectrum
 from beamsim.analyses.run.shock_response import frequencies_of, shock_spectra
 from beamsim.analyses.run.summary import summary_of_run
-from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.plots.run import plot_shock_response
 from beamsim.scenario import load_scenario
@@ -105,21 +100,6 @@ def test_a_stiff_oscillator_follows_the_base_and_the_maximax_is_the_largest_of_a
     np.testing.assert_allclose(longer.srs.signals[0].residual, entered.residual, rtol=1e-10)
 
 
-def test_blocks_join_on(monkeypatch):
-    from beamsim.analyses.run import linear_filter
-
-    def highest():
-        blocks, _ = panels(np.array([0.0, 0.02]), half_sine(0.011), 1e-4)
-        through = LinearFilter(np.array([-30.0 + 600.0j]), np.array([30.0 - 300.0j]), 1)
-        for block in blocks:
-            through.through(block)
-        return [x[0] for x in through.extremes]
-
-    whole = highest()
-    monkeypatch.setattr(linear_filter, "BLOCK", 7)
-    assert highest() == pytest.approx(whole, rel=1e-12)
-
-
 def test_convergence_summary_files_and_pictures(tmp_path):
     result = beamsim.run(panel())
     s = result.summary
@@ -134,17 +114,6 @@ def test_convergence_summary_files_and_pictures(tmp_path):
     header = (tmp_path / "tables" / "srs_by_frequency_hz.csv").read_text(encoding="utf-8").splitlines()[0]
     assert header.startswith("frequency_hz,")
     assert "middle_absolute_acceleration_maximax" in header
-
-
-def test_command_prints_and_draws(tmp_path):
-    case = tmp_path / "case.yaml"
-    case.write_text(panel(run={"convergence": "off"}).to_yaml(), encoding="utf-8")
-    done = CliRunner().invoke(app, ["run", str(case), "-o", str(tmp_path / "case.h5")])
-    assert done.exit_code == 0
-    assert "shock response" in done.output
-    assert (tmp_path / "case_srs.png").exists()
-    printed = CliRunner().invoke(app, ["run", str(case), "-o", str(tmp_path / "case.h5"), "--no-plots", "--json"])
-    assert json.loads(printed.stdout)["srs"]["middle absolute_acceleration"]["maximax_g"] > 20.0
 
 
 def test_spectra_that_coincide_are_said_to():

@@ -11,9 +11,7 @@ from shipped import PATHS, shipped
 from typer.testing import CliRunner
 
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.analyses.response.analysis import frequency_response
 from beamsim.cli.app import app
-from beamsim.plots.continuation import frequency_response_figures
 from beamsim.plots.nnm import nnm_figures
 from beamsim.scenario import load_scenario
 
@@ -46,16 +44,6 @@ def test_every_mode_config(path):
     assert backbone.residual.max() < 1e-10
     assert backbone.share.min() > 0.5
     nnm_figures(result)
-
-
-@pytest.mark.parametrize(("name", "period"), [("nnm_chain_mass_5", 4.0098), ("nnm_chain_mass_1", 3.9697)])
-def test_published_periods(name, period):
-    assert followed(name).summary["period_s"] == pytest.approx(period, abs=6e-5)
-
-
-def test_cubic_chain_passes_the_published_period():
-    backbone = followed("nnm_chain_cubic_energy").branches[0]
-    assert 1 / backbone.frequency_hz[-1] < 3.93 < 1 / backbone.frequency_hz[0]
 
 
 def test_nnm_writes_a_file_and_pictures(tmp_path):
@@ -119,16 +107,6 @@ def test_rigid_body_mode_is_refused():
 
 
 @pytest.mark.slow
-def test_prestress_in_energy():
-    changes = {"snubbers[0].gap": "-0.2 mm", "nnm.continue_in": {"kind": "energy", "from": "1 uJ", "to": "1 mJ"}}
-    result = nnm(load_scenario(CONFIGS / "nnm_energy.yaml", changes))
-    assert result.complete
-    backbone = result.branches[0]
-    assert backbone.frequency_hz[0] == pytest.approx(result.modes.closed_frequencies_hz[0], rel=1e-6)
-    np.testing.assert_allclose(backbone.energy[[0, -1]], [1e-6, 1e-3], rtol=1e-8)
-
-
-@pytest.mark.slow
 def test_no_stretch_of_the_backbone_is_lost_between_its_tongues():
     """From 62 to 75 Hz tongues follow each other closely; the motions of the mode are found between them, too."""
     changes = {"nnm.continue_in.from": "80 uJ", "nnm.continue_in.to": "700 uJ"}
@@ -149,33 +127,6 @@ def test_in_frequency():
     assert np.all(np.diff(result.branches[0].energy) > 0)
 
 
-def test_continuation_of_a_response(tmp_path):
-    done = invoke("sweep", CONFIGS / "chain_two_dof.yaml", "-o", tmp_path, "--json")
-    assert done.exit_code == 0
-    summary = json.loads(done.stdout)
-    grazing = [2 * np.pi * p["frequency_hz"] for p in summary["special_points"] if p["kind"] == "grazing"]
-    np.testing.assert_allclose(grazing[:2], [0.653440, 0.581900], atol=6e-7)
-    with h5py.File(tmp_path / "chain_two_dof.h5") as file:
-        assert file.attrs["kind"] == "continuation"
-        branch = file["branches/0"]
-        stable = branch["stable"][:]
-        assert 0 < stable.sum() < stable.size
-        assert branch["probes/first/harmonic_displacement_real"].shape == (stable.size, 6)
-        assert file["branches/1"].attrs["period_multiple"] == 2
-
-
-@pytest.mark.slow
-def test_levels_without_gap_are_one_curve():
-    """z = 0: the response divided by the level does not depend on the level."""
-    changes = {"sweep": {"kind": "continuation", "from": "100 Hz", "to": "110 Hz", "levels": ["1 g", "3 g"]}}
-    result = frequency_response(load_scenario(CONFIGS / "one_sided_65hz.yaml", changes))
-    assert result.complete
-    one, three = [b for b in result.branches if b.period_multiple == 1]
-    peak = np.interp(one.frequency_hz, three.frequency_hz, three.peak_displacement["tip"])
-    np.testing.assert_allclose(peak, 3 * one.peak_displacement["tip"], rtol=1e-3)
-    frequency_response_figures(result)
-
-
 @pytest.mark.parametrize("quantity", ["2 g", "0.1 m/s", "0.05 mm"])
 @pytest.mark.parametrize("mounted", ["base", "ground"])
 def test_forcing_follows_the_frequency(quantity, mounted):
@@ -192,11 +143,3 @@ def test_forcing_follows_the_frequency(quantity, mounted):
     omega = 2 * np.pi * 91.0
     for a, b in zip(loads[0][1].at(omega, loads[0][0])[:2], loads[1][1].at(omega, loads[1][0])[:2], strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-15)
-
-
-@pytest.mark.slow
-def test_response_curve_of_the_beam():
-    result = frequency_response(load_scenario(CONFIGS / "continuation_60_120hz.yaml"))
-    assert result.complete
-    peak = result.summary["peaks"][0]
-    assert peak["frequency_hz"] == pytest.approx(82.0, abs=1.0)

@@ -1,7 +1,6 @@
 """`beamsim nnm` by other methods: relaxed minimisation, multiple scales, the whole period; files read back."""
 
 import dataclasses
-import json
 from pathlib import Path
 
 import numpy as np
@@ -109,22 +108,6 @@ def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
     assert stored.backbone.parameter[-1] == 1.0  # shooting goes on
     tongue = next(t for t in stored.tongues if (t.mode, t.ratio) == (2, 5))
     assert stored.relaxed.factor[-1] == pytest.approx(tongue.parameter[0], abs=0.05)
-
-
-@pytest.mark.slow
-def test_a_comparison_that_ends_early_leaves_the_mode_complete(tmp_path):
-    done = invoke(
-        "nnm", CHAIN, "--compare", "relaxed_minimisation", "--compare", "multiple_scales", "-o", tmp_path, "--json"
-    )
-    assert done.exit_code == 0
-    summary = json.loads(done.stdout)
-    assert summary["thesis"]["steps_reached"] == summary["thesis"]["steps"] == 75
-    assert {"passages", "shooting_passages", "processor_time_s", "cost_ratio"} <= summary["thesis"].keys()
-    assert summary["multiple_scales"]["observed_order_frequency"] == pytest.approx([2.0, 3.0], abs=0.1)
-    assert {Path(f).name for f in summary["files"]} >= {
-        "nnm_chain_mass_5.h5", "nnm_chain_mass_5_relaxed_minimisation.png", "nnm_chain_mass_5_multiple_scales.png",
-        "nnm_chain_mass_5_motion.png", "nnm_chain_mass_5_deflected_shapes.png",
-    }  # fmt: skip
 
 
 def test_expansion_writes_a_file(tmp_path):
@@ -236,17 +219,6 @@ def test_what_only_the_model_can_refuse(arguments, text, tmp_path):
     assert done.exit_code == 2
     assert text in " ".join(done.stderr.split())
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.slow
-def test_a_branch_that_ends_early_keeps_its_points(tmp_path):
-    path = "nnm.continue_in={kind: frequency, from: 52.45 Hz, to: 53 Hz}"
-    done = invoke("nnm", ENERGY, "--set", path, "--set", "reduction.modes=4", "-o", tmp_path, "--no-plots")
-    assert done.exit_code == 3
-    assert "use energy as the continuation parameter instead; the partial result is in" in done.stderr
-    stored = open_nnm(tmp_path / "nnm_energy.h5")
-    assert stored.backbone.parameter.size > 10
-    assert stored.backbone.residual.max() < 1e-10
 
 
 @pytest.mark.slow

@@ -13,7 +13,6 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.free import observed_orders
-from beamsim.orbits.expansions.relaxed import relaxed_path
 from beamsim.orbits.panels import gauss_panels
 from beamsim.orbits.phase_resonance import appropriate_force, find_phase_resonance, quadrature
 from beamsim.orbits.reversible import BrakeOrbits, linear_mode
@@ -187,16 +186,3 @@ def test_force_at_a_node(make_system):
     pattern[0] = 1.0
     with pytest.raises(ValueError, match="node"):
         appropriate_force(system, flow, whole, pattern.astype(complex))
-
-
-def test_relaxed_minimisation(make_system):
-    """The thesis's method comes as close as its tolerance lets it, with many more motions computed."""
-    system = make_system(np.sqrt(W2), np.zeros(6), shape=V[4:5], stiffness=0.5)
-    orbits = BrakeOrbits(SpringFamily(system), energy=0.5)
-    start = linear_mode(orbits, 3, 0.0, V[4])
-    steps = list(relaxed_path(orbits, start, np.linspace(0.0, 1.0, 8), tolerance=1e-8))
-    assert all(s.reached for s in steps)
-    exact = orbits.orbit(solve_at(orbits, linear_mode(orbits, 3, 1.0, V[4]), Settings(iterations=25), 1.0))
-    assert steps[-1].period == pytest.approx(exact.period, rel=1e-3)
-    assert steps[-1].period != pytest.approx(exact.period, rel=1e-9)
-    assert sum(s.passages for s in steps) > 8

@@ -16,7 +16,6 @@ from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
-from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.scenario import load_scenario
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
@@ -230,27 +229,6 @@ def test_derivatives_with_stick_and_slip():
     assert np.linalg.matrix_rank(passage.transition, tol=1e-9) < 6
 
 
-def test_a_periodic_motion_forgets_the_slider():
-    """Shooting finds it; its monodromy matrix agrees with differences and has lost a rank."""
-    system = system_of([friction_law(40.0, 0.3, 0.3)], [[1.0, 0.4]], [1.0, 9.0], [0.05, 0.1])
-    flow, period = VariationalFlow(system, PeriodicForcing.harmonic(np.array([1.0, 0.6])), 1.3), 2 * np.pi / 1.3
-    start = np.zeros(5)
-    for _ in range(20):
-        start = flow.carry(start, period).end
-    orbit = find_orbit(ForcedOrbits(flow), start)
-    assert orbit is not None
-    state = orbit.u[:5]
-    passage = flow.carry(state, period)
-    assert passage.event_time.size == 4
-    np.testing.assert_allclose(passage.end, state, atol=1e-9)
-    h = 1e-8  # the motion slides at the start, at the border of sticking: second derivatives jump there
-    for k in range(5):
-        step = h * np.eye(5)[k]
-        slope = (flow.carry(state + step, period).end - flow.carry(state - step, period).end) / (2 * h)
-        np.testing.assert_allclose(passage.transition[:, k], slope, atol=1e-14 / (2 * h))  # the round-off of the ends
-    assert np.linalg.matrix_rank(passage.transition, tol=1e-9) == 4
-
-
 # -- scenarios -------------------------------------------------------------------------------------------------------
 
 PAD = {"name": "pad", "at": {"mass": 1}, "mounted_on": "ground", "normal_force": 300.0, "stiffness": 2e5}
@@ -287,45 +265,6 @@ def test_figures_of_a_pad():
     assert np.abs(contact.force[~contact.stuck[:]]) == pytest.approx(60.0)
     assert "springs" not in result.summary
     assert not result.springs
-
-
-@pytest.mark.parametrize("stiffness", [2e4, None])
-def test_sweeps_and_studies(stiffness):
-    """A swept sine keeps its balance of energy; the cases of a study are those of runs."""
-    shaken = {"kind": "harmonic", "applied_to": "base", "level": 6.0, "frequency": 4.0}
-    pad = {**PAD, "mounted_on": "base", "normal_force": 20.0, "coefficient": BOTH, "stiffness": stiffness}
-    swept = {"kind": "swept_sine", "from": 2.0, "to": 5.0, "rate": "0.5 oct/s"}
-    result = beamsim.sweep(scenario([pad], excitation=shaken, sweep=swept, run=None))
-    assert result.summary["energy_error"] < 1e-10
-    assert result.work.events > 10
-    forces = [10.0, 30.0]
-    vary = {"kind": "grid", "parameters": [{"path": "friction[0].normal_force", "values": forces}],
-            "responses": ["peak_displacement"]}  # fmt: skip
-    others = {"excitation": shaken, "run": {"duration": 0.5, "sample_rate": 500.0, "start": "rest"}}
-    study = beamsim.design_study(scenario([pad], vary=vary, **others))
-    for k, force in enumerate(forces):
-        peaks = beamsim.run(scenario([{**pad, "normal_force": force}], **others)).summary["peak_displacement_m"]
-        for name, peak in peaks.items():
-            assert study.responses[f"probes/{name}/peak_displacement"].values[k] == pytest.approx(peak, rel=1e-9)
-
-
-def test_a_pad_between_two_masses_on_a_shaken_base():
-    """Against time stepping, which has the same balance of energy."""
-    between = {"name": "joint", "between": [{"mass": 1}, {"mass": 2}], "normal_force": 5.0, "stiffness": 5e4,
-               "coefficient": BOTH}  # fmt: skip
-    shaken = {"kind": "harmonic", "applied_to": "base", "level": 3.0, "frequency": 4.0}
-    case = scenario([{**PAD, "normal_force": 20.0, "coefficient": 0.3}, between], excitation=shaken)
-    result = beamsim.run(case)
-    assert result.summary["energy_error"] < 1e-10
-    assert min(contact.slides for contact in result.friction.values()) >= 4
-    stepped = case.model_copy(
-        update={"run": case.run.model_copy(update={"method": "reference", "integrator": "DOP853", "rtol": 1e-10})}
-    )
-    other = beamsim.run(stepped)
-    assert other.friction["pad"].slides is None
-    for name in result.probes:
-        a, b = result.probes[name].displacement[:], other.probes[name].displacement[:]
-        np.testing.assert_allclose(a, b, atol=1e-7 * np.abs(a).max())
 
 
 @pytest.mark.parametrize(("start", "force"), [("unstressed", 0.0), (45.0, 45.0), (-45.0, -45.0)])

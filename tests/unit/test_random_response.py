@@ -1,7 +1,5 @@
 """Statistics of random vibration against Miles' and linear theory, and their way through the result file."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -243,13 +241,3 @@ def test_crossings_of_levels():
         expected = mean * np.exp(-0.5 * level**2)
         assert rates[np.flatnonzero(level == LEVELS)[0]] == pytest.approx(expected, rel=0.04)
     assert not crossing_rates(np.zeros(10), 1.0).any()
-
-
-def test_doubts_leave_room_for_the_curves(result):
-    """Figures that have not converged are named over several lines: the panels keep their width."""
-    names = [f"mass absolute_acceleration {key}" for key in ("crest_factor", "kurtosis", "peaks_over_2_sigma", "rms")]
-    summary = {**result.summary, "doubtful": [f"random.{name}" for name in names]}
-    summary["convergence"] = {**result.summary["convergence"], "random": dict.fromkeys(names, 0.05)}
-    figure = run_figures(dataclasses.replace(result, summary=summary))["random"]
-    FigureCanvasAgg(figure).draw()
-    assert min(ax.get_position().width for ax in figure.axes) > 0.7
