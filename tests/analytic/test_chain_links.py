@@ -4,13 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import quad
 from scipy.special import ellipj, ellipk
 
 import beamsim
 from beamsim.analyses.identify.contact_point import snubber_point
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.contacts.laws import piecewise_linear
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
@@ -213,15 +212,6 @@ def test_nonlinear_mode_of_a_piecewise_linear_oscillator_in_energy():
         assert 1 / backbone.frequency_hz[index] == pytest.approx(period, rel=1e-9)
 
 
-def test_one_sided_parts_of_a_law():
-    law = piecewise_linear([-1.0, 2.0, 3.0], [5.0, 3.0, 3.0, 1.0], 1)
-    assert [p.direction for p in law.parts] == [-1, 1]  # the breakpoint at 2 changes nothing
-    assert [p.stiffness for p in law.parts] == [2, -2]
-    assert [p.offset for p in law.parts] == [1, 3]
-    assert law.arrays.force[:, 2].tolist() == [2, 0, 6]
-    assert len(law.phases) == 3
-
-
 # -- cubic springs between masses ------------------------------------------------------------------------------------
 def test_duffing_motion_of_two_free_masses():
     """mu x'' + k x + g x^3 = 0 from rest at a: x = a cn(w t | m), mu w^2 = k + g a^2, m = g a^2 / (2 (k + g a^2))."""
@@ -241,80 +231,6 @@ def test_duffing_motion_of_two_free_masses():
 
 
 # -- everything at once against an independent integration -------------------------------------------------------------
-MASSES, ROW, DASHPOTS = np.array([1.0, 1.5, 0.8]), np.array([2.0, 1.0, 3.0, 0.5]), np.array([0.1, 0.05, 0.1, 0.0])
-ALL = {
-    "dashpots": DASHPOTS.tolist(),
-    "snubbers": [
-        {"name": "bumper", "between": [1, 2], "stiffness": 20.0, "gap": 0.05},
-        {"name": "cable", "between": [3, 1], "stiffness": 8.0, "gap": 0.1, "resists": "separation"},
-        {"name": "stop", "mass": 2, "side": "above", "stiffness": 15.0, "gap": 0.3, "mounted_on": "ground"},
-    ],
-    "springs_between": [
-        {"masses": [3, 2], "kind": "piecewise_linear", "breakpoints": [-0.1, 0.2], "stiffnesses": [0.2, 3.0, 1.0]},
-        {"masses": [1, 3], "kind": "linear", "stiffness": 0.7},
-    ],
-    "springs_to_ground": [
-        {"mass": 2, "kind": "piecewise_linear", "breakpoints": [-0.2, 0.1], "stiffnesses": [2.0, 0.5, 3.0]}
-    ],
-}
-LEVEL, HZ = 0.5, 0.13
-SHAKEN = {"kind": "harmonic", "applied_to": "base", "level": LEVEL, "frequency": HZ}
-
-
-def independent(times, cubic=0.0, cable=1.0):
-    """Newton's law for absolute displacements, straight from the numbers above."""
-    w = 2 * np.pi * HZ
-
-    def base(t):
-        return -LEVEL / w**2 * np.sin(w * t), -LEVEL / w * np.cos(w * t)
-
-    def rhs(t, y):
-        u, v = y[:3], y[3:]
-        (d, rate), a = base(t), np.zeros(3)
-        x, x_rate = np.concatenate([[d], u, [d]]), np.concatenate([[rate], v, [rate]])
-        pull = ROW * np.diff(x) + DASHPOTS * np.diff(x_rate)
-        a += pull[1:] - pull[:-1]
-        links = [
-            (0, 1, -20.0 * max(-(u[1] - u[0]) - 0.05, 0.0)),
-            (0, 2, cable * 8.0 * max(u[2] - u[0] - 0.1, 0.0) + 0.7 * (u[2] - u[0])),
-            (1, 2, float(force([-0.1, 0.2], [0.2, 3.0, 1.0], u[2] - u[1])) + cubic * (u[2] - u[1]) ** 3),
-        ]
-        for i, j, f in links:
-            a[i] += f
-            a[j] -= f
-        a[1] -= 15.0 * max(u[1] - 0.3, 0.0) + float(force([-0.2, 0.1], [2.0, 0.5, 3.0], u[1])) + cubic * u[1] ** 3
-        return np.concatenate([v, a / MASSES])
-
-    d, rate = base(0.0)
-    start = np.concatenate([np.full(3, d), np.full(3, rate)])  # at rest relative to the base
-    found = solve_ivp(rhs, (0, times[-1]), start, "DOP853", times, rtol=1e-11, atol=1e-12, max_step=0.05)
-    return found.y[:3].T
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cubic", [0.0, 0.8])
-def test_a_chain_with_everything_against_an_independent_integration(cubic):
-    smooth = [{"masses": [2, 3], "kind": "cubic", "stiffness": cubic}, {"mass": 2, "kind": "cubic", "stiffness": cubic}]
-    more = dict(ALL)
-    if cubic:
-        more["springs_between"] = [*ALL["springs_between"], smooth[0]]
-        more["springs_to_ground"] = [*ALL["springs_to_ground"], smooth[1]]
-    run = {"duration": 15.0, "sample_rate": 10.0, "start": "rest"}
-    result = beamsim.run(chain(MASSES.tolist(), ROW.tolist(), more, excitation=SHAKEN, run=run))
-    exact = independent(result.time, cubic)
-    found = np.stack([p.absolute_displacement for p in result.probes.values()], axis=1)
-    np.testing.assert_allclose(found, exact, atol=2e-8)
-    assert result.summary["energy_error"] < (1e-8 if cubic else 1e-12)
-    assert all(result.summary["contacts"][name] > 1 for name in ("bumper", "cable", "stop"))
-    assert result.work.events > result.summary["events"]  # breakpoints are no contact events
-    assert result.events.snubber.max() == 2
-    stretch = result.springs["ground_spring_1"].stretch
-    np.testing.assert_allclose(stretch, exact[:, 1], atol=2e-8)
-    # the twin: without the cable the motions part
-    if not cubic:
-        assert np.abs(independent(result.time, cable=0.0) - exact).max() > 1e-2
-
-
 # -- linear springs between any masses -------------------------------------------------------------------------------
 def test_linear_springs_between_masses_join_the_stiffness_matrix():
     more = {"springs_between": [{"masses": [3, 1], "kind": "linear", "stiffness": 4.0}]}

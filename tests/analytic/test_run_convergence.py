@@ -11,7 +11,6 @@ from scipy.signal import butter, lsim, zpk2tf
 import beamsim
 from beamsim.analyses.run import convergence, filtered_motion
 from beamsim.analyses.run.filtered_motion import FilteredPanels, FilteredSegments, filtered
-from beamsim.analyses.run.low_pass import LowPassFilter
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.cli.report import table_rows
@@ -250,20 +249,6 @@ def test_low_passed_peaks_of_a_fast_motion_are_right_on_long_steps(frequency):
     size = max(high[0], -low[0])
     assert high[0] == pytest.approx(fine.max(), abs=1e-5 * size)
     assert low[0] == pytest.approx(fine.min(), abs=1e-5 * size)
-
-
-def test_the_gain_of_the_low_pass():
-    """A sine at the filter's frequency loses 3 dB, one at ten times it 80 dB; parts join on."""
-    for ratio, gain in ((0.05, 1.0), (1.0, np.sqrt(0.5)), (10.0, 1e-4)):
-        low_pass = LowPassFilter(100.0, 1)
-
-        def sine(times, hz=100.0 * ratio):
-            return np.sin(2 * np.pi * hz * times)[:, None]
-
-        low_pass.through(np.linspace(0.0, 0.2, 301), sine)
-        times = np.linspace(0.2, 0.5, 20_001)
-        settled = low_pass.through(times, sine)[times > 0.25, 0]
-        assert np.abs(settled).max() == pytest.approx(gain, rel=2e-3)
 
 
 def test_low_passed_peaks_reach_summary_histories_and_limits():

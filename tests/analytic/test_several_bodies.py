@@ -11,7 +11,6 @@ from scipy.linalg import block_diag, eigh
 import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_run, write_run
 from beamsim.system.build import build_system
 
 EXAMPLE = Path(__file__).parents[1] / "data/examples/two_panels.yaml"
@@ -94,28 +93,6 @@ def test_two_panels_against_integration_with_restarts_at_contacts():
     scale = np.abs(expected).max()
     for name, own in zip(("inner_tip", "outer_tip"), expected, strict=True):
         np.testing.assert_allclose(result.probes[name].displacement, own, rtol=0, atol=1e-7 * scale)
-
-
-def test_frequencies_open_and_closed_are_those_of_the_assembled_matrices():
-    modes = build_system(load_scenario(EXAMPLE, FEW)).modes
-    m, _, k, _, row = panels()
-    for frequencies, stiffness in (
-        (modes.open_frequencies_hz, k),
-        (modes.closed_frequencies_hz, k + 150e3 * np.outer(row, row)),
-    ):
-        squared = eigh(stiffness, m, eigvals_only=True)
-        np.testing.assert_allclose(frequencies, np.sqrt(squared) / (2 * np.pi), rtol=1e-9)
-
-
-def test_modes_and_damping_belong_to_one_body_each():
-    system = build_system(load_scenario(EXAMPLE, "bodies.outer.damping.ratio=[3 %, 2 %]"))
-    on_body = np.array(
-        [np.abs(system.modes.shapes[:, part.stations]).max(axis=1) > 0 for part in system.stations]
-    )  # fmt: skip
-    np.testing.assert_array_equal(on_body.sum(axis=0), 1)
-    ratios = system.modes.damping_ratios
-    np.testing.assert_allclose(ratios[on_body[0]], 0.01)
-    np.testing.assert_allclose(ratios[on_body[1]][:3], [0.03, 0.02, 0.02])
 
 
 def test_preload_is_the_force_at_equilibrium_and_the_reduced_model_is_close_to_the_full_one():
@@ -207,19 +184,6 @@ def test_given_initial_states_belong_to_one_body_each():
     np.testing.assert_allclose(moved, alone.probes[probe].displacement, rtol=0, atol=1e-9 * np.abs(moved).max())
     assert np.abs(moved).max() > 1e-4
     assert not np.any(both.probes[f"inner_{probe}"].displacement)
-
-
-def test_result_file_holds_every_body(tmp_path):
-    result = beamsim.run(load_scenario(EXAMPLE, ["run.duration=0.05 s", "bodies.outer.youngs_modulus=70 GPa"]))
-    again = open_run(write_run(result, tmp_path / "two.h5"))
-    assert list(again.bodies) == ["inner", "outer"]
-    stresses = {name: body.peak_bending_stress.max() for name, body in result.bodies.items()}
-    assert result.summary["largest_bending_stress_body"] == max(stresses, key=lambda name: stresses[name])
-    for name, body in result.bodies.items():
-        np.testing.assert_array_equal(again.bodies[name].extreme_shapes, body.extreme_shapes)
-        np.testing.assert_array_equal(again.bodies[name].peak_bending_stress, body.peak_bending_stress)
-    assert [part.body for part in again.modes.stations] == ["inner", "outer"]
-    assert again.scenario == result.scenario
 
 
 def test_a_beam_by_its_stiffness_moves_like_one_by_its_section():

@@ -1,7 +1,6 @@
 """`beamsim compare-modes`: pairs of measured and computed modes, from CSV and UFF files; errors and exit codes."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,15 +8,12 @@ import pyuff
 from typer.testing import CliRunner
 
 import beamsim
-from beamsim.analyses.compare_modes.analysis import compare_modes
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store import records
 from beamsim.store.shapes import read_shapes
 from beamsim.store.uff import Source, record_55, write_uff
 from beamsim.structures.places import Place
-from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 
 CHAIN = """
@@ -48,25 +44,6 @@ def call(*arguments):
 def own_shapes(text, places):
     parts = reduced_parts(load_scenario(text))
     return parts.omega / (2 * np.pi), parts.shapes(places)
-
-
-@pytest.mark.parametrize("text", [CHAIN, TWO])
-def test_modes_written_to_a_universal_file_are_found_again(tmp_path, text):
-    """Nodes from the mesh (data set 15), lines of each body (82) and modes (55): each mode pairs with itself."""
-    scenario = load_scenario(text)
-    modes = build_system(scenario, assessed=False).modes
-    heights = records._heights(modes.stations)
-    places, number = records._placed(modes.stations, heights), records._numbers(modes.stations, 4)
-    result = SimpleNamespace(modes=modes, scenario=scenario)
-    sets = records._mode_shapes(result, places, number, Source("title", "", "beamsim"))
-    x, y, z = places.T
-    assert len(set(z)) == len(scenario.all_bodies)  # bodies apart
-    write_uff([pyuff.prepare_15(node_nums=4 + np.arange(x.size), x=x, y=y, z=z), *sets], tmp_path / "modes.uff")
-    lines = [each for each in pyuff.UFF(str(tmp_path / "modes.uff")).read_sets() if each["type"] == 82]
-    assert {int(node) for line in lines for node in line["nodes"]} - {0} == set((4 + np.arange(x.size)).tolist())
-    found = compare_modes(scenario, read_shapes(tmp_path / "modes.uff", scenario))
-    np.testing.assert_allclose(np.max(found.mac, axis=1), 1.0, atol=1e-4)
-    assert len(found.mac) == modes.open_frequencies_hz.size
 
 
 def test_nodes_of_no_body_are_refused(tmp_path):

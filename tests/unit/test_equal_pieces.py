@@ -64,13 +64,3 @@ def test_integrals_of_products(motion):
     fine = np.vstack([np.zeros(2), np.cumsum(parts, axis=0)])[np.searchsorted(cuts, some_times())]
     exact = trajectory.product_integrals(some_times(), left, right, weight)
     assert largest_difference(exact, fine) < 1e-11
-
-
-def test_integrals_of_products_from_a_later_time_on(motion):
-    trajectory, _ = motion
-    begin, end = 0.02071, DURATION
-    late = trajectory.within(begin, end)  # begins a little before
-    times, factors = some_times()[some_times() > begin], power_factors(trajectory.flow)
-    together = late.product_integrals(times, *factors, begin)
-    whole = trajectory.product_integrals(np.append(begin, times), *factors)
-    assert largest_difference(together, whole[1:] - whole[0]) < 1e-11

@@ -8,7 +8,6 @@ from beamsim.analyses.run import exact_motion, parting
 from beamsim.errors import ScenarioError
 from beamsim.flow import exact, stretches
 from beamsim.inputs import streamed
-from beamsim.inputs.random_input import random_signals
 from beamsim.outcomes import OutcomeCode
 
 PIECES = 5600  # of the input in 0.14 s
@@ -123,17 +122,6 @@ def test_an_interrupted_motion_keeps_what_it_reached(in_stretches, pieces_made):
     assert 0 < result.summary["events"] < whole.summary["events"]
 
 
-def test_an_interruption_in_the_first_stretch_keeps_it():
-    result = beamsim.run(scenario(low_pass=1000.0, impacts={}), stop=lambda: True)
-    assert result.outcome.code is OutcomeCode.INTERRUPTED
-    assert result.time.size >= 1
-    assert result.summary["energy_error"] < 1e-9
-    assert np.isfinite(result.probes["tip"].low_passed_acceleration).all()
-    assert result.impacts is not None
-    assert result.random is None
-    assert any("kept" in text and "spectra" not in text for text in result.warnings)
-
-
 def test_what_needs_the_whole_motion_is_refused():
     with pytest.raises(ScenarioError, match=r"run.srs.*run.memory"):
         beamsim.run(scenario(srs={"from": 20.0, "to": 500.0}))
@@ -196,17 +184,3 @@ def test_too_many_pieces_are_refused_where_a_motion_is_kept(monkeypatch):
     monkeypatch.setattr("beamsim.analyses.run.outputs.MOST_PIECES", 2000)
     with pytest.raises(ScenarioError, match="pieces, too many for this command or method"):
         beamsim.run(scenario(method="reference"))
-
-
-@pytest.mark.parametrize("ramp", [0.0, 0.05])
-def test_a_record_in_blocks_is_the_spline_through_all_samples(monkeypatch, ramp):
-    excitation = scenario().excitation.model_copy(update={"ramp": ramp, "period": 0.1})
-    blocks = random_signals(excitation, 0.14)
-    monkeypatch.setattr(streamed, "PIECES_OF_A_BLOCK", 10**6)
-    whole = random_signals(excitation, 0.14)
-    times = np.random.default_rng(1).uniform(0.0, 0.14, 5000)
-    for one, other in zip(blocks, whole, strict=True):
-        np.testing.assert_allclose(one(times), other(times), rtol=0, atol=1e-11 * np.abs(other(times)).max())
-        np.testing.assert_allclose(one.coefficient[:, 0, 0], other.coefficient[:, 0, 0], rtol=0,
-                                   atol=1e-11 * np.abs(other.coefficient[:, 0, 0]).max())  # fmt: skip
-    np.testing.assert_array_equal((2.0 * blocks[0])(times), 2.0 * blocks[0](times))

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from sampling import slow_after
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.paths import mode_path
 from beamsim.errors import ScenarioError
-from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_nnm, write_result
@@ -198,18 +196,6 @@ def test_a_mode_that_gradually_shares_its_energy_is_followed():
     np.testing.assert_allclose(near.backbone.frequency_hz, interpolated, rtol=2e-3)
 
 
-@pytest.mark.parametrize(
-    "section", slow_after(1, [{"continue_in": {"kind": "energy", "from": 1e-3, "to": 1.0}}, {"energy": 1e-3}])
-)
-def test_no_advice_sends_from_energy_to_frequency_and_back(section):
-    result = nnm(load_scenario({"chain": PRESSED, "nnm": {"mode": 1} | section}))
-    assert "follow the frequency" not in result.status
-    if result.backbone.share[-1] < 0.5:
-        assert "mode 1" in result.status
-        assert "mode 2" in result.status
-    assert "frequency" not in OutcomeCode.MODE_LOST.message + OutcomeCode.MODE_LOST.remedy
-
-
 def tip_between_stops(stiffness, last):
     """A cantilever whose tip is between two stops, in energy."""
     stop = {"position": 0.5, "stiffness": stiffness, "gap": 1e-3}
@@ -243,10 +229,3 @@ def test_tip_stops_on_both_sides_whatever_the_range(stiffness, last):
     at = np.log(far.backbone.parameter[:same])
     lattice = np.interp(at, np.log(near.backbone.parameter), near.backbone.frequency_hz)
     np.testing.assert_allclose(lattice, far.backbone.frequency_hz[:same], rtol=1e-9)
-
-
-def test_energies_beyond_all_numbers_are_no_motions():
-    scenario = load_scenario({"chain": MIXED, "nnm": {"mode": 1, "energy": 1.0}})
-    orbits = BrakeOrbits(mode_path(scenario, conservative_system(scenario)).family, "energy")
-    with pytest.raises(ArithmeticError, match="energy"):
-        orbits.residual(np.array([0.1, 0.1, 5.0, 1e4]))

@@ -9,12 +9,9 @@ from typer.testing import CliRunner
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
-from beamsim.inputs.legs import make_leg
-from beamsim.inputs.profiles import Profile
 from beamsim.outcomes import OutcomeCode
 from beamsim.plots.sweep import sweep_figures
 from beamsim.scenario import load_scenario
-from beamsim.scenario.quantities import Rate
 from beamsim.store.results import open_sweep, write_sweep
 
 G = 9.80665
@@ -193,19 +190,6 @@ def test_a_table_that_cannot_be_used_is_refused(tmp_path, text, words):
         (tmp_path / "level.csv").write_text(text)
     with pytest.raises(ScenarioError, match=words):
         sweep(case(notch_to=None, profile_file=str(tmp_path / "level.csv")))
-
-
-def test_steps_of_a_specification_take_a_cycle():
-    from beamsim.analyses.sweep.notching import continuous
-
-    leg = make_leg(10.0, 40.0, Rate(2.0 / 60.0, "oct/s"))
-    stepped = Profile.held([(5.0, 1.0, "acceleration"), (20.0, 4.0, "acceleration")])
-    smooth = continuous(stepped, leg)
-    f = np.array([10.0, 19.9, 20.1, 39.9])
-    np.testing.assert_allclose(smooth(f), stepped(f), rtol=1e-12)
-    assert smooth(20.0) == pytest.approx(2.0, rel=0.01)
-    inner = smooth.edge[(smooth.edge > 10.5) & (smooth.edge < 39.0)]
-    assert np.ptp(leg.turns(inner)) == pytest.approx(1.0)
 
 
 def test_the_command_prints_the_notches_and_draws_them(tmp_path, notched):

@@ -7,8 +7,6 @@ import pytest
 
 import beamsim
 from beamsim.analyses.response.analysis import frequency_response
-from beamsim.analyses.response.paths import response_model
-from beamsim.analyses.run import orbit_energy
 from beamsim.cli.conclusion import exit_code
 from beamsim.flow.variational import VariationalFlow
 from beamsim.outcomes import OutcomeCode, OutcomeKind
@@ -51,23 +49,6 @@ def test_forced_motions_are_in_balance(kind, stop):
     assert result.summary["energy_error"] == max(b.energy_error.max() for b in result.branches)
 
 
-@pytest.mark.parametrize("stop", [{}, {"mounted_on": "ground"}])
-def test_the_closed_forms_agree_with_a_rule_and_a_wrong_motion_is_seen(stop):
-    scenario = forced("linear", stop=stop)
-    model = response_model(scenario)
-    point = frequency_response(scenario).branches[0]
-    flow = model.flow(float(point.frequency_hz[3]), 1.5)
-    start = np.concatenate([point.coordinates[3], point.coordinate_velocities[3]])
-    passage = flow.carry(start, 1.0 / float(point.frequency_hz[3]))
-    edges = np.append(passage.time, passage.duration)
-    known = orbit_energy._Known(edges, passage.phases, lambda times: flow.states_at(passage, times))
-    by_rule = orbit_energy._by_quadrature(flow, known, flow.fastest)
-    assert by_rule == pytest.approx(orbit_energy._in_closed_form(flow.motion(passage)), rel=1e-12)
-    assert by_rule[1] > 0.0
-    assert orbit_energy.energy_error(flow, passage) < 1e-12
-    assert orbit_energy.energy_error(flow, replace(passage, end=passage.end * (1 + 1e-4))) > 1e-6
-
-
 @pytest.mark.parametrize("kind", ["linear", "cubic"])
 def test_nonlinear_modes_keep_their_energy_and_a_lost_one_is_not_trusted(kind, monkeypatch):
     undamped = case(kind, nnm={"mode": 1, "continue_in": {"kind": "energy", "from": 0.01, "to": 0.05}})
@@ -105,14 +86,6 @@ def test_a_search_that_leaves_the_range_of_numbers_says_so(monkeypatch, stop):
     assert 0.75 < ends[0].numbers["parameter"] <= 0.77
     assert not result.complete
     assert exit_code(result.outcome) == 3
-
-
-def test_levels_of_a_continuation_have_their_unit():
-    limits = {"most_points": 3, "seek_at": 0}
-    two = {"kind": "continuation", "from": "0.75 Hz", "to": "0.8 Hz", "levels": [0.1, 0.2], **limits}
-    shaken = {"kind": "harmonic", "applied_to": "base", "level": 1.5, "frequency": 0.8}
-    result = frequency_response(case("linear", excitation=shaken, sweep=two))
-    assert "at level 0.1 m/s^2" in result.status
 
 
 def by_balance(kind, harmonics, level=1.0, **more):

@@ -8,12 +8,8 @@ from beamsim.plots.assembly import assembly_figures
 from beamsim.plots.plates import plate_figures
 from beamsim.plots.run import run_figures
 from beamsim.plots.save import save_figures
-from beamsim.plots.sketch import Sketch
-from beamsim.plots.stations import draw_along
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_run, write_result
-from beamsim.structures.places import Place
-from beamsim.structures.stations import NODES, Recovery, Stations
 
 BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
 PLATE = {"kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.003, "youngs_modulus": 70e9,
@@ -123,25 +119,6 @@ def test_plate_pictures_fill_their_figure_and_name_the_snubbers():
     assert texts == ["snubber below", "snubber above"]
     straight = plate_figures(beamsim.run(load_scenario({**case, "gravity": 0.0})))["plate_deflections"]
     assert len([ax for ax in straight.axes if ax.get_title(loc="left")]) == 2  # nothing bends it at rest
-
-
-def test_a_point_within_a_plate_is_drawn_between_its_edges(result):
-    sketch = Sketch(result.scenario, result.modes.stations, result.snubbers)
-    stations = result.modes.stations
-    place = next(part for part in stations if part.body == "plate").stations
-    heights = np.zeros(stations.position.size)
-    heights[place] = stations.across[place]
-    row = sketch.point(Place("plate", (0.25, 0.0)), heights)[1]
-    assert sketch.point(Place("plate", (0.25, 0.1)), heights) == pytest.approx((0.25, row + 0.1))
-
-
-def test_many_nodes_are_numbered_so_that_they_can_be_read():
-    from matplotlib.figure import Figure
-
-    ax = Figure().subplots()
-    stations = Stations.of_recoveries([Recovery("m", NODES, np.arange(1.0, 136.0), np.zeros((135, 0)))])
-    draw_along(ax, stations, "Deflection", [("shape", np.zeros(135), {})])
-    assert 10 <= len(ax.get_xticks()) <= 20
 
 
 def test_a_body_with_nodes_alone_has_its_pictures(tmp_path):

@@ -2,7 +2,6 @@
 
 import math
 import os
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from sampling import slow_after
 import beamsim
 from beamsim.fields import changed
 from beamsim.plots import run as plots
-from beamsim.plots.drawing import legend_columns, thinned
+from beamsim.plots.drawing import thinned
 from beamsim.plots.run import run_figures
 from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
@@ -124,25 +123,6 @@ def test_labels_lie_in_the_figure_and_panels_do_not_overlap(how, fabricated_run)
                 assert min(across, along) < 12  # pixels: a tick label at the corner of a panel
 
 
-@pytest.mark.parametrize("form", ["png", "svg", "pdf"])
-def test_colour_bars_and_other_figures_get_their_places(form, tmp_path):
-    figure = Figure(figsize=(3.0, 2.0), layout="constrained")
-    ax = figure.subplots()
-    ax.set_position((0.0, 0.0, 1.0, 1.0))
-    figure.colorbar(ax.imshow(np.eye(3)), ax=ax)
-    save_figures({"map": figure}, tmp_path, "case", form)
-    assert (tmp_path / f"case_map.{form}").stat().st_size > 1000
-    assert figure.axes[1].get_position().x0 > 0.6
-
-
-@pytest.mark.parametrize(("name", "beside", "columns"), [("tip", 1, 5), ("node number 10", 1, 4), ("node", 3, 2)])
-def test_a_legend_is_no_wider_than_its_panel(name, beside, columns):
-    ax = np.atleast_1d(Figure(figsize=(6.4, 4.0)).subplots(1, beside))[0]
-    for _ in range(5):
-        ax.plot([0.0, 1.0], [0.0, 1.0], label=name)
-    assert legend_columns(ax, 5) == columns
-
-
 def test_thinning_keeps_the_extremes():
     time = np.arange(1_000_003.0)
     x = np.zeros(time.size)
@@ -153,17 +133,6 @@ def test_thinning_keeps_the_extremes():
     assert (few_x.max(), few_x.min(), few_x[-1]) == (5.0, -7.0, 1.0)
     assert few_t[few_x.argmax()] == 123_457
     assert thinned(time[:100], x[:100])[0].size == 100
-
-
-def test_a_broadband_spectrum_is_shown_as_far_as_it_has_content(fabricated_run):
-    """Not only up to its highest line: a random response has power where it has no line."""
-    result = fabricated_run(frequency=math.nan)
-    s = next(iter(result.spectra.values()))
-    level = np.where(s.frequency_hz < 0.5 * s.frequency_hz[-1], -20.0, -90.0)
-    line = replace(s.lines[0], kind="other", frequency_hz=1.0, amplitude_db=-10.0)
-    broad = [changed(x, amplitude_db=level, lines=(line,)) for x in result.spectra.values()]
-    assert plots._highest_shown(broad, forced=False, broadband=False) == 1.5
-    assert plots._highest_shown(broad, forced=False, broadband=True) == s.frequency_hz[level > -60.0][-1]
 
 
 def test_a_shock_is_shown_whole_with_its_input():

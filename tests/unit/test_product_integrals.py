@@ -1,20 +1,15 @@
 """Integrals of products of outputs and Fourier integrals against Gauss rules."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from beamsim.analyses.run.energy import power_factors
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.flow.fourier import MotionPart, fourier_integrals
-from beamsim.flow.moments import SegmentOutputs
 from beamsim.flow.transient import simulate
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
 from tests.helpers.observed import all_outputs
-
-CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
 
 
 def motion_of(scenario, duration):
@@ -50,25 +45,6 @@ def quadrature(motion, begin, times, values_of):
     return sums[np.searchsorted(cuts, times)]
 
 
-@pytest.mark.parametrize("size", [1e-9, 1e-6, 1e-3, 1.0])
-@pytest.mark.parametrize("powers", [False, True])
-def test_products_are_integrated_however_slow_a_pair_is(size, powers):
-    rng = np.random.default_rng(5)
-    exponent = np.array([0.0, 30.0j, 30.0j * (1.0 + size) - 2.0 * size, -40.0 + 7.0j, -3.0, -size])
-    power = np.array([3, 0, 1, 0, 2, 0]) * powers
-    left, right = rng.normal(size=(2, 4, 6, 3, 2)) @ [1.0, 1.0j]
-    segment, tau = np.array([0, 3, 1, 2, 2]), np.array([0.3, 1e-7, 0.0, 0.2, 0.7])
-    factors = (SegmentOutputs(exponent, power, coefficient) for coefficient in (left, right))
-    integrals = next(factors).product_integrals(next(factors), segment, tau)
-    point, gauss = np.polynomial.legendre.leggauss(80)
-    for g, t, integral in zip(segment, tau, integrals, strict=True):
-        at = 0.5 * t * (1.0 + point)
-        terms = at[:, None] ** power * np.exp(exponent * at[:, None])
-        product = (terms @ left[g]).real * (terms @ right[g]).real
-        scale = max(float(np.abs(left[g]).max() * np.abs(right[g]).max()), 1.0)
-        assert np.all(np.abs(integral - 0.5 * t * (gauss @ product)) < 1e-12 * scale)
-
-
 @pytest.mark.parametrize("damping", [0.0, 1e-9, 1e-3, 0.3])
 def test_work_and_loss_are_those_of_a_fine_rule(damping):
     motion = motion_of(light_chain(damping), 60.0)
@@ -83,16 +59,6 @@ def test_work_and_loss_are_those_of_a_fine_rule(damping):
     np.testing.assert_allclose(exact, fine, rtol=0.0, atol=1e-12 * largest)
     whole = motion.segment_integrals(left, right, weight).sum(axis=0)
     np.testing.assert_allclose(whole, exact[-1], atol=1e-12 * largest)
-
-
-def test_integrals_count_from_a_later_time_on():
-    motion = motion_of(light_chain(0.3), 30.0)
-    factors = power_factors(motion.flow)
-    times = np.linspace(3.0, 30.0, 200)
-    late = motion.product_integrals(times, *factors, 2.0)
-    since = motion.product_integrals(np.append(2.0, times), *factors)
-    np.testing.assert_allclose(late, since[1:] - since[0], rtol=1e-12)
-    assert np.abs(late - motion.product_integrals(times, *factors)).max() > 1e-6
 
 
 @pytest.mark.parametrize("damping", [0.0, 1e-9, 1e-3, 0.3])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.errors import NotTrustedError, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 
 FLOATING = """
@@ -46,16 +46,6 @@ def test_a_floating_beam_with_a_stop_at_mid_span_starts_from_rest(tmp_path):
     result = beamsim.run(loaded(tmp_path, FLOATING))
     assert result.complete
     assert np.isnan(result.summary["static_force_n"]["stop"])
-
-
-def test_an_equilibrium_that_is_lost_stops_only_what_starts_from_it(tmp_path, monkeypatch):
-    def lost(*_):
-        raise NotTrustedError("static equilibrium: lost")
-
-    monkeypatch.setattr("beamsim.system.build.find_equilibrium", lost)
-    assert beamsim.run(loaded(tmp_path, FLOATING)).complete
-    with pytest.raises(NotTrustedError):
-        beamsim.run(loaded(tmp_path, FLOATING.replace("start: rest", "start: static_equilibrium")))
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 import beamsim
@@ -33,12 +32,3 @@ def test_a_motion_in_closed_form_is_sampled_fast_enough_whatever_the_output_rate
     highest = result.modes.closed_frequencies_hz[: result.modes.kept_modes].max()
     assert all(s.rate_hz > 2.0 * highest for s in result.spectra.values())
     assert not notes(result)
-
-
-def test_where_there_are_too_many_samples_for_the_modes_a_note_says_so(monkeypatch):
-    monkeypatch.setattr("beamsim.analyses.run.spectra.MOST_SAMPLES", 32)
-    monkeypatch.setattr("beamsim.analyses.run.spectra.FEWEST_SAMPLES", 32)
-    result = run(*SHORT)
-    (note,) = notes(result)
-    assert "run.spectrum.last" in note
-    assert np.isfinite(result.summary["energy_error"])

@@ -3,9 +3,7 @@
 from pathlib import Path
 
 import h5py
-import numpy as np
 import pytest
-from scipy.io import loadmat
 
 import beamsim
 from beamsim.scenario import load_scenario
@@ -71,25 +69,3 @@ def test_groups_name_their_bodies(run_file, curve):
         for path, body in BODIES.items():
             assert run[path].attrs["body"] == body
             assert branches[f"branches/0/{path}"].attrs["body"] == body
-
-
-def exported(source, folder):
-    """Text tables, and what the MAT file holds; the UFF file knows where each body's points are."""
-    tables = beamsim.export_result(source, folder / "csv", "csv")
-    assert len(tables) > 5
-    (mat,) = beamsim.export_result(source, folder / "case.mat", "mat")
-    (uff,) = beamsim.export_result(source, folder / "case.uff", "uff")
-    pyuff = pytest.importorskip("pyuff")
-    file = pyuff.UFF(str(uff))
-    nodes = next(s for s in (file.read_sets(k) for k in range(file.get_n_sets())) if s["type"] == 15)
-    np.testing.assert_allclose(nodes["x"][:4], [0.77, 0.77, 0.77, 0.7])
-    return tables, loadmat(mat, simplify_cells=True)
-
-
-@pytest.mark.slow
-def test_a_curve_is_exported(curve, tmp_path):
-    tables, data = exported(curve[1], tmp_path)
-    stored = data["branches"]["x0"]["probes"]["outer_tip"]["peak_displacement"]
-    np.testing.assert_array_equal(stored, curve[0].branches[0].peak_displacement["outer_tip"])
-    attributes = next(path for path in tables if path.name == "attributes.csv").read_text()
-    assert "inner, outer" in attributes

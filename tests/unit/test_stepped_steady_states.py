@@ -88,20 +88,6 @@ def test_exponent_of_a_linear_motion_is_its_decay(make_system):
     assert stepper.cycles > 500
 
 
-def test_a_motion_that_is_kept_is_the_motion(make_system):
-    steppers = [bouncing(make_system, 0.3, 1.0, 0.5) for _ in range(2)]
-    for kept, (stepper, motion) in zip((False, True), steppers, strict=True):
-        stepper.carry(motion, 1)  # in the open state alone
-        assert len(stepper.flow.states) == 1
-        while motion.state == 0:
-            if kept:
-                stepper.trajectory(motion, 1)
-            else:
-                stepper.carry(motion, 1)
-        stepper.carry(motion, 3)  # begins in the closed state
-    np.testing.assert_array_equal(steppers[0][1].y, steppers[1][1].y)
-
-
 def test_chaos_is_told_from_a_period(make_system):
     kinds = {}
     for frequency in np.linspace(0.35, 0.6, 9):
@@ -115,13 +101,6 @@ def test_chaos_is_told_from_a_period(make_system):
             found = largest_exponent(stepper, motion, 200)
             kinds.setdefault(found.kind, []).append(frequency)
     assert kinds["periodic"]
-
-
-def test_work_is_bounded(make_system):
-    stepper, motion = bouncing(make_system, 0.3, 1.0, 0.0)
-    stepper.max_evaluations = 20
-    with pytest.raises(ArithmeticError, match="evaluations"):
-        settle(stepper, motion, tolerance=1e-8, longest_period=2, most_cycles=100)
 
 
 def test_frequencies():

@@ -4,10 +4,7 @@ import h5py
 import pytest
 
 from beamsim.codecs import outcome_of_text
-from beamsim.fields import attribute, declared, ending
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
-from beamsim.store.flat import Reader, items_of
-from beamsim.store.hdf5 import read_items, write_items
 from beamsim.store.results import open_run, write_run
 
 STOPPED = Outcome.of(OutcomeCode.EVENT_LIMIT, time=0.2, events=9, limit="run.max_events")
@@ -47,17 +44,3 @@ def test_texts_of_old_files(text, code):
     outcome = outcome_of_text(text)
     assert outcome.code is code
     assert outcome.text == text or outcome == COMPLETE
-
-
-@declared
-class _Branch:
-    level: float = attribute("N", "level")
-    outcome: Outcome = ending("how the branch ended")
-
-
-def test_a_declared_outcome(tmp_path):
-    branch = _Branch(2.0, STOPPED)
-    write_items(items_of(branch), tmp_path / "branch.h5")
-    with h5py.File(tmp_path / "branch.h5") as file:
-        assert file.attrs["status"] == STOPPED.text
-        assert _Branch(**Reader(read_items(file)).fields(_Branch)) == branch

@@ -58,12 +58,19 @@ def test_the_same_in_a_run(level):
         assert np.abs(motions[0].base_displacement - expected).max() < 0.15 * 4e-3
 
 
-def test_mean_square_mean_and_contact_share_are_weighted_by_time():
-    rate = 20_000.0
+RATE = 20_000.0  # Hz
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """A sweep with its history."""
     excitation = {"kind": "harmonic", "applied_to": "base", "frequency": "2 Hz", "level": "0.1 g"}
-    settings = {**SWEEP, "history_rate": rate, "orders": [0.5, 1]}
-    result = sweep(load_scenario({**CHAIN, "excitation": excitation, "sweep": settings}))
-    values, history = result.curves["up_0"], result.histories[0]
+    settings = {**SWEEP, "history_rate": RATE, "orders": [0.5, 1]}
+    return sweep(load_scenario({**CHAIN, "excitation": excitation, "sweep": settings}))
+
+
+def test_mean_square_mean_and_contact_share_are_weighted_by_time(recorded):
+    values, history = recorded.curves["up_0"], recorded.histories[0]
     ends = np.append(values.time, values.time[-1] + 1 / values.frequency_hz[-1])[:-1]
     force, displacement = history.force["stop"], history.displacement["first"]
     for cycle in range(ends.size - 1):
@@ -73,18 +80,14 @@ def test_mean_square_mean_and_contact_share_are_weighted_by_time():
         assert size == pytest.approx(np.sqrt(np.mean(displacement[inside] ** 2)), rel=2e-3)
         assert values.contact_share["stop"][cycle] == pytest.approx(np.mean(force[inside] != 0), abs=2e-3)
     whole = history.time < ends[-1]
-    share = result.summary["contact_share"]["up_0"]["stop"]
+    share = recorded.summary["contact_share"]["up_0"]["stop"]
     assert share == pytest.approx(np.mean(force[whole] != 0), abs=0.02)
     assert share == pytest.approx(values.weights @ values.contact_share["stop"])
     assert values.weights.sum() == pytest.approx(1.0)
 
 
-def test_order_one_half_covers_two_cycles_that_end_with_the_row():
-    rate = 20_000.0
-    excitation = {"kind": "harmonic", "applied_to": "base", "frequency": "2 Hz", "level": "0.1 g"}
-    settings = {**SWEEP, "history_rate": rate, "orders": [0.5, 1]}
-    result = sweep(load_scenario({**CHAIN, "excitation": excitation, "sweep": settings}))
-    values, history = result.curves["up_0"], result.histories[0]
+def test_order_one_half_covers_two_cycles_that_end_with_the_row(recorded):
+    values, history = recorded.curves["up_0"], recorded.histories[0]
     half, whole = values.displacement["first"].harmonics
     assert np.isnan(half[0])
     assert np.all(np.isfinite(half[1:]))
@@ -93,7 +96,7 @@ def test_order_one_half_covers_two_cycles_that_end_with_the_row():
     cycles = t + 0.5 * t**2  # at 1 Hz/s from 1 Hz on
     for row in (1, 2, 5):
         inside = (cycles >= row - 1) & (cycles < row + 1)
-        weight = 2 * np.pi * (1 + t[inside]) / rate / (2 * np.pi)
+        weight = 2 * np.pi * (1 + t[inside]) / RATE / (2 * np.pi)
         expected = np.sum(weight * history.displacement["first"][inside] * np.exp(-1j * np.pi * cycles[inside]))
         assert half[row] == pytest.approx(expected, abs=2e-3 * abs(whole[row]))
 
