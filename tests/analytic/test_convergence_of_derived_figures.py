@@ -4,14 +4,10 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.derived import DerivedFigures
-from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.result import ALLOWED_CHANGE, STATISTICS
 from beamsim.cli.report import table_rows
-from beamsim.flow.transient import simulate
 from beamsim.plots.run import DOUBTFUL_LINES, run_figures
 from beamsim.scenario import load_scenario
-from beamsim.system.build import build_system
 
 BEAM = {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25, "damping": {"kind": "modal", "ratio": 0.1}}
 TIP = {"name": "tip", "position": 0.27, "side": "below", "stiffness": "100 kN/m", "gap": 0}
@@ -132,18 +128,3 @@ def test_after_the_sequences_part_lines_are_compared_in_parts():
     assert "rms_displacement_m.tip" not in result.summary["doubtful"]
     assert "spectral_lines.tip displacement" not in result.summary["doubtful"]
     assert 0.0 < by_frequency(result, "displacement")[75.0].relative_change < 0.1
-
-
-def test_parts_of_a_motion_have_its_mean_square():
-    scenario = beam(reduction={"modes": 3}, run={"convergence": "off"})
-    result, system = beamsim.run(scenario), build_system(scenario)
-    motion = simulate(exact_flow(system, 0.4), system.initial_state)
-    derived = DerivedFigures(scenario, result.spectra, None, result.time)
-    assert derived.parts(8) == 1
-    whole, parts = derived.again(system, motion)[0], derived.again(system, motion, 4)
-    mean = np.mean([part["rms_displacement_m"]["tip"] ** 2 for part in parts])
-    assert whole["rms_displacement_m"]["tip"] == pytest.approx(result.summary["rms_displacement_m"]["tip"], rel=1e-12)
-    assert np.sqrt(mean) == pytest.approx(whole["rms_displacement_m"]["tip"], rel=5e-3)  # of samples
-    again = [whole["line_amplitude"][f"tip displacement {k}"] for k in range(3)]
-    kept = [line.amplitude for line in result.spectra["tip", "displacement"].lines[:3]]
-    assert again == pytest.approx(kept, rel=1e-9)

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from independent import Beam
 from numpy.polynomial.polynomial import polyval, polyval2d
-from scipy.linalg import expm
 
 import beamsim
 from beamsim.errors import ScenarioError
@@ -200,47 +198,6 @@ def test_a_product_of_half_waves_drives_one_mode_of_a_simply_supported_plate():
     modal = np.abs(build_system(scenario).forcing.load[0])
     one = int(np.argmax(modal))
     assert np.delete(modal, one).max() < 1e-3 * modal[one]
-
-
-def test_against_an_independent_beam():
-    """A line and a point with their own phases, on full matrices; the line's vector is a sum of many point forces."""
-    alpha, beta = 8.0, 2e-5
-    line = {**load(line=[0.1, "80 %"], shape={"kind": "linear", "values": [0, 1]}), "phase": 0.4}
-    point = {"kind": "harmonic", "applied_to": {"position": 0.5}, "level": "2 N", "frequency": 61.0}
-    scenario = case(
-        {"kind": "forces", "forces": [line, point]}, reduction={"modes": "all"},
-        beam={"damping": {"kind": "rayleigh", "mass": alpha, "stiffness": beta}},
-    )  # fmt: skip
-    result = beamsim.run(scenario)
-    beam = Beam(L, W, H, E, RHO, 7, "clamped")
-    n, (a, b) = beam.free.size, (0.1, 0.8 * L)
-    x = a + (b - a) * (np.arange(20000) + 0.5) / 20000
-    spread = sum(40 * (b - a) / 20000 * (at - a) / (b - a) * beam.row(at) for at in x)
-    system = np.zeros((2 * n + 4, 2 * n + 4))  # with sines and cosines of both loads as states
-    inverse = np.linalg.inv(beam.M)
-    system[:n, n : 2 * n] = np.eye(n)
-    system[n : 2 * n, :n] = -inverse @ beam.K
-    system[n : 2 * n, n : 2 * n] = -inverse @ (alpha * beam.M + beta * beam.K)
-    for k, (vector, hz) in enumerate(((spread, 23.0), (2 * beam.row(0.5), 61.0))):
-        s, c = 2 * n + 2 * k, 2 * n + 2 * k + 1
-        system[n : 2 * n, s] = inverse @ vector
-        system[s, c], system[c, s] = 2 * np.pi * hz, -2 * np.pi * hz
-    start = np.concatenate([np.zeros(2 * n), [np.sin(0.4), np.cos(0.4), 0.0, 1.0]])
-    times = result.time[:: max(1, result.time.size // 40)]
-    expected = [beam.row(0.7 * L) @ (expm(system * t) @ start)[:n] for t in times]
-    got = result.probes["p"].displacement[:: max(1, result.time.size // 40)]
-    np.testing.assert_allclose(got, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
-
-
-def test_energies_balance_with_contact_and_several_loads():
-    loads = [
-        {**load(line=[0.1, "80 %"], shape={"kind": "linear", "values": [0, 1]}), "phase": 0.4},
-        {"kind": "harmonic", "applied_to": {"position": 0.5}, "level": "2 N", "frequency": 61.0},
-    ]
-    result = beamsim.run(case({"kind": "forces", "forces": loads}, snubbers=[
-        {"name": "s", "position": L, "side": "below", "stiffness": 2e4, "gap": 1e-4}]))  # fmt: skip
-    assert result.summary["contacts"]["s"] >= 2
-    assert result.summary["energy_error"] < 1e-10
 
 
 @pytest.mark.parametrize(

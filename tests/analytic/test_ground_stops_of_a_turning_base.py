@@ -63,18 +63,6 @@ def test_against_ends_that_move_one_by_one():
     assert turned.summary["energy_error"] < 1e-10
 
 
-def test_against_time_stepping():
-    short = {**RUN, "duration": 0.06}
-    exact = beamsim.run(turning(reduction={"modes": 2}, run=short))
-    assert min(exact.summary["contacts"].values()) >= 1
-    method = {"method": "reference", "rtol": 1e-8, "atol": 1e-11}
-    stepped = beamsim.run(turning(reduction={"modes": 2}, run={**short, **method}))
-    for name in ("near", "far"):
-        one, other = (np.asarray(result.snubbers[name].force) for result in (stepped, exact))
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-4 * other.max())
-    assert stepped.summary["energy_error"] < 1e-5
-
-
 @pytest.mark.parametrize("method", ["shooting", "harmonic_balance"])
 def test_periodic_motions_are_those_of_a_run(method):
     """The continuation's peaks at the frequency of a long run, whose start has died out, by both methods."""

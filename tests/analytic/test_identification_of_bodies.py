@@ -5,9 +5,7 @@ import pytest
 
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.contact_point import snubber_point
-from beamsim.analyses.identify.steady import steady_vibration
 from beamsim.errors import ScenarioError
-from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
@@ -153,36 +151,3 @@ def test_shapes_are_those_of_the_body():
     )
     assert np.array_equal(several, single)
     assert several[0, 0] > 0.99
-
-
-def vibrating(several, stiffness, **section):
-    """A panel that touches a stop under base motion, alone or beside masses that touch nothing."""
-    at = {"body": "panel", "position": 0.7} if several else {"position": 0.7}
-    alone = {"beam": {key: value for key, value in PANEL.items() if key != "kind"}}
-    damping = {"damping": {"kind": "modal", "ratio": 0.02}}
-    return load_scenario(
-        {
-            **({"bodies": {"panel": {**PANEL, **damping}, "masses": {**MASSES, **damping}}} if several else alone),
-            "snubbers": [{**AT, "stiffness": stiffness, "gap": 1e-4, "at": at}],
-            "excitation": {"kind": "harmonic", "applied_to": "base", "level": "1 g", "frequency": 20.0},
-            "reduction": {"modes": 8 if several else 5},
-            **section,
-        },
-        {} if several else {"beam.damping": damping["damping"]},
-    )
-
-
-@pytest.mark.parametrize("several", [pytest.param(True, marks=pytest.mark.slow), False], ids=["of two bodies", "alone"])
-def test_a_nonlinear_test_gives_the_stiffness(several):
-    harmonics = steady_vibration(vibrating(False, 1e4)).harmonics(0, "absolute_acceleration", 8)
-    time = np.arange(2000) / 10000.0
-    history = np.imag(np.exp(2j * np.pi * 20.0 * np.outer(time, np.arange(1, 9))) @ harmonics)
-    nonlinear = {
-        "estimate": ["snubbers.stop.stiffness"], "tests": [{"file": "panel"}], "starts": 1, "profiles": False,
-    }  # fmt: skip
-    section = {"snubber": "stop", "nonlinear": nonlinear}
-    scenario = vibrating(several, 8e3, identify_stiffness=section)
-    fit = identify_stiffness(scenario, [MeasuredSignal("stop", time, history, unit="m/s^2")]).nonlinear
-    (stiffness,) = fit.parameters
-    # The modes that the reduction leaves out differ a little between one body and two.
-    assert stiffness.value == pytest.approx(1e4, rel=2e-3 if several else 1e-7)

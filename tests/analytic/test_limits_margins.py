@@ -1,13 +1,11 @@
 """Margins of safety against answers that can be computed by hand."""
 
 import math
-from types import SimpleNamespace
 
 import pytest
 
 import beamsim
 from beamsim.analyses.limits import exceeded_limits, margin_of, margins
-from beamsim.cli import report
 from beamsim.scenario import Limits, load_scenario
 
 DROPPED = """\
@@ -84,9 +82,3 @@ def test_every_limit_takes_the_worst_place():
     assert found["peak_acceleration"]["value"] == pytest.approx(3.0 * 9.80665)
     assert [name for name, item in found.items() if item["exceeded"]] == ["peak_force"]
     assert exceeded_limits(load_scenario(DROPPED), found) == ["peak force = 30 N exceeds limits.peak_force = 20 N"]
-
-
-def test_the_margin_of_a_snubber_that_is_not_touched_is_no_number():
-    item = {"margin": math.inf, "value": 0.0, "limit": 300.0, "at": "middle", "exceeded": False}
-    texts = report.margins(SimpleNamespace(scenario=None), {"peak_force": item})
-    assert texts == {"peak force": "margin without bound: 0 N at middle, limit 300 N"}

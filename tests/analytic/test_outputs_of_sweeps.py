@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.response import closed_form
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
 
@@ -97,28 +96,6 @@ def test_steady_outputs_are_those_of_the_settled_run(excitation, tmp_path):
         )
         np.testing.assert_array_equal(one.maximum, other.maximum)
         assert (other.unit, other.quantity, other.at) == ("N", "joint_force", "hinge")
-
-
-@pytest.mark.parametrize("excitation", [BASE, {"kind": "forces", "forces": FORCES}], ids=["base", "forces"])
-def test_orbits_in_closed_form_have_the_figures_of_their_samples(excitation, monkeypatch):
-    sweep = {"kind": "continuation", "from": 24.97, "to": 25.0, "side_branches": "none", "seek_at": 0}
-    scenario = case(excitation, sweep=sweep, limits={"bending_stress": "80 MPa", "gap": "1 mm"})
-    with monkeypatch.context() as patch:
-        patch.setattr(closed_form, "sampled_orbit", None)  # must not be called
-        exact = beamsim.frequency_response(scenario).branches[0]
-    monkeypatch.setattr(closed_form, "_outputs", lambda *_: None)
-    sampled = beamsim.frequency_response(scenario).branches[0]
-    np.testing.assert_allclose(exact.peak_bending_stress, sampled.peak_bending_stress, rtol=1e-6)
-    figures = "max_displacement", "min_displacement", "peak_acceleration", "peak_force", "contact_share", "peak_gap"
-    for name in figures:
-        for key, values in getattr(sampled, name).items():
-            np.testing.assert_allclose(getattr(exact, name)[key], values, rtol=1e-6, err_msg=name)
-    for key, values in sampled.harmonics.items():
-        np.testing.assert_allclose(exact.harmonics[key], values, rtol=0, atol=1e-7 * np.abs(values).max())
-    for key, output in sampled.outputs.items():
-        size = output.peak.max()
-        np.testing.assert_allclose(exact.outputs[key].maximum, output.maximum, rtol=0, atol=1e-6 * size, err_msg=key)
-        np.testing.assert_allclose(exact.outputs[key].minimum, output.minimum, rtol=0, atol=1e-6 * size, err_msg=key)
 
 
 def test_a_swept_sine_gives_outputs_that_balance_the_loads():

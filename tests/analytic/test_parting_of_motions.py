@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.parting import ContactEvents, PartingTimes, parting, sensitivity
+from beamsim.analyses.run.parting import ContactEvents, parting
 from beamsim.cli.report import AFTER_PARTING, table_rows
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
@@ -136,19 +136,6 @@ def test_two_contacts_at_one_time_have_no_order():
     one, other = (ContactEvents(10.0, time, np.array(contact), phase) for contact in ([0, 1, 0, 1], [1, 0, 0, 1]))
     assert parting(one, other) == np.inf
     assert parting(one, replace(other, phase=np.array([1, 1, 0, 1]))) == 2.0
-
-
-def test_disturbances_are_followed_for_longer_and_longer():
-    asked = []
-
-    def disturbed(share, end):
-        asked.append((share, end))
-        return events(1.0, 1.1, 13.0 if share == 1e-9 else 14.0, end=end).until(end)
-
-    motion = events(1.0, 1.1, 30.0, 30.1, end=100.0)
-    assert sensitivity(motion, 1.0, disturbed) == PartingTimes(13.0, 14.0)
-    assert asked == [(1e-9, 8.0), (1e-9, 64.0), (1e-15, 100.0)]
-    assert not sensitivity(motion.until(20.0), 1.0, lambda share, end: motion.until(end)).sensitive
 
 
 def test_another_model_with_other_contacts_is_no_sensitive_motion():

@@ -51,29 +51,6 @@ def shapes(beta, x):
     )
 
 
-def test_stepped_cantilever_has_the_frequencies_of_its_characteristic_equation():
-    step = 0.35
-
-    def determinant(omega):
-        betas = [(omega**2 * s["mass_per_length"] / s["bending_stiffness"]) ** 0.25 for s in (THICK, THIN)]
-        left, right = shapes(betas[0], step), shapes(betas[1], 0.0)
-        end = shapes(betas[1], L - step)
-        matrix = np.zeros((8, 8))
-        matrix[:2, :4] = shapes(betas[0], 0.0)[:2]
-        for row, stiff in enumerate((False, False, True, True)):
-            factors = (THICK["bending_stiffness"], THIN["bending_stiffness"]) if stiff else (1.0, 1.0)
-            matrix[2 + row, :4], matrix[2 + row, 4:] = factors[0] * left[row], -factors[1] * right[row]
-        matrix[6:, 4:] = end[2:]
-        scale = np.linalg.norm(matrix, axis=1, keepdims=True)
-        return np.linalg.det(matrix / scale)
-
-    segments = [{"from": 0.0, "to": step, **THICK}, {"from": step, "to": L, **THIN}]
-    got = frequencies(beam(segments=segments, elements=160))[:4]
-    np.testing.assert_allclose(got, exact_frequencies(determinant, 4), rtol=2e-7)
-    uniform = frequencies(beam(**THICK))[:4]
-    assert np.all(np.abs(got / uniform - 1) > 0.02)
-
-
 def test_beam_on_end_springs_has_the_frequencies_of_its_characteristic_equation():
     k, kr = 900.0, 15.0
 

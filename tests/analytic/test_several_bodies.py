@@ -105,34 +105,6 @@ def test_preload_is_the_force_at_equilibrium_and_the_reduced_model_is_close_to_t
     assert tip.gap == pytest.approx(full.snubbers[0].gap, rel=1e-8)
 
 
-def test_equal_bodies_that_do_not_touch_move_like_one():
-    panel = {"length": 0.5, "width": 0.05, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700, "elements": 6,
-             "damping": {"kind": "modal", "ratio": 0.01}}  # fmt: skip
-    common = {
-        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 5.0, "frequency": 20.0},
-        "run": {"duration": 0.3, "sample_rate": 2000.0},
-    }
-    between = [{"body": name, "position": 0.5} for name in ("a", "b")]
-    both = {
-        **common,
-        "bodies": {name: {"kind": "beam", **panel} for name in ("a", "b")},
-        "snubbers": [{"name": "tip", "between": between, "stiffness": 1e5, "gap": 1e-4}],
-        "probes": [{"name": name, "at": {"body": name, "position": 0.5}} for name in ("a", "b")],
-    }
-    alone = {**common, "beam": panel, "probes": [{"name": "tip", "position": 0.5}]}
-    two, one = beamsim.run(load_scenario(both)), beamsim.run(load_scenario(alone))
-    assert two.summary["contacts"] == {"tip": 0}
-    expected = one.probes["tip"].displacement
-    for name in ("a", "b"):
-        own = two.probes[name].displacement
-        np.testing.assert_allclose(own, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
-        np.testing.assert_allclose(two.bodies[name].peak_bending_stress[0], one.bodies["beam"].peak_bending_stress[0],
-                                   rtol=1e-5)  # fmt: skip
-    # pressed together they touch at once, and the difference of their motions rings at the closed frequency
-    pressed = beamsim.run(load_scenario(both, "snubbers[0].gap=-1 mm"))
-    assert pressed.summary["contact_share"]["tip"] == 1.0
-
-
 CHAINS = """
 bodies:
   left: {kind: chain, masses: [1, 1], springs: [100, 100], dashpots: [0.2, 0.1]}

@@ -110,24 +110,6 @@ def test_stepped_sine_continuation_and_balance_meet_the_settled_run(forces):
         assert np.abs(branch.harmonics["p"][k, 1]) == pytest.approx(abs(first), rel=1e-4)
 
 
-@pytest.mark.parametrize("sweep", [STEPPED, SWEPT, CONTINUED])
-def test_a_single_force_in_the_list_is_that_force(sweep):
-    stop = {"snubbers": [STOP]}
-    levels = {"levels": [4.0]}
-    alone = beamsim_of(case(excitation=FORCE, sweep={**sweep, **levels}, **stop))
-    listed = beamsim_of(case({**FORCE, "level": 2.0}, sweep={**sweep, "levels": [2.0]}, **stop))
-    if sweep is CONTINUED:
-        a, b = (result.branches[0].peak_displacement["p"] for result in (alone, listed))
-    else:
-        a, b = (result.curves["up_0"].displacement["p"].peak for result in (alone, listed))
-        assert listed.curves["up_0"].excitation_unit == listed.curves["up_0"].level_unit == "1"
-    np.testing.assert_allclose(a, b, rtol=1e-9)
-
-
-def beamsim_of(scenario):
-    return (beamsim.frequency_response if scenario.sweep.kind == "continuation" else beamsim.sweep)(scenario)
-
-
 def test_a_swept_sine_of_two_forces_superposes():
     """Without contact, complex amplitudes of order 1 add up."""
     parts = [beamsim.sweep(case(*forces, sweep=SWEPT)) for forces in ((FORCE,), (LINE,), (FORCE, LINE))]
