@@ -8,6 +8,8 @@ from scipy.linalg import eigh
 
 from beamsim.contacts.equilibrium import Springs, find_equilibrium
 
+pytestmark = pytest.mark.quick
+
 
 def in_fractions(stiffness, springs, closed, load):
     """Coordinates under the closed springs alone, by Gaussian elimination without rounding."""

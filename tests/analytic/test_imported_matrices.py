@@ -17,6 +17,8 @@ from beamsim.structures.matrices import structure_of
 from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.quick
+
 BEAM = """
 bodies:
   panel:

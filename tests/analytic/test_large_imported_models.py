@@ -19,6 +19,8 @@ from beamsim.structures.places import Place
 from beamsim.structures.sturm import negative_eigenvalues
 from beamsim.structures.symmetric_lu import symmetric_lu
 
+pytestmark = pytest.mark.quick
+
 PLATE = """
 bodies:
   panel:

@@ -11,6 +11,8 @@ from beamsim.structures.beam import assemble_beam
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place
 
+pytestmark = pytest.mark.quick
+
 # f(beta) whose roots are the adimensional wave numbers, and the number of rigid-body modes.
 CHARACTERISTIC = {
     ("clamped", "free"): (lambda b: np.cos(b) + 1 / np.cosh(b), 0),

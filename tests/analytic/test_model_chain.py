@@ -8,6 +8,8 @@ from beamsim.scenario import Scenario
 from beamsim.structures.chain import floating_groups
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.quick
+
 RUN = {"duration": 10.0, "sample_rate": 10.0, "start": "rest"}
 
 

@@ -8,6 +8,8 @@ from beamsim.scenario import Scenario, load_scenario
 from beamsim.structures.base_motion import UPWARDS
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.quick
+
 BEAM = {"length": 0.5, "width": 0.02, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700.0}
 LINE = 2700.0 * 0.02 * 0.005
 EI = 70e9 * 0.02 * 0.005**3 / 12

@@ -9,6 +9,8 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.quick
+
 BEAM = {"length": 1.0, "width": 0.02, "thickness": 0.02, "youngs_modulus": 70e9, "density": 2700.0, "elements": 10}
 EI = 70e9 * 0.02**4 / 12
 

@@ -10,6 +10,8 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.quick
+
 BEAM = {"length": 1.0, "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0}
 EI = 70e9 * 0.05 * 0.01**3 / 12
 RUN = {"duration": 1.0, "sample_rate": 2000.0}

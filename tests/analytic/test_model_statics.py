@@ -6,6 +6,8 @@ import pytest
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.quick
+
 L, B, H, E, RHO = 0.8, 0.03, 0.008, 70e9, 2700.0
 EI = E * B * H**3 / 12
 LINE = RHO * B * H

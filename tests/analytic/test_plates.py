@@ -23,6 +23,8 @@ from beamsim.structures.plate_recovery import moment_operator
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.reduction import static_deflections
 
+pytestmark = pytest.mark.quick
+
 WORD = {"C": "clamped", "S": "pinned", "F": "free"}
 SOLID = {"thickness": 0.005, "youngs_modulus": 70e9, "poissons_ratio": 0.3, "density": 2700.0}
 

@@ -10,6 +10,8 @@ from beamsim.analyses.designs.sampling import latin_hypercube, sobol
 from beamsim.analyses.designs.sensitivity import sensitivities
 from beamsim.scenario.varied import VariedParameter
 
+pytestmark = pytest.mark.quick
+
 SAMPLES = 1024
 
 

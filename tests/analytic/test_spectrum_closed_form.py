@@ -9,6 +9,8 @@ from beamsim.analyses.run.records import project
 from beamsim.analyses.run.spectrum import FLOOR_DB, spectrum
 from beamsim.analyses.run.windows import Window
 
+pytestmark = pytest.mark.quick
+
 RATE = 20_000.0
 
 

@@ -13,6 +13,8 @@ from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import bodies_of, summaries_of_files
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 
+pytestmark = pytest.mark.quick
+
 # SI sizes of the units of length, mass, force and time, as an engineer would write them.
 INCH, POUND = 0.0254, 4.4482216152605
 SYSTEMS = {

@@ -16,6 +16,8 @@ from beamsim.store.uff import Source, record_55, write_uff
 from beamsim.structures.places import Place
 from beamsim.system.parts import reduced_parts
 
+pytestmark = pytest.mark.quick
+
 CHAIN = """
 chain: {masses: [1, 1], springs: [100, 100], snubbers: [{name: stop, mass: 2, side: above, stiffness: 100, gap: 0.1}]}
 """

@@ -12,6 +12,8 @@ from beamsim.cli.interruption import Interruption
 from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, OutcomeKind
 
+pytestmark = pytest.mark.quick
+
 STOPPED = Outcome.of(OutcomeCode.STOPPED)
 INTERRUPTED = Outcome.of(OutcomeCode.INTERRUPTED)
 UNTRUSTED = Outcome.of(OutcomeCode.HARMONICS_NEGLECTED, parameter=3.0, unit="Hz", error=2.0, allowed=1.0)

@@ -9,6 +9,8 @@ import pytest
 from beamsim.cli import progress as module
 from beamsim.cli.progress import Progress, duration, progress_of
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture
 def at(monkeypatch):

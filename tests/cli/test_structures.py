@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 
 from beamsim.cli.app import app
 
+pytestmark = pytest.mark.quick
+
 CONFIGS = Path(__file__).parents[2] / "configs"
 CASE = """
 bodies:

@@ -10,6 +10,8 @@ from beamsim.structures.places import Place
 from beamsim.structures.recovery import moment_rows
 from beamsim.structures.reduction import reduce_model
 
+pytestmark = pytest.mark.quick
+
 BETA = np.array([1.8751040687119611, 4.6940911329741746, 7.8547574382376126])
 
 

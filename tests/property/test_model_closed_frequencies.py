@@ -9,6 +9,8 @@ from beamsim.scenario import Scenario
 from beamsim.structures.modes import closed_frequencies
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.quick
+
 BEAM = {
     "length": 0.27,
     "width": 0.05,

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from beamsim.contacts.equilibrium import FLOATS, UNBALANCED, CubicSprings, Springs, find_equilibrium
 
+pytestmark = pytest.mark.quick
+
 
 def random_case(seed, n, m, rigid, balanced):
     rng = np.random.default_rng(seed)

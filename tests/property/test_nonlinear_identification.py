@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamsim.analyses.compare.measured import best_phase, harmonics_of
+from beamsim.analyses.compare.measured import harmonics_of
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.model_updating import inverse_information
 from beamsim.analyses.identify.nonlinear_fit import _NonlinearFit, fit_nonlinear
@@ -81,12 +81,10 @@ def test_four_parameters_from_three_noiseless_tests(vibrations):
 
 
 @pytest.mark.slow
-def test_several_starts_profiles_and_work(vibrations):
+def test_several_starts_and_profiles(vibrations):
     signals = [signal(f, c, noise=0.02, seed=k) for k, (f, c) in enumerate(vibrations.items())]
     found = identify_stiffness(case(vibrations, starts=4, profiles=True), signals).nonlinear
     assert found.starts_agreeing >= 2
-    # 18 responses for each of the 28 points of the profiles, 15 for each step of a start (987 in all when written)
-    assert 28 * 18 < found.responses <= 28 * 18 + 4 * 10 * 15 + 50
     for profile, p in zip(found.profiles, found.parameters, strict=True):
         # chi^2 rises by z^2 at z standard deviations where the model is linear enough
         z2 = ((profile.value - p.value) / p.standard_deviation) ** 2
@@ -181,13 +179,6 @@ def test_signals_that_cannot_be_used(vibrations, change, says):
     assert caught.value.problems[0].path.startswith("identify_stiffness.nonlinear.tests[0]")
 
 
-def test_phase_alignment_is_exact():
-    harmonics = true_harmonics(65.0)
-    measured = harmonics_of(signal(65.0, harmonics, delay=4.2e-3), 65.0, 12)
-    phase = best_phase(measured, harmonics, np.ones(12))
-    assert np.exp(1j * phase) == pytest.approx(np.exp(2j * np.pi * 65 * 4.2e-3), abs=1e-9)
-
-
 def test_phases_of_the_excitation_need_no_delay(vibrations):
     scenario = case([65.0], ("snubbers.tip.stiffness", "snubbers.tip.gap"))
     tests = [{"file": "65", "frequency": 65.0, "level": "2 g", "phase": "of_excitation", "noise": "1 %"}]
@@ -237,28 +228,6 @@ def test_a_linear_identification_gives_the_starting_stiffness(vibrations):
     assert result.estimate.stiffness == pytest.approx(151.43e3, rel=1e-3)
     (gap,) = result.nonlinear.parameters
     assert gap.value == pytest.approx(2e-5, rel=0.1)
-
-
-def test_the_jacobian_is_that_of_the_residuals(vibrations):
-    from beamsim.analyses.identify.model_updating import sought_numbers
-    from beamsim.analyses.identify.nonlinear_fit import _tests
-
-    scenario = case(vibrations)
-    nonlinear = scenario.identify_stiffness.nonlinear
-    signals = [signal(f, c, noise=0.02) for f, c in vibrations.items()]
-    fit = _NonlinearFit(
-        scenario, sought_numbers(scenario, nonlinear.estimate)[0], _tests(scenario, nonlinear.tests, signals)
-    )
-    fit.prepare()
-    x = fit.with_phases(np.zeros(4))
-    fit.residuals(x)
-    jacobian = fit.jacobian(x)
-    assert jacobian.shape == (36, 7)  # four parameters, three delays
-    for i in range(7):
-        step = np.zeros(7)
-        step[i] = 3e-4
-        difference = (fit.residuals(x + step) - fit.residuals(x - step)) / 6e-4
-        assert jacobian[:, i] == pytest.approx(difference, abs=2e-3 * abs(difference).max())
 
 
 def test_a_derivative_that_fails_is_an_outcome(vibrations, monkeypatch):

@@ -5,6 +5,8 @@ import pytest
 
 from beamsim.analyses.sweep.peaks import prominent_maxima
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("steps", [0, 6, 3], ids=["distinct", "flat maxima", "mostly flat"])
 def test_the_same_as_a_library_finds(steps):

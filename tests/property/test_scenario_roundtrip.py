@@ -2,12 +2,15 @@
 
 import contextlib
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario, units
 from beamsim.scenario.tree import parse
+
+pytestmark = pytest.mark.quick
 
 numbers = st.floats(1e-6, 1e6)
 anything = st.floats(-1e6, 1e6).filter(lambda x: x == 0.0 or abs(x) > 1e-30)

@@ -12,9 +12,7 @@ from sampling import slow_after
 from sweep_windows import frequency_at, values_at
 
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
-from beamsim.flow.exact import ExactFlow
 from beamsim.flow.swept_motion import SweptMotion
-from beamsim.flow.transient import simulate
 from beamsim.inputs.drift import jumps
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
@@ -312,20 +310,6 @@ def test_the_comparison_can_fail(make_system):
         record = Swept(system, np.array([1.0, 0.5]), windows, np.zeros(4))
         motions.append(record.states(np.linspace(0, 20.0, 300)))
     assert np.abs(motions[0] - motions[1]).max() > 1e-8 * np.abs(motions[0]).max()
-
-
-def test_the_run_with_the_same_excitation_agrees(make_system):
-    """Polynomial pieces through the transient's flow: another way to the same motion."""
-    system = make_system([1.0, 2.5], [0.02, 0.05], shape=[[1.0, 0.7]], stiffness=[20.0], dashpot=[0.3], gap=[0.05])
-    windows = cut_into_windows([Leg(0.1, 0.4, 0.05, True)], Profile.constant(0.3))
-    load = np.array([[1.0, 0.5]])
-    record = Swept(system, load[0], windows, np.zeros(4))
-    (signal,) = swept_signals(windows)
-    trajectory = simulate(ExactFlow(system, Forcing(load, (signal,)), windows.duration), np.zeros(4))
-    times = np.linspace(0, windows.duration, 2000)
-    a, b = record.states(times), trajectory.states_at(times)
-    assert trajectory.event_time.size == record.events > 10
-    assert np.abs(a - b).max() < 1e-9 * np.abs(b).max()
 
 
 def outputs(shape):

@@ -10,6 +10,8 @@ import pytest
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.quick
+
 OPEN = {"predicted": [52.7, 328.5, 931.3], "measured": [51.9, 329.4, 934.4]}
 CLOSED = {"predicted": [196.0, 447.1, 966.0], "measured": [196.5, 448.0, 969.5]}
 

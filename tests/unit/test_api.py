@@ -8,6 +8,8 @@ import pytest
 import beamsim
 from beamsim.kinds import KINDS, named
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("name", beamsim.__all__)
 def test_every_name_resolves_and_is_documented(name):

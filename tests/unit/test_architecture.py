@@ -13,6 +13,8 @@ import pytest
 
 from beamsim.outcomes import OutcomeCode
 
+pytestmark = pytest.mark.quick
+
 ROOT = Path(__file__).parents[2]
 PACKAGES = sorted(".".join(path.parent.relative_to(ROOT).parts) for path in (ROOT / "beamsim").rglob("__init__.py"))
 

@@ -14,6 +14,8 @@ from beamsim.contacts.laws import (
     piecewise_linear,
 )
 
+pytestmark = pytest.mark.quick
+
 
 def test_a_piecewise_linear_law_is_the_sum_of_its_parts():
     law = piecewise_linear([-0.5, 0.2, 0.9], [4.0, 1.0, 3.0, 2.5], 1)

@@ -9,6 +9,8 @@ import pytest
 import beamsim
 from beamsim.scenario import json_schema
 
+pytestmark = pytest.mark.quick
+
 ROOT = Path(__file__).parents[2]
 
 

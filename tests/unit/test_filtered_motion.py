@@ -5,6 +5,8 @@ import pytest
 
 from beamsim.analyses.run.filtered_motion import FilteredPanels
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("ends", [[0.0], [0.0, 0.0]])
 def test_a_motion_that_ends_where_it_begins_has_its_value(ends):

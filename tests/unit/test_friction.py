@@ -12,9 +12,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import friction_law
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.transient import simulate
-from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
 from beamsim.scenario import load_scenario
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
@@ -211,22 +209,6 @@ def test_random_contacts_against_integration_by_hand(seed):
     assert balance.error < 1e-10
     assert energy_of_segments(trajectory).error < 1e-10
     assert balance.history.dissipated[-1] == pytest.approx(lost, abs=1e-6)
-
-
-def test_derivatives_with_stick_and_slip():
-    """The transition matrix against differences; sliding forgets where the slider was."""
-    laws = [friction_law(40.0, 0.3, 0.2), friction_law(10.0, 0.2, 0.2)]
-    system = system_of(laws, [[1.0, 0.4], [0.3, -1.0]], [1.0, 9.0], [0.05, 0.1])
-    flow = VariationalFlow(system, PeriodicForcing.harmonic(np.array([1.0, 0.6])), 1.3)
-    start = np.array([0.05, 0.0, 0.3, -0.1, 0.05, 0.015])
-    passage = flow.carry(start, 7.0)
-    assert passage.event_time.size >= 8
-    h = 1e-6
-    for k in range(6):
-        step = h * np.eye(6)[k]
-        slope = (flow.carry(start + step, 7.0).end - flow.carry(start - step, 7.0).end) / (2 * h)
-        np.testing.assert_allclose(passage.transition[:, k], slope, atol=1e-5)
-    assert np.linalg.matrix_rank(passage.transition, tol=1e-9) < 6
 
 
 # -- scenarios -------------------------------------------------------------------------------------------------------

@@ -11,9 +11,7 @@ from beamsim.contacts.hardening import LOADING, hardening_law
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.passage import Frequency, PeriodicForcing
 from beamsim.flow.transient import simulate
-from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
@@ -140,19 +138,6 @@ def test_limits():
     for near in (1e-3, 1e-6):
         end = moved(hardening_law(20.0, 1.0, 20.0 * (1 - near))).final_y[:4]
         assert 0.0 < np.abs(end - linear).max() < 20.0 * near
-
-
-def test_derivatives_across_a_stop_that_yields():
-    law = hardening_law(20.0, 0.6, 2.0, 0.3)
-    flow = VariationalFlow(system_of(law), PeriodicForcing.harmonic(LOAD), OMEGA)
-    start = np.append(START, 0.01)
-    passage = flow.carry(start, 9.0, (Frequency(),))
-    assert passage.event_time.size >= 5
-    h = 1e-6
-    for k in range(start.size):
-        step = h * np.eye(start.size)[k]
-        slope = (flow.carry(start + step, 9.0).end - flow.carry(start - step, 9.0).end) / (2 * h)
-        np.testing.assert_allclose(passage.transition[:, k], slope, atol=1e-5)
 
 
 # -- scenarios -------------------------------------------------------------------------------------------------------

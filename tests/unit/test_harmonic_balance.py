@@ -15,6 +15,8 @@ from beamsim.orbits.condensation import Condensation
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance
 
+pytestmark = pytest.mark.quick
+
 
 def smooth_coefficients(seed, H):
     """Random real coefficients that fall as 1/h²."""

@@ -7,6 +7,8 @@ from beamsim.plots.style import amount
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.quick
+
 PANEL = """
 beam:
   {length: 1.2 m, width: 0.4 m, thickness: 22 mm, youngs_modulus: 7 GPa, density: 300, supports: {right: clamped}}

@@ -8,6 +8,8 @@ import pytest
 from beamsim.plots.drawing import Curve
 from beamsim.report.interactive import MOST_POINTS, heat_map, interactive_plots, plot
 
+pytestmark = pytest.mark.quick
+
 
 def test_curves_keep_data_style_and_scales():
     curves = [

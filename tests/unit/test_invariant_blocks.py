@@ -13,6 +13,8 @@ from beamsim.flow.sources import compile_sources
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.quick
+
 
 def exponential(simple, blocks, tau):
     X, Xi, lam = simple

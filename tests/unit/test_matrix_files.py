@@ -15,6 +15,8 @@ from beamsim.errors import MethodError
 from beamsim.matrix_files.formats import read_matrices, read_matrix, write_matrices
 from beamsim.matrix_files.nastran import read_op4
 
+pytestmark = pytest.mark.quick
+
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     from pyyeti.nastran import op4

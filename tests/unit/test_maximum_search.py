@@ -5,6 +5,8 @@ import pytest
 
 from beamsim.analyses.response.refinement import SHARE, search_maximum
 
+pytestmark = pytest.mark.quick
+
 CURVES = {
     "smooth": (lambda x: 1.0 / (1.0 + (x - 0.3) ** 2) + 0.02 * x**3, 7),
     "narrow": (lambda x: 1.0 / (1.0 + 400.0 * (x + 0.02) ** 2), 14),

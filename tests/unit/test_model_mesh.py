@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 
 from beamsim.structures.mesh import build_mesh, double_integral, element_rows, shape_functions
 
+pytestmark = pytest.mark.quick
+
 
 def test_uniform_without_hard_points():
     np.testing.assert_allclose(build_mesh(4).nodes, [0, 0.25, 0.5, 0.75, 1])

@@ -11,6 +11,8 @@ from beamsim.structures.places import Place
 from beamsim.structures.reduction import reduce_model
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.quick
+
 BEAM = {"length": 1.0, "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0, "elements": 20}
 STOP = {"position": 1.0, "side": "below", "stiffness": 2e4, "gap": 0.0}
 SHAKE = {"kind": "harmonic", "applied_to": "base", "quantity": "acceleration", "level": 10.0, "frequency": 20.0}

@@ -6,6 +6,8 @@ import pytest
 
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, OutcomeKind, both_directions, combined
 
+pytestmark = pytest.mark.quick
+
 STOPPED = Outcome.of(OutcomeCode.STEP_TOO_SMALL, parameter=2 * np.pi * 20.0, points=7, step=1e-6)
 
 

@@ -11,9 +11,7 @@ from beamsim.contacts.force_curve import ForceCurve
 from beamsim.contacts.pads import MaxwellBranch, recovering_law, table_law
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.passage import Frequency, PeriodicForcing
 from beamsim.flow.transient import simulate
-from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
@@ -181,24 +179,6 @@ def test_work_lost_in_a_branch_in_a_cycle(omega):
     lost = history.dissipated[-1] - history.dissipated[1] - in_structure
     expected = np.pi * k * omega * tau / (1.0 + (omega * tau) ** 2) * amplitude**2
     assert lost == pytest.approx(expected, rel=1e-8)
-
-
-@pytest.mark.parametrize(("curve", "dashpot", "branches"), PADS)
-def test_derivatives_across_a_pad(curve, dashpot, branches):
-    """The transition matrix and the derivative by the frequency against differences of the motion."""
-    system = system_of(recovering_law(curve, dashpot, branches))
-    forcing = PeriodicForcing.harmonic(LOAD)
-    flow = VariationalFlow(system, forcing, OMEGA)
-    start = np.concatenate([START, np.zeros(1 if dashpot else 0), np.full(len(branches), 0.02)])
-    passage = flow.carry(start, 9.0, (Frequency(),))
-    assert passage.event_time.size >= 3
-    h = 1e-6
-    for k in range(start.size):
-        step = h * np.eye(start.size)[k]
-        slope = (flow.carry(start + step, 9.0).end - flow.carry(start - step, 9.0).end) / (2 * h)
-        np.testing.assert_allclose(passage.transition[:, k], slope, atol=1e-5)
-    ends = [VariationalFlow(system, forcing, OMEGA + x).carry(start, 9.0).end for x in (h, -h)]
-    np.testing.assert_allclose(passage.parameters[:, 0], (ends[0] - ends[1]) / (2 * h), atol=1e-5)
 
 
 def test_after_a_long_rest():

@@ -18,6 +18,8 @@ from beamsim.cli.interruption import interruptible
 from beamsim.errors import ResultFileError
 from beamsim.store.journal import LOCKED_BYTE, Journal
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture
 def of_windows(monkeypatch):

@@ -10,16 +10,12 @@ import beamsim
 from beamsim.analyses.run.energy import energy_history, energy_of_segments
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.force_curve import ForceCurve
 from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
-from beamsim.contacts.hardening import hardening_law
 from beamsim.contacts.laws import kelvin_voigt
-from beamsim.contacts.pads import MaxwellBranch, no_tension, recovering_law
+from beamsim.contacts.pads import no_tension
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.passage import Frequency, PeriodicForcing
 from beamsim.flow.transient import simulate
-from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
@@ -324,58 +320,3 @@ def test_sliding_of_a_swept_sine_adds_up_to_that_of_a_run():
     assert pad.slides >= 3
     assert cycles.distance[before].sum() == pytest.approx(pad.sliding_distance, rel=1e-6)
     assert cycles.energy_lost[before].sum() == pytest.approx(pad.dissipated_energy, rel=1e-6)
-
-
-# -- shooting --------------------------------------------------------------------------------------------------------
-
-LOADS = PeriodicForcing(
-    np.array([1]), np.array([[0.6 - 0.1j, 0.5j]]), np.zeros(1), np.zeros(1, dtype=complex), np.zeros(1), 1.3
-)
-
-
-@pytest.mark.parametrize("late", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
-@pytest.mark.parametrize(
-    ("law", "dashpot"),
-    [
-        (pressed_friction_law(None, STATIC, SLIDING), 0.0), (pressed_friction_law(None, STATIC, SLIDING), 0.5),
-        (pressed_friction_law(20.0, STATIC, SLIDING), 0.0), (rigid_friction_law(0.3, 0.2), 0.0),
-        (rigid_friction_law(0.2, 0.2), 0.0),
-    ],
-    ids=["pressed", "beside a dashpot", "pressed, spring", "constant force", "one coefficient"],
-)  # fmt: skip
-def test_monodromy_against_differences(law, dashpot, late):
-    """Over three periods with sticking, sliding, turning and opening, whatever the contacts do at the start."""
-    system = system_of(law, no_tension(STOP, dashpot), pressed=law.needs_pressing)
-    flow, period, h = VariationalFlow(system, LOADS, 1.3, 1.0), 2 * np.pi / 1.3, 1e-6
-    start = flow.carry(flow.carry(np.zeros(flow.size), 5 * period).end, late + 1e-9).end
-    passage = flow.carry(start, 3 * period, (Frequency(),), late)
-    ends = [[flow.carry(start + e, 3 * period, (), late).end for e in (h * row, -h * row)] for row in np.eye(flow.size)]
-    by_difference = np.array([(up - down) / (2 * h) for up, down in ends]).T
-    np.testing.assert_allclose(passage.transition, by_difference, atol=1e-7 * np.abs(by_difference).max())
-    assert len(set(passage.phases[:, 1].tolist())) >= 2
-    assert passage.time.size >= 10
-
-
-@pytest.mark.slow
-def test_monodromy_of_laws_together():
-    """A pad with a table and a branch, a stop that yields, and friction under the force of each."""
-    pad = recovering_law(
-        ForceCurve(np.array([0.0, 0.1, 0.3]), np.array([0.0, 2.0, 9.0])), 0.0, [MaxwellBranch(8.0, 0.3)]
-    )
-    rubs = pressed_friction_law(20.0, STATIC, SLIDING)
-    contacts = Contacts(
-        np.array([[-1.0, 0.2, 0.1], [0.1, -1.0, 0.3], [0.3, 0.4, 1.0], [0.5, -0.2, 0.8]]),
-        np.array([1.0, 1.0, -1.0, -1.0]),
-        np.array([-0.05, 0.02, 0.0, 0.0]), np.zeros(4, dtype=bool), (pad, hardening_law(20.0, 2.5, 1.0), rubs, rubs),
-        pressed_by=np.array([-1, -1, 0, 1]),
-    )  # fmt: skip
-    system = PiecewiseLinearSystem(np.array([1.0, 3.0, 6.0]), np.diag([0.1, 0.15, 0.2]), contacts, np.zeros(3))
-    force = np.array([[0.6 - 0.1j, 0.5j, 0.4]])
-    flow, h = VariationalFlow(system, replace(LOADS, force=2.0 * force), 1.3, 1.0), 1e-6
-    start = flow.carry(np.zeros(flow.size), 12.0 - 1e-9).end
-    passage = flow.carry(start, 12.0, (), 12.0)
-    ends = [[flow.carry(start + e, 12.0, (), 12.0).end for e in (h * row, -h * row)] for row in np.eye(flow.size)]
-    by_difference = np.array([(up - down) / (2 * h) for up, down in ends]).T
-    np.testing.assert_allclose(passage.transition, by_difference, atol=1e-6 * np.abs(by_difference).max())
-    phases = passage.phases
-    assert [len(set(column.tolist())) >= 3 for column in phases.T] == [True] * 4

@@ -5,7 +5,11 @@ from __future__ import annotations
 import os
 import sys
 
+import pytest
+
 from beamsim.cli.printing import print_table
+
+pytestmark = pytest.mark.quick
 
 ROWS = [("peak force", "851.8 N at 50.9 Hz; change 0.3 % with a finer model"), ("", "second row"), ("files", "a" * 60)]
 

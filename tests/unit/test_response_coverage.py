@@ -13,6 +13,8 @@ from beamsim.orbits.continuation import Settings
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.continuation import Continuation
 
+pytestmark = pytest.mark.quick
+
 
 def point(value, x=0.0):
     return BranchPoint(np.array([x, value]), np.array([0.0, 1.0]), np.ones(2), 0.0, 1.0, 0, None)

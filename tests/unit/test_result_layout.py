@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.kinds import KINDS
+from beamsim.store.results import kind_of
 
 FILES = sorted((Path(__file__).parents[1] / "data" / "results").glob("*.h5.gz"))
 WRITERS = {
@@ -132,12 +134,17 @@ def unpacked(packed, folder):
     return path
 
 
-@pytest.mark.parametrize("packed", FILES, ids=[path.name.partition(".")[0] for path in FILES])
-def test_an_earlier_file_is_written_again_as_it_was(packed, tmp_path):
-    from beamsim.store.results import kind_of
+@pytest.fixture(scope="module", params=FILES, ids=[path.name.partition(".")[0] for path in FILES])
+def earlier(request, tmp_path_factory):
+    """The path of an earlier file, its result, and the path of the file that is written from it now."""
+    folder = tmp_path_factory.mktemp("earlier")
+    path = unpacked(request.param, folder)
+    result = beamsim.open_result(path)
+    return path, result, WRITERS[kind_of(path)](result, folder / "again.h5")
 
-    earlier = unpacked(packed, tmp_path)
-    again = WRITERS[kind_of(earlier)](beamsim.open_result(earlier), tmp_path / "again.h5")
+
+def test_an_earlier_file_is_written_again_as_it_was(earlier):
+    earlier, _, again = earlier
     old, new = described(earlier), described(again)
     old, new = ({name: x for name, x in of.items() if name.rpartition("@")[2] not in GONE} for of in (old, new))
     new = {name: value for name, value in new.items() if name in old or name not in UNKNOWN or not np.isnan(value)}
@@ -155,30 +162,27 @@ def test_an_earlier_file_is_written_again_as_it_was(packed, tmp_path):
             np.testing.assert_equal(new[name], value, name)
 
 
-@pytest.mark.parametrize("packed", FILES, ids=[path.name.partition(".")[0] for path in FILES])
 @pytest.mark.filterwarnings("ignore:Duplicate dimension names")
-def test_xarray_opens_every_group_of_every_kind(packed, tmp_path):
+def test_xarray_opens_every_group_of_every_kind(earlier):
     xarray = pytest.importorskip("xarray")
-    path = beamsim.write_result(beamsim.open_result(unpacked(packed, tmp_path)), tmp_path / "again.h5")
+    _, _, path = earlier
     with h5py.File(path) as file:
         groups = ["/"]
         file.visititems(lambda name, item: groups.append(f"/{name}") if isinstance(item, h5py.Group) else None)
-    for group in groups:
-        with xarray.open_dataset(path, engine="h5netcdf", group=group, phony_dims="sort") as dataset:
+    opened = xarray.open_groups(path, engine="h5netcdf", phony_dims="sort")
+    assert set(opened) == set(groups)
+    for dataset in opened.values():
+        with dataset:
             dataset.load()
 
 
 def test_there_is_a_file_of_every_kind(tmp_path):
-    from beamsim.kinds import KINDS
-    from beamsim.store.results import kind_of
-
     assert {kind_of(unpacked(packed, tmp_path)) for packed in FILES} == set(KINDS)
     assert max(path.stat().st_size for path in FILES) < 100_000
 
 
-@pytest.mark.parametrize("packed", FILES, ids=[path.name.partition(".")[0] for path in FILES])
-def test_every_number_of_the_summary_is_declared(packed, tmp_path):
-    result = beamsim.open_result(unpacked(packed, tmp_path))
+def test_every_number_of_the_summary_is_declared(earlier):
+    _, result, _ = earlier
     declared = [quantity.name for quantity in type(result).SUMMARY]
     assert len(set(declared)) == len(declared)
     assert set(result.summary) <= set(declared) | GONE

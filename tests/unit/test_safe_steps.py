@@ -5,6 +5,8 @@ import pytest
 
 from beamsim.flow import event_kernels
 
+pytestmark = pytest.mark.quick
+
 _safe_step = event_kernels.safe_step.py_func  # compiled code alone calls what it is compiled to
 
 

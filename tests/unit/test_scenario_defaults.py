@@ -28,6 +28,8 @@ from beamsim.scenario import (
 )
 from beamsim.scenario.tree import parse
 
+pytestmark = pytest.mark.quick
+
 EXAMPLES = Path(__file__).parents[1] / "data" / "examples"
 BASE = (EXAMPLES / "one_sided_65hz.yaml").read_text()
 BEAM = "beam: {length: 1, width: 0.02, thickness: 0.02, youngs_modulus: 70e9, density: 2700}\n"

@@ -6,6 +6,8 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.varied import case_count, varied_parameters
 
+pytestmark = pytest.mark.quick
+
 BASE = """\
 title: Small study
 beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4,

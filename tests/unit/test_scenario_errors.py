@@ -8,6 +8,8 @@ from pydantic import ValidationError
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Beam, MassSnubber, Scenario, Snubber, load_scenario
 
+pytestmark = pytest.mark.quick
+
 BASE = (Path(__file__).parents[1] / "data" / "examples" / "one_sided_65hz.yaml").read_text()
 CHAIN = """\
 chain:

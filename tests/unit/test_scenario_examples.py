@@ -21,6 +21,8 @@ from beamsim.scenario import (
     load_scenario,
 )
 
+pytestmark = pytest.mark.quick
+
 EXAMPLES = Path(__file__).parents[1] / "data" / "examples"
 FILES = sorted(EXAMPLES.glob("*.yaml"))
 G = 9.80665

@@ -8,6 +8,8 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario import NoExcitation, PolynomialStart, RayleighDamping, SnubberViscousDamping, Step, load_scenario
 from beamsim.scenario.parameters import find_parameters
 
+pytestmark = pytest.mark.quick
+
 BASE = (Path(__file__).parents[1] / "data" / "examples" / "one_sided_65hz.yaml").read_text()
 
 

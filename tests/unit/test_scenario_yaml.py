@@ -5,6 +5,8 @@ import pytest
 from beamsim.errors import ScenarioError
 from beamsim.scenario.tree import from_python, locate, parse
 
+pytestmark = pytest.mark.quick
+
 
 def problems(text):
     with pytest.raises(ScenarioError) as caught:

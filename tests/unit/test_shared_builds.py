@@ -3,7 +3,11 @@
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 
+import pytest
+
 from beamsim.system.shared import MOST_KEPT, SharedBuilds
+
+pytestmark = pytest.mark.quick
 
 
 def test_threads_that_need_the_same_wait_for_the_one_that_builds_it():

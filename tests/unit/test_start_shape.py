@@ -5,6 +5,8 @@ import pytest
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 
+pytestmark = pytest.mark.quick
+
 CHAIN = {"chain": {"masses": [1, 2, 1], "springs": [100, 100, 100]}}
 BEAM = {"beam": {"length": 0.5, "width": 0.02, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700,
                  "supports": {"left": "free", "right": "free"}}}  # fmt: skip

@@ -14,6 +14,8 @@ from beamsim.errors import ResultFileError
 from beamsim.files import check_writable, replacing
 from beamsim.store.results import SCHEMA_VERSION, open_run, write_run
 
+pytestmark = pytest.mark.quick
+
 ROOT_ATTRIBUTES = (
     "base_unit",
     "schema_version",

@@ -7,6 +7,8 @@ from beamsim.codecs import outcome_of_text
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.store.results import open_run, write_run
 
+pytestmark = pytest.mark.quick
+
 STOPPED = Outcome.of(OutcomeCode.EVENT_LIMIT, time=0.2, events=9, limit="run.max_events")
 
 

@@ -10,6 +10,8 @@ from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.swept import cut_into_windows, swept_signals
 
+pytestmark = pytest.mark.quick
+
 OCTAVES = float(np.log(2) / 30)  # 2 oct/min
 
 

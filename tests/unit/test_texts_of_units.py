@@ -8,6 +8,8 @@ from beamsim.plots.style import level_text, scale_for
 from beamsim.scenario import load_scenario
 from beamsim.scenario.units import LENGTH, UnitError, read_quantity
 
+pytestmark = pytest.mark.quick
+
 CHAIN = "chain: {masses: [1, 1], springs: [1, 1]}\n"
 
 

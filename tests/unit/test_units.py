@@ -7,6 +7,8 @@ import pytest
 from beamsim.scenario import units
 from beamsim.scenario.units import UnitError, read_level, read_number, read_quantity, read_sweep_rate
 
+pytestmark = pytest.mark.quick
+
 G = 9.80665
 TAU = 2.0 * math.pi
 
