@@ -172,12 +172,6 @@ class ContactState:
             basis *= powers[:, self.power]
         return zeta.take(self.term_source, axis=1) * basis.take(self.term_basis, axis=1)
 
-    def transition(self, tau: float) -> Floats:
-        """(N, N) state transition matrix over a time, s."""
-        count = self.basis_of_source.size
-        unit = np.concatenate([np.zeros((count, self.term_vector.shape[1])), self.projector]).T
-        return np.asarray((self.terms_after(unit, np.array([tau])) @ self.term_vector).real.T)
-
     def amplitudes(self, given: Complexes, y: Floats) -> Complexes:
         """(n, F + Z) amplitudes of the inputs, given (n, F) at states (n, N), then of the free motions."""
         free = y - (given @ self.forced_at_start).real

@@ -69,14 +69,14 @@ class VariationalFlow(PeriodicFlow):
         self._carried[0] += 1
         exact = self.exact
         phases = exact.begin(start, t).phases
-        begun = self._outputs.begun(phases) @ np.append(start, exact.inputs_at(np.array([t]))[0, 0])
+        begun = self._outputs.begun(phases)[: self.size] @ np.append(start, exact.inputs_at(np.array([t]))[0, 0])
         motion = Motion(begun, exact.state_index(phases), time=t)
         march = March(max_events=65_536, max_evaluations=20_000_000)
         log = march.on(exact, motion, t + duration)
         check_finite(motion.y)
         if not march.outcome.complete:
             raise WorkExceeded(march.outcome.message)
-        found = sensitivity(exact, self._outputs, log, motion.y, [self._change(p) for p in parameters])
+        found = sensitivity(exact, self._outputs, log, [self._change(p) for p in parameters])
         of_segment = np.array([exact.states[k].phases for k in log.state], dtype=np.int64)
         return Passage(
             start, found.end, found.by[:, : self.size], found.by[:, self.size :], found.slope, duration, log.time,
