@@ -43,13 +43,9 @@ if TYPE_CHECKING:
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.analyses.identify.analysis import identify_stiffness
     from beamsim.analyses.identify.result import IdentificationResult
-    from beamsim.analyses.nnm.analysis import nnm
     from beamsim.analyses.nnm.result import NormalModeResult
-    from beamsim.analyses.response.analysis import frequency_response
     from beamsim.analyses.response.result import FrequencyResponse
-    from beamsim.analyses.run.analysis import run
     from beamsim.analyses.run.result import RunResult
-    from beamsim.analyses.sweep.analysis import sweep
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
     from beamsim.measurements.channels import read_tests
@@ -78,6 +74,7 @@ if TYPE_CHECKING:
         write_sweep,
     )
     from beamsim.store.shapes import read_shapes
+    from beamsim.trust.checked import frequency_response, nnm, run, sweep
 
 _NAMES = {
     "beamsim.analyses.designs.plan": ("plan_designs",),

@@ -27,14 +27,14 @@ class Kind(NamedTuple):
 KINDS = {
     "run": Kind(
         "run", "the result of `beamsim run`",
-        analysis="beamsim.analyses.run.analysis:run",
+        analysis="beamsim.trust.checked:run",
         result="beamsim.analyses.run.result:RunResult",
         texts="beamsim.cli.run_report:TEXTS",
         figures="beamsim.plots.run:run_figures",
     ),
     "sweep": Kind(
         "sweep", "a sweep of one design by `beamsim sweep`",
-        analysis="beamsim.analyses.sweep.analysis:sweep",
+        analysis="beamsim.trust.checked:sweep",
         result="beamsim.analyses.sweep.result:SweepResult",
         commands="beamsim.cli.sweep",
         texts="beamsim.cli.sweep_report:TEXTS",
@@ -42,7 +42,7 @@ KINDS = {
     ),
     "continuation": Kind(
         "sweep", "a continuation by `beamsim sweep`",
-        analysis="beamsim.analyses.response.analysis:frequency_response",
+        analysis="beamsim.trust.checked:frequency_response",
         result="beamsim.analyses.response.result:FrequencyResponse",
         commands="beamsim.cli.sweep",
         texts="beamsim.cli.response_report:TEXTS",
@@ -66,7 +66,7 @@ KINDS = {
     ),
     "nnm": Kind(
         "nnm", "the result of `beamsim nnm`",
-        analysis="beamsim.analyses.nnm.analysis:nnm",
+        analysis="beamsim.trust.checked:nnm",
         result="beamsim.analyses.nnm.result:NormalModeResult",
         commands="beamsim.cli.nnm",
         texts="beamsim.cli.nnm_report:TEXTS",

@@ -58,7 +58,7 @@ class OutcomeCode(Enum):
 
     FIGURES_DOUBTFUL = (
         OutcomeKind.COMPLETE,
-        "figures change by more than {percent:g} % with half as many modes more[ and {elements}]: {figures}",
+        "values change by more than {percent:g} % with 1.5 times the modes[ and {elements}]: {figures}",
         "[{remedy}]",
     )
 
@@ -313,8 +313,7 @@ class OutcomeCode(Enum):
     )
     FIGURES_WORTHLESS = (
         OutcomeKind.UNTRUSTED,
-        "not reliable: with half as many modes more[ and {elements}] figures change, displacements "
-        "among them: {figures}",
+        "not reliable: with 1.5 times the modes[ and {elements}] values change, displacements among them: {figures}",
         "[{remedy}]",
     )
     FAILED = OutcomeKind.FAILED, "{reason}", ""
@@ -396,6 +395,12 @@ class Outcome:
     def interrupted(self) -> bool:
         """Whether the computation ended on request."""
         return self.kind is OutcomeKind.INTERRUPTED or any(part.interrupted for part in self.parts)
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something that was requested was not computed."""
+        missing = self.kind in (OutcomeKind.STOPPED, OutcomeKind.FAILED, OutcomeKind.INTERRUPTED)
+        return missing or any(part.cut_short for part in self.parts)
 
     @property
     def message(self) -> str:

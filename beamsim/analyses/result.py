@@ -40,6 +40,16 @@ MODES = (
     Entry("probe_bound", of="modes.probe_bound"),
     Entry("highest_frequency_hz", of="modes.highest_frequency_hz"),
 )
+CONVERGENCE = (
+    Entry("convergence", "1", "by value, and by its place where there are several, its relative change with 1.5 times "
+             "the modes and twice the elements", "convergence"),
+    Entry("doubtful", "", "values that change by more than 2 %: value.place"),
+    Entry("after_parting", "", "values that depend on the motion after its contact sequences diverge, which is one of "
+             "many: value.place; their changes are those of means where the excitation goes on"),
+    Entry("convergence_model", "", "the finer model: modes (0 where nothing is left out); times at which the contact "
+             "sequences diverge from its own, and from those of a stiffness changed by 1e-9 and by 1e-15 (round-off); "
+             "processor time, and why there is no comparison"),
+)  # fmt: skip
 PROCESSOR_TIME = Entry("processor_time_s", "s", "processor time of the solver alone", "solver")
 """Last in the table; its row says what the solver did."""
 

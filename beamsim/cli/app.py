@@ -80,8 +80,8 @@ def run(
     from beamsim.cli.progress import progress_of
 
     if against is not None:
-        from beamsim.analyses.run.against import against as compare_with
-        from beamsim.analyses.run.against import tolerance_of
+        from beamsim.trust.reference import against as compare_with
+        from beamsim.trust.reference import tolerance_of
 
         rtol = tolerance_of(against)
     scenario, target = prepared("run", case, set_, output, check=check)
@@ -90,7 +90,7 @@ def run(
         f"simulating {case.name}", shown=reporting.progress, afterwards=f"evaluating the motion of {case.name}"
     )
     with concluded("run", target, reporting) as computation, bar as progress, located(scenario):
-        from beamsim.analyses.run.analysis import run as simulate
+        from beamsim.trust.checked import run as simulate
 
         result = simulate(scenario, progress, computation.stop)
         if against is not None and not result.outcome.interrupted:

@@ -32,7 +32,7 @@ def continue_response(
     stored = [(path, open_sweep(path)) for path in overlay]
     bar = progress_of("following the response", shown=reporting.progress)
     with concluded("continuation", target, reporting) as computation, bar as progress:
-        from beamsim.analyses.response.analysis import frequency_response
+        from beamsim.trust.checked import frequency_response
 
         result = frequency_response(scenario, progress, computation.stop)
         for path, sweep in stored:

@@ -46,6 +46,6 @@ def nnm(
     reporting = Reporting(not no_plots, json, quiet)
     bar = progress_of(f"following the mode of {case.name}", shown=reporting.progress)
     with concluded("nnm", target, reporting) as computation, bar as progress, located(scenario):
-        from beamsim.analyses.nnm.analysis import nnm as follow
+        from beamsim.trust.checked import nnm as follow
 
         computation.result = follow(scenario, progress, [c.value for c in compare_with or ()], computation.stop)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.cli.report import Row, Texts, counted, few, pair, percent
+from beamsim.cli.report import SHARED, Row, Texts, counted, few, pair, percent
 from beamsim.orbits.branch import special_name
 from beamsim.plots.style import amount, scale_for
 
@@ -225,6 +225,7 @@ def _solver(result: NormalModeResult, time: float) -> str:
 
 
 TEXTS: Texts = {
+    **SHARED,
     "mode": _backbone,
     "start": _end,
     "end": _end,

@@ -21,7 +21,7 @@ from beamsim.scenario.quantities import amplitude_unit
 
 VALUES_SHOWN = 6  # of a list
 SMALLEST_CHANGE = 5e-7  # relative; less is shown as none
-AFTER_PARTING = "AFTER THE PARTING"  # of the sequences of contacts
+ONE_OF_MANY = "one of many motions"  # what depends on the motion after its contact sequences diverge
 Row = tuple[str, str]
 Rows = Iterable[Row]  # the label of the first is that of the entry if it is empty
 Texts = Mapping[str, Callable[[Any, Any], str | Mapping[str, str] | Rows]]
@@ -68,8 +68,8 @@ def _with_changes(
         after = summary.get("after_parting", ())
         if isinstance(text, Mapping):
             marked = {name: f"{figure}.{name}" in after for name in text}
-            return {name: f"{item}; {AFTER_PARTING}" if marked[name] else item for name, item in text.items()}
-        return f"{text}; {AFTER_PARTING}" if isinstance(text, str) and figure in after else text
+            return {name: f"{item}; {ONE_OF_MANY}" if marked[name] else item for name, item in text.items()}
+        return f"{text}; {ONE_OF_MANY}" if isinstance(text, str) and figure in after else text
     if isinstance(text, str) and isinstance(changes, float):
         return f"{text}; {change_of(summary, figure)}"
     if isinstance(text, Mapping) and isinstance(changes, Mapping) and text.keys() == changes.keys():
@@ -78,7 +78,7 @@ def _with_changes(
 
 
 def change_of(summary: Mapping[str, Any], figure: str, name: str = "") -> str:
-    """The text of a figure's change, marked where it does not converge or depends on what follows the parting."""
+    """The text of a figure's change, marked where it does not converge or is one of many motions."""
     changes = summary["convergence"][figure]
     called = f"{figure}.{name}" if name else figure
     marks = called in summary.get("doubtful", ()), called in summary.get("after_parting", ())
@@ -91,8 +91,8 @@ def change_text(change: float, doubtful: bool, after_parting: bool = False) -> s
     if doubtful:
         size = f"NOT CONVERGED, {size}"
     elif change > ALLOWED_CHANGE:
-        size = f"{size}, within its scatter"
-    return f"{AFTER_PARTING}, {size}" if after_parting else size
+        size = f"{size}, within the scatter of its mean"
+    return f"{ONE_OF_MANY}, {size}" if after_parting else size
 
 
 def _labelled(label: str, text: str | Mapping[str, str] | Rows) -> Iterator[Row]:
@@ -255,7 +255,35 @@ def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:
         yield f"largest opening {amount(of['largest_gap_m'], 'm')}"
 
 
+def _convergence(result: Result, changes: Mapping[str, Any]) -> Iterator[Row]:
+    """What the changes of the values are those of, and the largest of them."""
+    model = result.summary["convergence_model"]
+    if model["reason"]:
+        yield "", f"not checked: {model['reason']}"
+    elif not model["modes"]:
+        yield "", "all modes are kept: nothing is left out"
+    else:
+        sizes = [x for value in changes.values() for x in (value.values() if isinstance(value, Mapping) else [value])]
+        finer = f"{model['modes']} instead of {model['first_modes']} modes"
+        largest = percent(max(sizes, default=0.0), 2)
+        where = f" of the first {amount(model['compared_s'], 's')}" if is_known(model.get("compared_s")) else ""
+        elements = " and twice the elements of every mesh" if result.scenario.has_mesh else ""
+        yield "", f"changes{where} with {finer}{elements}: at most {largest}"
+        if is_known(model["sequences_part_s"]):
+            yield "", f"the contact sequences diverge at {amount(model['sequences_part_s'], 's')}"
+    small, round_off = (
+        ("disturbance_parts_s", "a stiffness changed by 1e-9 of itself"),
+        ("round_off_parts_s", "round-off"),
+    )
+    for key, of in (small, round_off):
+        if is_known(model.get(key)):
+            yield "", f"they diverge at {amount(model[key], 's')} with {of}"
+    if result.summary.get("after_parting"):
+        yield "", f"values marked '{ONE_OF_MANY}' depend on what follows"
+
+
 SHARED: Texts = {
+    "convergence": _convergence,
     "margins": margins,
     "open_frequencies_hz": _natural_frequencies,
     "reduction_bound": _reduction,

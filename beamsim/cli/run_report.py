@@ -10,7 +10,6 @@ from typing import Any
 from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult
 from beamsim.analyses.run.spectrum import LOBE
 from beamsim.cli.report import (
-    AFTER_PARTING,
     SHARED,
     Row,
     Texts,
@@ -279,33 +278,6 @@ def _shock(result: RunResult, signals: Mapping[str, Mapping[str, float]]) -> dic
     return texts
 
 
-def _convergence(result: RunResult, changes: Mapping[str, Any]) -> Iterator[Row]:
-    """What the changes of the figures are those of, and the largest of them."""
-    model = result.summary["convergence_model"]
-    if model["reason"]:
-        yield "", f"unknown: {model['reason']}"
-    elif not model["modes"]:
-        yield "", "all modes are kept: nothing is left out"
-    else:
-        sizes = [x for value in changes.values() for x in (value.values() if isinstance(value, Mapping) else [value])]
-        finer = f"{model['modes']} instead of {result.summary['kept_modes']} modes"
-        largest = percent(max(sizes, default=0.0), 2)
-        where = f" of the first {amount(model['compared_s'], 's')}" if is_known(model.get("compared_s")) else ""
-        elements = " and twice the elements of every mesh" if result.scenario.has_mesh else ""
-        yield "", f"changes{where} with {finer}{elements}: at most {largest}"
-        if is_known(model["sequences_part_s"]):
-            yield "", f"the sequences of contacts part at {amount(model['sequences_part_s'], 's')}"
-    small, round_off = (
-        ("disturbance_parts_s", "a stiffness changed by 1e-9 of itself"),
-        ("round_off_parts_s", "round-off"),
-    )
-    for key, of in (small, round_off):
-        if is_known(model.get(key)):
-            yield "", f"they part at {amount(model[key], 's')} with {of}"
-    if result.summary.get("after_parting"):
-        yield "", f"figures marked {AFTER_PARTING} are those of one of many motions"
-
-
 def _solver(result: RunResult, time: float) -> str:
     s = result.summary
     bends = s.get("breakpoints_passed", 0)
@@ -372,7 +344,6 @@ TEXTS: Texts = {
     "impacts": _impacts,
     "fatigue": _fatigue,
     "srs": _shock,
-    "convergence": _convergence,
     "energy_error": lambda _, error: f"{error:.2g}",
     "processor_time_s": _solver,
 }

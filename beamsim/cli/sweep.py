@@ -118,9 +118,9 @@ def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resum
 
     bar = progress_of("sweeping", shown=reporting.progress)
     with concluded("sweep", target, reporting) as computation, bar as progress, located(scenario):
-        from beamsim.analyses.sweep.analysis import sweep as compute
         from beamsim.store.results import write_sweep
         from beamsim.store.sweep import earlier_sweep
+        from beamsim.trust.checked import sweep as compute
 
         result = compute(
             scenario, progress, stop=computation.stop, save=lambda part: write_sweep(part, target),

@@ -69,12 +69,12 @@ def checks(result: Result) -> Iterator[Row]:
         reason = model.get("reason")
         parted = model.get("sequences_part_s")
         elements = " and twice the elements" if result.scenario.has_mesh else ""
-        text = f"not compared: {reason}" if reason else f"solved again with half as many modes more{elements}"
+        text = f"not checked: {reason}" if reason else f"solved again with 1.5 times the modes{elements}"
         if not model.get("modes") and not reason:
             text = "nothing is left out: the model has all its modes and no mesh"
         if parted is not None and math.isfinite(parted):
-            text += f"; the sequences of contacts part at {parted:.4g} s, later figures are compared as statistics"
-        yield "finer model", text, "the change of every figure is in the table below"
+            text += f"; the contact sequences diverge at {parted:.4g} s, later values are compared as statistics"
+        yield "finer model", text, "the change of every value is in the table below"
     against: Any = summary.get("against")
     if against:
         yield (

@@ -160,6 +160,8 @@ class Continuation(Schema):
     """Largest number of branches of a level."""
     longest_time: q.Duration = 600.0
     """Longest computing time for the curve of a level."""
+    convergence: Literal["on", "off"] | None = None
+    """Whether values are compared with those of a finer model; by default off."""
 
     def check(self) -> None:
         """Demand one range, and refuse what does not go together."""

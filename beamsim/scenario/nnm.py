@@ -175,6 +175,8 @@ class NonlinearMode(Schema):
     """Frequencies at which they get a point, whatever the parameter is."""
     phase_resonance: PhaseResonance | None = None
     """Excite the damped structure at phase resonance with the mode."""
+    convergence: Literal["on", "off"] | None = None
+    """Whether values are compared with those of a finer model; by default off."""
 
     def check(self) -> None:
         """Refuse an energy where it is what changes, and methods that follow the factor only."""

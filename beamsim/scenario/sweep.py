@@ -35,6 +35,8 @@ class _UpAndDown(FrequencyRange):
     impacts: bool = False
     """Whether impacts per cycle, their impulse, time in contact, energy lost and highest speed are computed, and of
     friction slides, distance, energy lost and wear power."""
+    convergence: Literal["on", "off"] | None = None
+    """Whether values are compared with those of a finer model; by default on, off in the cases of a study."""
 
     def check(self) -> None:
         """Reject a range that contradicts the direction, and orders that cannot be tracked."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from tests.helpers.independent import Beam
@@ -39,7 +40,7 @@ def test_a_turning_base_against_independent_matrices(joined):
     )  # fmt: skip
     scenario = load_scenario({**structure, "excitation": TURN, "sweep": sweep, "outputs": outputs,
                               "reduction": {"modes": "all"}})  # fmt: skip
-    curve = beamsim.sweep(scenario).curves["up_0"]
+    curve = sweep_alone(scenario).curves["up_0"]
     first = {name: 1j * of.harmonics[list(curve.orders).index(1.0), 0] for name, of in curve.outputs.items()}
 
     whole, w = Beam(L, W, H, E, RHO, 6, "free"), 2 * np.pi * HZ

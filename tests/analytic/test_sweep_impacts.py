@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario, load_scenario
 
@@ -41,7 +42,7 @@ def test_a_stepped_sine_against_the_end_of_a_run(law):
 
 
 def swept(scenario):
-    return beamsim.sweep(scenario).curves.values()
+    return sweep_alone(scenario).curves.values()
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from tests.helpers.independent import Beam
@@ -75,7 +76,7 @@ def receptances(hz, *forces):
 @pytest.mark.parametrize("forces", [(FORCE, LINE), (LEFT, RIGHT), (FORCE, LEFT, RIGHT)])
 def test_the_linear_response_is_that_of_independent_matrices(forces):
     """The forces' phases count, each its own; supports follow levels of displacement and of acceleration."""
-    result = beamsim.sweep(case(*forces, sweep={**STEPPED, "from": 5.0, "to": 60.0, "points": 5}))
+    result = sweep_alone(case(*forces, sweep={**STEPPED, "from": 5.0, "to": 60.0, "points": 5}))
     linear, curve = result.linear, result.curves["up_0"]
     stepped = 1j * curve.displacement["p"].harmonics[list(curve.orders).index(1.0)]  # over a sine
     for hz, of in (
@@ -98,7 +99,7 @@ def test_stepped_sine_continuation_and_balance_meet_the_settled_run(forces):
     assert settled.summary["contacts"]["s"] >= 30
     x = settled.probes["p"].displacement[-513:-1]
     first = 2 * np.fft.rfft(x)[1] / x.size
-    stepped = beamsim.sweep(case(*forces, sweep=STEPPED, **stop)).curves["up_0"]
+    stepped = sweep_alone(case(*forces, sweep=STEPPED, **stop)).curves["up_0"]
     of = stepped.displacement["p"].harmonics[list(stepped.orders).index(1.0), -1]
     assert abs(of - first) < 1e-6 * abs(first)
     for method in ({"kind": "shooting"}, {"kind": "harmonic_balance", "harmonics": 63}):
@@ -112,7 +113,7 @@ def test_stepped_sine_continuation_and_balance_meet_the_settled_run(forces):
 
 def test_a_swept_sine_of_two_forces_superposes():
     """Without contact, complex amplitudes of order 1 add up."""
-    parts = [beamsim.sweep(case(*forces, sweep=SWEPT)) for forces in ((FORCE,), (LINE,), (FORCE, LINE))]
+    parts = [sweep_alone(case(*forces, sweep=SWEPT)) for forces in ((FORCE,), (LINE,), (FORCE, LINE))]
     a, b, both = (
         result.curves["up_0"].displacement["p"].harmonics[list(result.curves["up_0"].orders).index(1.0)]
         for result in parts

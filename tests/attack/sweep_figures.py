@@ -10,6 +10,7 @@ import numpy as np
 from figure_comparison import CLOSE, JUMPY, Compared
 from own_chain import OwnChain, peaks, random_chain
 from own_structure import OwnStructure, random_structure
+from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from scipy.integrate import simpson, solve_ivp
 
 NEWTON = 12  # steps from where a motion is nearly steady
@@ -39,7 +40,7 @@ def _stepped(case, own_of, rng, points, cycles=300):
         "direction": str(rng.choice(["up", "down"])),
     }  # fmt: skip
     compared = Compared()
-    for curve in beamsim.sweep(beamsim.Scenario.model_validate(case)).curves.values():
+    for curve in sweep_alone(beamsim.Scenario.model_validate(case)).curves.values():
         at_level, state = {**case, "excitation": {**case["excitation"], "level": curve.level}}, None
         for k, frequency in enumerate(curve.frequency_hz):
             if curve.steady.kind[k] == "periodic":
@@ -137,7 +138,7 @@ def profile(seed):
         sine["quantity"], sine["level"] = "acceleration", float(level * first ** (1 + (sine["quantity"] != "velocity")))
         level = sine["level"]
     case["sweep"] = section
-    (curve,) = beamsim.sweep(beamsim.Scenario.model_validate(case)).curves.values()
+    (curve,) = sweep_alone(beamsim.Scenario.model_validate(case)).curves.values()
 
     def load(t):
         f = low * 2 ** (rate * t) if rate > 0 else low - rate * t

@@ -7,10 +7,10 @@ import pytest
 from typer.testing import CliRunner
 
 import beamsim
-from beamsim.analyses.run.against import RTOL, against, tolerance_of
 from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
+from beamsim.trust.reference import RTOL, against, tolerance_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CASE = {

@@ -7,6 +7,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.identify.steady import steady_vibration
+from beamsim.analyses.sweep.analysis import sweep
 from beamsim.contacts.force_curve import _slopes, fit_curve
 from beamsim.contacts.hysteresis import fit_branch, loop_width, relaxed_part
 from beamsim.errors import ScenarioError
@@ -93,7 +94,7 @@ def test_a_stop_pressed_further_than_its_table_goes():
     )
     points = [{**chain["snubbers"][0], "force_deflection": {"points": [[0, 0], [1e-3, 20]]}}]
     results = [
-        beamsim.sweep(load_scenario(chain | {"sweep": swept})),
+        sweep(load_scenario(chain | {"sweep": swept})),
         beamsim.frequency_response(load_scenario(chain | {"sweep": {"kind": "continuation", "from": 15, "to": 18}})),
         beamsim.design_study(load_scenario(chain | {"vary": levels})),
         beamsim.nnm(load_scenario(chain | {"nnm": {"mode": 1, "energy": 0.06}, "excitation": {"kind": "none"}})),

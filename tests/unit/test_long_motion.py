@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run import exact_motion, parting
+from beamsim.analyses.run import exact_motion
 from beamsim.errors import ScenarioError
 from beamsim.flow import exact, stretches
 from beamsim.inputs import streamed
 from beamsim.outcomes import OutcomeCode
+from beamsim.trust import divergence
 
 PIECES = 5600  # of the input in 0.14 s
 
@@ -171,7 +172,7 @@ def test_a_finer_model_is_compared_on_the_first_part():
 @pytest.mark.slow
 def test_a_disturbance_is_followed_to_the_end(monkeypatch):
     """Only the first part was disturbed: what parts later was reported without a mark."""
-    monkeypatch.setattr(parting, "SMALL", 0.05)
+    monkeypatch.setattr(divergence, "SMALL", 0.05)
     result = beamsim.run(scenario(convergence="on", memory=64e6, duration=0.4))
     model = result.summary["convergence_model"]
     assert 0.0 < model["compared_s"] < model["disturbance_parts_s"] < 0.4

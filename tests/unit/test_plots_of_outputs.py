@@ -3,6 +3,7 @@
 import numpy as np
 
 import beamsim
+from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.plots.continuation import frequency_response_figures
 from beamsim.plots.designs import design_figures
 from beamsim.plots.run import run_figures
@@ -50,7 +51,7 @@ def test_of_a_run():
 
 def test_of_a_sweep():
     sweep = {"kind": "stepped", "from": 2.0, "to": 2.5, "points": 3}
-    result = beamsim.sweep(load_scenario(CASE, {"sweep": sweep}))
+    result = sweep_alone(load_scenario(CASE, {"sweep": sweep}))
     figure = sweep_figures(result)["outputs"]
     assert labels(figure) == ["Peak of wall (kN)", "Peak of mass (g)"]
     peaks, limit = (line.get_ydata() for line in figure.axes[0].lines)

@@ -15,6 +15,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.flow.contact_state import ContactModes
 from beamsim.outcomes import COMPLETE, OutcomeCode
 from beamsim.scenario import Scenario
+from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.store.results import write_result
 
 SWEPT = {"kind": "swept_sine", "from": 0.6, "to": 1.0, "rate": "0.005 Hz/s", "direction": "both"}
@@ -44,7 +45,7 @@ def case(stop, sweep, **excitation):
 @pytest.mark.parametrize("sweep", [SWEPT, STEPPED], ids=["swept", "stepped"])
 @pytest.mark.parametrize("stop", KINDS, ids=str)
 def test_sweeps_are_in_balance(stop, sweep):
-    result = beamsim.sweep(case(stop, sweep))
+    result = sweep_alone(case(stop, sweep))
     assert result.outcome.complete
     for curve in result.curves.values():
         assert curve.contact_share["stop"].max() > 0.05
@@ -63,7 +64,7 @@ def test_a_sweep_that_ends_within_a_cycle_is_not_trusted_where_that_cycle_is_wro
         return done
 
     monkeypatch.setattr(CycleRecord, "joined", wrong)
-    result = beamsim.sweep(case({}, SWEPT | {"to": 0.9937, "direction": "up"}))
+    result = sweep_alone(case({}, SWEPT | {"to": 0.9937, "direction": "up"}))
     assert result.outcome.code is OutcomeCode.SWEEP_ENERGY_NOT_BALANCED
     assert result.outcome.numbers["error"] == pytest.approx(1e-3, rel=1e-6)
 
@@ -82,7 +83,7 @@ ORIGINAL = ContactModes.respond
 @pytest.mark.parametrize("sweep", [SWEPT, STEPPED], ids=["swept", "stepped"])
 def test_a_wrong_response_is_not_trusted(monkeypatch, sweep):
     monkeypatch.setattr(ContactModes, "respond", wrong_response)
-    result = beamsim.sweep(case({}, sweep))
+    result = sweep_alone(case({}, sweep))
     assert result.outcome.code is OutcomeCode.SWEEP_ENERGY_NOT_BALANCED
     assert 0.6 <= result.outcome.numbers["frequency"] <= 0.9
     assert result.outcome.numbers["error"] > LARGEST_ERROR
@@ -101,9 +102,9 @@ def test_a_wrong_dashpot_is_not_trusted_where_it_works(monkeypatch, law):
         return 0.99 * dashpot, 0.99 * internal
 
     scenario = case({"law": law, "gap": 0.2}, SWEPT | {"from": 0.3, "direction": "up"})
-    right = beamsim.sweep(scenario).curves["up_0"]
+    right = sweep_alone(scenario).curves["up_0"]
     monkeypatch.setattr(Contacts, "losses", less)
-    result = beamsim.sweep(scenario)
+    result = sweep_alone(scenario)
     assert result.outcome.code is OutcomeCode.SWEEP_ENERGY_NOT_BALANCED
     touched = right.frequency_hz[right.contact_share["stop"] > 0.0][0]
     assert touched > 0.4
@@ -111,7 +112,7 @@ def test_a_wrong_dashpot_is_not_trusted_where_it_works(monkeypatch, law):
 
 
 def test_energies_that_are_not_finite_have_an_outcome():
-    curve = beamsim.sweep(case({}, STEPPED)).curves["up_0"]
+    curve = sweep_alone(case({}, STEPPED)).curves["up_0"]
     lost = replace(curve, energy_error=np.array([0.0, np.nan, np.nan]))
     outcome = swept_sine.balanced(COMPLETE, [lost])
     assert outcome.code is OutcomeCode.NOT_FINITE
@@ -128,7 +129,7 @@ def test_energies_that_are_not_finite_have_an_outcome():
 )
 def test_a_level_has_the_unit_of_what_is_prescribed(tmp_path, level, sweep, units):
     """A displacement was written in m/s^2."""
-    result = beamsim.sweep(case({}, sweep | {"to": 0.65}, level=level))
+    result = sweep_alone(case({}, sweep | {"to": 0.65}, level=level))
     write_result(result, tmp_path / "sweep.h5")
     with h5py.File(tmp_path / "sweep.h5") as file:
         found = []

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.sweep.analysis import sweep
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 
@@ -49,7 +50,7 @@ def test_a_stepped_sweep_that_costs_too_much(monkeypatch):
 
     monkeypatch.setattr(CycleStepper, "carry", carry)
     step = "sweep={kind: stepped, from: 78 Hz, to: 84 Hz, points: 4}"
-    result = beamsim.sweep(load_scenario(CONFIGS / "sweep_up_down.yaml", [step]))
+    result = sweep(load_scenario(CONFIGS / "sweep_up_down.yaml", [step]))
     assert result.outcome.code is OutcomeCode.NO_STEADY_STATE
     (curve,) = result.curves.values()
     assert result.outcome.numbers["parameter"] > curve.frequency_hz[-1]

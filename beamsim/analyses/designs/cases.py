@@ -23,6 +23,7 @@ from beamsim.analyses.designs.responses import (
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import BeamsimError, Problem, ScenarioError
 from beamsim.interrupts import Stop, never
+from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario.parameters import with_values
 from beamsim.scenario.varied import Value
@@ -124,7 +125,6 @@ def _solver(study: Study) -> CaseSolver:
 
 def warm_up(task: CaseTask | None) -> None:
     """Import the modules that a case needs and compile them (or load the compiled code)."""
-    import beamsim.analyses.run.analysis
     import beamsim.scenario  # noqa: F401
 
     if task is not None:
@@ -134,8 +134,13 @@ def warm_up(task: CaseTask | None) -> None:
             return  # reported when the case is solved
 
 
+def published(kind: str) -> Callable[..., Any]:
+    """The function of a scenario that computes a result of a kind for everybody."""
+    computing: Callable[..., Any] = named(KINDS[kind].analysis)
+    return computing
+
+
 def _solve_run(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Responses, Outcome]:
-    from beamsim.analyses.run.analysis import run
     from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
     from beamsim.system.build import build_system
 
@@ -146,30 +151,27 @@ def _solve_run(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Resp
         system = build_system(scenario, solver.shared, assessed=False, recovered=needs_recovery(asked))
         figures, outcome = asked_figures(system, scenario, asked, stop)
         return run_responses(figures), outcome
-    result = run(scenario, stop=stop)
+    result = published("run")(scenario, stop=stop)
     return run_responses(entries_of_result(result)), result.outcome
 
 
 def _rehearse_run(scenario: Scenario) -> object:
-    from beamsim.analyses.run.analysis import run
     from beamsim.scenario import SpectrumSettings
 
     settings = scenario.run
     assert settings is not None
     short = min(settings.duration, max(1e-3 * settings.duration, 50.0 / scenario.sample_rate))
     settings = settings.model_copy(update={"duration": short, "spectrum": SpectrumSettings()})
-    return run(scenario.model_copy(update={"run": settings}))
+    return published("run")(scenario.model_copy(update={"run": settings}))
 
 
 def _solve_sweep(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Responses, Outcome]:
-    from beamsim.analyses.sweep.analysis import sweep
 
-    result = sweep(scenario, stop=stop)
+    result = published("sweep")(scenario, stop=stop)
     return sweep_responses(result), result.outcome
 
 
 def _rehearse_sweep(scenario: Scenario) -> object:
-    from beamsim.analyses.sweep.analysis import sweep
     from beamsim.scenario.sweep import SteppedSine, SweptSine
 
     settings = scenario.sweep
@@ -177,18 +179,16 @@ def _rehearse_sweep(scenario: Scenario) -> object:
     change: dict[str, object] = {"to": 1.01 * settings.from_, "levels": settings.levels[:1], "direction": "up"}
     if settings.kind == "stepped":
         change["points"] = 2
-    return sweep(scenario.model_copy(update={"sweep": settings.model_copy(update=change)}))
+    return published("sweep")(scenario.model_copy(update={"sweep": settings.model_copy(update=change)}))
 
 
 def _solve_response(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Responses, Outcome]:
-    from beamsim.analyses.response.analysis import frequency_response
 
-    result = frequency_response(scenario, stop=stop)
+    result = published("continuation")(scenario, stop=stop)
     return response_responses(result), result.outcome
 
 
 def _rehearse_response(scenario: Scenario) -> object:
-    from beamsim.analyses.response.analysis import frequency_response
 
     settings: Any = scenario.sweep
     path = settings.parameter
@@ -198,7 +198,7 @@ def _rehearse_response(scenario: Scenario) -> object:
         change["to"] = short
     else:
         change["continue_in"] = path.model_copy(update={"to": short})
-    return frequency_response(scenario.model_copy(update={"sweep": settings.model_copy(update=change)}))
+    return published("continuation")(scenario.model_copy(update={"sweep": settings.model_copy(update=change)}))
 
 
 ANALYSES: dict[str, Analysis] = {

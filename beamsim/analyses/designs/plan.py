@@ -286,8 +286,10 @@ def _case(scenario: Scenario, seed_varies: bool) -> Scenario:
     # a sweep computes stress and gap only if there are limits on them; a run always does
     unused = ("vary", "identify_stiffness", "nnm", *(("limits",) if scenario.sweep is None else ()))
     case = scenario.model_copy(update={**dict.fromkeys(unused), "title": ""}).with_source(scenario.source)
-    if case.run is not None and case.run.convergence is None:
-        case = with_values(case, {("run", "convergence"): "off"})
+    for name in ("run", "sweep"):
+        section = getattr(case, name)
+        if section is not None and section.convergence is None:
+            case = with_values(case, {(name, "convergence"): "off"})
     if seed_varies and getattr(case.excitation, "amplitudes", None) is None:
         case = with_values(case, {("excitation", "amplitudes"): "random"})
     return case

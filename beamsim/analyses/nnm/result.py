@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.branch import ModeBranch, OrbitMotion
-from beamsim.analyses.result import PROCESSOR_TIME, STATUS, Result
+from beamsim.analyses.result import CONVERGENCE, PROCESSOR_TIME, STATUS, Result
 from beamsim.fields import (
     Counter,
     Entry,
@@ -284,6 +284,7 @@ _SUMMARY = (
              "largest residual"),
     Entry("smallest_share", "1", "smallest share of the energy in the mode at the slowest instant, along the backbone",
              "share of energy"),
+    *CONVERGENCE,
     PROCESSOR_TIME,
 )  # fmt: skip
 

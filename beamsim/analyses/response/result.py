@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.branch import FoldBranch, ResponseBranch
-from beamsim.analyses.result import MARGINS, PROCESSOR_TIME, STATUS, Result
+from beamsim.analyses.result import CONVERGENCE, MARGINS, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.fields import (
     Counter,
@@ -95,6 +95,7 @@ _SUMMARY = (
              "multiple scales"),
     Entry("neglected_harmonics", "1", "largest share of the motion that harmonic balance leaves out",
              "neglected harmonics"),
+    *CONVERGENCE,
     PROCESSOR_TIME,
 )  # fmt: skip
 

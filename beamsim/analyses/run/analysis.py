@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import TYPE_CHECKING, NamedTuple
 
 from beamsim.analyses.deflections import deflection_warnings
 from beamsim.analyses.reduction import reduction_checked
-from beamsim.analyses.run.convergence import resting, with_convergence
-from beamsim.analyses.run.derived import DerivedFigures
 from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.figures import by_name
-from beamsim.analyses.run.first_part import checked_on_first_part
 from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of
 from beamsim.analyses.run.jumps import jump_warnings
-from beamsim.analyses.run.model_check import convergence_of
 from beamsim.analyses.run.motion import (
     RunMotion,
     bodies_of_run,
@@ -31,7 +25,7 @@ from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import coverage_notes
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
-from beamsim.analyses.run.summary import spectral_lines, summary_of_run
+from beamsim.analyses.run.summary import resting, spectral_lines, summary_of_run
 from beamsim.analyses.table_reach import compressed_beyond_tables
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, PENETRATION, STRESS, largest
 from beamsim.errors import Problem, ScenarioError
@@ -48,10 +42,31 @@ if TYPE_CHECKING:
     from beamsim.scenario.run import ShockSpectrumSettings, StressLife
 
 
-CONVERGENCE = "the comparison with a finer model"
+class Solution(NamedTuple):
+    """A run, and what it came from."""
+
+    scenario: Scenario  # with what its start resolves to
+    system: StructuralSystem
+    motion: RunMotion
+    result: RunResult
 
 
 def run(scenario: Scenario, progress: Callable[[float], None] | None = None, stop: Stop = never) -> RunResult:
+    """The result of a run; parameters and errors as of `solved`."""
+    return solved(scenario, progress, stop, SharedBuilds()).result
+
+
+def motion_of(
+    scenario: Scenario, system: StructuralSystem, progress: Callable[[float], None] | None, stop: Stop
+) -> RunMotion:
+    """The motion of a built system, in closed form or by time stepping; parameters as of `solved`."""
+    settings = scenario.run
+    assert settings is not None
+    solve = stepped_motion_of if steps_in_time(system, settings) else exact_motion_of
+    return solve(system, settings, output_times(scenario), progress, stop)
+
+
+def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: Stop, shared: SharedBuilds) -> Solution:
     """Simulate the scenario.
 
     Parameters
@@ -59,8 +74,9 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None, sto
     scenario : with a ``run`` section.
     progress : called from time to time with the fraction of the duration that is done.
     stop : asked between blocks of events whether to end, and then before everything that is derived from the motion:
-        spectra, statistics, fatigue and the comparison with a finer model. The result holds the motion up to
-        there with its peaks, energies and histories, and names what is left out.
+        spectra, statistics and fatigue. The result holds the motion up to there with its peaks, energies and
+        histories, and names what is left out.
+    shared : keeps what the system is built from.
 
     Raises
     ------
@@ -70,14 +86,12 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None, sto
     begin = clock.perf_counter()
     if scenario.run is None:
         raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
-    settings, shared = scenario.run, SharedBuilds()
+    settings = scenario.run
     if isinstance(settings.start, OrbitStart):
         scenario, system = built_at_orbit(scenario, lambda at_rest: build_system(at_rest, shared))
     else:
         system = build_system(scenario, shared)
-    times = output_times(scenario)
-    solve = stepped_motion_of if steps_in_time(system, settings) else exact_motion_of
-    motion = solve(system, settings, times, progress, stop)
+    motion = motion_of(scenario, system, progress, stop)
     derived = _Derived(stop)
     spectra = spectra_of(scenario, system, motion) if derived.goes_on("the spectra") else {}
     probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes[DISPLACEMENT])
@@ -119,6 +133,9 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None, sto
     result = changed(result, spectra=spectra)
     if crushed := {s.name: s.residual_crush for s in result.snubbers.values() if s.residual_crush is not None}:
         summary["residual_crush_m"] = crushed
+    plates = (body.peak_von_mises_stress for body in result.bodies.values())
+    if of_plates := [float(stress.max()) for stress in plates if stress is not None]:
+        summary["largest_von_mises_stress_pa"] = max(of_plates)
     if result.friction:
         summary["friction"] = {name: contact.summary() for name, contact in result.friction.items()}
     if result.impacts is not None:
@@ -133,22 +150,11 @@ def run(scenario: Scenario, progress: Callable[[float], None] | None = None, sto
         result = _with_shock_response(result, system, motion, settings.srs)
         if result.srs is not None:
             summary["srs"] = result.srs.summary()
-    if settings.convergence != "off" and derived.goes_on(CONVERGENCE):
-        if motion.compared_s is not None:
-            checked = checked_on_first_part(scenario, system, motion, shared, stop)
-        else:
-            sampled_at = np.zeros(0) if result.random is None else result.time
-            of_probes = {key: spectra[key] for key in spectra if key[0] in result.probes}
-            figures = DerivedFigures(scenario, of_probes, result.random, sampled_at, result.srs)
-            checked = convergence_of(scenario, system, motion, summary, figures, shared, stop)
-        if checked is not None:
-            result = with_convergence(result, checked)
-            summary |= checked.summary()
-        derived.goes_on(CONVERGENCE)  # asked again: it may have ended meanwhile
     if derived.left_out and result.complete:
         result = changed(result, outcome=Outcome.of(OutcomeCode.INTERRUPTED, before=derived.left_out))
     result = result.with_summary(spectral_lines=spectral_lines(result.spectra), **summary)
-    return changed(result, wall_time_s=clock.perf_counter() - begin)
+    result = changed(result, wall_time_s=clock.perf_counter() - begin)
+    return Solution(scenario, system, motion, result)
 
 
 class _Derived:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,6 @@ from beamsim.analyses.run.histories import COMPONENTS, ExactHistories
 from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, memory_of, with_limit
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import MOTION_SHARE, events_in_memory, exact_flow, pieces_of
-from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import Work
 from beamsim.analyses.run.stretches import ROUND_OFF, RunFigures
 from beamsim.analyses.values import DISPLACEMENT, STRESS
@@ -118,7 +118,7 @@ def exact_motion_of(
         histories=histories,
         balance=balance,
         events=events_of(system, motion),
-        contact_events=ContactEvents.of(motion, len(system.snubbers)),
+        marched=motion,
         breakpoints=breakpoints(system, motion),
         extremes=extremes,
         extreme_times=of_first_probe,
@@ -135,7 +135,7 @@ def exact_motion_of(
         low_passed=None if figures.low_passed is None else figures.low_passed.reached,
         trajectory=_analysed(motion, settings),
         parts=motion.again,
-        von_mises=_von_mises(system, motion, histories),
+        von_mises=partial(_von_mises, system, motion, histories),
         impacts=figures.impacts,
         memory=memory_of(motion.flow, settings),
         compared_s=None if motion.one_stretch else COMPARED_SHARE * _kept_s(motion, settings),

@@ -15,7 +15,6 @@ from beamsim.analyses.run.friction import friction_contacts, sliding_figures
 from beamsim.analyses.run.histories import Histories
 from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.output_times import OutputTimes
-from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import (
     ONLY_BEAM,
     BodyResult,
@@ -69,6 +68,7 @@ class RunMotion:
     """The motion at the output times, from the closed form or from time stepping."""
 
     method: str
+    marched: MotionInStretches | ReferenceTrajectory
     outcome: Outcome
     histories: Histories
     balance: EnergyBalance
@@ -83,12 +83,11 @@ class RunMotion:
     low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
     trajectory: Trajectory | None = None  # of the closed form, the last part where not all is kept
     parts: Callable[[], Iterable[Trajectory]] = tuple  # all of it, one after the other
-    von_mises: Mapping[str, Floats] = field(default_factory=dict)  # (nx,) Pa, largest of the samples, by plate
+    von_mises: Callable[[], Mapping[str, Floats]] = dict  # (nx,) Pa, largest of the samples, by plate
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
     impacts: ImpactRecord | None = None  # of the closed form, where it is evaluated
     compared_s: float | None = None  # s, first part that is compared with a finer model, where not all is kept
     warnings: tuple[str, ...] = ()
-    contact_events: ContactEvents | None = None
 
     def column(self, section: str, quantity: str, index: int) -> Floats:
         """(nt,) one channel of those that are alike, computed when it is read."""
@@ -275,13 +274,13 @@ def bodies_of_run(scenario: Scenario, system: StructuralSystem, motion: RunMotio
     def peaks(of_body: slice, moments: int) -> Floats:
         return np.asarray(largest(motion.extremes[STRESS])[of_body].reshape(moments, -1).max(axis=0))
 
-    equilibrium = system.static_equilibrium
+    equilibrium, von_mises = system.static_equilibrium, motion.von_mises()
     bodies = {
         body.body: BodyResult(
             position=body.position,
             across=body.across,
             peak_bending_stress=peaks(stress[body.body], body.moments) if body.body in stress else None,
-            peak_von_mises_stress=motion.von_mises.get(body.body),
+            peak_von_mises_stress=von_mises.get(body.body),
             extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T,
             extreme_times=motion.extreme_times,
             static_shape=np.full(body.position.size, np.nan) if equilibrium is None else body.deflection @ equilibrium,

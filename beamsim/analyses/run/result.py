@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.result import GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.impact_result import Fatigue, Impacts
 from beamsim.analyses.run.intervals import FigureInterval
 from beamsim.analyses.values import STANDARD_GRAVITY, VALUES
@@ -34,14 +34,14 @@ MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group
 ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
 STATISTICS = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
 _TIME = ("time",)
-_WITH_FINER_MODEL = "relative change with half as many modes more and twice the elements"
+_WITH_FINER_MODEL = "relative change with 1.5 times the modes and twice the elements"
 _FREQUENCY = ("frequency_hz",)
 _EVENT = (Counter("event", "number of the contact event"),)
 
 
 def _after_parting(figure: str, dataset: str) -> Any:
-    """Whether a figure of a dataset depends on what follows the parting; None where that was not looked at."""
-    text = f"whether the {figure} depends on the motion after the sequences of contacts have parted"
+    """Whether a value depends on what follows when the contact sequences have diverged; None where not looked at."""
+    text = f"whether the {figure} depends on the motion after the contact sequences have diverged"
     return attribute("", text, name="after_parting", at=dataset, default=None)
 
 
@@ -489,14 +489,7 @@ _SUMMARY = (
           "shock response"),
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
     *MODES,
-    Entry("convergence", "1", "by figure, and by name of probe or snubber, its relative change with half as many modes "
-             "more and twice the elements", "convergence"),
-    Entry("doubtful", "", "figures that change by more than 2 %: figure.name"),
-    Entry("after_parting", "", "figures that depend on the motion after the sequences of contacts have parted, which "
-             "is one of many: figure.name; their changes are those of means where the excitation goes on"),
-    Entry("convergence_model", "", "the finer model: modes (0 where nothing is left out); times at which the sequences "
-             "of contacts part from its own, and from those of a stiffness changed by 1e-9 and by 1e-15 (round-off); "
-             "processor time, and why there is no comparison"),
+    *CONVERGENCE,
     Entry("energy_error", "1", "largest error of the energy balance, over the larger of stored energy and the "
              "integral of |power in|", "energy balance error"),
     Entry("method", of="method", label="method"),

@@ -12,7 +12,6 @@ from beamsim.analyses.run.histories import SampledHistories
 from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, with_limit
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import exact_flow
-from beamsim.analyses.run.parting import ContactEvents
 from beamsim.analyses.run.result import EnergyHistory, Work
 from beamsim.analyses.values import DISPLACEMENT, STRESS
 from beamsim.system.structural import StructuralSystem
@@ -78,7 +77,7 @@ def stepped_motion_of(
         histories=SampledHistories(at, values, flow.system.contacts.touching(trajectory.phases), energy),
         balance=balance,
         events=events_of(system, trajectory),
-        contact_events=ContactEvents.of(trajectory, len(system.snubbers)),
+        marched=trajectory,
         breakpoints=breakpoints(system, trajectory),
         extremes=extremes,
         extreme_times=np.array([extremes[DISPLACEMENT][k][0] for k in (1, 3)]),

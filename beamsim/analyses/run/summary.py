@@ -33,6 +33,12 @@ def figures_of_motion(system: StructuralSystem, motion: RunMotion) -> dict[str, 
     }
 
 
+def resting(probe: str, quantity: str, figures: Mapping[str, Any]) -> bool:
+    """Whether a quantity of a probe is 0 but for round-off, of which lines and root mean squares say nothing."""
+    peak = {"displacement": "peak_displacement_m", MAIN_QUANTITY: "peak_acceleration_g"}.get(quantity)
+    return peak is not None and figures[peak].get(probe) == 0.0
+
+
 def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str, Any]]:
     """The lines of all spectra, for the summary."""
     columns = ("order", "frequency_hz", "amplitude", "amplitude_db", "kind", "relative_change")
@@ -77,8 +83,6 @@ def summary_of_run(
         summary["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
         if system.stress.stations.across is not None:
             summary["largest_bending_stress_across_m"] = float(system.stress.stations.across[where])
-        if motion.von_mises:
-            summary["largest_von_mises_stress_pa"] = max(float(peaks.max()) for peaks in motion.von_mises.values())
         if len(system.bodies) > 1:
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
     if of_snubbers := gapping_of_run(scenario, system, motion, summary, stop):

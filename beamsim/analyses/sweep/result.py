@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.gapping import ContactLevels
-from beamsim.analyses.result import GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
 from beamsim.fields import (
     Counter,
@@ -371,6 +371,7 @@ _SUMMARY = (
     Entry("energy_error", "1", "largest imbalance of the energies along a curve, over the largest energy"),
     MARGINS,
     *MODES,
+    *CONVERGENCE,
     PROCESSOR_TIME._replace(of="work.processor_time_s"),
 )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Where two motions part that begin alike, and how soon a disturbance parts them.
+"""Where the contact sequences of two motions diverge that begin alike, and how soon a disturbance makes them.
 
 A motion that bounces may be so sensitive that any small change gives it other contacts after some time. What comes
 after that is one of many motions, and no model or precision of the computation can say which.
@@ -20,7 +20,7 @@ from beamsim.typing import Floats, Ints
 
 SAME_EVENT = 0.1  # of the mean time between a contact's closings: two events further apart are not the same
 SMALL, ROUND_OFF = 1e-9, 1e-15  # relative disturbances of the stiffness
-LONGER = 8.0  # times the time up to which a disturbance has been followed in vain, or needed to part
+LONGER = 8.0  # times the time up to which a disturbance has been followed in vain, or needed to diverge
 
 
 @dataclass(frozen=True)
@@ -49,17 +49,17 @@ class ContactEvents:
         return replace(self, end=end, time=self.time[:count], contact=self.contact[:count], phase=self.phase[:count])
 
 
-def parting(first: ContactEvents, second: ContactEvents) -> float:
-    """Time at which the contact sequences of two motions part, s; infinite if they do not.
+def divergence(first: ContactEvents, second: ContactEvents) -> float:
+    """Time at which the contact sequences of two motions diverge, s; infinite if they do not.
 
     Each contact has its own sequence: which of two comes first is round-off where a symmetric structure meets both.
     """
     end = min(first.end, second.end)
     contacts = np.union1d(first.contact, second.contact)
-    return min((_parting_of(first.of_contact(k), second.of_contact(k), end) for k in contacts), default=math.inf)
+    return min((_divergence_of(first.of_contact(k), second.of_contact(k), end) for k in contacts), default=math.inf)
 
 
-def _parting_of(first: ContactEvents, second: ContactEvents, end: float) -> float:
+def _divergence_of(first: ContactEvents, second: ContactEvents, end: float) -> float:
     """The same of the events of one contact."""
     apart = SAME_EVENT * end / max(first.time.size / 2, 1.0)
     common = min(first.time.size, second.time.size)
@@ -75,7 +75,7 @@ def _parting_of(first: ContactEvents, second: ContactEvents, end: float) -> floa
 
 
 @dataclass(frozen=True)
-class PartingTimes:
+class DivergenceTimes:
     """Times after which small changes of the stiffness give other contacts, s; infinite where none was seen."""
 
     small_s: float = math.inf  # of a change by 1e-9 of itself
@@ -88,21 +88,21 @@ class PartingTimes:
 
 
 def sensitivity(
-    motion: ContactEvents, parted: float, disturbed: Callable[[float, float], ContactEvents]
-) -> PartingTimes:
-    """When disturbances part from a motion.
+    motion: ContactEvents, diverged: float, disturbed: Callable[[float, float], ContactEvents]
+) -> DivergenceTimes:
+    """When motions with a disturbed stiffness diverge from a motion.
 
     Parameters
     ----------
     motion : the events of the motion.
-    parted : s, where that of a finer model parts from it, near which a disturbance is likely to part, too.
+    diverged : s, where that of a finer model diverges from it, near which a disturbed one is likely to, too.
     disturbed : events of the motion with the stiffness changed by a share of itself, up to a time.
     """
-    end, small = parted, math.inf
+    end, small = diverged, math.inf
     while small == math.inf and end < motion.end:
         end = min(motion.end, LONGER * end)
-        small = parting(motion.until(end), disturbed(SMALL, end))
+        small = divergence(motion.until(end), disturbed(SMALL, end))
     if small == math.inf:
-        return PartingTimes()
+        return DivergenceTimes()
     end = min(motion.end, LONGER * small)
-    return PartingTimes(small, parting(motion.until(end), disturbed(ROUND_OFF, end)))
+    return DivergenceTimes(small, divergence(motion.until(end), disturbed(ROUND_OFF, end)))

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.run.motion import RunMotion, output_times
-from beamsim.analyses.run.parting import ContactEvents, parting
 from beamsim.analyses.run.result import Against, AgainstFigure, EventLog, RunResult
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import figures_of_motion
@@ -17,6 +16,7 @@ from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import never
 from beamsim.system.build import build_system
+from beamsim.trust.divergence import ContactEvents, divergence
 
 if TYPE_CHECKING:
     from beamsim.system.structural import StructuralSystem
@@ -95,8 +95,8 @@ def _compared(result: RunResult, system: StructuralSystem, motion: RunMotion) ->
     exact, stepped = result.summary, figures_of_motion(system, motion)
     end = float(motion.histories.time[-1])
     ours, theirs = _events(result.events, float(result.time[-1])), _events(motion.events, end)
-    parted = min(parting(ours, theirs), ours.end, theirs.end)
-    count = int(np.searchsorted(result.time, parted, side="right"))
+    diverged = min(divergence(ours, theirs), ours.end, theirs.end)
+    count = int(np.searchsorted(result.time, diverged, side="right"))
     difference = 0.0
     for i, probe in enumerate(result.probes.values()):
         known = probe.displacement[:count]
@@ -105,9 +105,9 @@ def _compared(result: RunResult, system: StructuralSystem, motion: RunMotion) ->
     return Against(
         method=motion.method,
         evaluations=motion.work.evaluations,
-        agrees_until_s=parted,
+        agrees_until_s=diverged,
         largest_state_difference=difference,
-        largest_time_difference_s=_largest_time_difference(ours.until(parted), theirs.until(parted)),
+        largest_time_difference_s=_largest_time_difference(ours.until(diverged), theirs.until(diverged)),
         processor_time_s=motion.work.processor_time_s,
         exact_processor_time_s=result.work.processor_time_s,
         figures=tuple(

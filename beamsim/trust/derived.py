@@ -1,4 +1,4 @@
-"""Figures that come from a whole motion, found again in another motion of the same case.
+"""Values that come from a whole motion, found again in another motion of the same case.
 
 These are root mean squares and lines of the spectra, and the statistics of a random or sampled response.
 """
@@ -7,20 +7,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from beamsim.analyses.run.random_response import statistics_of
 from beamsim.analyses.run.records import Record, SampledRecord
-from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, ShockResponse, Spectrum
+from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, RunResult, ShockResponse, Spectrum
 from beamsim.analyses.run.spectra import records_of
 from beamsim.analyses.run.spectrum import WORTH_LISTING, found_again
+from beamsim.analyses.run.summary import resting
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, STANDARD_GRAVITY
 from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.system.channels import Key
 from beamsim.system.structural import StructuralSystem
+from beamsim.trust.values import Values
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
 
 FEWEST_PERIODS = 8  # of the excitation, in a part whose lines are compared
 
-Figures = dict[str, dict[str, float] | float]  # by figure, and by name where there are several
 SpectrumKey = tuple[str, str]  # probe and quantity
 
 
@@ -41,7 +42,7 @@ class OutputSamples:
 
 
 @dataclass(frozen=True)
-class DerivedFigures:
+class DerivedValues:
     """The spectra and statistics of a run.
 
     Parameters
@@ -51,15 +52,29 @@ class DerivedFigures:
     random : statistics of the response; None where the input is neither random nor sampled.
     times : (nt,) s, output times.
     shock : shock response spectra; None where they were not asked for.
+    still : probes and quantities that are 0 but for round-off.
     """
 
     scenario: Scenario
     spectra: Mapping[SpectrumKey, Spectrum]
     random: RandomResponse | None
     times: Floats
-    shock: ShockResponse | None = None
+    shock: ShockResponse | None
+    still: frozenset[SpectrumKey]  # probes and quantities that are 0 but for round-off
 
-    def reported(self) -> Figures:
+    @classmethod
+    def of(cls, result: RunResult) -> Self:
+        """Those of a run."""
+        spectra = {key: s for key, s in result.spectra.items() if key[0] in result.probes}
+        still = frozenset(key for key in spectra if resting(*key, result.summary))
+        times = np.zeros(0) if result.random is None else result.time
+        return cls(result.scenario, spectra, result.random, times, result.srs, still)
+
+    def resting(self, probe: str, quantity: str) -> bool:
+        """Whether a quantity of a probe is 0 but for round-off, of which root mean squares say nothing."""
+        return (probe, quantity) in self.still
+
+    def reported(self) -> Values:
         """The figures as they are in the result."""
         reported = {
             key: (np.reshape([[line.frequency_hz, line.amplitude] for line in s.lines], (-1, 2)).T, s.rms or 0.0)
@@ -74,7 +89,7 @@ class DerivedFigures:
             figures["srs"] = _highest(self.shock)
         return figures
 
-    def again(self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int = 1) -> list[Figures]:
+    def again(self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int = 1) -> list[Values]:
         """The figures of another motion, in equal parts of what is analysed."""
         of_parts = [
             _by_name({key: (*found_again(records[key], s), records[key].rms()) for key, s in self.spectra.items()})
@@ -178,7 +193,7 @@ def _line(key: SpectrumKey, number: int) -> str:
     return f"{key[0]} {key[1]} {number}"
 
 
-def _by_name(spectra: Mapping[SpectrumKey, tuple[Floats, Floats, float]]) -> Figures:
+def _by_name(spectra: Mapping[SpectrumKey, tuple[Floats, Floats, float]]) -> Values:
     """From frequencies and amplitudes of lines and the root mean square, by spectrum."""
     lines = [(_line(key, k), float(f), float(a)) for key, (fs, amplitudes, _) in spectra.items()
              for k, (f, a) in enumerate(zip(fs, amplitudes, strict=True))]  # fmt: skip

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.parting import ContactEvents, parting
-from beamsim.cli.report import AFTER_PARTING, table_rows
+from beamsim.cli.report import ONE_OF_MANY, table_rows
 from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
+from beamsim.trust.divergence import ContactEvents, divergence
 
 
 def oscillator(frequency=0.45, stiffness=1.0, **run):
@@ -82,7 +82,7 @@ def test_status_table_and_file_say_so(chaotic, tmp_path):
     assert chaotic.outcome.code is OutcomeCode.MOTION_SENSITIVE
     assert "run.impacts" in chaotic.outcome.remedy
     rows = [text for _, text in table_rows("run", chaotic)]
-    assert any(text.startswith("stop") and text.endswith(f"{AFTER_PARTING}, no change") for text in rows)
+    assert any(text.startswith("stop") and text.endswith(f"{ONE_OF_MANY}, no change") for text in rows)
     assert any("with round-off" in text for text in rows)
     stored = beamsim.open_run(beamsim.write_result(chaotic, tmp_path / "run.h5"))
     assert stored.outcome == chaotic.outcome
@@ -121,21 +121,21 @@ def events(*times, end=10.0):
     return ContactEvents(end, time, np.zeros(time.size, dtype=np.int64), np.arange(time.size) % 2)
 
 
-def test_motions_part_at_the_first_event_that_is_not_shared():
+def test_motions_diverge_at_the_first_event_that_is_not_shared():
     one = events(1.0, 1.1, 3.0, 3.1, 5.0, 5.1)
-    assert parting(one, one) == np.inf
-    assert parting(one, events(1.0, 1.1, 3.0, 3.1)) == 5.0
-    assert parting(one, events(1.0, 1.1, 4.0, 4.1, 5.0, 5.1)) == 3.0
-    assert parting(events(), events()) == np.inf
-    assert parting(events(), events(2.0, 2.1)) == 2.0
+    assert divergence(one, one) == np.inf
+    assert divergence(one, events(1.0, 1.1, 3.0, 3.1)) == 5.0
+    assert divergence(one, events(1.0, 1.1, 4.0, 4.1, 5.0, 5.1)) == 3.0
+    assert divergence(events(), events()) == np.inf
+    assert divergence(events(), events(2.0, 2.1)) == 2.0
 
 
 def test_two_contacts_at_one_time_have_no_order():
     """A symmetric structure meets two stops at once; round-off says which of them comes first."""
     time, phase = np.array([1.0, 1.0, 2.0, 2.0]), np.array([1, 1, 0, 0])
     one, other = (ContactEvents(10.0, time, np.array(contact), phase) for contact in ([0, 1, 0, 1], [1, 0, 0, 1]))
-    assert parting(one, other) == np.inf
-    assert parting(one, replace(other, phase=np.array([1, 1, 0, 1]))) == 2.0
+    assert divergence(one, other) == np.inf
+    assert divergence(one, replace(other, phase=np.array([1, 1, 0, 1]))) == 2.0
 
 
 def test_another_model_with_other_contacts_is_no_sensitive_motion():

@@ -1,0 +1,5 @@
+"""How sure a value is: what stands around an analysis and calls it, and which no analysis knows.
+
+A case is solved again with a finer model, compared with the reference integrator, or disturbed by round-off.
+Begin with `checked`, the functions that the commands and the package call; `values` compares.
+"""

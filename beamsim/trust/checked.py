@@ -1,0 +1,225 @@
+"""The analyses as the commands and the package call them: with what says how sure their values are.
+
+A run and a swept or stepped sine are compared with a finer model unless that is switched off, a continuation and a
+nonlinear normal mode where it is asked for. Without a comparison the summary says so.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from beamsim.fields import changed
+from beamsim.interrupts import Stop, never
+from beamsim.system.shared import SharedBuilds
+from beamsim.trust.convergence import COMPARISON, Convergence, keeps_all, solved_again, with_convergence
+from beamsim.trust.values import Values, compared, doubtful, relative_changes, unchanged
+
+if TYPE_CHECKING:
+    from beamsim.analyses.nnm.result import NormalModeResult
+    from beamsim.analyses.response.result import FrequencyResponse
+    from beamsim.analyses.run.result import RunResult
+    from beamsim.analyses.sweep.result import SweepResult
+    from beamsim.scenario import Scenario
+
+Progress = Callable[[float], None] | None
+OF_SWEEPS = ("peak_displacement_m", "peak_acceleration_m_s2", "peak_force_n", "contact_share", "peak_output")
+NOT_ASKED = "not asked for"
+FIRST_SHARE = 0.4  # of the time, that of the first model
+
+_Result = TypeVar("_Result", "FrequencyResponse", "NormalModeResult", "SweepResult")
+
+
+def run(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> RunResult:
+    """Simulate a scenario, and compare its values with those of a finer model unless ``run.convergence: off``.
+
+    Parameters
+    ----------
+    scenario : with a ``run`` section.
+    progress : called from time to time with the fraction of the duration that is done.
+    stop : asked between blocks of events whether to end, and then before everything that is derived from the motion.
+        The result holds the motion up to there with its peaks, energies and histories, and names what is left out.
+
+    Returns
+    -------
+    RunResult
+        With ``convergence`` and ``doubtful`` in its summary.
+
+    Raises
+    ------
+    ScenarioError
+        Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
+    """
+    from beamsim.analyses.run.analysis import solved
+    from beamsim.trust.runs import checked_run
+
+    begin, shared = clock.perf_counter(), SharedBuilds()
+    solution = solved(scenario, progress, stop, shared)
+    assert scenario.run is not None
+    if scenario.run.convergence == "off":
+        return with_convergence(solution.result, Convergence(reason=NOT_ASKED))
+    if not solution.motion.outcome.complete or solution.result.outcome.interrupted:
+        return solution.result
+    result = solution.result if stop() else checked_run(solution, shared, stop)
+    result = result.interrupted(COMPARISON) if stop() else result
+    return changed(result, wall_time_s=clock.perf_counter() - begin)
+
+
+def sweep(
+    scenario: Scenario,
+    progress: Progress = None,
+    *,
+    stop: Stop = never,
+    save: Callable[[SweepResult], object] | None = None,
+    resume: SweepResult | None = None,
+) -> SweepResult:
+    """Compute the sweeps of a scenario at all its levels, and compare their values with those of a finer model.
+
+    Parameters
+    ----------
+    scenario : with a ``sweep`` section of kind swept_sine or stepped and a harmonic excitation.
+    progress : called with the fraction done.
+    stop : asked between cycles, frequencies and levels whether to end; the result then holds those up to there,
+        which may be none.
+    save : called with the partial result after the first level and repeatedly later, and before the comparison.
+    resume : partial result of an interrupted sweep of the same scenario; its levels are not computed again.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario cannot be swept.
+    """
+    from beamsim.analyses.sweep.analysis import sweep as compute
+
+    asked = scenario.sweep is not None and scenario.sweep.convergence != "off"
+    share = FIRST_SHARE if asked else 1.0
+    result = compute(scenario, _part(progress, 0.0, share), stop=stop, save=save, resume=resume)
+    if save is not None and asked and not result.outcome.cut_short:
+        save(result)
+    return _checked(result, asked, _of_sweep, lambda case: compute(case, _part(progress, share, 1.0), stop=stop), stop)
+
+
+def frequency_response(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> FrequencyResponse:
+    """Follow the periodic motions of a scenario; compare them with a finer model's where ``sweep.convergence: on``.
+
+    Parameters
+    ----------
+    scenario : with a ``sweep`` section of kind continuation.
+    progress : called with the fraction done.
+    stop : asked between points whether to end; the result then holds those up to there.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario cannot be continued.
+    """
+    from beamsim.analyses.response.analysis import frequency_response as compute
+
+    asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
+    share = FIRST_SHARE if asked else 1.0
+    result = compute(scenario, _part(progress, 0.0, share), stop)
+    return _checked(result, asked, _of_response, lambda case: compute(case, _part(progress, share, 1.0), stop), stop)
+
+
+def nnm(
+    scenario: Scenario, progress: Progress = None, compare: Collection[str] = (), stop: Stop = never
+) -> NormalModeResult:
+    """Follow a nonlinear normal mode, and compare it with a finer model's where ``nnm.convergence: on``.
+
+    Parameters
+    ----------
+    scenario : with an ``nnm`` section.
+    progress : called with the fraction done.
+    compare : other methods to compare with it: any of `beamsim.analyses.nnm.analysis.COMPARISONS`.
+    stop : asked between points whether to end; the result then holds those up to there.
+
+    Raises
+    ------
+    ScenarioError
+        If the mode cannot be followed.
+    """
+    from beamsim.analyses.nnm.analysis import nnm as compute
+
+    asked = scenario.nnm is not None and scenario.nnm.convergence == "on"
+    share = FIRST_SHARE if asked else 1.0
+    result = compute(scenario, _part(progress, 0.0, share), compare, stop)
+    return _checked(result, asked, _of_mode, lambda case: compute(case, _part(progress, share, 1.0), (), stop), stop)
+
+
+def _checked(
+    result: _Result, asked: bool, values: Callable[[_Result], Values], solve: Callable[[Scenario], _Result], stop: Stop
+) -> _Result:
+    """A result with its comparison, where it is asked for and nothing is missing of the result."""
+    if not asked:
+        return with_convergence(result, Convergence(reason=NOT_ASKED))
+    if result.outcome.cut_short or stop():
+        return result
+    begin, wall = clock.process_time(), clock.perf_counter()
+    checked = _convergence(values, result, solve, stop)
+    if stop():
+        return result.interrupted(COMPARISON)
+    checked = replace(checked, processor_time_s=clock.process_time() - begin)
+    result = with_convergence(result, checked)
+    return changed(result, wall_time_s=result.wall_time_s + clock.perf_counter() - wall)
+
+
+def _convergence(
+    values: Callable[[_Result], Values], result: _Result, solve: Callable[[Scenario], _Result], stop: Callable[[], bool]
+) -> Convergence:
+    """The changes of a result's values, each compared as it is.
+
+    Parameters
+    ----------
+    values : of a result.
+    result : whose values are reported.
+    solve, stop : as of `solved_again`.
+    """
+    modes = result.modes.kept_modes
+    if keeps_all(result.scenario, modes):
+        return Convergence(unchanged(values(result)))
+    second = solved_again(solve, result.scenario, modes, stop)
+    if isinstance(second, Convergence):
+        return second
+    if not second.outcome.trusted:
+        return Convergence(reason=f"the finer model is {second.outcome.text}")
+    changes = relative_changes([values(result)], [values(second)])
+    return Convergence(changes, tuple(doubtful(changes, {})), second.modes.kept_modes, modes)
+
+
+def _part(progress: Progress, begin: float, end: float) -> Progress:
+    return None if progress is None else lambda fraction: progress(begin + (end - begin) * fraction)
+
+
+def _frequencies(result: _Result) -> Values:
+    modes = result.modes
+    of_modes = {"open_frequencies_hz": modes.open_frequencies_hz, "closed_frequencies_hz": modes.closed_frequencies_hz}
+    return compared({name: frequencies[: modes.kept_modes].tolist() for name, frequencies in of_modes.items()})
+
+
+def _of_sweep(result: SweepResult) -> Values:
+    """Largest values of all curves; natural frequencies."""
+    entries = {entry: result.summary[entry] for entry in OF_SWEEPS if entry in result.summary}
+    return compared(entries) | _frequencies(result)
+
+
+def _of_response(result: FrequencyResponse) -> Values:
+    """Largest displacements with their frequencies by probe, level and period; largest outputs; frequencies."""
+    peaks: list[dict[str, Any]] = result.summary["peaks"]
+    names = [f"{p['probe']} level {p['level']:.6g} period {p['period_multiple']}" for p in peaks]
+    values: Values = {
+        "peak_displacement_m": {name: float(p["value_m"]) for name, p in zip(names, peaks, strict=True)},
+        "peak_frequency_hz": {name: float(p["frequency_hz"]) for name, p in zip(names, peaks, strict=True)},
+    }
+    if outputs := result.summary.get("peak_output"):
+        values["peak_output"] = {name: float(of["value"]) for name, of in outputs.items()}
+    return values | _frequencies(result)
+
+
+def _of_mode(result: NormalModeResult) -> Values:
+    """Frequencies of the mode at the ends of its backbone and at the points asked for; natural frequencies."""
+    s = result.summary
+    at = {"start": s["start"], "end": s["end"]}
+    at |= {f"{p['quantity']} {p['value']:.6g} branch {p['branch']}": p for p in s.get("requested_points") or ()}
+    return {"frequency_hz": {name: float(p["frequency_hz"]) for name, p in at.items()}} | _frequencies(result)

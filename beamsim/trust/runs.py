@@ -1,0 +1,345 @@
+"""Whether the values of a run depend on its model: the case again with a finer one, and small disturbances.
+
+Motions that bounce on and on may be so sensitive that the sequences of contacts diverge although both models are good.
+Up to there the values are compared as they are. What comes after is compared statistically if the excitation goes on:
+each value is taken in `WINDOWS` equal parts of the rest, and the change is that of its mean; it is doubtful if it
+exceeds the scatter of the differences too.
+
+After the sequences have diverged the motion is one of many. Values that what follows can change are marked, even where
+a finer model happens to give the same number: shares and means, and extremes that are not above everything that follows
+by more than its own spread. Small disturbances of the stiffness say whether the motion is that sensitive or only the
+models differ.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.analyses.run.analysis import Solution, motion_of, solved
+from beamsim.analyses.run.exact_motion import motion_in_stretches
+from beamsim.analyses.run.figures import deflection_size, extremes_of, motion_figures, static_figures
+from beamsim.analyses.run.filtered_motion import FilteredMotion, filtered
+from beamsim.analyses.run.motion import RunMotion
+from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult
+from beamsim.analyses.run.summary import figures_of_motion, spectral_lines
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, searched
+from beamsim.fields import changed
+from beamsim.flow.channels import Observed
+from beamsim.interrupts import Stop
+from beamsim.scenario.run import OrbitStart
+from beamsim.system.build import build_system
+from beamsim.system.structural import StructuralSystem
+from beamsim.trust.convergence import Convergence, keeps_all, solved_again, with_convergence
+from beamsim.trust.derived import DerivedValues, OutputSamples, SpectrumKey, line_changes
+from beamsim.trust.divergence import LONGER, ContactEvents, DivergenceTimes, divergence, sensitivity
+from beamsim.trust.values import Changes, Values, compared, doubtful, larger, named, relative_changes, unchanged
+
+if TYPE_CHECKING:
+    from beamsim.scenario import Run, Scenario
+    from beamsim.system.shared import SharedBuilds
+
+WINDOWS = 8  # parts of the motion after the sequences have diverged
+COUNTED = ("contact_share", "contacts")  # of the whole motion; all other values of motions are extremes
+SAME_VALUE = 1e-6  # relative: an extreme of a part of the motion is that of the whole
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model of a case with its motion."""
+
+    settings: Run
+    system: StructuralSystem
+    motion: RunMotion
+
+    @cached_property
+    def values(self) -> Values:
+        """Those of the whole motion, and of the model itself; frequencies of static vectors are none of these."""
+        values, modes = figures_of_motion(self.system, self.motion), self.system.modes.kept_modes
+        return compared({name: x[:modes] if isinstance(x, Sequence) else x for name, x in values.items()})
+
+    @cached_property
+    def events(self) -> ContactEvents:
+        """Those of its snubbers."""
+        return ContactEvents.of(self.motion.marched, len(self.system.snubbers))
+
+    @cached_property
+    def _filtered(self) -> FilteredMotion | None:
+        """Accelerations behind the filter of the run, at any time; None where there is none."""
+        if self.settings.low_pass is None or self.motion.trajectory is None:
+            return None
+        acceleration = Observed(self.motion.trajectory.flow, self.system.channels.of_keys(ACCELERATION)).linear
+        return filtered(self.motion.trajectory, acceleration, self.settings.low_pass, np.zeros(0))
+
+    def between(self, begin: float, end: float) -> Values:
+        """The values of a part of a motion in closed form, and of the model itself.
+
+        Extremes are those of the continuous motion: a force that a dashpot or a stiff stop makes for an instant lies
+        between samples, and chance would decide which part has it.
+        """
+        trajectory, system, behind = self.motion.trajectory, self.system, self._filtered
+        assert trajectory is not None
+        part, channels = trajectory.between(begin, end), searched(system.channels)
+        channels = channels if behind is None else channels.without(ACCELERATION)
+        extremes = extremes_of(part, Observed(part.flow, channels))
+        if behind is not None:
+            extremes[ACCELERATION] = behind.extremes(begin, end)
+        inside = trajectory.event_closing & (trajectory.event_time >= begin) & (trajectory.event_time < part.end)
+        closings = np.bincount(trajectory.event_contact[inside], minlength=part.flow.system.contacts.count)
+        _, lowest, _, highest = extremes[DISPLACEMENT]
+        size = deflection_size(system, trajectory.states_at(np.sort([lowest[0], highest[0]])))
+        values = motion_figures(system, extremes, part.contact_share(), closings, size)
+        return compared({**values, **static_figures(system)})
+
+    def windows(self, begin: float, end: float) -> list[Values]:
+        """The values of equal parts of the motion."""
+        return [self.between(*edges) for edges in pairwise(np.linspace(begin, end, WINDOWS + 1).tolist())]
+
+    def until(self, end: float) -> Values:
+        """The values of the motion up to a time; shares are those of the whole motion's time."""
+        values = self.between(0.0, end)
+        shares = values["contact_share"]
+        assert isinstance(shares, dict)
+        return {**values, "contact_share": {name: share * end / self.events.end for name, share in shares.items()}}
+
+    @property
+    def sampled(self) -> OutputSamples:
+        """A motion from time stepping at its output times."""
+        return OutputSamples(self.motion.histories.time, self.motion.histories.values)
+
+
+def checked_run(solution: Solution, shared: SharedBuilds, stop: Stop) -> RunResult:
+    """The result of a run that is complete, with its comparison with a finer model.
+
+    Parameters
+    ----------
+    solution : the run.
+    shared : what its system was built from; a finer model may have the same matrices.
+    stop : asked several times a second whether to give up.
+    """
+    compared_s = solution.motion.compared_s
+    checked = (
+        convergence_of(solution, shared, stop)
+        if compared_s is None
+        else _of_first_part(solution, compared_s, shared, stop)
+    )
+    if stop():
+        checked = replace(checked, reason="interrupted")
+    return with_histories(with_convergence(solution.result, checked), checked)
+
+
+def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Convergence:
+    """What a finer model changes in a run; parameters as of `checked_run`."""
+    begin, scenario, settings = clock.process_time(), solution.scenario, solution.scenario.run
+    assert settings is not None
+    first, derived = Model(settings, solution.system, solution.motion), DerivedValues.of(solution.result)
+    disturbed = None if first.motion.trajectory is None else partial(_disturbed, first, stop)
+    modes = first.system.modes.kept_modes
+
+    def solve(case: Scenario) -> Model:
+        system = build_system(case, shared, assessed=False)
+        most = min(settings.max_events, 4 * first.motion.work.events + 1000)
+        again = settings.model_copy(update={"max_events": most, "method": "exact", "impacts": None})
+        return Model(settings, system, motion_of(case.model_copy(update={"run": again}), system, None, stop))
+
+    if keeps_all(scenario, modes):
+        changes, lines = _with_lines(derived, unchanged(first.values | derived.reported()))
+        checked = _disturbed_alone(Convergence(changes, lines=lines), first, derived, disturbed)
+    elif isinstance(settings.start, OrbitStart):
+        reason = "the run starts from a state of this model, which a finer one does not share"
+        checked = _disturbed_alone(Convergence(reason=reason), first, derived, disturbed)
+    elif isinstance(second := solved_again(solve, scenario, modes, stop), Convergence):
+        checked = second
+    else:
+        checked = _compared_models(scenario, first, second, derived, disturbed)
+    return replace(checked, processor_time_s=clock.process_time() - begin)
+
+
+def _compared_models(
+    scenario: Scenario,
+    first: Model,
+    second: Model,
+    derived: DerivedValues,
+    disturbed: Callable[[float, float], ContactEvents] | None,
+) -> Convergence:
+    """The changes between two models of a run.
+
+    Parameters
+    ----------
+    scenario : the case.
+    first, second : the models, the second one finer.
+    derived : spectra and statistics of the first.
+    disturbed : see `sensitivity`; None of a motion from time stepping.
+    """
+    diverged, end = divergence(first.events, second.events), min(first.events.end, second.events.end)
+    exact = first.motion.trajectory is not None
+    early, windows, times, after = None, list[Values](), DivergenceTimes(), tuple[str, ...]()
+    if diverged < end:
+        if disturbed is not None:
+            early, windows = first.until(diverged), first.windows(diverged, end)
+            times = sensitivity(first.events, diverged, disturbed)
+        if times.sensitive or not exact:
+            after = tuple(_after(first, early, windows, derived))
+    scatter: Changes = {}
+    lasting = scenario.excitation.kind != "none" and not scenario.excitation.shock
+    if lasting and early is not None and second.motion.trajectory is not None:
+        later, parts = second.windows(diverged, end), derived.parts(WINDOWS)
+        before = relative_changes([early], [second.until(diverged)], whole=first.values)
+        changes = larger(before, relative_changes(windows, later))
+        scatter = relative_changes(windows, later, scatter=True)
+        one, other = (derived.again(m.system, m.motion.trajectory or m.sampled, parts) for m in (first, second))
+        changes |= relative_changes(one, other)
+        if parts > 1:
+            scatter |= _with_lines(derived, relative_changes(one, other, scatter=True))[0]
+    else:
+        changes = relative_changes([first.values], [second.values])
+        again = derived.again(second.system, second.motion.trajectory or second.sampled)
+        changes |= relative_changes([derived.reported()], again)
+    changes, lines = _with_lines(derived, changes)
+    for entry, quantity in (("rms_displacement_m", "displacement"), ("rms_acceleration_g", MAIN_QUANTITY)):
+        if isinstance(of_probes := changes.get(entry), dict):
+            changes[entry] = {name: x for name, x in of_probes.items() if not derived.resting(name, quantity)}
+    return Convergence(
+        changes,
+        tuple(doubtful(changes, scatter)),
+        second.system.modes.kept_modes,
+        first.system.modes.kept_modes,
+        diverged,
+        after,
+        times,
+        lines=lines,
+    )
+
+
+def _disturbed(first: Model, stop: Stop, share: float, end: float) -> ContactEvents:
+    """Events of the motion with the stiffness changed by a share of itself, up to a time."""
+    dynamics = replace(first.system.dynamics, stiffness=(1.0 + share) * first.system.dynamics.stiffness)
+    system, settings = replace(first.system, dynamics=dynamics), first.settings.model_copy(update={"duration": end})
+    most = 4 * first.motion.work.events + 1000
+    motion, _ = motion_in_stretches(system, settings, most_events=most, stop=stop)
+    for _ in motion.stretches():
+        pass
+    return ContactEvents.of(motion, len(system.snubbers))
+
+
+def _disturbed_alone(
+    checked: Convergence,
+    first: Model,
+    derived: DerivedValues,
+    disturbed: Callable[[float, float], ContactEvents] | None,
+) -> Convergence:
+    """What is known without a finer model: whether a small disturbance gives other contacts.
+
+    Parameters
+    ----------
+    checked : what is known so far.
+    first, derived, disturbed : as of `_compared_models`.
+    """
+    if disturbed is None or first.events.time.size == 0:
+        return checked
+    times = sensitivity(first.events, first.events.end / LONGER, disturbed)
+    if not times.sensitive:
+        return checked
+    windows = first.windows(times.small_s, first.events.end)
+    after = tuple(_after(first, first.until(times.small_s), windows, derived))
+    return replace(checked, diverged_s=times.small_s, after=after, sensitivity=times)
+
+
+def _of_first_part(solution: Solution, compared_s: float, shared: SharedBuilds, stop: Stop) -> Convergence:
+    """What a finer model changes in the first part of a motion that does not fit into the memory, and when a
+    disturbance changes the contacts of the whole.
+
+    The motion goes on long after they diverge, with higher extremes by chance: each of its values depends on that.
+
+    Parameters
+    ----------
+    solution : the run.
+    compared_s : s, length of the part.
+    shared, stop : as of `checked_run`.
+    """
+    scenario, settings = solution.scenario, solution.scenario.run
+    assert settings is not None
+    same = scenario.excitation.model_copy(
+        update={"period": getattr(scenario.excitation, "period", None) or settings.duration}
+    )
+    shorter = settings.model_copy(update={"duration": compared_s})
+    part = solved(scenario.model_copy(update={"excitation": same, "run": shorter}), None, stop, shared)
+    if not part.motion.outcome.complete:
+        return Convergence(reason=part.motion.outcome.text)
+    part = part._replace(result=changed(part.result, random=None, srs=None))
+    checked = replace(convergence_of(part, shared, stop), compared_s=compared_s, lines={})
+    whole, times = Model(settings, solution.system, solution.motion), checked.sensitivity
+    if not times.sensitive:
+        times = sensitivity(whole.events, compared_s, partial(_disturbed, whole, stop))
+    if not times.sensitive:
+        return replace(checked, after=())
+    known = static_figures(whole.system)
+    after = tuple(key for key, _ in named({name: x for name, x in whole.values.items() if name not in known}))
+    return replace(checked, diverged_s=min(checked.diverged_s, times.small_s), after=after, sensitivity=times)
+
+
+def _after(first: Model, early: Values | None, windows: Sequence[Values], derived: DerivedValues) -> Iterator[str]:
+    """``entry.place`` of what the motion after its contacts diverge can change.
+
+    Parameters
+    ----------
+    first : the model of the run.
+    early : the values of the motion before; None where they are not known.
+    windows : those of equal parts of the motion after; an extreme before has to exceed them by their spread.
+    derived : spectra and statistics.
+    """
+    known = static_figures(first.system)
+    of_parts = [] if early is None else [dict(named(values)) for values in (early, *windows)]
+    for key, whole in named({name: x for name, x in first.values.items() if name not in known}):
+        if of_parts:
+            before, *later = (values[key] for values in of_parts)
+            sign = -1.0 if key.startswith("min_") else 1.0
+            highest, lowest = max(sign * x for x in later), min(sign * x for x in later)
+            exceeded = not key.startswith(COUNTED) and 2.0 * highest - lowest > sign * whole
+            if not exceeded and abs(whole - before) <= SAME_VALUE * max(abs(whole), abs(before)):
+                continue
+        yield key
+    yield from (f"spectral_lines.{' '.join(key)}" for key in derived.spectra)
+    yield from (key for key, _ in named(derived.reported()) if not key.startswith("line_"))
+
+
+def _with_lines(derived: DerivedValues, changes: Changes) -> tuple[Changes, dict[SpectrumKey, tuple[float, ...]]]:
+    """The changes with those of lines by spectrum, and those of each line apart."""
+    apart = ("line_amplitude", "line_frequency")
+    each = {name: value for name, value in changes.items() if name in apart and isinstance(value, dict)}
+    lines, largest = line_changes(derived.spectra, each)
+    kept = {name: value for name, value in changes.items() if name not in apart}
+    return {**kept, "spectral_lines": largest}, lines
+
+
+def with_histories(result: RunResult, checked: Convergence) -> RunResult:
+    """A result whose histories and spectra say which of their peaks do not converge."""
+    changes = dict(named(checked.changes))
+
+    def marks(name: str, **entries: str) -> dict[str, Any]:
+        of = {f"{field}_change": changes.get(f"{entry}.{name}") for field, entry in entries.items()}
+        return of | {f"{field}_after_parting": f"{entry}.{name}" in checked.after for field, entry in entries.items()}
+
+    def marked(histories: Mapping[str, Any], **entries: str) -> dict[str, Any]:
+        return {name: changed(history, **marks(name, **entries)) for name, history in histories.items()}
+
+    spectra = {}
+    for key, s in result.spectra.items():
+        rms = "rms_acceleration_g" if key[1] == MAIN_QUANTITY else "rms_displacement_m"
+        sizes = checked.lines.get(key, [None] * len(s.lines))
+        lines = tuple(replace(line, relative_change=x) for line, x in zip(s.lines, sizes, strict=True))
+        spectra[key] = changed(s, rms_change=changes.get(f"{rms}.{key[0]}"), lines=lines)
+    return changed(
+        result,
+        probes=marked(result.probes, displacement="peak_displacement_m", acceleration="peak_acceleration_g"),
+        snubbers=marked(result.snubbers, force="peak_force_n"),
+        outputs=marked(result.outputs, value="peak_output"),
+        spectra=spectra,
+        summary={**result.summary, "spectral_lines": spectral_lines(spectra)},
+    )
