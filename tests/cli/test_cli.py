@@ -71,7 +71,7 @@ def solved(monkeypatch, fabricated_run):
             return self.result
 
     solver = Solver()
-    monkeypatch.setattr("beamsim.analyses.run.analysis.run", solver)
+    monkeypatch.setattr("beamsim.trust.checked.run", solver)
     return solver
 
 

@@ -85,26 +85,28 @@ def test_a_response_keeps_the_points_it_has(response, points):
 @pytest.mark.parametrize(
     ("stage", "left_out"),
     [
-        ("exact_motion_of", "interrupted before the spectra, the comparison with a finer model"),
-        ("spectra_of", "interrupted before the comparison with a finer model"),
-        ("convergence_of", "interrupted before the comparison with a finer model"),
+        ("exact_motion_of", "interrupted before the spectra"),
+        ("spectra_of", "interrupted during the comparison with a finer model"),
+        ("convergence_of", "interrupted during the comparison with a finer model"),
     ],
 )
 def test_a_run_stopped_at_any_stage_keeps_its_motion(stage, left_out, monkeypatch, tmp_path):
     from beamsim.analyses.run import analysis
+    from beamsim.trust import runs
 
-    reached, real = [], getattr(analysis, stage)
+    home = runs if stage == "convergence_of" else analysis
+    reached, real = [], getattr(home, stage)
 
     def stopped(*given):
         value = real(*given) if stage == "exact_motion_of" else None
         reached.append(1)
         return value or real(*given)
 
-    monkeypatch.setattr(analysis, stage, stopped)
+    monkeypatch.setattr(home, stage, stopped)
     scenario = load_scenario(CONFIGS / "one_sided_45hz.yaml", ["run.duration=0.5 s", "run.sample_rate=2 kHz"])
-    part = analysis.run(scenario, stop=lambda: bool(reached))
+    part = beamsim.run(scenario, stop=lambda: bool(reached))
     assert part.status == part.summary["status"] == left_out
-    whole = analysis.run(scenario, stop=lambda: False)
+    whole = beamsim.run(scenario, stop=lambda: False)
     assert whole.outcome.complete
     for kept in (part, beamsim.open_result(beamsim.write_result(part, tmp_path / "part.h5"))):
         np.testing.assert_array_equal(kept.time, whole.time)
@@ -268,14 +270,14 @@ def test_a_second_signal_ends_at_once(under_way, tmp_path):
 def test_a_signal_during_a_comparison_keeps_the_result(heeded, monkeypatch, tmp_path):
     from typer.testing import CliRunner
 
-    from beamsim.analyses.run import against
     from beamsim.cli.app import app
+    from beamsim.trust import reference
 
-    def interrupted(*given, real=against.output_times):
+    def interrupted(*given, real=reference.output_times):
         os.kill(os.getpid(), signal.SIGINT)
         return real(*given)
 
-    monkeypatch.setattr(against, "output_times", interrupted)
+    monkeypatch.setattr(reference, "output_times", interrupted)
     options = ["--set", "run.duration=0.5 s", "--against", "reference", "--no-plots"]
     target = tmp_path / "case.h5"
     done = CliRunner().invoke(app, ["run", str(CONFIGS / "one_sided_65hz.yaml"), *options, "-o", str(target)])
