@@ -5,9 +5,9 @@ import pytest
 
 import beamsim
 from beamsim.analyses.gapping import contact_levels
+from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.cli.report import table_rows
-from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.scenario import load_scenario
 
 G = 9.80665

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.scenario import load_scenario
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
+from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
 
 BEAM = {"kind": "beam", "length": 0.5, "width": 0.04, "thickness": 0.006, "youngs_modulus": 70e9, "density": 2700.0,

@@ -10,8 +10,9 @@ import numpy as np
 from figure_comparison import CLOSE, JUMPY, Compared
 from own_chain import OwnChain, peaks, random_chain
 from own_structure import OwnStructure, random_structure
-from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from scipy.integrate import simpson, solve_ivp
+
+from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 
 NEWTON = 12  # steps from where a motion is nearly steady
 TRIES = 4  # starts of other motions beside the one that a sweep settled on

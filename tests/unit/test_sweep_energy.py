@@ -9,13 +9,13 @@ import pytest
 import beamsim
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.sweep import swept_sine
+from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.cycles import CycleRecord
 from beamsim.cli.conclusion import exit_code
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.contact_state import ContactModes
 from beamsim.outcomes import COMPLETE, OutcomeCode
 from beamsim.scenario import Scenario
-from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.store.results import write_result
 
 SWEPT = {"kind": "swept_sine", "from": 0.6, "to": 1.0, "rate": "0.005 Hz/s", "direction": "both"}
