@@ -4,13 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import beamsim
 from beamsim.analyses.pad.restitution import angle, contact_time, damping_ratio, restitution
 from beamsim.analyses.pad.rubber_block import block_modulus, block_stiffness
-from beamsim.cli.app import app
 from beamsim.scenario import load_scenario
+from tests.helpers.commands import invoke
 
 MASS, SPEED = 0.05, 0.4  # kg, m/s
 IMPACT = ["--mass", "50 g", "--speed", "0.4 m/s"]
@@ -23,7 +22,7 @@ run: {duration: 40 ms, sample_rate: 10 kHz, convergence: off, impacts: {}, start
 
 
 def pad(*arguments):
-    outcome = CliRunner().invoke(app, ["pad", *map(str, arguments)])
+    outcome = invoke("pad", *arguments)
     return outcome.exit_code, outcome.stdout, outcome.stderr
 
 

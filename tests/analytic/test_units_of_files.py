@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from scipy.io import mmwrite, savemat
 from scipy.sparse import csc_array
-from typer.testing import CliRunner
 
-from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import bodies_of, summaries_of_files
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
+from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.quick
 
@@ -206,7 +205,7 @@ def test_sizes_and_masses_of_other_units_are_noticed_and_said(tmp_path, written,
 @pytest.mark.parametrize("without_run", [["--set", "run=null"], []])
 def test_validate_says_what_was_assumed(tmp_path, without_run):
     case(tmp_path, in_units(in_si(), *SYSTEMS["mm-t-s"]), SYSTEMS["mm-t-s"], "null")
-    printed = CliRunner().invoke(app, ["validate", str(tmp_path / "case.yaml"), *without_run])
+    printed = invoke("validate", tmp_path / "case.yaml", *without_run)
     assert printed.exit_code == 0
     assert (
         "bar: 8 degrees of freedom, 0.0003375 kg, 500 x 10 x 20 m; units of its files: SI, the default"

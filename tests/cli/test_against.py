@@ -4,13 +4,12 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 import beamsim
-from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.trust.reference import RTOL, against, tolerance_of
+from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CASE = {
@@ -74,11 +73,11 @@ def test_the_command_prints_one_table_and_json(tmp_path):
     case.write_text((CONFIGS / "one_sided_65hz.yaml").read_text())
     sets = ("run.duration=0.02 s", "run.spectrum.last=0.01 s", "run.convergence=off", "reduction.modes=3")
     short = [x for override in sets for x in ("--set", override)] + ["--no-plots", "-o", str(tmp_path / "a.h5")]
-    done = CliRunner().invoke(app, ["run", str(case), *short, "--against", "reference:1e-7"])
+    done = invoke("run", case, *short, "--against", "reference:1e-7")
     assert done.exit_code == 0, done.output
     assert "reference (DOP853, rtol 1e-07)" in done.stdout
     assert "processor time" in done.stdout
-    done = CliRunner().invoke(app, ["run", str(case), *short, "--against", "reference", "--json"])
+    done = invoke("run", case, *short, "--against", "reference", "--json")
     values = json.loads(done.stdout)["against"]
     assert values["figures"]["peak_displacement"]["tip"]["exact"] > 0
     kept = beamsim.open_result(tmp_path / "a.h5")

@@ -9,14 +9,13 @@ from pathlib import Path
 
 import pytest
 from sampling import slow_after
-from typer.testing import CliRunner
 
 import beamsim
-from beamsim.cli.app import app
 from beamsim.kinds import TemplateKind
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario import template
 from beamsim.store.results import write_run
+from tests.helpers.commands import invoke
 
 CASE = """\
 title: Small case
@@ -36,21 +35,12 @@ PLOTS = {
 }
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
+    monkeypatch.setattr("beamsim.cli.progress.SHOWN_AFTER_S", 1e6)  # nothing but what the tests are about
     monkeypatch.chdir(tmp_path)
     (tmp_path / "case.yaml").write_text(CASE)
     return tmp_path
-
-
-@pytest.fixture
-def call(here, monkeypatch):
-    monkeypatch.setattr("beamsim.cli.progress.SHOWN_AFTER_S", 1e6)  # nothing but what the tests are about
-
-    def run(*arguments):
-        return CliRunner().invoke(app, [str(a) for a in arguments])
-
-    return run
 
 
 @pytest.fixture
@@ -83,8 +73,8 @@ def stored(here, fabricated_run):
 # --- success ----------------------------------------------------------------------------------------------------------
 
 
-def test_run_leaves_result_and_plots_and_prints_the_summary(call, here, solved):
-    done = call("run", "case.yaml")
+def test_run_leaves_result_and_plots_and_prints_the_summary(here, solved):
+    done = invoke("run", "case.yaml")
     assert done.exit_code == 0, done.output
     assert set(os.listdir(here)) == {"case.yaml", "case.h5"} | {f"case_{name}.png" for name in PLOTS}
     for text in ("peak displacement", "0.4 mm", "8.5 g", "15.11 N", "50 %, 26 contacts", "20 MPa at x = 0 m",
@@ -94,18 +84,16 @@ def test_run_leaves_result_and_plots_and_prints_the_summary(call, here, solved):
     assert beamsim.open_result("case.h5").complete
 
 
-def test_overrides_reach_the_scenario(call, solved):
-    assert (
-        call("run", "case.yaml", "--no-plots", "--set", "beam.thickness=4 mm", "--set", "run.duration=0.1 s").exit_code
-        == 0
-    )
+def test_overrides_reach_the_scenario(solved):
+    sets = ["--set", "beam.thickness=4 mm", "--set", "run.duration=0.1 s"]
+    assert invoke("run", "case.yaml", "--no-plots", *sets).exit_code == 0
     assert solved.scenario.beam.thickness == pytest.approx(0.004)
     assert solved.scenario.run.duration == 0.1
 
 
-def test_json_is_alone_on_standard_output(call, here, solved, fabricated_run):
+def test_json_is_alone_on_standard_output(here, solved, fabricated_run):
     solved.result = fabricated_run(frequency=math.nan)
-    done = call("run", "case.yaml", "--json", "--no-plots")
+    done = invoke("run", "case.yaml", "--json", "--no-plots")
     assert done.exit_code == 0
     summary = json.loads(done.stdout, parse_constant=lambda _: pytest.fail("NaN is no JSON"))
     assert summary["peak_force_n"] == {"tip": 15.11}
@@ -115,63 +103,63 @@ def test_json_is_alone_on_standard_output(call, here, solved, fabricated_run):
     assert set(os.listdir(here)) == {"case.yaml", "case.h5"}
 
 
-def test_quiet_says_nothing(call, solved):
-    assert call("run", "case.yaml", "--quiet", "--no-plots").stdout == ""
+def test_quiet_says_nothing(solved):
+    assert invoke("run", "case.yaml", "--quiet", "--no-plots").stdout == ""
 
 
 @pytest.mark.parametrize(
     ("output", "file"),
     [("out.h5", "out.h5"), ("deep/er", "deep/er/case.h5"), ("deep/out.hdf5", "deep/out.hdf5"), (".", "case.h5")],
 )
-def test_output_may_be_a_file_or_a_folder(output, file, call, here, solved):
-    done = call("run", "case.yaml", "--no-plots", "-o", output)
+def test_output_may_be_a_file_or_a_folder(output, file, here, solved):
+    done = invoke("run", "case.yaml", "--no-plots", "-o", output)
     assert done.exit_code == 0, done.output
     assert (here / file).is_file()
 
 
-def test_a_name_and_a_format_that_contradict_are_refused(call, here, stored):
-    done = call("export", "stored.h5", "--format", "mat", "-o", "x.csv")
+def test_a_name_and_a_format_that_contradict_are_refused(here, stored):
+    done = invoke("export", "stored.h5", "--format", "mat", "-o", "x.csv")
     assert (done.exit_code, set(os.listdir(here))) == (2, {"case.yaml", "stored.h5"})
     assert "--format mat contradicts -o x.csv; leave out --format" in done.stderr
-    done = call("export", "stored.h5", "-o", "x.xlsx")
+    done = invoke("export", "stored.h5", "-o", "x.xlsx")
     assert done.exit_code == 2
     assert "--format is missing; give one of csv, uff, mat, or a file with such a suffix after -o" in done.stderr
 
 
-def test_validate(call):
-    done = call("validate", "case.yaml")
+def test_validate():
+    done = invoke("validate", "case.yaml")
     assert (done.exit_code, done.stdout) == (0, "case.yaml: valid (Small case)\n")
-    assert json.loads(call("validate", "case.yaml", "--json").stdout)["valid"] is True
+    assert json.loads(invoke("validate", "case.yaml", "--json").stdout)["valid"] is True
 
 
-def test_schema_is_json_schema(call, here):
-    schema = json.loads(call("schema").stdout)
+def test_schema_is_json_schema(here):
+    schema = json.loads(invoke("schema").stdout)
     assert {"beam", "chain", "snubbers", "excitation", "run"} <= set(schema["properties"])
-    assert call("schema", "-o", "s.json").exit_code == 0
+    assert invoke("schema", "-o", "s.json").exit_code == 0
     assert json.loads((here / "s.json").read_text()) == schema
 
 
 @pytest.mark.parametrize("kind", slow_after(3, TemplateKind))
-def test_new_writes_a_valid_case(kind, call, here):
-    done = call("new", "mine.yaml", "--kind", kind)
+def test_new_writes_a_valid_case(kind, here):
+    done = invoke("new", "mine.yaml", "--kind", kind)
     assert done.exit_code == 0, done.output
     assert f"`beamsim {kind.command} mine.yaml`" in done.stdout
-    valid = call("validate", "mine.yaml")
+    valid = invoke("validate", "mine.yaml")
     assert valid.exit_code == 0, valid.output
     (here / "mine.yaml").write_text("precious")
-    refused = call("new", "mine.yaml", "--kind", kind)
+    refused = invoke("new", "mine.yaml", "--kind", kind)
     assert refused.exit_code == 2
     assert "--force" in refused.stderr
     assert (here / "mine.yaml").read_text() == "precious"
-    assert call("new", "mine.yaml", "--kind", kind, "--force", "--json").exit_code == 0
+    assert invoke("new", "mine.yaml", "--kind", kind, "--force", "--json").exit_code == 0
     first, _, rest = (here / "mine.yaml").read_text().partition("\n")
     assert rest == template(kind)
     schema = here / first.removeprefix("# yaml-language-server: $schema=")
-    assert json.loads(schema.read_text(encoding="utf-8")) == json.loads(call("schema").stdout)
+    assert json.loads(schema.read_text(encoding="utf-8")) == json.loads(invoke("schema").stdout)
 
 
-def test_version(call):
-    assert call("--version").stdout == f"beamsim {beamsim.__version__}\n"
+def test_version():
+    assert invoke("--version").stdout == f"beamsim {beamsim.__version__}\n"
 
 
 # --- failures ---------------------------------------------------------------------------------------------------------
@@ -187,8 +175,8 @@ def test_version(call):
         ("nonsense",),
     ],
 )
-def test_wrong_usage_ends_with_2(arguments, call, stored):
-    done = call(*arguments)
+def test_wrong_usage_ends_with_2(arguments, stored):
+    done = invoke(*arguments)
     assert done.exit_code == 2
     assert "Traceback" not in done.output
 
@@ -205,59 +193,59 @@ def test_wrong_usage_ends_with_2(arguments, call, stored):
         ("title: [", (), "case.yaml"),
     ],
 )
-def test_bad_cases_end_with_2_and_touch_nothing(text, arguments, message, call, here, solved):
+def test_bad_cases_end_with_2_and_touch_nothing(text, arguments, message, here, solved):
     (here / "case.yaml").write_text(text)
     (here / "case.h5").write_bytes(b"old")
     for command in ("run", "validate"):
-        done = call(command, "case.yaml", *arguments)
+        done = invoke(command, "case.yaml", *arguments)
         assert done.exit_code == 2, done.output
         assert message in done.stderr
         assert "Traceback" not in done.output
         assert done.stdout == ""
     assert (here / "case.h5").read_bytes() == b"old"
     assert solved.scenario is None
-    assert json.loads(call("validate", "case.yaml", "--json", *arguments).stdout)["valid"] is False
+    assert json.loads(invoke("validate", "case.yaml", "--json", *arguments).stdout)["valid"] is False
 
 
 @pytest.mark.parametrize("command", ["run", "validate", "info", "plot"])
-def test_missing_file(command, call):
-    done = call(command, "nowhere.yaml")
+def test_missing_file(command):
+    done = invoke(command, "nowhere.yaml")
     assert done.exit_code == 2
     assert "nowhere.yaml" in done.stderr
 
 
-def test_place_that_cannot_be_written_is_found_before_computing(call, here, solved):
+def test_place_that_cannot_be_written_is_found_before_computing(here, solved):
     (here / "file").write_text("")
-    done = call("run", "case.yaml", "-o", "file/case.h5")
+    done = invoke("run", "case.yaml", "-o", "file/case.h5")
     assert done.exit_code == 2
     assert "not a folder" in done.stderr
     assert solved.scenario is None
     (here / "case.h5").mkdir()
-    assert call("run", "case.yaml").exit_code == 2
+    assert invoke("run", "case.yaml").exit_code == 2
 
 
-def test_partial_result_is_saved_and_ends_with_3(call, here, solved, fabricated_run):
+def test_partial_result_is_saved_and_ends_with_3(here, solved, fabricated_run):
     solved.result = fabricated_run(
         outcome=Outcome.of(OutcomeCode.EVENT_LIMIT, time=0.2, events=9, limit="run.max_events")
     )
-    done = call("run", "case.yaml", "--no-plots")
+    done = invoke("run", "case.yaml", "--no-plots")
     assert done.exit_code == 3
     assert "max_events" in done.stderr
     assert "partial result is in case.h5" in done.stderr
     assert "peak displacement" in done.stdout
     assert not beamsim.open_result("case.h5").complete
-    assert call("info", "case.h5").exit_code == 0
+    assert invoke("info", "case.h5").exit_code == 0
 
 
-def test_a_bug_ends_with_1_in_one_line(call, here, solved):
+def test_a_bug_ends_with_1_in_one_line(here, solved):
     solved.error = ZeroDivisionError("division by zero\nand more")
     (here / "case.h5").write_bytes(b"old")
-    done = call("run", "case.yaml")
+    done = invoke("run", "case.yaml")
     assert done.exit_code == 1
     assert (
         done.stderr == "beamsim: internal error (ZeroDivisionError: division by zero); use --debug for the traceback\n"
     )
-    assert "Traceback" in call("run", "case.yaml", "--debug").stderr
+    assert "Traceback" in invoke("run", "case.yaml", "--debug").stderr
     assert (here / "case.h5").read_bytes() == b"old"
 
 

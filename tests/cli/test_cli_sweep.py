@@ -12,10 +12,9 @@ import h5py
 import numpy as np
 import pytest
 import xarray
-from typer.testing import CliRunner
 
-from beamsim.cli.app import app
 from beamsim.store.results import open_sweep
+from tests.helpers.commands import invoke
 
 CASE = """
 title: Two masses and a stop
@@ -39,7 +38,7 @@ def here(tmp_path, monkeypatch):
 
 
 def call(*arguments):
-    return CliRunner().invoke(app, ["sweep", *map(str, arguments)])
+    return invoke("sweep", *arguments)
 
 
 def same(a, b):
@@ -83,10 +82,10 @@ def test_sweep_writes_prints_and_draws(here, kind):
     assert ("case_steady_states.png" in pictures) is (kind == "stepped")
     with xarray.open_dataset("case.h5", group="up_0", engine="h5netcdf") as data:
         assert data["frequency_hz"].attrs["units"] == "Hz"
-    again = CliRunner().invoke(app, ["plot", "case.h5", "-o", "again"])
+    again = invoke("plot", "case.h5", "-o", "again")
     assert again.exit_code == 0, again.output
     assert {path.name for path in Path("again").iterdir()} == pictures
-    told = CliRunner().invoke(app, ["info", "case.h5"])
+    told = invoke("info", "case.h5")
     assert told.exit_code == 0
     assert "peaks of first" in told.output
 

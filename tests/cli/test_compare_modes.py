@@ -5,16 +5,15 @@ import json
 import numpy as np
 import pytest
 import pyuff
-from typer.testing import CliRunner
 
 import beamsim
-from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.shapes import read_shapes
 from beamsim.store.uff import Source, record_55, write_uff
 from beamsim.structures.places import Place
 from beamsim.system.parts import reduced_parts
+from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.quick
 
@@ -40,7 +39,7 @@ def write(folder, text, shapes):
 
 
 def call(*arguments):
-    return CliRunner().invoke(app, ["compare-modes", *map(str, arguments)])
+    return invoke("compare-modes", *arguments)
 
 
 def own_shapes(text, places):

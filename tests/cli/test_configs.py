@@ -4,11 +4,10 @@ import json
 
 import pytest
 from shipped import PATHS, shipped
-from typer.testing import CliRunner
 
 import beamsim
-from beamsim.cli.app import app
 from beamsim.system.build import build_system
+from tests.helpers.commands import invoke
 
 COMMANDS = {"run": "run", "sweep": "sweep", "nnm": "nnm", "identify_stiffness": "identify-stiffness"}
 """Section -> command; studies are in test_design_configs.py."""
@@ -46,7 +45,7 @@ def test_config_loads(path):
 def test_config_does_what_it_asks_for(path, command, tmp_path):
     changes = [word for change in SHORTENED.get(f"{path.stem} {command}", ()) for word in ("--set", change)]
     arguments = [command, str(path), *changes, "--json", "--no-plots", "-o", f"{tmp_path}/"]
-    result = CliRunner().invoke(app, arguments)
+    result = invoke(*arguments)
     assert result.exit_code == 0, result.output
     summary = json.loads(result.stdout)
     assert summary.get("energy_error", 0.0) < 1e-8

@@ -4,24 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from beamsim.analyses.response.analysis import frequency_response
 from beamsim.analyses.response.overlay import with_overlay
-from beamsim.cli.app import app
 from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_response, open_sweep
+from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CHAIN, BEAM = CONFIGS / "chain_two_dof.yaml", CONFIGS / "one_sided_65hz.yaml"
 GAP = "kind: continuation, continue_in: {kind: gap, from: 0, to: 1}"
 SHORT = "kind: continuation, from: 20, to: 30"
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
 def sweep(*arguments):

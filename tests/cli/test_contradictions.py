@@ -6,10 +6,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import beamsim
-from beamsim.cli.app import app
+from tests.helpers.commands import invoke
 
 CASE = """
 chain: {masses: [1 kg], springs: [1 kN/m], snubbers: [{name: stop, mass: 1, side: below, gap: 1 mm, stiffness: 1e5}]}
@@ -41,7 +40,7 @@ def result_of(name, folder):
     target = folder / f"{name}.h5"
     if not target.exists():
         (folder / "case.yaml").write_text(CASE + sections)
-        done = CliRunner().invoke(app, [command, str(folder / "case.yaml"), "--no-plots", "--quiet", "-o", str(target)])
+        done = invoke(command, folder / "case.yaml", "--no-plots", "--quiet", "-o", target)
         assert done.exit_code == 0, done.output
     return target
 
@@ -56,7 +55,7 @@ def test_a_curve_that_contradicts_its_figures_is_damage(name, value, folder, tmp
     with h5py.File(damaged, "r+") as file:
         file[KINDS[name][2]][3] = value
     for command in COMMANDS if name == "run" else COMMANDS[:1]:
-        done = CliRunner().invoke(app, [*command, str(damaged), "-o", str(tmp_path)])
+        done = invoke(*command, damaged, "-o", tmp_path)
         assert done.exit_code == 2, (command, done.output)
         assert "case.h5: damaged (the " in done.output
         assert "displacement" in done.output
@@ -66,7 +65,7 @@ def test_a_curve_that_contradicts_its_figures_is_damage(name, value, folder, tmp
 
 @pytest.mark.parametrize("name", KINDS)
 def test_one_that_does_not_is_exported(name, folder, tmp_path):
-    done = CliRunner().invoke(app, ["export", "--format", "mat", str(result_of(name, folder)), "-o", str(tmp_path)])
+    done = invoke("export", "--format", "mat", result_of(name, folder), "-o", tmp_path)
     assert done.exit_code == 0, done.output
 
 
@@ -78,7 +77,7 @@ def pulse(duration, asked):
 
 def test_a_pulse_too_short_for_a_shock_response_spectrum_is_named(tmp_path):
     (tmp_path / "case.yaml").write_text(pulse(1e-12, "srs: {from: 10 Hz, to: 1 kHz}"))
-    done = CliRunner().invoke(app, ["run", str(tmp_path / "case.yaml"), "--no-plots", "-o", str(tmp_path / "case.h5")])
+    done = invoke("run", tmp_path / "case.yaml", "--no-plots", "-o", tmp_path / "case.h5")
     assert done.exit_code == 2
     assert "case.yaml:5: run asks for run.srs or run.low_pass, which would take " in done.output
     assert "the shortest pulse" in done.output

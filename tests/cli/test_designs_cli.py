@@ -12,10 +12,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from beamsim.cli.app import app
 from beamsim.store.results import open_designs
+from tests.helpers.commands import invoke
 
 CASE = """\
 title: Small study
@@ -33,19 +32,11 @@ vary:
 """
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "case.yaml").write_text(CASE)
     return tmp_path
-
-
-@pytest.fixture
-def call(here):
-    def run(*arguments):
-        return CliRunner().invoke(app, [str(a) for a in arguments])
-
-    return run
 
 
 def datasets(path):
@@ -65,8 +56,8 @@ def assert_same_datasets(one, other):
 # --- success ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_study_leaves_its_file_and_maps_and_prints_margins(call, here):
-    done = call("sweep", "case.yaml", "--workers", 1)
+def test_a_study_leaves_its_file_and_maps_and_prints_margins(here):
+    done = invoke("sweep", "case.yaml", "--workers", 1)
     assert done.exit_code == 0, done.output
     assert set(os.listdir(here)) == {"case.yaml", "case.h5", "case_maps.png"}
     for text in ("grid of 2 x 3, each a run", "tip gap: 0 m to 0.3 mm, 3 values", "EXCEEDED, margin -",
@@ -76,10 +67,10 @@ def test_a_study_leaves_its_file_and_maps_and_prints_margins(call, here):
     assert open_designs("case.h5").complete
 
 
-def test_the_best_of_the_cases_that_meet_every_limit(call, here):
+def test_the_best_of_the_cases_that_meet_every_limit(here):
     """Without an objective the one with the largest margin; the picture marks it."""
     arguments = ("sweep", "case.yaml", "--workers", 1, "--json", "--no-plots")
-    done = call(*arguments, "--set", "limits.peak_force=17 N", "--set", "vary.minimise=peak_displacement")
+    done = invoke(*arguments, "--set", "limits.peak_force=17 N", "--set", "vary.minimise=peak_displacement")
     summary = json.loads(done.stdout)
     result = open_designs("case.h5")
     displacement = result.responses["probes/tip/peak_displacement"].values.ravel()
@@ -92,15 +83,15 @@ def test_the_best_of_the_cases_that_meet_every_limit(call, here):
     assert summary["best"][0]["parameters"] == dict(
         zip(("snubbers.tip.stiffness", "snubbers.tip.gap"), result.case_values(int(order[0])), strict=True)
     )
-    margins = json.loads(call(*arguments, "--set", "limits.peak_force=17 N").stdout)
+    margins = json.loads(invoke(*arguments, "--set", "limits.peak_force=17 N").stdout)
     assert margins["objective"] == "largest margin"
     assert [case["margin"] for case in margins["best"]] == sorted((c["margin"] for c in margins["best"]), reverse=True)
-    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots", "--set", "limits.peak_force=1 N")
+    done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "--set", "limits.peak_force=1 N")
     assert "no case meets every limit" in done.stdout
     assert "best" not in done.stdout
 
 
-def test_shares_of_the_parameters_in_the_variance(call, here):
+def test_shares_of_the_parameters_in_the_variance(here):
     text = (
         CASE[: CASE.index("vary:")]
         + """\
@@ -111,36 +102,36 @@ vary:
 """
     )
     (here / "case.yaml").write_text(text)
-    done = call("sweep", "case.yaml", "--workers", 1)
+    done = invoke("sweep", "case.yaml", "--workers", 1)
     assert done.exit_code == 0, done.output
     assert "Sobol' sample of 32" in done.stdout
     assert "sensitivity" in done.stdout
     assert (here / "case_sensitivity.png").stat().st_size > 10_000
     (here / "case.yaml").write_text(text.replace("samples: 8", "samples: 9"))
-    done = call("sweep", "case.yaml")
+    done = invoke("sweep", "case.yaml")
     assert done.exit_code == 2
     assert "vary.samples = 9 is not a power of two; take 8 or 16" in done.stderr
 
 
-def test_objectives_that_cannot_be(call, here):
-    done = call("sweep", "case.yaml", "--set", "vary.minimise=peak_forse")
+def test_objectives_that_cannot_be(here):
+    done = invoke("sweep", "case.yaml", "--set", "vary.minimise=peak_forse")
     assert done.exit_code == 2
     assert "vary.minimise = peak_forse is not a response; did you mean peak_force" in done.stderr
-    done = call("sweep", "case.yaml", "--set", "vary.minimise=peak_force", "--set", "vary.maximise=peak_force")
+    done = invoke("sweep", "case.yaml", "--set", "vary.minimise=peak_force", "--set", "vary.maximise=peak_force")
     assert done.exit_code == 2
     assert "vary.maximise stands beside minimise" in done.stderr
-    done = call("sweep", "case.yaml", "--set", "vary.minimise=snubbers/top/peak_force")
+    done = invoke("sweep", "case.yaml", "--set", "vary.minimise=snubbers/top/peak_force")
     assert done.exit_code == 2
     assert "vary.minimise = snubbers/top/peak_force names no response: no top; did you mean tip" in done.stderr
-    done = call(
+    done = invoke(
         "sweep", "case.yaml", "--no-plots", "--workers", 1, "--set", "vary.minimise=rms_force"
     )  # of random input
     assert "vary.minimise = rms_force: no case has such a response; they have " in done.stderr
     assert "best" not in done.stdout
 
 
-def test_json_is_alone_on_standard_output(call, here):
-    done = call("sweep", "case.yaml", "--workers", 1, "--json", "--no-plots", "-o", "deep/out.h5")
+def test_json_is_alone_on_standard_output(here):
+    done = invoke("sweep", "case.yaml", "--workers", 1, "--json", "--no-plots", "-o", "deep/out.h5")
     assert done.exit_code == 0, done.output
     summary = json.loads(done.stdout, parse_constant=lambda _: pytest.fail("NaN is no JSON"))
     assert summary["cases"] == summary["solved"] == 6
@@ -148,30 +139,30 @@ def test_json_is_alone_on_standard_output(call, here):
     assert summary["files"] == ["deep/out.h5"]
 
 
-def test_check_ends_with_4_when_a_limit_is_exceeded(call):
+def test_check_ends_with_4_when_a_limit_is_exceeded():
     arguments = ("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q", "--check")
-    done = call(*arguments)
+    done = invoke(*arguments)
     assert done.exit_code == 4
     assert "peak force = " in done.stderr
     assert "exceeds limits.peak_force = 20 N" in done.stderr
-    assert call(*arguments, "--set", "limits.peak_force=200 N").exit_code == 0
+    assert invoke(*arguments, "--set", "limits.peak_force=200 N").exit_code == 0
 
 
-def test_check_of_a_run(call):
+def test_check_of_a_run():
     arguments = ("run", "case.yaml", "--no-plots", "--check")
-    done = call(*arguments)
+    done = invoke(*arguments)
     assert done.exit_code == 0, done.output
     assert "margin +" in done.stdout
-    done = call(*arguments, "--set", "limits.peak_force=10 N", "--json")
+    done = invoke(*arguments, "--set", "limits.peak_force=10 N", "--json")
     assert done.exit_code == 4
     assert json.loads(done.stdout)["margins"]["peak_force"]["exceeded"] is True
     assert "exceeds limits.peak_force = 10 N" in done.stderr
 
 
 @pytest.mark.parametrize("command", ["run", "sweep"])
-def test_check_without_limits(command, call, here):
+def test_check_without_limits(command, here):
     (here / "case.yaml").write_text(CASE.replace("limits:", "nnm: null\n#"))
-    done = call(command, "case.yaml", "--check")
+    done = invoke(command, "case.yaml", "--check")
     assert done.exit_code == 2
     assert "--check has nothing to check" in done.stderr
     assert os.listdir(here) == ["case.yaml"]
@@ -191,13 +182,13 @@ def test_check_without_limits(command, call, here):
          "case.yaml:8: vary with snubbers.tip.stiffness = 50000 N/m, snubbers.tip.position = 0.5005 m"),
     ],
 )  # fmt: skip
-def test_nonsense_ends_with_2_where_it_stands(change, message, call, here):
+def test_nonsense_ends_with_2_where_it_stands(change, message, here):
     text = CASE.replace(*change)
     assert text != CASE
     (here / "case.yaml").write_text(text)
     (here / "case.h5").write_bytes(b"old")
     for command in ("sweep", "validate"):
-        done = call(command, "case.yaml")
+        done = invoke(command, "case.yaml")
         assert done.exit_code == 2, done.output
         assert message in done.stderr
         assert "Traceback" not in done.output
@@ -205,19 +196,19 @@ def test_nonsense_ends_with_2_where_it_stands(change, message, call, here):
     assert set(os.listdir(here)) == {"case.yaml", "case.h5"}
 
 
-def test_neither_sweep_nor_vary(call, here):
+def test_neither_sweep_nor_vary(here):
     (here / "case.yaml").write_text(CASE[: CASE.index("vary:")])
-    assert call("sweep", "case.yaml").exit_code == 2
+    assert invoke("sweep", "case.yaml").exit_code == 2
     for option in (("--workers", 2), ("--scheduler", "tcp://127.0.0.1:1")):
-        done = call("sweep", "case.yaml", *option)
+        done = invoke("sweep", "case.yaml", *option)
         assert done.exit_code == 2
         assert f"vary is missing, but {option[0]}" in done.stderr
 
 
-def test_failed_cases_are_saved_around_and_end_with_3(call, here):
+def test_failed_cases_are_saved_around_and_end_with_3(here):
     extra = "    - {path: run.max_events, values: [2, 1000000]}\n"
     (here / "case.yaml").write_text(CASE + extra)
-    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots")
+    done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots")
     assert done.exit_code == 3
     assert "6 of 12 cases failed; the first is case 1:" in done.stderr
     result = open_designs("case.h5")
@@ -228,19 +219,19 @@ def test_failed_cases_are_saved_around_and_end_with_3(call, here):
 # --- going on ---------------------------------------------------------------------------------------------------------
 
 
-def test_resume_of_a_complete_study_computes_nothing(call, here, monkeypatch):
-    assert call("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots").exit_code == 0
+def test_resume_of_a_complete_study_computes_nothing(here, monkeypatch):
+    assert invoke("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots").exit_code == 0
     before = (here / "case.h5").read_bytes()
     monkeypatch.setattr(
         "beamsim.analyses.designs.analysis.design_study", lambda *_, **__: pytest.fail("computed again")
     )
-    done = call("sweep", "case.yaml", "--resume")
+    done = invoke("sweep", "case.yaml", "--resume")
     assert done.exit_code == 0, done.output
     assert "there is nothing to compute" in done.stderr
     assert (here / "case.h5").read_bytes() == before
 
 
-def test_beginning_anew_says_what_it_gives_up(call, here, monkeypatch):
+def test_beginning_anew_says_what_it_gives_up(here, monkeypatch):
     from beamsim.analyses.designs.plan import plan_designs
     from beamsim.analyses.designs.result import CaseOutcome
     from beamsim.scenario import load_scenario
@@ -249,7 +240,7 @@ def test_beginning_anew_says_what_it_gives_up(call, here, monkeypatch):
     plan = plan_designs(load_scenario("case.yaml"))
     with Journal(here / "case.h5.partial", plan.fingerprint, resume=False) as journal:
         journal.add(CaseOutcome(0, {"bending_stress": 1.0}))
-    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q")
+    done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q")
     assert done.exit_code == 0
     assert "--resume would have kept 1 of 6 cases" in done.stderr
     assert open_designs("case.h5").responses["bending_stress"].values.min() > 1.0
@@ -282,7 +273,7 @@ def children(parent):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
-def test_killed_at_random_moments_and_resumed_gives_the_same_datasets(call, here):
+def test_killed_at_random_moments_and_resumed_gives_the_same_datasets(here):
     longer = CASE.replace("points: 3", "points: 30").replace("0.05 s", "0.3 s")
     (here / "case.yaml").write_text(longer)
     rng = random.Random(20261121)
@@ -308,9 +299,9 @@ def test_killed_at_random_moments_and_resumed_gives_the_same_datasets(call, here
     assert kills >= 3
     known = (here / "case.h5.partial").read_bytes().count(b"\n") - 1
     assert 0 < known < 60
-    done = call("sweep", "case.yaml", "--resume", "--workers", 2, "--no-plots", "-q")
+    done = invoke("sweep", "case.yaml", "--resume", "--workers", 2, "--no-plots", "-q")
     assert done.exit_code == 0, done.output
-    assert call("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q", "-o", "whole.h5").exit_code == 0
+    assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q", "-o", "whole.h5").exit_code == 0
     assert_same_datasets("case.h5", "whole.h5")
     assert not [name for name in os.listdir(here) if name.endswith(".partial")]
     deadline = time.monotonic() + 10.0
@@ -322,11 +313,11 @@ def test_killed_at_random_moments_and_resumed_gives_the_same_datasets(call, here
 # --- the result file again --------------------------------------------------------------------------------------------
 
 
-def test_a_study_of_sweeps_is_checked_against_stress_and_gap(call, here):
+def test_a_study_of_sweeps_is_checked_against_stress_and_gap(here):
     sweep = "sweep: {kind: swept_sine, from: 60 Hz, to: 70 Hz, rate: 60 oct/min}\n"
     limits = "limits: {peak_force: 1 kN, bending_stress: 80 MPa, gap: 1 um}"
     (here / "case.yaml").write_text(CASE.replace("limits: {peak_force: 20 N, bending_stress: 80 MPa}", limits) + sweep)
-    done = call("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q", "--check")
+    done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q", "--check")
     assert done.exit_code == 4
     assert "gap" in done.stderr
     margins = open_designs("case.h5").margins

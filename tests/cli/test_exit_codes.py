@@ -4,13 +4,12 @@ import gzip
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from beamsim.cli.app import app
 from beamsim.cli.conclusion import EXIT_CODES, Reporting, conclude, exit_code
 from beamsim.cli.interruption import Interruption
 from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, OutcomeKind
+from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.quick
 
@@ -64,7 +63,7 @@ def test_a_reader_that_leaves_early_is_no_damage_of_the_file(tmp_path, monkeypat
     monkeypatch.setattr("beamsim.cli.failures.discard_output", lambda: None)
     for printer, more in (("print_table", []), ("print_json", ["--json"])):
         monkeypatch.setattr(f"beamsim.cli.printing.{printer}", closed)
-        assert CliRunner().invoke(app, ["info", str(tmp_path / "sweep.h5"), *more]).exit_code == 141
+        assert invoke("info", tmp_path / "sweep.h5", *more).exit_code == 141
 
 
 @pytest.mark.parametrize(
@@ -77,4 +76,4 @@ def test_an_exception_has_its_code(raised, code, tmp_path, monkeypatch):
 
     monkeypatch.setattr("beamsim.cli.validation.schema_text", fail)
     monkeypatch.setattr("beamsim.cli.failures.discard_output", lambda: None)
-    assert CliRunner().invoke(app, ["schema"]).exit_code == code
+    assert invoke("schema").exit_code == code

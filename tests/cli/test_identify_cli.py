@@ -6,33 +6,27 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import beamsim
 from beamsim.analyses.identify.steady import steady_vibration
-from beamsim.cli.app import app
 from beamsim.scenario import load_scenario
+from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CASE = CONFIGS / "identify_snubber.yaml"
 
 
-@pytest.fixture
-def call(tmp_path, monkeypatch):
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        return CliRunner().invoke(app, [str(a) for a in arguments])
-
-    return run
 
 
 def section(text):
     return f"extends: {CONFIGS / 'one_sided_65hz.yaml'}\nidentify_stiffness:\n  snubber: tip\n{text}"
 
 
-def test_prints_writes_and_draws(call, tmp_path):
-    done = call("identify-stiffness", CASE)
+def test_prints_writes_and_draws(tmp_path):
+    done = invoke("identify-stiffness", CASE)
     assert done.exit_code == 0, done.output
     assert "153.59 kN/m" in done.output
     assert "pinned" in done.output
@@ -55,8 +49,8 @@ def test_prints_writes_and_draws(call, tmp_path):
     assert again.identify_stiffness == load_scenario(CASE).identify_stiffness
 
 
-def test_json_has_the_fixed_names_and_nothing_else(call):
-    done = call("identify-stiffness", CASE, "--json", "--no-plots")
+def test_json_has_the_fixed_names_and_nothing_else():
+    done = invoke("identify-stiffness", CASE, "--json", "--no-plots")
     values = json.loads(done.stdout)
     for name in (
         "stiffness_n_per_m", "standard_deviation_n_per_m", "frequencies_with_hz", "frequencies_without_hz",
@@ -66,8 +60,8 @@ def test_json_has_the_fixed_names_and_nothing_else(call):
     assert values["files"] == ["identify_snubber.h5"]
 
 
-def test_a_loop_that_jumps_ends_with_3_and_keeps_what_it_has(call, tmp_path):
-    done = call(
+def test_a_loop_that_jumps_ends_with_3_and_keeps_what_it_has(tmp_path):
+    done = invoke(
         "identify-stiffness", CASE, "--no-plots", "--set", "identify_stiffness.method=thesis", "--set",
         "identify_stiffness.tolerance=1e-7",
     )  # fmt: skip
@@ -93,10 +87,10 @@ def test_a_loop_that_jumps_ends_with_3_and_keeps_what_it_has(call, tmp_path):
         ("  measured_with: [.nan]\n", "measured_with"),
     ],
 )
-def test_mistakes_are_located_and_end_with_2(call, tmp_path, text, says):
+def test_mistakes_are_located_and_end_with_2(tmp_path, text, says):
     case = tmp_path / "case.yaml"
     case.write_text(section(text))
-    done = call("identify-stiffness", case)
+    done = invoke("identify-stiffness", case)
     assert done.exit_code == 2, done.output
     assert says in done.output
     assert f"{case}:" in done.output
@@ -104,8 +98,8 @@ def test_mistakes_are_located_and_end_with_2(call, tmp_path, text, says):
     assert not list(tmp_path.glob("*.h5"))
 
 
-def test_without_the_section(call):
-    done = call("identify-stiffness", CONFIGS / "one_sided_65hz.yaml")
+def test_without_the_section():
+    done = invoke("identify-stiffness", CONFIGS / "one_sided_65hz.yaml")
     assert done.exit_code == 2
     assert "identify_stiffness is missing" in done.output
 
@@ -133,13 +127,13 @@ def _write(path, time, signal):
     np.savetxt(path, np.column_stack([time, signal]), delimiter=",", header="time_s,tip (g)", comments="")
 
 
-def test_nonlinear_parameters_from_a_file(call, tmp_path, history):
+def test_nonlinear_parameters_from_a_file(tmp_path, history):
     folder = tmp_path / "lab"
     folder.mkdir()
     _write(folder / "test.csv", *history)
     case = folder / "case.yaml"
     case.write_text(section(NONLINEAR.replace("FILE", "test.csv")))
-    done = call("identify-stiffness", case, "--json", "-o", tmp_path / "out.h5")
+    done = invoke("identify-stiffness", case, "--json", "-o", tmp_path / "out.h5")
     assert done.exit_code == 0, done.output
     values = json.loads(done.stdout)
     for path, truth in (("snubbers.tip.stiffness", 151.1e3), ("snubbers.tip.gap", 1e-5)):
@@ -163,12 +157,12 @@ def test_nonlinear_parameters_from_a_file(call, tmp_path, history):
         ("time_s,tip_g\n0,1\n0,2\n0,3\n", "does not increase"),
     ],
 )
-def test_unusable_files(call, tmp_path, content, says):
+def test_unusable_files(tmp_path, content, says):
     case = tmp_path / "case.yaml"
     case.write_text(section(NONLINEAR.replace("FILE", "test.csv")))
     if content is not None:
         (tmp_path / "test.csv").write_text(content)
-    done = call("identify-stiffness", case)
+    done = invoke("identify-stiffness", case)
     assert done.exit_code == 2, done.output
     assert says in done.output
     assert "identify_stiffness.nonlinear.tests[0]" in done.output
@@ -179,16 +173,14 @@ def test_unusable_files(call, tmp_path, content, says):
 def run_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("compared") / "run.h5"
     changes = ["--set", "snubbers[0].gap=0.01 mm", "--set", "run.duration=1.6 s"]
-    done = CliRunner().invoke(
-        app, ["run", str(CONFIGS / "one_sided_65hz.yaml"), "--no-plots", "-q", *changes, "-o", str(path)]
-    )
+    done = invoke("run", CONFIGS / "one_sided_65hz.yaml", "--no-plots", "-q", *changes, "-o", path)
     assert done.exit_code == 0, done.output
     return path
 
 
-def test_compare_aligns_and_tabulates(call, tmp_path, run_file, history):
+def test_compare_aligns_and_tabulates(tmp_path, run_file, history):
     _write(tmp_path / "lab.csv", *history)
-    done = call("compare", run_file, tmp_path / "lab.csv", "--json", "--harmonics", 6)
+    done = invoke("compare", run_file, tmp_path / "lab.csv", "--json", "--harmonics", 6)
     assert done.exit_code == 0, done.output
     (channel,) = json.loads(done.stdout)["comparisons"]
     assert channel["place"] == "tip"
@@ -204,15 +196,15 @@ def test_compare_aligns_and_tabulates(call, tmp_path, run_file, history):
         assert file["channels/1/difference_db"].shape == (6,)
 
 
-def test_compare_sees_a_difference(call, tmp_path, run_file, history):
+def test_compare_sees_a_difference(tmp_path, run_file, history):
     time, signal = history
     _write(tmp_path / "lab.csv", time, 2 * signal)
-    done = call("compare", run_file, tmp_path / "lab.csv", "--json", "--no-plots", "--harmonics", 3)
+    done = invoke("compare", run_file, tmp_path / "lab.csv", "--json", "--no-plots", "--harmonics", 3)
     (channel,) = json.loads(done.stdout)["comparisons"]
     assert [line["difference_db"] for line in channel["harmonics"]] == pytest.approx([-6.02] * 3, abs=0.1)
 
 
-def test_compare_asks_where_a_single_channel_was_measured(call, tmp_path):
+def test_compare_asks_where_a_single_channel_was_measured(tmp_path):
     """A file with one channel was compared with the first probe, whatever its name (92 % error on the wrong mass)."""
     case = tmp_path / "chain.yaml"
     case.write_text(
@@ -220,13 +212,13 @@ def test_compare_asks_where_a_single_channel_was_measured(call, tmp_path):
         "excitation: {kind: harmonic, applied_to: {mass: 1}, level: 1 N, frequency: 2 Hz}\n"
         "probes: [{name: mass_1, mass: 1}, {name: mass_2, mass: 2}]\nrun: {duration: 60 s}\n"
     )
-    assert call("run", case, "-q", "--no-plots", "-o", tmp_path / "run.h5").exit_code == 0
+    assert invoke("run", case, "-q", "--no-plots", "-o", tmp_path / "run.h5").exit_code == 0
     result = beamsim.open_run(tmp_path / "run.h5")
     rows = np.stack([result.time, result.probes["mass_2"].displacement], axis=1)
     rows = rows[result.time > 30]
     for heading, more in (("mass_2 (m)", ()), ("sensor (m)", ("--probe", "mass_2")), ("mass 2 displacement (m)", ())):
         np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header=f"time (s),{heading}", comments="")
-        done = call(
+        done = invoke(
             "compare", tmp_path / "run.h5", tmp_path / "lab.csv", *more, "--json", "--no-plots", "--harmonics", 1
         )
         assert done.exit_code == 0, done.output
@@ -237,32 +229,32 @@ def test_compare_asks_where_a_single_channel_was_measured(call, tmp_path):
         assert 1 < channel["start_s"] < 30
         assert abs(channel["harmonics"][0]["difference_db"]) < 0.05
     np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="time_s,sensor (m)", comments="")
-    done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv")
+    done = invoke("compare", tmp_path / "run.h5", tmp_path / "lab.csv")
     assert done.exit_code == 2
     assert "the channel sensor (m) is named after none of the probes; say where it was measured: --probe" in done.output
     np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="time,mass_2", comments="")
-    done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv", "--unit", "m")
+    done = invoke("compare", tmp_path / "run.h5", tmp_path / "lab.csv", "--unit", "m")
     assert done.exit_code == 2
     assert "states no unit of its times (axis time)" in " ".join(done.output.split())
     given = ("--unit", "m", "--axis-unit", "s", "--json", "--no-plots", "--harmonics", 1)
-    done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv", *given)
+    done = invoke("compare", tmp_path / "run.h5", tmp_path / "lab.csv", *given)
     assert done.exit_code == 0, done.output
     (channel,) = json.loads(done.stdout)["comparisons"]
     assert (channel["place"], channel["quantity"]) == ("mass_2", "displacement")  # by the unit that is given
     with_units = "time_s,mass_1 displacement,mass_1 velocity"
     np.savetxt(tmp_path / "lab.csv", np.c_[rows, rows[:, 1]], delimiter=",", header=with_units, comments="")
-    done = call("compare", tmp_path / "run.h5", tmp_path / "lab.csv", "--unit", "mm")
+    done = invoke("compare", tmp_path / "run.h5", tmp_path / "lab.csv", "--unit", "mm")
     assert done.exit_code == 2
     assert "choose one with --quantity, for example --quantity displacement" in done.output
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["uff", "csv"])
-def test_compare_with_its_own_export_finds_nothing(call, tmp_path, run_file, form):
-    exported = call("export", run_file, "--format", form, "-o", tmp_path)
+def test_compare_with_its_own_export_finds_nothing(tmp_path, run_file, form):
+    exported = invoke("export", run_file, "--format", form, "-o", tmp_path)
     assert exported.exit_code == 0, exported.output
     file = tmp_path / "run.uff" if form == "uff" else tmp_path / "run_csv" / "time_histories.csv"
-    done = call("compare", run_file, file, "--json", "--no-plots")
+    done = invoke("compare", run_file, file, "--json", "--no-plots")
     assert done.exit_code == 0, done.output
     channels = json.loads(done.stdout)["comparisons"]
     assert {(c["place"], c["quantity"]) for c in channels} >= {("tip", "absolute_acceleration"), ("tip", "force")}
@@ -271,11 +263,11 @@ def test_compare_with_its_own_export_finds_nothing(call, tmp_path, run_file, for
         assert max(abs(line["difference_db"]) for line in channel["harmonics"]) < 1e-4
 
 
-def test_harmonics_of_round_off_have_no_difference(call, tmp_path, run_file, history):
+def test_harmonics_of_round_off_have_no_difference(tmp_path, run_file, history):
     """A record of one sine was said to differ by 300 dB, with a phase, at each harmonic that it does not have."""
     time = np.asarray(history[0])
     _write(tmp_path / "lab.csv", time, np.sin(2 * np.pi * 65.0 * time))
-    done = call("compare", run_file, "lab.csv", "--no-plots")
+    done = invoke("compare", run_file, "lab.csv", "--no-plots")
     assert done.exit_code == 0, done.output
     lines = [line for line in done.output.splitlines() if "harmonic " in line]
     assert "difference" in lines[0]
@@ -296,10 +288,10 @@ def test_harmonics_of_round_off_have_no_difference(call, tmp_path, run_file, his
         (["zero.csv"], "tip (g) is zero throughout"),
     ],
 )
-def test_compare_explains_mistakes(call, tmp_path, run_file, history, arguments, says):
+def test_compare_explains_mistakes(tmp_path, run_file, history, arguments, says):
     _write(tmp_path / "zero.csv", history[0], 0.0 * np.asarray(history[1]))
     _write(tmp_path / "lab.csv", *history)
     (tmp_path / "lab.xyz").write_text("1")
-    done = call("compare", run_file, *arguments)
+    done = invoke("compare", run_file, *arguments)
     assert done.exit_code == 2, done.output
     assert says in done.output

@@ -24,6 +24,7 @@ from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.store import hdf5
 from beamsim.store.results import open_nnm, open_response
+from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 MODE, RESPONSE = CONFIGS / "nnm_chain_mass_5.yaml", CONFIGS / "chain_two_dof.yaml"
@@ -268,9 +269,6 @@ def test_a_second_signal_ends_at_once(under_way, tmp_path):
 
 
 def test_a_signal_during_a_comparison_keeps_the_result(heeded, monkeypatch, tmp_path):
-    from typer.testing import CliRunner
-
-    from beamsim.cli.app import app
     from beamsim.trust import reference
 
     def interrupted(*given, real=reference.output_times):
@@ -280,16 +278,14 @@ def test_a_signal_during_a_comparison_keeps_the_result(heeded, monkeypatch, tmp_
     monkeypatch.setattr(reference, "output_times", interrupted)
     options = ["--set", "run.duration=0.5 s", "--against", "reference", "--no-plots"]
     target = tmp_path / "case.h5"
-    done = CliRunner().invoke(app, ["run", str(CONFIGS / "one_sided_65hz.yaml"), *options, "-o", str(target)])
+    done = invoke("run", CONFIGS / "one_sided_65hz.yaml", *options, "-o", target)
     assert done.exit_code == 130, done.output
     assert beamsim.open_result(target).status == "interrupted during the comparison with the reference integrator"
 
 
 def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkeypatch, tmp_path):
-    from typer.testing import CliRunner
 
     from beamsim.analyses.designs.cases import CaseSolver
-    from beamsim.cli.app import app
 
     solved = []
 
@@ -302,15 +298,13 @@ def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkey
     monkeypatch.setattr(CaseSolver, "solve", solve)
     sets = ["--set", "vary.samples=5", "--set", "run.duration=0.5 s", "--workers", "1", "--no-plots"]
     target = tmp_path / "study.h5"
-    done = CliRunner().invoke(app, ["sweep", str(CONFIGS / "design_tolerances.yaml"), *sets, "-o", str(target)])
+    done = invoke("sweep", CONFIGS / "design_tolerances.yaml", *sets, "-o", target)
     assert done.exit_code == 130, done.output
     assert len(solved) == 2
     assert "1 of 5 cases are in" in done.output
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert beamsim.open_designs(target).status == "1 of 5 cases computed"
-    again = CliRunner().invoke(
-        app, ["sweep", str(CONFIGS / "design_tolerances.yaml"), *sets, "--resume", "-o", str(target)]
-    )
+    again = invoke("sweep", CONFIGS / "design_tolerances.yaml", *sets, "--resume", "-o", target)
     assert again.exit_code == 0, again.output
     assert len(solved) == 6
     assert beamsim.open_designs(target).complete
@@ -334,21 +328,18 @@ WRITTEN = {  # what is written at once, in parts, and beside a journal
 @pytest.fixture
 def invoked(heeded, monkeypatch, tmp_path):
     """Run the command of a small case in an empty folder."""
-    from typer.testing import CliRunner
-
-    from beamsim.cli.app import app
 
     monkeypatch.chdir(tmp_path)
     before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # as `beamsim.cli.main` does
 
-    def invoke(name, *options):
+    def run(name, *options):
         command, sections = WRITTEN[name]
         Path("case.yaml").write_text(MASS + sections)
-        done = CliRunner().invoke(app, [command, "case.yaml", "--quiet", *options])
+        done = invoke(command, "case.yaml", "--quiet", *options)
         Path("case.yaml").unlink()
         return done
 
-    yield invoke
+    yield run
     signal.signal(signal.SIGTERM, before)
 
 
@@ -420,10 +411,8 @@ def test_a_signal_while_a_picture_is_written_keeps_it_and_leaves_out_the_others(
 
 @pytest.mark.parametrize("form", ["csv", "mat", "uff"])
 def test_a_signal_while_a_result_is_exported_leaves_nothing_incomplete(form, invoked, monkeypatch):
-    from typer.testing import CliRunner
 
     from beamsim import files
-    from beamsim.cli.app import app
 
     assert invoked("run", "--no-plots").exit_code == 0
 
@@ -432,7 +421,7 @@ def test_a_signal_while_a_result_is_exported_leaves_nothing_incomplete(form, inv
         os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr(files, "_replace", replace)
-    done = CliRunner().invoke(app, ["export", "case.h5", "--format", form, "-o", "exported"])
+    done = invoke("export", "case.h5", "--format", form, "-o", "exported")
     assert done.exit_code == 130, done.output
     assert [path.name for path in Path().rglob("*") if path.is_file()] == ["case.h5"]
 

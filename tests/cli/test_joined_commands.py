@@ -4,9 +4,8 @@ import json
 
 import pytest
 import yaml
-from typer.testing import CliRunner
 
-from beamsim.cli.app import app
+from tests.helpers.commands import invoke
 
 BEAM = {"width": "50 mm", "thickness": "10 mm", "youngs_modulus": "70 GPa", "density": "2700 kg/m^3"}
 DAMPING = {"damping": {"kind": "modal", "ratio": "5 %"}}
@@ -102,7 +101,7 @@ def numbers(value, path=()):
 def summary(tmp_path, name, case, command):
     file = tmp_path / f"{name}.yaml"
     file.write_text(yaml.safe_dump({key: value for key, value in case.items() if value is not None}))
-    result = CliRunner().invoke(app, [command, str(file), "-o", str(tmp_path / f"{name}.h5"), "--no-plots", "--json"])
+    result = invoke(command, file, "-o", tmp_path / f"{name}.h5", "--no-plots", "--json")
     assert result.exit_code == 0, result.output
     return dict(numbers(json.loads(result.stdout)))
 
@@ -111,7 +110,7 @@ def imported(tmp_path):
     """The beam by its matrices, written by export-structure."""
     file = tmp_path / "exported.yaml"
     file.write_text(yaml.safe_dump(ONE))
-    result = CliRunner().invoke(app, ["export-structure", str(file), "-o", str(tmp_path / "beam.op4"), "--json"])
+    result = invoke("export-structure", file, "-o", tmp_path / "beam.op4", "--json")
     assert result.exit_code == 0, result.output
     bodies = yaml.safe_load(json.loads(result.stdout)["body"])["bodies"]
     (section,) = bodies.values()
@@ -157,7 +156,7 @@ def test_compare_meets_the_file_of_the_whole_beam(tmp_path, other):
     for name, case in (("one", ONE), ("two", OTHERS[other](tmp_path))):
         summary(tmp_path, name, case, "run")
     files = [str(tmp_path / f"{name}.h5") for name in ("two", "one")]
-    result = CliRunner().invoke(app, ["compare", *files, "--json", "--no-plots", "-o", str(tmp_path)])
+    result = invoke("compare", *files, "--json", "--no-plots", "-o", tmp_path)
     assert result.exit_code == 0, result.output
     compared = json.loads(result.stdout)["comparisons"]
     assert compared

@@ -8,18 +8,13 @@ import h5py
 import numpy as np
 import pytest
 from shipped import PATHS, shipped
-from typer.testing import CliRunner
 
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.cli.app import app
 from beamsim.plots.nnm import nnm_figures
 from beamsim.scenario import load_scenario
+from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
 ELSEWHERE = ("ms_", "nnm_forced_")  # tests/reference/test_multiple_scales_thesis.py, tests/cli/test_phase_resonance.py

@@ -5,25 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.orbits import orbit_motion
 from beamsim.analyses.nnm.paths import mode_path
-from beamsim.cli.app import app
 from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_nnm
+from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CHAIN = CONFIGS / "nnm_chain_mass_5.yaml"
 FIRST = CONFIGS / "nnm_first.yaml"
 ENERGY = CONFIGS / "nnm_energy.yaml"
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
 @pytest.fixture(scope="module")

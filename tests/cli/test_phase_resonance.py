@@ -7,18 +7,17 @@ import h5py
 import numpy as np
 import pytest
 from sampling import slow_after
-from typer.testing import CliRunner
 
 import beamsim
 from beamsim.analyses.nnm import phase_resonance
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.cli.app import app
 from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import OutcomeCode
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_nnm
+from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BACKBONE = CONFIGS / "nnm_forced_backbone.yaml"
@@ -230,7 +229,7 @@ def test_command(tmp_path):
     overrides = ["nnm.continue_in.from=6 mJ", "nnm.continue_in.to=7 mJ", "nnm.phase_resonance.levels=[0.65 g]",
                  "nnm.phase_resonance.periods=6"]  # fmt: skip
     arguments = [x for o in overrides for x in ("--set", o)]
-    done = CliRunner().invoke(app, ["nnm", str(BACKBONE), "-o", str(tmp_path), "--json", "--no-plots", *arguments])
+    done = invoke("nnm", BACKBONE, "-o", tmp_path, "--json", "--no-plots", *arguments)
     assert done.exit_code == 0, done.output
     level = json.loads(done.stdout)["phase_resonance"]["levels"][0]
     assert level["found"]

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from PIL import Image
 from sampling import slow_after
-from typer.testing import CliRunner
 
-from beamsim.cli.app import app
 from beamsim.errors import MethodError
 from beamsim.report import page
+from tests.helpers.commands import invoke
 
 STORED = Path(__file__).parents[1] / "data" / "results"
 KINDS = [
@@ -68,12 +67,8 @@ def stored(name, folder):
     return target
 
 
-def invoked(*arguments):
-    return CliRunner().invoke(app, [str(each) for each in arguments])
-
-
 def reported(name, folder):
-    done = invoked("report", stored(name, folder), "-o", folder, "--json")
+    done = invoke("report", stored(name, folder), "-o", folder, "--json")
     assert done.exit_code == 0, done.output
     (file,) = json.loads(done.stdout)["files"]
     return Path(file)
@@ -150,13 +145,13 @@ def test_a_missing_library_is_an_error_with_a_remedy(tmp_path, monkeypatch):
         patched.setattr(page, "find_spec", lambda name: None)
         with pytest.raises(MethodError, match="beamsim\\[report\\]"):
             page.plotly()
-        assert invoked("report", file, "-o", tmp_path).exit_code == 2
+        assert invoke("report", file, "-o", tmp_path).exit_code == 2
     assert importlib.util.find_spec("plotly") is not None
     assert not list(tmp_path.glob("*.html"))
 
 
 def test_animation_as_gif_and_page(tmp_path):
-    done = invoked("animate", stored("run_chain", tmp_path), "-o", tmp_path, "--json")
+    done = invoke("animate", stored("run_chain", tmp_path), "-o", tmp_path, "--json")
     assert done.exit_code == 0, done.output
     gif, html = map(Path, json.loads(done.stdout)["files"])
     with Image.open(gif) as picture:
@@ -167,6 +162,6 @@ def test_animation_as_gif_and_page(tmp_path):
             pixels.append(np.asarray(picture.convert("RGB")))
     assert np.any(pixels[0] != pixels[1])
     assert "<canvas" in html.read_text(encoding="utf-8")
-    without = invoked("animate", stored("compare", tmp_path), "-o", tmp_path)
+    without = invoke("animate", stored("compare", tmp_path), "-o", tmp_path)
     assert without.exit_code == 2
     assert "holds no motion" in without.output

@@ -10,10 +10,9 @@ import h5py
 import numpy as np
 import pytest
 from sampling import slow_after
-from typer.testing import CliRunner
 
 import beamsim
-from beamsim.cli.app import app
+from tests.helpers.commands import invoke
 
 CHAIN = """
 title: Two masses
@@ -56,10 +55,6 @@ CASES = {
 WITHOUT_RECORDS = {"compare-modes", "designs", "identify-stiffness"}
 
 
-def call(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """Path of a result file by name of the case; each is made when it is first asked for."""
@@ -71,16 +66,16 @@ def files(tmp_path_factory):
             command, text = CASES[name]
             if name == "compare":
                 run = make("run")
-                measured = call("export", run, "--format", "uff", "-o", folder / "measured.uff")
+                measured = invoke("export", run, "--format", "uff", "-o", folder / "measured.uff")
                 assert measured.exit_code == 0, measured.output
-                done = call("compare", run, folder / "measured.uff", "-o", folder / "compare.h5", "--no-plots")
+                done = invoke("compare", run, folder / "measured.uff", "-o", folder / "compare.h5", "--no-plots")
             else:
                 (folder / f"{name}.yaml").write_text(text)
                 more = [folder / f"{name}.h5"] if name == "compare-modes" else [folder]
                 if name == "compare-modes":
                     (folder / "shapes.csv").write_text("position,50 Hz,320 Hz\n0.13,0.35,-0.7\n0.27,1,1\n")
                     more = [*more, folder / "shapes.csv"]
-                done = call(command, folder / f"{name}.yaml", *more[1:], "-o", more[0], "--no-plots", "--json")
+                done = invoke(command, folder / f"{name}.yaml", *more[1:], "-o", more[0], "--no-plots", "--json")
                 json.loads(done.stdout)
             assert done.exit_code == 0, done.output
             made[name] = folder / f"{name}.h5"
@@ -118,16 +113,16 @@ def same(texts, values):
 @pytest.mark.parametrize("name", CASES)
 def test_info_and_plot(name, files, tmp_path):
     path = files(name)
-    said = call("info", path)
+    said = invoke("info", path)
     assert said.exit_code == 0, said.output
     assert said.stdout.startswith(f"{path}: ")
     assert f"by beamsim {beamsim.__version__} {CASES[name][0]}" in said.stdout
-    told = call("info", path, "--json")
+    told = invoke("info", path, "--json")
     assert told.exit_code == 0, told.output
     values = json.loads(told.stdout)
     assert values["kind"] == ("sweep" if name == "stepped" else name)
     assert {"title", "status", "created", "wall_time_s", "warnings"} <= set(values)
-    drawn = call("plot", path, "--format", "svg", "-o", tmp_path, "--json")
+    drawn = invoke("plot", path, "--format", "svg", "-o", tmp_path, "--json")
     assert drawn.exit_code == 0, drawn.output
     pictures = json.loads(drawn.stdout)["files"]
     assert pictures
@@ -145,7 +140,7 @@ def test_the_result_opens_whatever_it_is(name, files):
 @pytest.mark.parametrize("name", CASES)
 def test_csv_holds_every_number(name, files, tmp_path):
     path = files(name)
-    done = call("export", path, "--format", "csv", "-o", tmp_path, "--json")
+    done = invoke("export", path, "--format", "csv", "-o", tmp_path, "--json")
     assert done.exit_code == 0, done.output
     written = [Path(file) for file in json.loads(done.stdout)["files"]]
     assert {file.parent for file in written} == {tmp_path / f"{name}_csv"}
@@ -184,7 +179,7 @@ def test_mat_holds_every_number(name, files, tmp_path):
     from scipy.io import loadmat
 
     path = files(name)
-    done = call("export", path, "--format", "mat", "-o", tmp_path)
+    done = invoke("export", path, "--format", "mat", "-o", tmp_path)
     assert done.exit_code == 0, done.output
     mat = loadmat(tmp_path / f"{name}.mat", simplify_cells=True)
     assert mat["info"]["title"] == beamsim.open_result(path).title
@@ -207,7 +202,7 @@ def test_uff_holds_what_depends_on_time_or_frequency(name, files, tmp_path):
     import pyuff
 
     path = files(name)
-    done = call("export", path, "--format", "uff", "-o", tmp_path)
+    done = invoke("export", path, "--format", "uff", "-o", tmp_path)
     assert done.exit_code == 0, done.output
     units, _, nodes, *others = pyuff.UFF(str(tmp_path / f"{name}.uff")).read_sets()
     assert units["length"] == 1.0
@@ -230,7 +225,7 @@ def test_uff_holds_what_depends_on_time_or_frequency(name, files, tmp_path):
 
 @pytest.mark.parametrize("name", sorted(WITHOUT_RECORDS))
 def test_uff_refuses_what_has_no_functions(name, files, tmp_path):
-    done = call("export", files(name), "--format", "uff", "-o", tmp_path)
+    done = invoke("export", files(name), "--format", "uff", "-o", tmp_path)
     assert done.exit_code == 2
     assert "use --format csv or --format mat" in done.stderr
     assert os.listdir(tmp_path) == []
@@ -266,7 +261,7 @@ def test_files_that_cannot_be_read(command, files, tmp_path):
         "unknown": "is unknown to this version",
     }
     for name, message in messages.items():
-        done = call(*command, tmp_path / f"{name}.h5", "-o" if command[0] != "info" else "--json", *(
+        done = invoke(*command, tmp_path / f"{name}.h5", "-o" if command[0] != "info" else "--json", *(
             [tmp_path / "out"] if command[0] != "info" else []
         ))  # fmt: skip
         assert done.exit_code == 2, (name, done.output)
@@ -289,7 +284,7 @@ def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path, m
         path.write_bytes(data)
         with h5py.File(path, "a") as file:
             del file[part]
-        done = call(*command, path, *(("-o", tmp_path / "p") if command[0] == "plot" else ()))
+        done = invoke(*command, path, *(("-o", tmp_path / "p") if command[0] == "plot" else ()))
         outcomes.add(done.exit_code)
         assert done.exit_code in (0, 2), done.output
         if done.exit_code == 2:
@@ -302,7 +297,7 @@ def test_a_comparison_without_channels_is_damaged(files, tmp_path):
     path.write_bytes(files("compare").read_bytes())
     with h5py.File(path, "a") as file:
         del file["channels"]
-    done = call("info", path)
+    done = invoke("info", path)
     assert done.exit_code == 2
     assert "channels is missing" in done.stderr
 
@@ -317,7 +312,7 @@ def test_axes_that_refer_to_nothing_are_damaged(value, files, tmp_path):
         del axes["DIMENSION_LIST"]
         axes["DIMENSION_LIST"] = value
     for command in (("info",), ("export", "--format", "csv", "-o", tmp_path / "out")):
-        done = call(command[0], path, *command[1:])
+        done = invoke(command[0], path, *command[1:])
         assert done.exit_code == 2
         assert "DIMENSION_LIST of /modes/closed_frequencies_hz does not refer to its axes" in done.stderr
 
@@ -332,5 +327,5 @@ def test_not_finite_numbers_are_null(files):
             yield value
 
     for name in CASES:
-        told = json.loads(call("info", files(name), "--json").stdout)
+        told = json.loads(invoke("info", files(name), "--json").stdout)
         assert all(math.isfinite(n) for n in numbers(told) if isinstance(n, float))

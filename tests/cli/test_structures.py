@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.io import mmread, mmwrite
-from typer.testing import CliRunner
 
-from beamsim.cli.app import app
+from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.quick
 
@@ -21,10 +20,6 @@ bodies:
 probes: [{name: tip, at: {body: panel, position: 0.5}}]
 """
 IMPORTED = "probes: [{name: tip, at: {body: panel, node: 9, direction: z}}]\n"
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(each) for each in arguments])
 
 
 @pytest.fixture

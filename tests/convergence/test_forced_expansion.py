@@ -6,14 +6,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import beamsim
 from beamsim.analyses.response.forced_expansion import compare_forced_expansion
-from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_response
+from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 OSCILLATOR = CONFIGS / "ms_forced_oscillator.yaml"
@@ -95,9 +94,7 @@ def test_nonsense_is_refused_with_a_remedy(file, changes, text):
 
 
 def test_command(tmp_path):
-    done = CliRunner().invoke(
-        app, ["sweep", str(OSCILLATOR), "--compare", "multiple_scales", "-o", str(tmp_path), "--json"]
-    )
+    done = invoke("sweep", OSCILLATOR, "--compare", "multiple_scales", "-o", tmp_path, "--json")
     assert done.exit_code == 0, done.output
     summary = json.loads(done.stdout)
     (level,) = summary["multiple_scales"]
@@ -112,6 +109,6 @@ def test_command(tmp_path):
 
 
 def test_only_beside_a_continuation(tmp_path):
-    done = CliRunner().invoke(app, ["sweep", str(CONFIGS / "sweep_up_down.yaml"), "--compare", "multiple_scales"])
+    done = invoke("sweep", CONFIGS / "sweep_up_down.yaml", "--compare", "multiple_scales")
     assert done.exit_code == 2
     assert "kind: continuation" in done.output

@@ -5,15 +5,14 @@ import math
 import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm
-from typer.testing import CliRunner
 
 from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import check_cases, plan_designs
 from beamsim.analyses.parallel import on_this_machine
-from beamsim.cli.app import app
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_designs
+from tests.helpers.commands import invoke
 
 BASE = """\
 title: Small study
@@ -117,7 +116,7 @@ def test_a_cluster_makes_no_difference(grid, tmp_path):
             "-q",
             "--no-plots",
         ]
-        done = CliRunner().invoke(app, ["sweep", *map(str, arguments)])
+        done = invoke("sweep", *arguments)
     assert_same(grid, result)
     assert done.exit_code == 0, done.output
     assert_same(grid, open_designs(tmp_path / "case.h5"))

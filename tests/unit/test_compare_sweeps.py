@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import pyuff
-from typer.testing import CliRunner
 
 from beamsim.analyses.compare.sweeps import Tracking, assurance, compare_sweep, peaks_of
 from beamsim.analyses.compare.tracking import track
 from beamsim.analyses.sweep.analysis import sweep
-from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import read_signals
 from beamsim.measurements.read import read_file
@@ -18,6 +16,7 @@ from beamsim.measurements.signal import MeasuredSignal
 from beamsim.plots.comparison import comparison_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_comparison, write_sweep
+from tests.helpers.commands import invoke
 
 G = 9.80665
 CASE = {
@@ -164,7 +163,7 @@ def test_time_histories_of_a_test(swept, tmp_path):
         "second (g)",
     ]
     options = ["-o", str(tmp_path / "c.h5"), "--reference", "drive", "--cycles", "4"]
-    done = CliRunner().invoke(app, [*arguments, *options])
+    done = invoke(*arguments, *options)
     assert done.exit_code == 0, done.output
     assert "bandwidth 25 % of the frequency" in done.output
     (channel,) = open_result(tmp_path / "c.h5", "compare").sweeps
@@ -225,7 +224,7 @@ def test_csv_files_of_laboratories(swept, tmp_path, kind):
     assert [signal.unit for signal in read_file(path)] == ["Hz", "g", "g"]
     write_sweep(swept, tmp_path / "sweep.h5")
     target = str(tmp_path / "sweep_compare.h5")
-    done = CliRunner().invoke(app, ["compare", str(tmp_path / "sweep.h5"), str(path), "--no-plots", "-o", target])
+    done = invoke("compare", tmp_path / "sweep.h5", path, "--no-plots", "-o", target)
     assert done.exit_code == 0, done.output
     assert "FRAC" in done.output
     assert "FDAC" in done.output
@@ -243,7 +242,7 @@ def test_a_fault_right_above_the_samples_is_still_one(tmp_path):
 def test_universal_files(swept, tmp_path):
     """Written here, read by pyuff, compared again."""
     write_sweep(swept, tmp_path / "sweep.h5")
-    done = CliRunner().invoke(app, ["export", str(tmp_path / "sweep.h5"), "--format", "uff", "-o", str(tmp_path)])
+    done = invoke("export", tmp_path / "sweep.h5", "--format", "uff", "-o", tmp_path)
     assert done.exit_code == 0, done.output
     file = pyuff.UFF(str(tmp_path / "sweep.uff"))
     kinds = [int(kind) for kind in file.get_set_types()]
@@ -251,7 +250,7 @@ def test_universal_files(swept, tmp_path):
     target = str(tmp_path / "sweep_compare.h5")
     arguments = ["compare", str(tmp_path / "sweep.h5"), str(tmp_path / "sweep.uff"), "--no-plots", "-o", target]
     channel = "up 0 probes second harmonic absolute acceleration order 1"
-    done = CliRunner().invoke(app, [*arguments, "--channel", channel, "--probe", "second"])
+    done = invoke(*arguments, "--channel", channel, "--probe", "second")
     assert done.exit_code == 0, done.output
     (stored,) = open_result(tmp_path / "sweep_compare.h5", "compare").sweeps
     assert stored.detector == "fundamental"

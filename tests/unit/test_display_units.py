@@ -7,15 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from beamsim.cli.app import app
 from beamsim.cli.response_report import TEXTS
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.plots.run import run_figures
 from beamsim.plots.style import amount, level_text, scale_for, shown_in
 from beamsim.scenario import load_scenario
+from tests.helpers.commands import invoke
 
 STORED = Path(__file__).parents[1] / "data" / "results"
 MASS = {"chain": {"masses": [1.0], "springs": [1000.0]}}
@@ -133,14 +132,14 @@ def test_long_times_are_in_units_that_a_reader_uses():
 
 def test_run_info_and_plots_use_them_and_json_does_not(tmp_path, monkeypatch):
     (tmp_path / "case.yaml").write_text(json.dumps({**CASE, "units": CHOSEN}))
-    printed = CliRunner().invoke(app, ["run", str(tmp_path / "case.yaml"), "-o", str(tmp_path), "--no-plots"])
+    printed = invoke("run", tmp_path / "case.yaml", "-o", tmp_path, "--no-plots")
     assert printed.exit_code == 0, printed.output
     row = next(line for line in printed.output.splitlines() if "peak displacement" in line)
     assert " um" in row
     assert " m/s^2" in next(line for line in printed.output.splitlines() if "peak acceleration" in line)
-    again = CliRunner().invoke(app, ["info", str(tmp_path / "case.h5")])
+    again = invoke("info", tmp_path / "case.h5")
     assert row in again.output
-    as_json = json.loads(CliRunner().invoke(app, ["info", str(tmp_path / "case.h5"), "--json"]).stdout)
+    as_json = json.loads(invoke("info", tmp_path / "case.h5", "--json").stdout)
     peak = next(iter(as_json["peak_displacement_m"].values()))
     assert 1e-4 < peak < 1.0
     assert f"{1e6 * peak:.4g} um" in row
@@ -157,13 +156,13 @@ def test_run_info_and_plots_use_them_and_json_does_not(tmp_path, monkeypatch):
 
     drawn = []
     monkeypatch.setattr("beamsim.plots.animation.save_gif", lambda *_: drawn.append(scale_for("m", np.ones(1)).unit))
-    animated = CliRunner().invoke(app, ["animate", str(tmp_path / "case.h5"), "-o", str(tmp_path / "case.gif")])
+    animated = invoke("animate", tmp_path / "case.h5", "-o", tmp_path / "case.gif")
     assert animated.exit_code == 0, animated.output
     assert drawn == ["um"]
 
 
 def test_peaks_of_a_sweep_name_their_frequency(tmp_path):
     (tmp_path / "sweep.h5").write_bytes(gzip.decompress((STORED / "sweep.h5.gz").read_bytes()))
-    printed = CliRunner().invoke(app, ["info", str(tmp_path / "sweep.h5")]).output
+    printed = invoke("info", tmp_path / "sweep.h5").output
     assert "2.348 N at 0.09025 Hz" in printed
     assert "1.708 m at 0.132 Hz" in printed

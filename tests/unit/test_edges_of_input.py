@@ -8,12 +8,11 @@ import h5py
 import numpy as np
 import pytest
 from sampling import slow_after
-from typer.testing import CliRunner
 
-from beamsim.cli.app import app
 from beamsim.errors import BeamsimError, ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
+from tests.helpers.commands import invoke
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "tests/data/results"
@@ -107,7 +106,7 @@ def test_datasets_of_wrong_type_or_shape(tmp_path, stored, how):
             ["export", "--format", "csv", "-o", tmp_path],
             ["export", "--format", "mat", "-o", tmp_path],
         ):
-            done = CliRunner().invoke(app, [command[0], str(path), *map(str, command[1:])])
+            done = invoke(command[0], path, *command[1:])
             assert done.exit_code in (0, 2), (name, command, done.output, done.exception)
             assert "internal error" not in done.output
 
@@ -124,7 +123,7 @@ def test_a_plot_of_a_damaged_history(tmp_path):
     for how, says in (("text", "text instead of numbers"), ("two dimensions", "damaged"), ("longer", "damaged")):
         path.write_bytes(gzip.decompress((RESULTS / "run_chain.h5.gz").read_bytes()))
         damaged(path, f"probes/{probe}/displacement", how)
-        done = CliRunner().invoke(app, ["plot", str(path), "-o", str(tmp_path)])
+        done = invoke("plot", path, "-o", tmp_path)
         assert done.exit_code == 2, done.output
         assert says in done.output
         assert "run the case again" in done.output
@@ -136,13 +135,13 @@ def test_times_that_are_not_finite_are_not_animated(tmp_path):
     path.write_bytes(gzip.decompress((RESULTS / "run_chain.h5.gz").read_bytes()))
     with h5py.File(path, "a") as file:
         file["time"][...] = np.nan
-    done = CliRunner().invoke(app, ["animate", str(path), "-o", str(tmp_path)])
+    done = invoke("animate", path, "-o", tmp_path)
     assert done.exit_code == 2, done.output
     assert "damaged (its times are not those of a run); run the case again" in done.output
 
 
 def test_an_empty_output_is_refused():
-    done = CliRunner().invoke(app, ["run", str(ROOT / "configs/one_sided_65hz.yaml"), "-o", ""])
+    done = invoke("run", ROOT / "configs/one_sided_65hz.yaml", "-o", "")
     assert done.exit_code == 2
     assert "it is empty; give a file or a folder" in done.output
 

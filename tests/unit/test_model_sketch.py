@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
-from typer.testing import CliRunner
 
-from beamsim.cli.app import app
 from beamsim.plots.model import model_figure, stop_text
 from beamsim.plots.sketch import STOP
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
+from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BEAM = {"length": 0.4, "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
@@ -92,7 +91,7 @@ def test_too_many_labels_are_left_out():
 
 def test_validate_draws_the_model(tmp_path):
     shutil.copy(CONFIGS / "two_forces.yaml", tmp_path / "case.yaml")
-    done = CliRunner().invoke(app, ["validate", str(tmp_path / "case.yaml"), "--sketch", "-o", str(tmp_path), "--json"])
+    done = invoke("validate", tmp_path / "case.yaml", "--sketch", "-o", tmp_path, "--json")
     assert done.exit_code == 0, done.output
     (file,) = json.loads(done.stdout)["files"]
     assert file == str(tmp_path / "case_sketch.png")

@@ -4,15 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from beamsim.analyses.sweep.analysis import sweep
-from beamsim.cli.app import app
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import OutcomeCode
 from beamsim.plots.sweep import sweep_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_sweep, write_sweep
+from tests.helpers.commands import invoke
 
 G = 9.80665
 CASE = {
@@ -94,7 +93,7 @@ def test_the_saved_level_gives_the_same_response_as_a_given_profile(notched, tmp
     stored = open_sweep(tmp_path / "notched.h5").curves["up_0"].notching
     np.testing.assert_array_equal(stored.level, notched.curves["up_0"].notching.level)
     assert [limit.name for limit in stored.limits] == list(SWEEP["notch_to"])
-    done = CliRunner().invoke(app, ["export", str(tmp_path / "notched.h5"), "--format", "csv", "-o", str(tmp_path)])
+    done = invoke("export", tmp_path / "notched.h5", "--format", "csv", "-o", tmp_path)
     assert done.exit_code == 0, done.output
     (table,) = tmp_path.rglob("up_0_notching_by_frequency_hz.csv")
     outputs = [{"name": "base_force", "kind": "reaction_force", "support": "base"}]
@@ -199,7 +198,7 @@ def test_the_command_prints_the_notches_and_draws_them(tmp_path, notched):
     assert set(responses) == {"second acceleration", "base force"}
     path = tmp_path / "case.yaml"
     path.write_text(json.dumps({**CASE, "sweep": {**SWEEP, "to": "20 Hz"}}))
-    done = CliRunner().invoke(app, ["sweep", str(path), "--no-plots"])
+    done = invoke("sweep", path, "--no-plots")
     assert done.exit_code == 0, done.output
     assert "notches" in done.output
     assert "% of 75 N" in done.output

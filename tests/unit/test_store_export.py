@@ -4,17 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import beamsim
 from beamsim.analyses.compare_modes.analysis import compare_modes
-from beamsim.cli.app import app
 from beamsim.errors import ResultFileError
 from beamsim.scenario import load_scenario
 from beamsim.store.export import export_result
 from beamsim.store.results import write_run
 from beamsim.store.shapes import read_shapes
 from beamsim.store.uff import Source, record_55, write_uff
+from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -132,7 +131,7 @@ def test_modes_of_imported_bodies_are_in_the_universal_file(tmp_path, several, p
     scenario = load_scenario(text + SHORT)
     result = beamsim.run(scenario)
     path = write_run(result, tmp_path / "case.h5")
-    done = CliRunner().invoke(app, ["export", str(path), "--format", "uff", "-o", str(tmp_path)])
+    done = invoke("export", path, "--format", "uff", "-o", tmp_path)
     assert done.exit_code == 0, done.output
     assert ("cannot draw" in done.output) is not placed
     sets = pyuff.UFF(str(tmp_path / "case.uff")).read_sets()
