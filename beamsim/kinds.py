@@ -22,6 +22,7 @@ class Kind(NamedTuple):
     figures: str  # function of a result: its matplotlib figures by name
     commands: str = "beamsim.cli.app"  # module whose ``register`` adds the command
     texts: str = ""  # of entries of its table that are more than a number and a unit
+    screen: str = ""  # function of a result: what is printed first, by default its table
 
 
 KINDS = {
@@ -30,6 +31,7 @@ KINDS = {
         analysis="beamsim.trust.checked:run",
         result="beamsim.analyses.run.result:RunResult",
         texts="beamsim.cli.run_report:TEXTS",
+        screen="beamsim.cli.screens:run_screen",
         figures="beamsim.plots.run:run_figures",
     ),
     "sweep": Kind(
@@ -38,6 +40,7 @@ KINDS = {
         result="beamsim.analyses.sweep.result:SweepResult",
         commands="beamsim.cli.sweep",
         texts="beamsim.cli.sweep_report:TEXTS",
+        screen="beamsim.cli.screens:sweep_screen",
         figures="beamsim.plots.sweep:sweep_figures",
     ),
     "continuation": Kind(

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from beamsim.cli.failures import guarded, say
-from beamsim.cli.options import Case, Check, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored
+from beamsim.cli.options import Case, Check, Debug, Json, NoPlots, Output, Overrides, Quiet, Stored, Verbose
 from beamsim.kinds import KINDS, TemplateKind, named
 
 app = typer.Typer(
@@ -64,6 +64,7 @@ def run(
     json: Json = False,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     check: Check = False,
     against: Annotated[
         str | None,
@@ -85,7 +86,7 @@ def run(
 
         rtol = tolerance_of(against)
     scenario, target = prepared("run", case, set_, output, check=check)
-    reporting = Reporting(not no_plots, json, quiet, check)
+    reporting = Reporting(not no_plots, json, quiet, check, verbose)
     bar = progress_of(
         f"simulating {case.name}", shown=reporting.progress, afterwards=f"evaluating the motion of {case.name}"
     )

@@ -38,6 +38,7 @@ class Reporting:
     json: bool = False
     quiet: bool = False
     check: bool = False  # whether exceeding a limit is an error
+    verbose: bool = False  # whether the whole table is printed
 
     @property
     def progress(self) -> bool:
@@ -146,9 +147,14 @@ def _conclude(kind: str, result: Result, target: Path, reporting: Reporting, int
         files += _plots(kind, result, target, reporting, interrupted)
     left_out = reporting.plots or result.outcome.interrupted
     signal = interrupted.signal if left_out else 0
-    for warning in result.warnings:
+    first = bool(KINDS[kind].screen) and not (reporting.json or reporting.quiet or reporting.verbose)
+    for warning in () if first else result.warnings:
         say(f"beamsim: warning: {warning}")
-    if reporting.json or not reporting.quiet:
+    if first:
+        from beamsim.cli.screens import screen_text
+
+        print(screen_text(result, named(KINDS[kind].screen)(result), [str(file) for file in files]))
+    elif reporting.json or not reporting.quiet:
         print_outcome(kind, result, files, as_json=reporting.json)
     code = exit_code(result.outcome, signal)
     if signal:

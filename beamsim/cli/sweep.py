@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamsim.cli.failures import guarded
-from beamsim.cli.options import Case, Check, Debug, Json, NoPlots, Output, Overrides, Quiet
+from beamsim.cli.options import Case, Check, Debug, Json, NoPlots, Output, Overrides, Quiet, Verbose
 from beamsim.errors import Problem, ScenarioError
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ def sweep(
     check: Check = False,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
     """Sweep the frequency, or vary numbers of the case. Writes a result file and plots."""
@@ -78,7 +79,7 @@ def sweep(
     kind = _kind(scenario)
     given = {"--workers": workers, "--scheduler": scheduler, "--resume": resume, "--overlay": overlay}
     _refuse_others(kind, {**given, "--compare": compare_with})
-    reporting = Reporting(not no_plots, json, quiet, check)
+    reporting = Reporting(not no_plots, json, quiet, check, verbose)
     if kind == "designs":
         from beamsim.cli.designs import StudyOptions, sweep_designs
 
