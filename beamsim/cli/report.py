@@ -209,8 +209,8 @@ def gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterat
     width = max((len(name) for name in snubbers), default=0)
     unit = amplitude_unit(getattr(result.scenario.excitation, "quantity", None) or "acceleration")
     for name, of in snubbers.items():
-        verb, past = ("opens", "opened") if of["closed_at_rest"] else ("touches", "touched")
-        text, reached = _predicted(of, verb, unit)
+        past = "opened" if of["closed_at_rest"] else "touched"
+        text, reached = predicted(of, unit)
         yield "", f"{name:<{width}}  {text}"
         happened = list(_happened(of, past))
         if happened:
@@ -222,13 +222,20 @@ def gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterat
             yield "", f"{'':<{width}}  preload that keeps contact{to}: {both}"
 
 
-def _predicted(of: Mapping[str, Any], verb: str, unit: str) -> tuple[str, bool]:
-    """What the linear motion does to a contact, and whether it changes it at the level here."""
+def predicted(of: Mapping[str, Any], unit: str) -> tuple[str, bool]:
+    """What the linear motion does to a contact, and whether it changes it at the level here.
+
+    Parameters
+    ----------
+    of : the entry of a snubber in the summary's ``gapping``.
+    unit : of the level.
+    """
+    verb = "opens" if of["closed_at_rest"] else "touches"
     if "sigmas" in of:  # of a random input
         reached = of["sigmas"] < SIGMAS_REACHED
         rare = "" if reached else ", rarely or never"
         if not of["sigmas"]:
-            return f"{verb} at any level", reached
+            return f"{verb} as soon as it moves", reached
         return f"{verb} at {of['sigmas']:.3g} sigma of the stationary linear motion{rare}", reached
     share = of["share_of_level"]
     reached = share <= 1.0
@@ -237,7 +244,7 @@ def _predicted(of: Mapping[str, Any], verb: str, unit: str) -> tuple[str, bool]:
     if of.get("level") is None:
         level = f"from {share:.4g} times this input"
     else:
-        level = f"from {level_text(of['level'], unit).removeprefix('level ')}" if of["level"] else "at any level"
+        level = f"from {level_text(of['level'], unit).removeprefix('level ')}" if of["level"] else "as soon as it moves"
     if "frequency_hz" in of:
         where = f"at {of['frequency_hz']:.4g} Hz in steady linear motion"
     else:

@@ -35,7 +35,7 @@ def _method(result: RunResult, method: str) -> str:
 
 def _memory(result: RunResult, memory: float) -> str:
     kept = result.summary.get("contact_states_kept")
-    text = f"at most {amount(memory, 'B')} beside the libraries"
+    text = f"at most {amount(memory, 'B')} for the motion and its tables"
     if kept is None:
         return text
     states, settings = result.work.states, result.scenario.run
@@ -125,8 +125,8 @@ def _preload(result: RunResult, gaps: Mapping[str, float]) -> dict[str, str]:
         static = s["static_force_n"][name]
         at_equilibrium = f"{amount(static, 'N')} at equilibrium, " if is_known(static) else ""
         texts[name] = (
-            f"gap {amount(gap, 'm')}, {at_equilibrium}{amount(s['blocked_force_n'][name], 'N')} blocked, "
-            f"stiffness ratio {s['stiffness_ratio'][name]:.4g}"
+            f"gap {amount(gap, 'm')}, {at_equilibrium}{amount(s['blocked_force_n'][name], 'N')} if the structure "
+            f"could not move, stiffness ratio {s['stiffness_ratio'][name]:.4g}"
         )
     return texts
 

@@ -10,15 +10,17 @@ import numpy as np
 
 from beamsim.analyses.limits import limit_label
 from beamsim.analyses.values import STANDARD_GRAVITY
-from beamsim.cli.report import counted, percent
+from beamsim.cli.report import counted, percent, predicted
+from beamsim.cli.sweep_report import notch_texts
 from beamsim.plots.style import is_known, scale_for
+from beamsim.scenario.quantities import amplitude_unit
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
     from beamsim.analyses.run.result import RunResult
     from beamsim.analyses.sweep.result import SweepResult
 
-OUTPUTS_SHOWN = 4
+SHOWN = 4  # outputs, and levels of contacts
 DIGITS = 3  # at most; fewer where the convergence supports no more
 NONE = "-"
 
@@ -121,7 +123,7 @@ def _rounded(value: float, size: float, digits: int) -> str:
 def _verdict(result: Result, change: float) -> str:
     """Whether the values can be trusted, in a few words; ``change`` is the largest that is printed."""
     summary = result.summary
-    model, doubtful = summary.get("convergence_model") or {"reason": "interrupted"}, summary.get("doubtful")
+    model, doubtful = summary.get("convergence_model") or {"reason": "not known"}, summary.get("doubtful")
     if not result.complete:
         said = "INCOMPLETE" if result.outcome.cut_short else "NOT RELIABLE"
     elif model["reason"]:
@@ -162,6 +164,19 @@ def _modes(result: RunResult | SweepResult) -> Iterator[str]:
     yield f"{text}, {modes.closed_frequencies_hz[k]:.3g} Hz closed" if result.scenario.located_snubbers else text
 
 
+def _contact_levels(result: RunResult | SweepResult) -> Iterator[str]:
+    """From which level on the linear motion opens or closes each snubber, where that is not with every motion."""
+    unit = amplitude_unit(getattr(result.scenario.excitation, "quantity", None) or "acceleration")
+    texts = [
+        f"{name} {predicted(of, unit)[0]}"
+        for name, of in result.summary.get("gapping", {}).items()
+        if of.get("level", True) and of.get("sigmas", True)
+    ]
+    yield from texts[:SHOWN]
+    if len(texts) > SHOWN:
+        yield f"{len(texts) - SHOWN} more contacts: -v shows from which level on they open or close"
+
+
 def _of_columns(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> tuple[tuple[str, ...], tuple[Any, ...]]:
     """The columns in which something is."""
     rows = list(rows)
@@ -180,19 +195,28 @@ def run_screen(result: RunResult) -> Screen:
         body = f"{s['largest_bending_stress_body']}, " if "largest_bending_stress_body" in s else ""
         where = f"{body}x = {_length(s['largest_bending_stress_position_m'])}"
         facts.insert(0, f"bending stress {printed.number(stress, 'Pa', 'largest_bending_stress_pa')} at {where}")
-    lines = ["; ".join(facts)] if facts else []
+    lines = [*(["; ".join(facts)] if facts else []), *_contact_levels(result)]
     outputs = [
         f"{name} {printed.number(peak, s['output_unit'][name], 'peak_output', name)}"
         for name, peak in s.get("peak_output", {}).items()
     ]
     if outputs:
-        more = f" and {len(outputs) - OUTPUTS_SHOWN} more" if len(outputs) > OUTPUTS_SHOWN else ""
-        lines.append(f"peaks of outputs: {', '.join(outputs[:OUTPUTS_SHOWN])}{more}")
+        more = f" and {len(outputs) - SHOWN} more" if len(outputs) > SHOWN else ""
+        lines.append(f"peaks of outputs: {', '.join(outputs[:SHOWN])}{more}")
     lines += [f"damage of {name} {body['damage']:.2g}" for name, body in s.get("fatigue", {}).items()]
     shown = {row[0] for row in rows}
     lines += [f"{text}{f' at {at}' if at else ''}" for at, texts in limits.items() if at not in shown for text in texts]
+    if compared := s.get("against"):
+        apart = percent(compared["largest_state_difference"], 2)
+        lines.append(f"{compared['method']}: displacements differ by at most {apart}{_until(result, compared)}")
     lines += printed.legend()
     return Screen(_verdict(result, printed.largest_change), headings, kept, tuple(lines))
+
+
+def _until(result: RunResult, compared: Mapping[str, Any]) -> str:
+    until = compared["agrees_until_s"]
+    whole = until >= result.time[-1]
+    return "" if whole else f" until {until:.4g} s, where the contact sequences diverge"
 
 
 def _length(metres: float) -> str:
@@ -243,5 +267,6 @@ def sweep_screen(result: SweepResult) -> Screen:
         rows.append(row)
     headings, kept = _of_columns(("", "peak force", "displacement", "acceleration", "in contact"), rows)
     limits = [f"{text} at {at}" for at, texts in _limits(s.get("margins", {})).items() for text in texts]
-    lines = (*_modes(result), *limits, *printed.legend())
+    notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:SHOWN]]
+    lines = (*_modes(result), *_contact_levels(result), *notches, *limits, *printed.legend())
     return Screen(_verdict(result, printed.largest_change), headings, kept, lines)

@@ -98,7 +98,7 @@ def _outputs(result: SweepResult, curves: Mapping[str, Mapping[str, float]]) -> 
     }
 
 
-def _notches(result: SweepResult, _: Mapping[str, Any]) -> dict[str, str]:
+def notch_texts(result: SweepResult, _: object = None) -> dict[str, str]:
     """By curve and limit the largest value, then the ranges in which the level is lowered."""
     rows = {}
     for curve in result.curves.values():
@@ -117,7 +117,7 @@ def _notches(result: SweepResult, _: Mapping[str, Any]) -> dict[str, str]:
 
 
 TEXTS: Texts = {
-    "notches": _notches,
+    "notches": notch_texts,
     "peak_output": _outputs,
     "impacts": _impacts,
     "sliding": _sliding,

@@ -116,9 +116,9 @@ def is_known(value: Any) -> bool:
 
 
 def margin_text(margin: float | None, value: float) -> str:
-    """A margin in percent; that of a value of zero has no bound, which result files cannot hold."""
+    """A margin in percent; that of a value of zero is infinite, which result files cannot hold."""
     if value == 0.0:
-        return "without bound"
+        return "not used"
     if not is_known(margin) or margin is None:
         return "unknown"
     percent = 100.0 * margin

@@ -75,6 +75,8 @@ def test_the_command_prints_one_table_and_json(tmp_path):
     short = [x for override in sets for x in ("--set", override)] + ["--no-plots", "-o", str(tmp_path / "a.h5")]
     done = invoke("run", case, *short, "--against", "reference:1e-7")
     assert done.exit_code == 0, done.output
+    assert "reference (DOP853, rtol 1e-07): displacements differ by at most " in done.stdout
+    done = invoke("run", case, *short, "--against", "reference:1e-7", "-v")
     assert "reference (DOP853, rtol 1e-07)" in done.stdout
     assert "processor time" in done.stdout
     done = invoke("run", case, *short, "--against", "reference", "--json")

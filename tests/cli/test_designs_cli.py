@@ -152,7 +152,7 @@ def test_check_of_a_run():
     arguments = ("run", "case.yaml", "--no-plots", "--check")
     done = invoke(*arguments)
     assert done.exit_code == 0, done.output
-    assert "margin +" in done.stdout
+    assert " ok, " in done.stdout
     done = invoke(*arguments, "--set", "limits.peak_force=10 N", "--json")
     assert done.exit_code == 4
     assert json.loads(done.stdout)["margins"]["peak_force"]["exceeded"] is True

@@ -132,7 +132,7 @@ def test_long_times_are_in_units_that_a_reader_uses():
 
 def test_run_info_and_plots_use_them_and_json_does_not(tmp_path, monkeypatch):
     (tmp_path / "case.yaml").write_text(json.dumps({**CASE, "units": CHOSEN}))
-    printed = invoke("run", tmp_path / "case.yaml", "-o", tmp_path, "--no-plots")
+    printed = invoke("run", tmp_path / "case.yaml", "-o", tmp_path, "--no-plots", "-v")
     assert printed.exit_code == 0, printed.output
     row = next(line for line in printed.output.splitlines() if "peak displacement" in line)
     assert " um" in row

@@ -1,0 +1,74 @@
+"""The first screen of a run and of a sweep: what is decided by, and nothing that is not sure."""
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from beamsim.cli.app import app
+
+BEAM = {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25, "damping": {"kind": "modal", "ratio": 0.05}}
+TIP = {"name": "tip", "position": 0.27, "side": "below", "stiffness": "10 kN/m", "gap": "0.1 mm"}
+CASE = {
+    "title": "A beam with a stop",
+    "beam": BEAM,
+    "snubbers": [TIP],
+    "probes": [{"name": "middle", "position": 0.135}],
+    "excitation": {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": "60 Hz"},
+    "reduction": {"modes": 6},
+    "limits": {"peak_force": "1 N", "peak_displacement": "5 mm"},
+    "run": {"duration": 0.1, "spectrum": {"last": 0.05}},
+}
+
+
+@pytest.fixture
+def printed(tmp_path):
+    def call(*options, command="run", **more):
+        case = tmp_path / "case.yaml"
+        case.write_text(yaml.safe_dump(CASE | more))
+        done = CliRunner().invoke(app, [command, str(case), "--no-plots", "-o", str(tmp_path / "case.h5"), *options])
+        assert done.exit_code == 0, done.output
+        return done.stdout.splitlines()
+
+    return call
+
+
+def test_a_run_shows_places_limits_and_how_sure_it_is(printed):
+    lines = printed()
+    assert lines[0].startswith("A beam with a stop  converged within ")
+    assert "energy error" in lines[0]
+    assert lines[1].split("  ")[0] == ""
+    assert "peak force" in lines[1]
+    tip = next(line for line in lines if line.startswith("tip"))
+    assert "peak force EXCEEDED" in tip
+    assert next(line for line in lines if line.startswith("middle")).split()[1:3] == ["-", "-"]
+    assert any("touches from" in line for line in lines)
+    assert lines[-1].endswith("case.h5")
+    assert len(lines) < 10
+
+
+def test_everything_on_request(printed):
+    lines = printed("-v")
+    assert any("natural frequencies" in line for line in lines)
+    assert any(line.strip().startswith("convergence") for line in lines)
+
+
+def test_what_does_not_converge_is_marked_and_has_fewer_digits(printed):
+    lines = printed(reduction={"modes": 1}, snubbers=[TIP | {"stiffness": "1000 kN/m"}])
+    tip = next(line for line in lines if line.startswith("tip"))
+    assert " * " in tip
+    assert "* changes by more than 2 % with a finer model" in lines
+    force = tip.split()[1]
+    assert len(force.replace(".", "").lstrip("0")) <= 2
+
+
+def test_a_comparison_that_was_left_out_is_said(printed):
+    assert "not checked with a finer model (not asked for)" in printed("--set", "run.convergence=off")[0]
+
+
+def test_a_sweep_shows_its_curves(printed):
+    stepped = {"kind": "stepped", "from": "50 Hz", "to": "70 Hz", "points": 3, "levels": ["1 g", "2 g"]}
+    lines = printed(command="sweep", sweep=stepped | {"convergence": "off"}, run=None)
+    rows = [line for line in lines if line.startswith("up, ")]
+    assert [row.split("   ")[0].strip() for row in rows] == ["up, 1 g", "up, 2 g"]
+    assert all(" Hz" in row and " mm" in row for row in rows)
+    assert len(lines) < 12
