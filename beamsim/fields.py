@@ -83,7 +83,7 @@ def figure_in_words(key: str) -> str:
     entry, _, place = key.partition(".")
     if entry == "random":  # a group of figures, each with its own name behind the quantity
         return place_in_words(place)
-    words = re.sub(r"_(m_s2|m|n|g|pa|hz|s|j)$", "", entry).replace("_", " ")
+    words = re.sub(r"_(m|n|g|pa|hz|s|j)$", "", entry).replace("_", " ")
     return f"{words} of {place_in_words(place)}" if place else words
 
 

@@ -189,6 +189,7 @@ def plot(
     output: Output = None,
     form: Annotated[PictureFormat, typer.Option("--format", help="Picture format.")] = PictureFormat.png,
     json: Json = False,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
     """Plot a result file again without recomputing it."""
@@ -197,9 +198,10 @@ def plot(
     from beamsim.cli.progress import progress_of
     from beamsim.cli.stored import plot_stored
 
-    with progress_of(f"plotting {result.name}", shown=not json):
+    with progress_of(f"plotting {result.name}", shown=not (json or quiet)):
         files = plot_stored(result, output_folder(output, result.stem), form.value)
-    print_files(files, as_json=json)
+    if json or not quiet:
+        print_files(files, as_json=json)
 
 
 @app.command()
@@ -212,6 +214,7 @@ def export(
     ] = None,
     output: Output = None,
     json: Json = False,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
     """Write a result file in another format."""
@@ -220,9 +223,10 @@ def export(
     from beamsim.cli.stored import export_format, export_stored
 
     chosen = export_format(output, form and form.value)
-    with progress_of(f"exporting {result.name}", shown=not json):
+    with progress_of(f"exporting {result.name}", shown=not (json or quiet)):
         files = export_stored(result, output, chosen)
-    print_files(files, as_json=json)
+    if json or not quiet:
+        print_files(files, as_json=json)
 
 
 for module in dict.fromkeys(

@@ -83,6 +83,7 @@ def compare(
     output: Output = None,
     json: Json = False,
     no_plots: NoPlots = False,
+    quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
     """Overlay a run or sweep with measured signals. Prints differences of harmonics, phase aligned; of sweeps peaks."""
@@ -102,8 +103,8 @@ def compare(
     pairs = pair_channels(
         stored, measured, place=probe, quantity=quantity, channel=channel, unit=unit, axis_unit=axis_unit
     )
-    reporting = Reporting(not no_plots, json)
-    bar = progress_of(f"comparing with {measured.name}", shown=not json)
+    reporting = Reporting(not no_plots, json, quiet)
+    bar = progress_of(f"comparing with {measured.name}", shown=not (json or quiet))
     with concluded("compare", target, reporting) as computation, bar:
         if swept is not None:
             excitation = None if reference is None else history_named(measured, reference, axis_unit)

@@ -246,7 +246,7 @@ def sweep_screen(result: SweepResult) -> Screen:
     s, printed = result.summary, Printed(result.summary)
     of = (
         ("peak_force_n", "force", "N"), ("peak_displacement_m", "displacement", "m"),
-        ("peak_acceleration_m_s2", "acceleration", "m/s^2"),
+        ("peak_acceleration_g", "acceleration", "g"),
     )  # fmt: skip
     rows = []
     for name, curve in result.curves.items():

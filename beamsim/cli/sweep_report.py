@@ -122,7 +122,7 @@ TEXTS: Texts = {
     "impacts": _impacts,
     "sliding": _sliding,
     "peak_displacement_m": _largest("displacement", "m"),
-    "peak_acceleration_m_s2": _largest("acceleration", "m/s^2"),
+    "peak_acceleration_g": _largest("acceleration", "g"),
     "peak_force_n": _largest("force", "N"),
     **SHARED,
     "base_correction_share": base_correction,

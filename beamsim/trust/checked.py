@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 Progress = Callable[[float], None] | None
-OF_SWEEPS = ("peak_displacement_m", "peak_acceleration_m_s2", "peak_force_n", "contact_share", "peak_output")
+OF_SWEEPS = ("peak_displacement_m", "peak_acceleration_g", "peak_force_n", "contact_share", "peak_output")
 NOT_ASKED = "not asked for"
 FIRST_SHARE = 0.4  # of the time, that of the first model
 

@@ -34,7 +34,7 @@ def test_changes_of_a_sweep_are_those_of_the_finer_model():
     s, model = result.summary, result.summary["convergence_model"]
     assert (model["first_modes"], model["modes"]) == (3, 5)
     finer = unchecked(case(5, beam=BEAM | {"elements": 40})).summary
-    for entry in ("peak_displacement_m", "peak_acceleration_m_s2", "peak_force_n", "contact_share"):
+    for entry in ("peak_displacement_m", "peak_acceleration_g", "peak_force_n", "contact_share"):
         for curve, values in s[entry].items():
             for name, a in values.items():
                 b = finer[entry][curve][name]

@@ -26,6 +26,7 @@ from beamsim.analyses.sweep.result import (
     SweepWork,
 )
 from beamsim.analyses.table_reach import forces_beyond_tables
+from beamsim.analyses.values import STANDARD_GRAVITY
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.profile_file import read_profile
 from beamsim.interrupts import never
@@ -264,17 +265,18 @@ def _peaks(curve: SweepCurve, modes: ModeTable) -> Iterator[ResponsePeak]:
 def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
     """What does not repeat a field of the result."""
 
-    def largest(values: str) -> dict[str, dict[str, float]]:
+    def largest(values: str, unit: float = 1.0) -> dict[str, dict[str, float]]:
         return {
             curve.name: {
-                key: float(np.nanmax(envelope.peak, initial=0.0)) for key, envelope in getattr(curve, values).items()
+                key: float(np.nanmax(envelope.peak, initial=0.0)) / unit
+                for key, envelope in getattr(curve, values).items()
             }
             for curve in curves.values()
         }
 
     return {
         "peak_displacement_m": largest("displacement"),
-        "peak_acceleration_m_s2": largest("acceleration"),
+        "peak_acceleration_g": largest("acceleration", STANDARD_GRAVITY),
         "peak_force_n": largest("force"),
         **_outputs(curves),
         "contact_share": {

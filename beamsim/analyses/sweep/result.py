@@ -356,7 +356,7 @@ _SUMMARY = (
     *CorrectionSize.ENTRIES,
     Entry("peak_displacement_m", "m", "by curve, largest magnitude of a probe's relative displacement",
              "peak displacement"),
-    Entry("peak_acceleration_m_s2", "m/s^2", "by curve, largest magnitude of a probe's absolute acceleration",
+    Entry("peak_acceleration_g", "g", "by curve, largest magnitude of a probe's absolute acceleration",
              "peak acceleration"),
     Entry("peak_force_n", "N", "by curve, largest contact force of a snubber", "peak contact force"),
     Entry("contact_share", "1", "by curve, share of its time in contact of a snubber; of a stepped sweep the mean over "
