@@ -11,7 +11,7 @@ from beamsim.flow.compiled import kernel, summing
 from beamsim.flow.kernels import EPS, _exp
 
 TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
-PARTS = 4  # of an interval
+PARTS, MOST_PARTS = 4, 64  # of an interval, and at most of all that is searched at once
 NEAREST, NEAR = 1e-4, 0.1  # of an interval, from the top of the cubic to the ends of the parts about it
 FARTHEST = 3.0  # rad, that a function may turn on a part to be in the cubics
 VALUE, SLOPE = 1.0 / 384.0, math.sqrt(3.0) / 216.0  # errors of a cubic and of its slope, over the fourth derivative
@@ -45,7 +45,7 @@ class Look(NamedTuple):
 
     u: Any  # (P + 1,)
     wave: Any  # (P + 1, 4, B) real and imaginary parts of the functions of time there, and of their slopes
-    most: Any  # (6, B) bounds on their derivatives of the orders 0 to 4 on the interval, and on their round-off
+    most: Any  # (5, B) bounds on their derivatives of the orders 0 to 4 on the interval
     near: Any  # (B,) 1, or 0 where they turn too far on a part to be in the cubics
     value: Any  # (P + 1, 3, K) as a whole; of what is in the cubics, the value and the slope
     bound: Any  # (9, K) on the derivatives of the orders 0 to 4 of what is in the cubics, on what is not, on round-off,
@@ -71,34 +71,42 @@ def search(sums, known, resolution):  # type: ignore[no-untyped-def]
     values that were computed.
     """
     B, K = sums.rate.shape[1], sums.table.shape[3]
-    output, by_output = np.empty((4, K, B)), np.empty((3, B, K))
+    output, noise, by_output = np.empty((3, K, B)), np.empty(K), np.empty((2, B, K))
     ends, inside = _make_look(1, B, K), _make_look(PARTS, B, K)
     every, waiting, turns = known.every, np.empty((64, 6)), np.empty((64, 2))
     used, evaluations = np.zeros(2, dtype=np.int64), 0  # rows of these
     for i in range(sums.window.size):
-        _fill_outputs(sums, i, by_output, output)
-        ends.u[0], ends.u[1] = sums.place[0, i], sums.place[1, i]
-        _fill_waves(sums, i, ends)
-        _see(known, sums, i, every, output, ends)
+        ends.u[0], ends.u[1], window = sums.place[0, i], sums.place[1, i], sums.window[i]
+        _fill_waves(sums, i, True, ends)
+        _fill_outputs(sums, i, ends, by_output, output, noise)
+        _see(known, sums, i, every, output, noise, ends)
         evaluations += 2 * every.size
+        pieces, cut = inside, False
         for j in every:
+            seen = False
             for sign in range(2):
-                key = (sign, sums.window[i], j, i)
-                top = known.value[sign, sums.window[i], j]
-                if ends.bound[HIGHEST + sign, known.first[j]] <= _limit(known, key, top, resolution):
+                top, scale = known.value[sign, window, j], known.value[0 if known.squared else sign, window, j]
+                if ends.bound[HIGHEST + sign, known.first[j]] <= _limit(top, scale, top, resolution):
                     continue
-                turns = _with_room(turns, used[1])
-                _left(known, key, ends, resolution, waiting, turns, used)
+                if not cut:
+                    pieces, cut = _cut(sums, i, ends), True
+                if not seen:
+                    _see(known, sums, i, every[j : j + 1], output, noise, pieces)
+                    evaluations, seen = evaluations + pieces.u.size, True
+                key = (sign, window, j, i)
+                waiting, turns = _with_room(waiting, used[0] + pieces.u.size), _with_room(turns, used[1] + pieces.u.size)
+                _left(known, key, pieces, resolution, waiting, turns, used)
                 while used[0] > 0:
                     used[0] -= 1
                     row = waiting[used[0]]
-                    if row[2] <= _limit(known, key, row[3], resolution):
+                    top, scale = known.value[sign, window, j], known.value[0 if known.squared else sign, window, j]
+                    if row[2] <= _limit(top, scale, row[3], resolution):
                         continue
                     _divide(row, inside.u)
-                    _fill_waves(sums, i, inside)
-                    _see(known, sums, i, every[j : j + 1], output, inside)
+                    _fill_waves(sums, i, row[4] == 0.0, inside)
+                    _see(known, sums, i, every[j : j + 1], output, noise, inside)
                     evaluations += PARTS - 1
-                    waiting, turns = _with_room(waiting, used[0]), _with_room(turns, used[1])
+                    waiting, turns = _with_room(waiting, used[0] + PARTS), _with_room(turns, used[1] + PARTS)
                     _left(known, key, inside, resolution, waiting, turns, used)
     return turns[: used[1]], evaluations
 
@@ -107,99 +115,112 @@ def search(sums, known, resolution):  # type: ignore[no-untyped-def]
 def _make_look(parts, B, K):  # type: ignore[no-untyped-def]
     """Work arrays."""
     return Look(
-        np.empty(parts + 1), np.empty((parts + 1, 4, B)), np.empty((6, B)), np.empty(B), np.empty((parts + 1, 3, K)),
+        np.empty(parts + 1), np.empty((parts + 1, 4, B)), np.empty((5, B)), np.empty(B), np.empty((parts + 1, 3, K)),
         np.empty((9, K)),
     )  # fmt: skip
 
 
 @kernel
 def _with_room(rows, used):  # type: ignore[no-untyped-def]
-    """Rows of which some are used, with room for those of another look."""
-    if used + PARTS <= rows.shape[0]:
+    """Rows, of which more are going to be used."""
+    if used <= rows.shape[0]:
         return rows
-    out = np.empty((2 * rows.shape[0], rows.shape[1]))
-    for i in range(used):
-        for k in range(rows.shape[1]):
-            out[i, k] = rows[i, k]
+    out = np.empty((2 * used, rows.shape[1]))
+    out[: rows.shape[0]] = rows
     return out
 
 
+@kernel
+def _cut(sums, i, ends):  # type: ignore[no-untyped-def]
+    """A look at equal parts of an interval, so short that all functions are in the cubics as far as that is possible."""
+    parts, turn = PARTS, np.abs(sums.rate[i]).max() * (ends.u[1] - ends.u[0])
+    while parts < MOST_PARTS and FARTHEST * parts < turn:
+        parts *= 2
+    look = _make_look(parts, ends.near.size, ends.bound.shape[1])
+    for p in range(parts + 1):
+        look.u[p] = ends.u[0] + (ends.u[1] - ends.u[0]) * p / parts
+    _fill_waves(sums, i, True, look)
+    return look
+
+
 @summing
-def _fill_outputs(sums, i, by_output, output):  # type: ignore[no-untyped-def]
-    """(4, K, B) on a part: real and imaginary parts and sizes of the functions' coefficients, and their round-off."""
+def _fill_outputs(sums, i, ends, by_output, output, noise):  # type: ignore[no-untyped-def]
+    """(3, K, B) on a part: real and imaginary parts and sizes of the functions' coefficients; (K,) round-off."""
     n, K, B = i if sums.table.shape[0] > 1 else 0, output.shape[1], output.shape[2]
+    farthest = max(abs(ends.u[0]), abs(ends.u[1]))
     for b in range(B):
         for k in range(K):
-            by_output[0, b, k] = by_output[1, b, k] = by_output[2, b, k] = 0.0
+            by_output[0, b, k] = by_output[1, b, k] = 0.0
+    for k in range(K):
+        noise[k] = 0.0
     for t in range(sums.basis.size):
-        b, noise = sums.basis[t], sums.noise[i, t]
-        real, imag = sums.amplitude[i, t].real, sums.amplitude[i, t].imag
+        b = sums.basis[t]
+        real, imag, rounded = sums.amplitude[i, t].real, sums.amplitude[i, t].imag, sums.noise[i, t] * ends.most[0, b]
         for k in range(K):
             by_output[0, b, k] += sums.table[n, 0, t, k] * real - sums.table[n, 1, t, k] * imag
             by_output[1, b, k] += sums.table[n, 0, t, k] * imag + sums.table[n, 1, t, k] * real
-            by_output[2, b, k] += sums.table[n, 2, t, k] * noise
-    for k in range(K):
-        for b in range(B):
-            output[0, k, b], output[1, k, b], output[3, k, b] = (
-                by_output[0, b, k],
-                by_output[1, b, k],
-                by_output[2, b, k],
-            )
-        for b in range(B):
-            output[2, k, b] = math.sqrt(output[0, k, b] ** 2 + output[1, k, b] ** 2)
+            noise[k] += sums.table[n, 2, t, k] * rounded
+    for b in range(B):
+        rate = math.sqrt(sums.rate[i, b].real ** 2 + sums.rate[i, b].imag ** 2)
+        rounded = 4.0 * EPS * (8.0 + sums.power[b] + rate * farthest) * ends.most[0, b]
+        for k in range(K):
+            real, imag = by_output[0, b, k], by_output[1, b, k]
+            size = math.sqrt(real * real + imag * imag)
+            output[0, k, b], output[1, k, b], output[2, k, b] = real, imag, size
+            noise[k] += rounded * size
 
 
 @kernel
-def _fill_waves(sums, i, look):  # type: ignore[no-untyped-def]
-    """The functions of time at the ends of the parts of an interval, and bounds on them between these."""
+def _fill_waves(sums, i, equal, look):  # type: ignore[no-untyped-def]
+    """The functions of time at the ends of the parts, which are equal or not, of an interval, and bounds between these.
+
+    From a function f to u f derivatives change to ``u f^(k) + k f^(k - 1)``.
+    """
     u, wave, most, last = look.u, look.wave, look.most, look.u.size - 1
     step, farthest = 0.0, max(abs(u[0]), abs(u[last]))
     for p in range(last):
         step = max(step, u[p + 1] - u[p])
     for b in range(sums.power.size):
-        rate, power = sums.rate[i, b], sums.power[b]
+        rate, power, times = sums.rate[i, b], sums.power[b], 1
         size = math.sqrt(rate.real * rate.real + rate.imag * rate.imag)
-        if b > 0 and rate == sums.rate[i, b - 1] and power == sums.power[b - 1] + 1:
+        given = b - 1
+        if b == 0 or rate != sums.rate[i, given] or power != sums.power[given] + 1:
+            given, times = b, power
+            done = 1
+            e = _exp(rate.real, rate.imag, u[0])
+            wave[0, 0, b], wave[0, 1, b] = e.real, e.imag
+            while done <= last:  # as many again, by what the function grows on these
+                e = _exp(rate.real, rate.imag, u[done] - u[0])
+                for p in range(done, min(2 * done, last + 1)):
+                    if not equal:
+                        e = _exp(rate.real, rate.imag, u[p] - u[p - done])
+                    x, y = wave[p - done, 0, b], wave[p - done, 1, b]
+                    wave[p, 0, b], wave[p, 1, b] = x * e.real - y * e.imag, x * e.imag + y * e.real
+                done *= 2
             for p in range(last + 1):
-                for q in range(4):
-                    wave[p, q, b] = wave[p, q, b - 1]
-            for order in range(5):
-                most[order, b] = most[order, b - 1]
-            _raise(look, b, farthest)
-        else:
-            for p in range(last + 1):
-                e = _exp(rate.real, rate.imag, u[p])
-                slope = rate * e
-                wave[p, 0, b], wave[p, 1, b], wave[p, 2, b], wave[p, 3, b] = e.real, e.imag, slope.real, slope.imag
+                x, y = wave[p, 0, b], wave[p, 1, b]
+                wave[p, 2, b], wave[p, 3, b] = x * rate.real - y * rate.imag, x * rate.imag + y * rate.real
             bound = math.exp(max(rate.real * u[0], rate.real * u[last]))
             for order in range(5):
                 most[order, b] = bound
                 bound *= size
-            for _ in range(power):
-                _raise(look, b, farthest)
-        most[5, b] = 4.0 * EPS * (8.0 + power + size * farthest) * most[0, b]
+        for _ in range(times):
+            for p in range(last + 1):
+                for q in range(2):
+                    wave[p, 2 + q, b] = u[p] * wave[p, 2 + q, given] + wave[p, q, given]
+                    wave[p, q, b] = u[p] * wave[p, q, given]
+            for order in range(4, 0, -1):
+                most[order, b] = farthest * most[order, given] + order * most[order - 1, given]
+            most[0, b] = farthest * most[0, given]
         look.near[b] = 1.0 if size * step <= FARTHEST else 0.0
 
 
 @kernel
-def _raise(look, b, farthest):  # type: ignore[no-untyped-def]
-    """From a function f to u f, whose derivatives are ``u f^(k) + k f^(k - 1)``."""
-    for p in range(look.u.size):
-        u = look.u[p]
-        for q in range(2):
-            look.wave[p, 2 + q, b] = u * look.wave[p, 2 + q, b] + look.wave[p, q, b]
-            look.wave[p, q, b] *= u
-    for order in range(4, 0, -1):
-        look.most[order, b] = farthest * look.most[order, b] + order * look.most[order - 1, b]
-    look.most[0, b] *= farthest
-
-
-@kernel
-def _see(known, sums, i, which, output, look):  # type: ignore[no-untyped-def]
+def _see(known, sums, i, which, output, noise, look):  # type: ignore[no-untyped-def]
     """Some functions of outputs at the ends of the parts of an interval, and bounds on them between these; raise what
     is known, of equal values the first counts."""
     value, bound, window = look.value, look.bound, sums.window[i]
-    _see_outputs(known.first, which, output, look)
+    _see_outputs(known.first, which, output, noise, look)
     for j in which:
         k = known.first[j]
         if known.squared:
@@ -223,7 +244,7 @@ def _see(known, sums, i, which, output, look):  # type: ignore[no-untyped-def]
 
 
 @summing
-def _see_outputs(first, which, output, look):  # type: ignore[no-untyped-def]
+def _see_outputs(first, which, output, noise, look):  # type: ignore[no-untyped-def]
     """The outputs of some functions, and bounds on their derivatives, on what is not in the cubics, on round-off."""
     for k in range(first[which[0]], first[which[which.size - 1] + 1]):
         for p in range(look.u.size):
@@ -235,7 +256,7 @@ def _see_outputs(first, which, output, look):  # type: ignore[no-untyped-def]
                 value += look.near[b] * part
                 slope += look.near[b] * (real * look.wave[p, 2, b] - imag * look.wave[p, 3, b])
             look.value[p, 0, k], look.value[p, 1, k], look.value[p, 2, k] = whole, value, slope
-        n0, n1, n2, n3, n4, aside, rounded = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        n0, n1, n2, n3, n4, aside = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for b in range(look.near.size):
             size, near = output[2, k, b], output[2, k, b] * look.near[b]
             n0 += near * look.most[0, b]
@@ -244,9 +265,8 @@ def _see_outputs(first, which, output, look):  # type: ignore[no-untyped-def]
             n3 += near * look.most[3, b]
             n4 += near * look.most[4, b]
             aside += (size - near) * look.most[0, b]
-            rounded += size * look.most[5, b] + output[3, k, b] * look.most[0, b]
         look.bound[0, k], look.bound[1, k], look.bound[2, k], look.bound[3, k] = n0, n1, n2, n3
-        look.bound[FOURTH, k], look.bound[ASIDE, k], look.bound[ROUND_OFF, k] = n4, aside, rounded
+        look.bound[FOURTH, k], look.bound[ASIDE, k], look.bound[ROUND_OFF, k] = n4, aside, noise[k]
 
 
 @kernel
@@ -271,17 +291,14 @@ def _add_squares(look, first, last):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _limit(known, key, reached, resolution):  # type: ignore[no-untyped-def]
-    """What a function has to exceed on an interval at whose ends a value is reached; key: sign, window, function, part.
+def _limit(top, scale, reached, resolution):  # type: ignore[no-untyped-def]
+    """What a function has to exceed on an interval at whose ends a value is reached.
 
-    Where that is the largest value of all, any better one counts; where all turning points are sought, every one does.
+    Where that is the largest value of all, top, any better one counts; where all turning points are sought, every one does.
     """
-    sign, window, j, _ = key
     if resolution >= 0.0:
         return -math.inf
-    top = known.value[sign, window, j]
-    scale = abs(known.value[0, window, j] if known.squared else top)
-    return top + (4.0 * EPS if reached == top else TOLERANCE) * scale
+    return top + (4.0 * EPS if reached == top else TOLERANCE) * abs(scale)
 
 
 @kernel
@@ -303,7 +320,8 @@ def _left(known, key, look, resolution, waiting, turns, used):  # type: ignore[n
 
     Parameters
     ----------
-    known, key, look, resolution : see `_limit` and `search`.
+    known, look, resolution : see `search`.
+    key : sign, window, function, part.
     waiting : begin, end, bound, the value that is reached at the ends, the place of the top, 0 if not certain, and how
         near to that it is.
     turns : see `search`.
@@ -311,6 +329,7 @@ def _left(known, key, look, resolution, waiting, turns, used):  # type: ignore[n
     """
     sign = 1.0 if key[0] == 0 else -1.0
     value, k = look.value, known.first[key[2]]
+    top, scale = known.value[key[0], key[1], key[2]], known.value[0 if known.squared else key[0], key[1], key[2]]
     fourth, aside, noise = look.bound[FOURTH, k], look.bound[ASIDE, k], look.bound[ROUND_OFF, k]
     for p in range(look.u.size - 2, -1, -1):
         begin, h = look.u[p], look.u[p + 1] - look.u[p]
@@ -318,9 +337,9 @@ def _left(known, key, look, resolution, waiting, turns, used):  # type: ignore[n
         first, last = sign * value[p, 2, k] * h, sign * value[p + 1, 2, k] * h
         error = fourth * h * h * h * h
         reached = max(sign * value[p, 0, k], sign * value[p + 1, 0, k])
-        limit = _limit(known, key, reached, resolution)
-        top, place, curvature, flattest, steepest = _cubic(left, right, first, last)
-        bound = _beside(top + VALUE * error, aside, sign, known.squared) - noise
+        limit = _limit(top, scale, reached, resolution)
+        highest, place, curvature, flattest, steepest = _cubic(left, right, first, last)
+        bound = _beside(highest + VALUE * error, aside, sign, known.squared) - noise
         climbs = flattest > SLOPE * error or steepest < -SLOPE * error
         if not bound > limit or (aside == 0.0 and climbs) or h <= EPS * (abs(begin) + h):
             continue
