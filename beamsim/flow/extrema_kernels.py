@@ -94,7 +94,10 @@ def search(sums, known, resolution):  # type: ignore[no-untyped-def]
                     _see(known, sums, i, every[j : j + 1], output, noise, pieces)
                     evaluations, seen = evaluations + pieces.u.size, True
                 key = (sign, window, j, i)
-                waiting, turns = _with_room(waiting, used[0] + pieces.u.size), _with_room(turns, used[1] + pieces.u.size)
+                waiting, turns = (
+                    _with_room(waiting, used[0] + pieces.u.size),
+                    _with_room(turns, used[1] + pieces.u.size),
+                )
                 _left(known, key, pieces, resolution, waiting, turns, used)
                 while used[0] > 0:
                     used[0] -= 1
@@ -132,13 +135,15 @@ def _with_room(rows, used):  # type: ignore[no-untyped-def]
 
 @kernel
 def _cut(sums, i, ends):  # type: ignore[no-untyped-def]
-    """A look at equal parts of an interval, so short that all functions are in the cubics as far as that is possible."""
-    parts, turn = PARTS, np.abs(sums.rate[i]).max() * (ends.u[1] - ends.u[0])
+    """A look at equal parts of an interval, so short that all functions are in the cubics if that takes not too many."""
+    parts, turn = 1, np.abs(sums.rate[i]).max() * (ends.u[1] - ends.u[0])
     while parts < MOST_PARTS and FARTHEST * parts < turn:
         parts *= 2
+    if parts == 1:
+        return ends
     look = _make_look(parts, ends.near.size, ends.bound.shape[1])
     for p in range(parts + 1):
-        look.u[p] = ends.u[0] + (ends.u[1] - ends.u[0]) * p / parts
+        look.u[p] = ends.u[1] if p == parts else ends.u[0] + (ends.u[1] - ends.u[0]) * p / parts
     _fill_waves(sums, i, True, look)
     return look
 
@@ -147,7 +152,7 @@ def _cut(sums, i, ends):  # type: ignore[no-untyped-def]
 def _fill_outputs(sums, i, ends, by_output, output, noise):  # type: ignore[no-untyped-def]
     """(3, K, B) on a part: real and imaginary parts and sizes of the functions' coefficients; (K,) round-off."""
     n, K, B = i if sums.table.shape[0] > 1 else 0, output.shape[1], output.shape[2]
-    farthest = max(abs(ends.u[0]), abs(ends.u[1]))
+    farthest, round_off = max(abs(ends.u[0]), abs(ends.u[1])), np.empty(B)
     for b in range(B):
         for k in range(K):
             by_output[0, b, k] = by_output[1, b, k] = 0.0
@@ -162,12 +167,13 @@ def _fill_outputs(sums, i, ends, by_output, output, noise):  # type: ignore[no-u
             noise[k] += sums.table[n, 2, t, k] * rounded
     for b in range(B):
         rate = math.sqrt(sums.rate[i, b].real ** 2 + sums.rate[i, b].imag ** 2)
-        rounded = 4.0 * EPS * (8.0 + sums.power[b] + rate * farthest) * ends.most[0, b]
-        for k in range(K):
-            real, imag = by_output[0, b, k], by_output[1, b, k]
-            size = math.sqrt(real * real + imag * imag)
-            output[0, k, b], output[1, k, b], output[2, k, b] = real, imag, size
-            noise[k] += rounded * size
+        round_off[b] = 4.0 * EPS * (8.0 + sums.power[b] + rate * farthest) * ends.most[0, b]
+    for k in range(K):
+        for b in range(B):
+            output[0, k, b], output[1, k, b] = by_output[0, b, k], by_output[1, b, k]
+        for b in range(B):
+            output[2, k, b] = math.sqrt(output[0, k, b] ** 2 + output[1, k, b] ** 2)
+            noise[k] += round_off[b] * output[2, k, b]
 
 
 @kernel
@@ -183,20 +189,20 @@ def _fill_waves(sums, i, equal, look):  # type: ignore[no-untyped-def]
     for b in range(sums.power.size):
         rate, power, times = sums.rate[i, b], sums.power[b], 1
         size = math.sqrt(rate.real * rate.real + rate.imag * rate.imag)
-        given = b - 1
+        given = b - 1  # the function that is multiplied by the time
         if b == 0 or rate != sums.rate[i, given] or power != sums.power[given] + 1:
             given, times = b, power
-            done = 1
             e = _exp(rate.real, rate.imag, u[0])
             wave[0, 0, b], wave[0, 1, b] = e.real, e.imag
+            done, doubled = 1, 0
             while done <= last:  # as many again, by what the function grows on these
-                e = _exp(rate.real, rate.imag, u[done] - u[0])
+                e = e * e if doubled % 3 > 0 else _exp(rate.real, rate.imag, u[done] - u[0])
                 for p in range(done, min(2 * done, last + 1)):
                     if not equal:
                         e = _exp(rate.real, rate.imag, u[p] - u[p - done])
                     x, y = wave[p - done, 0, b], wave[p - done, 1, b]
                     wave[p, 0, b], wave[p, 1, b] = x * e.real - y * e.imag, x * e.imag + y * e.real
-                done *= 2
+                done, doubled = 2 * done, doubled + 1
             for p in range(last + 1):
                 x, y = wave[p, 0, b], wave[p, 1, b]
                 wave[p, 2, b], wave[p, 3, b] = x * rate.real - y * rate.imag, x * rate.imag + y * rate.real
@@ -294,7 +300,8 @@ def _add_squares(look, first, last):  # type: ignore[no-untyped-def]
 def _limit(top, scale, reached, resolution):  # type: ignore[no-untyped-def]
     """What a function has to exceed on an interval at whose ends a value is reached.
 
-    Where that is the largest value of all, top, any better one counts; where all turning points are sought, every one does.
+    Where that is the largest value of all, top, any better one counts; where all turning points are sought, every one
+    does. The size of values is scale.
     """
     if resolution >= 0.0:
         return -math.inf
