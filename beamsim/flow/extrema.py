@@ -8,9 +8,9 @@ terms bound the fourth derivative, and so how far the output leaves the cubic th
 
 (Hermite interpolation; the kernels of its error by Peano). Terms that turn too far on the interval to be part of the
 cubic are bounded by their sizes. Intervals on which no value can exceed the largest one known are left out, the others
-divided: a whole segment at once into parts on which no term turns far, whose exponentials all outputs share; a part about
-the top of its cubic where the true one is certain to be near it, else into equal parts. The smallest value is the largest
-one of the negative.
+divided: a whole segment at once into parts on which no term turns far, whose exponentials all outputs share; a part
+about the top of its cubic where the true one is certain to be near it, else into equal parts. The smallest value is the
+largest one of the negative.
 
 Half the sum of the squares of outputs, such as an energy, is searched in the same way: the bounds on the outputs bound
 it and its derivatives.

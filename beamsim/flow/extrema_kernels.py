@@ -135,7 +135,7 @@ def _with_room(rows, used):  # type: ignore[no-untyped-def]
 
 @kernel
 def _cut(sums, i, ends):  # type: ignore[no-untyped-def]
-    """A look at equal parts of an interval, so short that all functions are in the cubics if that takes not too many."""
+    """A look at equal parts of an interval, where possible so short that all functions are in the cubics."""
     parts, turn = 1, np.abs(sums.rate[i]).max() * (ends.u[1] - ends.u[0])
     while parts < MOST_PARTS and FARTHEST * parts < turn:
         parts *= 2
