@@ -21,12 +21,6 @@ class Compared:
             pair = (theirs, ours) if theirs.size < 4 else (theirs[bad][0], np.broadcast_to(ours, bad.shape)[bad][0])
             self.differences.append(f"{self.what} {name}: {pair[0]} instead of {pair[1]}".strip())
 
-    def must(self, name, holds):
-        """A figure that is right or wrong."""
-        self.count += 1
-        if not holds:
-            self.differences.append(f"{self.what} {name}".strip())
-
     def add(self, other):
         """What another one has compared."""
         self.count += other.count

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-NEVER = np.inf
-
 
 @dataclass(frozen=True)
 class Exit:

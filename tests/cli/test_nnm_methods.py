@@ -34,29 +34,6 @@ def beam():
     return nnm(load_scenario(FIRST, changes))
 
 
-def same(a, b, path="result"):
-    """Every field alike, bit for bit."""
-    if dataclasses.is_dataclass(a):
-        assert dataclasses.is_dataclass(b), path
-        for field in dataclasses.fields(a):
-            same(getattr(a, field.name), getattr(b, field.name), f"{path}.{field.name}")
-    elif isinstance(a, np.ndarray):
-        assert a.dtype.kind == b.dtype.kind, path
-        np.testing.assert_array_equal(a, b, err_msg=path)
-    elif isinstance(a, dict):
-        assert list(a) == list(b), path
-        for key in a:
-            same(a[key], b[key], f"{path}[{key!r}]")
-    elif isinstance(a, (tuple, list)):
-        assert len(a) == len(b), path
-        for k, pair in enumerate(zip(a, b, strict=True)):
-            same(*pair, f"{path}[{k}]")
-    elif isinstance(a, float) and np.isnan(a):
-        assert np.isnan(b), path
-    else:
-        assert a == b, path
-
-
 def test_thesis_method_beside_shooting(compared):
     """As close as its tolerance lets it, and not closer; what was computed is counted."""
     relaxed = compared.relaxed

@@ -35,16 +35,6 @@ def test_pad_modulus_is_k_h_over_b():
     assert result.summary["pad_youngs_modulus_pa"] == pytest.approx(result.summary["stiffness_n_per_m"] * 0.02 / 250e-6)
 
 
-def test_the_thesis_loop_takes_a_hundred_times_the_eigenvalue_solutions():
-    ours = identify_stiffness(case())
-    loop = identify_stiffness(case(method="thesis"))
-    assert loop.complete
-    assert loop.summary["stiffness_n_per_m"] == pytest.approx(ours.summary["stiffness_n_per_m"], rel=0.01)
-    assert abs(loop.summary["frequencies_with_hz"][0] / 196.5 - 1) <= 1e-3
-    assert loop.summary["eigenvalue_solutions"] >= 100 * ours.summary["eigenvalue_solutions"]
-    assert loop.summary["eigenvalue_solutions"] > 1600
-
-
 def test_a_step_of_the_loop_can_jump_over_a_narrow_tolerance():
     result = identify_stiffness(case(method="thesis", tolerance=1e-6))
     assert not result.complete
