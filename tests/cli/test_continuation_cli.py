@@ -160,11 +160,7 @@ def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
 
 
 def test_limits_are_checked(tmp_path):
-    case = [
-        BEAM,
-        "--set",
-        "sweep={kind: continuation, from: 80 Hz, to: 82 Hz}",
-    ]
+    case = [BEAM, "--set", "sweep={kind: continuation, from: 80 Hz, to: 80.5 Hz, seek_at: 0}"]
     run = [*case, "-o", tmp_path, "--no-plots", "-q", "--check", "--set"]
     assert sweep(*run, "limits={peak_force: 10 kN, gap: 1 m, bending_stress: 10 GPa}").exit_code == 0
     done = sweep(*run, "limits={peak_force: 10 kN, gap: 1 um, bending_stress: 1 MPa, peak_acceleration: 1 g}")
