@@ -151,6 +151,7 @@ def test_extremes_are_those_of_a_stepped_sine():
     assert curve.summary["margins"]["peak_force"]["value"] == branch.peak_force["tip"].max()
 
 
+@pytest.mark.slow
 def test_margins_count_stable_motions_only():
     changes = ["limits={peak_displacement: 1.85 m}", "sweep.longest_period=1"]
     result = frequency_response(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))

@@ -161,6 +161,7 @@ def test_forced_on_the_first_mode_at_factor_5():
     assert m.held.departure[-1] < 0.1
 
 
+@pytest.mark.slow
 def test_forced_on_the_second_mode_at_factor_5():
     """Printed 340 Hz, which no spring gives: 351.02 Hz without, 359.19 Hz at 5 times 107 kN/m; unstable when forced."""
     changes = {"nnm.phase_resonance.levels": ["1 g"]}

@@ -51,6 +51,7 @@ def downwards(orbits_at):
     return problem, *walk(problem, 34.0, 60.0, -1.0)
 
 
+@pytest.mark.slow
 def test_special_points_do_not_depend_on_the_steps(orbits_at, downwards):
     """Steps of a quarter find the same points, to 1e-8: none hides, in a pair, within a step."""
     _, _, found, _, _ = downwards
@@ -64,6 +65,7 @@ def test_special_points_do_not_depend_on_the_steps(orbits_at, downwards):
     np.testing.assert_allclose([x for _, x in ordered(finer)], [x for _, x in ordered(found)], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_unstable_beginning_lies_on_the_curve(orbits_at, downwards):
     """At 35 Hz transients end in chaos; the path of falling damping ends on the curve that came down from 45 Hz."""
     problem, points, _, _, _ = downwards

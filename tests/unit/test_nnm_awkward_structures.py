@@ -11,6 +11,7 @@ from beamsim.scenario import load_scenario
 from beamsim.store.results import open_nnm, write_result
 
 
+@pytest.mark.slow
 def test_two_stops_that_touch_one_point_take_turns():
     """A hinged panel that another stop pushes away, its tip between two stops without gap: when one lets go the other
     takes over, once. (The two change at the same instant, and round-off once had them change back and forth.)"""
@@ -91,6 +92,7 @@ PRESSED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_small_motions_under_prestress_while_the_spring_grows():
     """Rest moves twelve times as far as the motion is large; the motion stays that of the closed structure."""
     mode = {"mode": 1, "energy": 1e-3, "continue_in": {"kind": "stiffness_factor", "to": 0.03}}
