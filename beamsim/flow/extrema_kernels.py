@@ -11,7 +11,7 @@ from beamsim.flow.compiled import kernel, summing
 from beamsim.flow.kernels import EPS, _exp
 
 TOLERANCE = 1e-10  # relative distance below which two peaks of an output count as equal
-PARTS, MOST_PARTS = 4, 64  # of an interval, and at most of all that is searched at once
+PARTS = 4  # of an interval
 NEAREST, NEAR = 1e-4, 0.1  # of an interval, from the top of the cubic to the ends of the parts about it
 FARTHEST = 3.0  # rad, that a function may turn on a part to be in the cubics
 VALUE, SLOPE = 1.0 / 384.0, math.sqrt(3.0) / 216.0  # errors of a cubic and of its slope, over the fourth derivative
@@ -135,9 +135,9 @@ def _with_room(rows, used):  # type: ignore[no-untyped-def]
 
 @kernel
 def _cut(sums, i, ends):  # type: ignore[no-untyped-def]
-    """A look at equal parts of an interval, where possible so short that all functions are in the cubics."""
+    """A look at equal parts of an interval, at most 64, so short that all functions are in the cubics."""
     parts, turn = 1, np.abs(sums.rate[i]).max() * (ends.u[1] - ends.u[0])
-    while parts < MOST_PARTS and FARTHEST * parts < turn:
+    while parts < 64 and FARTHEST * parts < turn:
         parts *= 2
     if parts == 1:
         return ends
