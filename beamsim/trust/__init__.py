@@ -1,6 +1,5 @@
-"""How sure a value is: what stands around an analysis and calls it, and which no analysis knows.
+"""How sure a value is: a finer model, the reference integrator, round-off, around an analysis that does not know it.
 
-A case is solved again with a finer model, compared with the reference integrator, or disturbed by round-off.
+Never here: what only one analysis does; files and pictures.
 Begin with `checked`, the functions that the commands and the package call; `values` compares.
-Never here: what an analysis computes, and how.
 """
