@@ -244,31 +244,44 @@ class ContactModes:
     loads: SourceLoads
     rates: Callable[[Complexes, Complexes, Complexes], Complexes] | None  # where contacts act
 
-    def series(self, sources: Sources, source: int) -> tuple[float, float]:
-        """For how long, s, the response to a source holds, and up to where it is a power series, see `_forced`."""
-        return min(self.horizon, float(sources.longest_piece[source])), float(sources.limit[source])
+    @cached_property
+    def whole(self) -> SimpleModes:
+        """The simple modes, both of each pair."""
+        return self.simple.whole()
 
-    def respond(self, terms: _Terms, whole: SimpleModes, sources: Sources, f: int) -> None:
-        """Add the response to a source.
+    @cached_property
+    def free(self) -> tuple[Complexes, Complexes]:
+        """(Z, N) projector on the amplitudes of all free motions, and vectors of those of the simple modes."""
+        X, Xi, lam = self.simple
+        projector = np.ascontiguousarray(np.concatenate([Xi, *(block.left for block in self.blocks)]))
+        return projector, X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]
 
-        Parameters
-        ----------
-        terms : what it is added to.
-        whole : the simple modes, both of each pair.
-        sources, f : all sources, and the number of one.
-        """
-        nu, p = complex(sources.exponent[f]), int(sources.power[f])
-        polynomial = np.zeros((p + 1, terms.size), dtype=complex)
-        polynomial[:, -self.load.shape[1] :] = _driving(self.load[f], self.slope[f], nu, p)
-        if not np.any(polynomial):
-            return
-        _forced(terms, whole, self.blocks, polynomial, nu, f, *self.series(sources, f))
+    def respond(self, terms: _Terms, sources: Sources) -> None:
+        """Add the responses to all sources."""
+        acts = _driving(self.load, self.slope, sources)
+        polynomial = np.zeros((*acts.shape[:2], terms.size), dtype=complex)
+        polynomial[:, :, -self.load.shape[1] :] = acts
+        self._force(terms, polynomial, sources)
         if self.rates is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
-            own = _driving(self.loads.load[f], self.loads.slope[f], nu, p)
-            force = _driving(self.loads.force[f], self.loads.force_slope[f], nu, p)
-            rest = _residual(terms, self.rates, own, force, nu, f)
-            if np.any(rest):
-                _forced(terms, whole, self.blocks, rest, nu, f, *self.series(sources, f))
+            own = _driving(self.loads.load, self.loads.slope, sources)
+            force = _driving(self.loads.force, self.loads.force_slope, sources)
+            self._force(terms, _residual(terms, self.rates, own, force, sources), sources)
+
+    def _force(self, terms: _Terms, polynomial: Complexes, sources: Sources) -> None:
+        """Add the responses to ``sum_p polynomial[f, p] tau^p e^{nu_f tau}``, (F, degree + 1, N).
+
+        Where ``|nu - lambda|`` times the time for which a response must hold is below a limit it is a power series that
+        starts from zero.
+        """
+        acting = np.flatnonzero(polynomial.any(axis=(1, 2)))
+        if not acting.size:
+            return
+        window, limit = np.minimum(self.horizon, sources.longest_piece[acting]), sources.limit[acting]
+        _force_simple(terms, self.whole, polynomial, sources, (acting, window, limit))
+        for block in self.blocks:
+            for f, longest, least in zip(acting.tolist(), window.tolist(), limit.tolist(), strict=True):
+                degree = int(sources.power[f]) + 1
+                _force_block(terms, block, polynomial[f, :degree], complex(sources.exponent[f]), f, longest, least)
 
 
 def contact_modes(
@@ -314,28 +327,23 @@ def contact_modes(
 
 def tabulated(modes: ContactModes, sources: Sources) -> ContactState:
     """The tables of a contact state: the responses to the sources, and the free motion."""
-    X, Xi, lam = modes.simple
-    F, terms = sources.count, _Terms(X.shape[0])
+    (projector, free_vectors), lam = modes.free, modes.simple.eigenvalue
+    F, terms = sources.count, _Terms(projector.shape[1])
     basis_of_source = np.empty(F, dtype=np.int64)
     basis_below = np.full(F, -1, dtype=np.int64)
     for f in range(F):
         basis_of_source[f] = terms.add(sources.exponent[f], sources.power[f], f, None)
         if sources.power[f] > 0:
             basis_below[f] = terms.add(sources.exponent[f], sources.power[f] - 1, f, None)
-    whole = modes.simple.whole()
-    for f in range(F):
-        modes.respond(terms, whole, sources, f)
+    modes.respond(terms, sources)
     number = {key: t for t, key in enumerate(terms.terms)}
     driven = np.array([number[b, f] for f, b in enumerate(basis_of_source.tolist())], dtype=np.int64)
     lowered = np.array([number.get((b, f), -1) for f, b in enumerate(basis_below.tolist())], dtype=np.int64)
     forced = terms.take()
     free_basis = [terms.basis.setdefault((value, 0), len(terms.basis)) for value in lam.tolist()]
-    free_vectors = X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]
-    projector = [Xi]
     source = F + lam.size
     window = min(modes.horizon, float(sources.longest_piece.max()))
     for block in modes.blocks:
-        projector.append(block.left)
         series = _series(block, window)
         for column in range(block.matrix.shape[0]):
             for power, matrix in enumerate(series):
@@ -348,7 +356,7 @@ def tabulated(modes: ContactModes, sources: Sources) -> ContactState:
         modes=modes,
         exponent=np.array([b[0] for b in basis], dtype=complex),
         power=np.array([b[1] for b in basis], dtype=np.int64),
-        projector=np.ascontiguousarray(np.concatenate(projector) if modes.blocks else Xi),
+        projector=projector,
         term_basis=np.concatenate([forced[0], np.array(free_basis, dtype=np.int64), of_blocks[0]]),
         term_source=np.concatenate([forced[1], F + np.arange(lam.size), of_blocks[1]]),
         term_vector=np.concatenate([forced[2], free_vectors, of_blocks[2]]),
@@ -363,12 +371,15 @@ def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats,
     return np.diag(system.stiffness) + (along.T * k) @ phi, system.damping + (along.T * c) @ phi
 
 
-def _driving(value: Floats, slope: Floats, nu: complex, power: int) -> Complexes:
-    """(power + 1, k) polynomial times ``e^{nu tau}`` of a source that drives (k,) per unit of it and of its slope."""
-    out = np.zeros((power + 1, value.size), dtype=complex)
-    out[power] = value + nu * slope
-    if power > 0:
-        out[power - 1] = power * slope
+def _driving(value: Floats, slope: Floats, sources: Sources) -> Complexes:
+    """(F, degree + 1, k) polynomials times ``e^{nu tau}`` of sources that drive, per unit of each and of its slope,
+    (F, k)."""
+    F, power = np.arange(sources.count), sources.power
+    out = np.zeros((F.size, power.max() + 1, value.shape[1]), dtype=complex)
+    out[F, power] = value + sources.exponent[:, None] * slope
+    if power.any():
+        rising = power > 0
+        out[F[rising], power[rising] - 1] = power[rising, None] * slope[rising]
     return out
 
 
@@ -650,67 +661,76 @@ def _loads_of_sources(
 
 def _residual(
     terms: _Terms, rates: Callable[[Complexes, Complexes, Complexes], Complexes], own: Complexes, force: Complexes,
-    nu: complex, source: int,
+    sources: Sources,
 ) -> Complexes:  # fmt: skip
-    """(degree + 1, N) part of what drives a source's response that the response so far does not balance.
+    """(F, degree + 1, N) part of what drives the sources' responses that these so far do not balance.
 
-    That is a polynomial times ``e^{nu tau}``, ``own`` (degree + 1, n + r) and ``force`` (degree + 1, m).
+    That is a polynomial times ``e^{nu tau}``, ``own`` (F, degree + 1, n + r) and ``force`` (F, degree + 1, m).
     """
-    degree = own.shape[0] - 1
-    response = np.array([terms.response(nu, p, source) for p in range(degree + 2)])
-    rising = np.arange(1, degree + 2)[:, None] * response[1:]
-    return np.asarray(rates(response[:-1], own, force) - nu * response[:-1] - rising)
+    F, degrees = own.shape[:2]
+    response = np.zeros((F, degrees + 1, terms.size), dtype=complex)
+    for f, nu in enumerate(sources.exponent.tolist()):
+        for p in range(int(sources.power[f]) + 2):
+            response[f, p] = terms.response(nu, p, f)
+    y = response[:, :-1]
+    out = rates(*(each.reshape(F * degrees, -1) for each in (y, own, force))).reshape(y.shape)
+    out -= sources.exponent[:, None, None] * y + np.arange(1, degrees + 1)[:, None] * response[:, 1:]
+    out[np.arange(degrees) > sources.power[:, None]] = 0.0
+    return np.asarray(out)
 
 
-def _forced(
-    terms: _Terms,
-    modes: SimpleModes,
-    blocks: list[Block],
-    polynomial: Complexes,
-    nu: complex,
-    source: int,
-    window: float,
-    limit: float,
+def _force_simple(
+    terms: _Terms, modes: SimpleModes, polynomial: Complexes, sources: Sources, series: tuple[Ints, Floats, Floats]
 ) -> None:
-    """Response to ``sum_p polynomial[p] tau^p e^{nu tau}``, from ``polynomial`` (degree + 1, N).
+    """Responses of simple modes, both of each pair, to ``sum_p polynomial[f, p] tau^p e^{nu_f tau}``.
 
-    Where ``|nu - lambda| window`` is below the limit it is a power series that starts from zero.
+    Parameters
+    ----------
+    terms : what they are added to.
+    modes : e of them.
+    polynomial : (F, degree + 1, N).
+    sources : all F.
+    series : (A,) those that act, for how long, s, their responses must hold, and up to where they are power series.
     """
-    _forced_simple(terms, modes, polynomial, nu, source, window, limit)
-    for block in blocks:
-        _forced_block(terms, block, polynomial, nu, source, window, limit)
-
-
-def _forced_simple(
-    terms: _Terms, modes: SimpleModes, polynomial: Complexes, nu: complex, source: int, window: float, limit: float
-) -> None:
-    """Response of simple modes, both of each pair, to ``sum_p polynomial[p] tau^p e^{nu tau}``."""
-    X, lam = modes.right, modes.eigenvalue
+    X, lam, (acting, window, limit) = modes.right, modes.eigenvalue, series
     if lam.size == 0:
         return
-    beta = modes.left[:, -polynomial.shape[1] :] @ polynomial.T
-    degree = beta.shape[1] - 1
-    near = np.abs(nu - lam) * window < limit
-    if not near.all():
-        away, w = np.where(near, 1.0, nu - lam), np.zeros(lam.size, dtype=complex)
-        for p in range(degree, -1, -1):
-            w = np.where(near, 0.0, beta[:, p] - (p + 1) * w) / away
-            terms.add(nu, p, source, X @ w)
-    near &= beta.any(axis=1)
-    if near.any():
-        for power, v in _power_series(np.diag(lam[near] - nu), beta[near], window):
-            terms.add(nu, power, source, X[:, near] @ v)
+    beta = polynomial[acting] @ modes.left.T
+    distance = sources.exponent[acting, None] - lam
+    near = np.abs(distance) * window[:, None] < limit[:, None]
+    distance[near], w = np.inf, np.zeros((acting.size, lam.size), dtype=complex)
+    away = np.flatnonzero(~near.all(axis=1)).tolist()
+    for p in range(beta.shape[1] - 1, -1, -1):
+        w = (beta[:, p] - (p + 1) * w) / distance
+        vectors = w @ X.T
+        for a in away:
+            f = int(acting[a])
+            if p <= sources.power[f]:
+                terms.add(sources.exponent[f], p, f, vectors[a])
+    for a in np.flatnonzero((near & beta.any(axis=1)).any(axis=1)).tolist():
+        f, some = int(acting[a]), near[a] & beta[a].any(axis=0)
+        nu, starting = sources.exponent[f], beta[a, : int(sources.power[f]) + 1, some]
+        for power, v in _power_series(np.diag(lam[some] - nu), starting, float(window[a])):
+            terms.add(nu, power, f, X[:, some] @ v)
 
 
-def _forced_block(
+def _force_block(
     terms: _Terms, block: Block, polynomial: Complexes, nu: complex, source: int, window: float, limit: float
 ) -> None:
-    """As :func:`_forced_simple` for one block, from ``polynomial`` (degree + 1, N)."""
+    """Response of one block to ``sum_p polynomial[p] tau^p e^{nu tau}``, from ``polynomial`` (degree + 1, N).
+
+    Parameters
+    ----------
+    terms : what it is added to.
+    block, polynomial : the block and the load.
+    nu, source : exponent, 1/s, and number of the source.
+    window, limit : for how long, s, the response must hold, and up to where it is a power series.
+    """
     blocks = [block]
     if block.weight == 2.0:
         blocks.append(block.conjugate())
     for b in blocks:
-        beta = b.left[:, -polynomial.shape[1] :] @ polynomial.T
+        beta = b.left @ polynomial.T
         m = b.matrix.shape[0]
         if abs(nu - b.centre) * window < max(limit, 1.0) + b.radius * window:
             for power, v in _power_series(b.matrix - nu * np.eye(m), beta, window):

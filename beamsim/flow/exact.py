@@ -111,12 +111,12 @@ class ExactFlow:
             self.sources = sources_of_pieces(self._channels, *(self.pieces or (0, record.pieces)), self.duration)
         self._inputs: Inputs | None = None
 
-    def _clear(self) -> None:
-        """Remove all states."""
+    def _clear(self, like: StateTables | None = None) -> None:
+        """Remove all states; tables get the sizes of others."""
         self.built = 0  # states, those built again included
         self.largest_exponent = 0.0  # 1/s, of all states visited
         self.highest_frequency = 0.0  # rad/s, of all states visited
-        self._tables = StateTables(self.system.contacts, self.most_states)
+        self._tables = StateTables(self.system.contacts, self.most_states, like)
 
     @property
     def states(self) -> list[ContactState]:
@@ -144,7 +144,7 @@ class ExactFlow:
     def under(
         self, forcing: Forcing, observers: tuple[Signal, ...] | None = None, duration: float | None = None
     ) -> ExactFlow:
-        """The same flow under other loads: the modes of its contact states are shared.
+        """The same flow under other loads, with the contact states that were used, whose modes are shared.
 
         Responses to the loads are shared, too, where they hold for pieces that are alike, else new.
 
@@ -171,7 +171,12 @@ class ExactFlow:
         if not np.array_equal(flow.sources.channel, self.sources.channel):
             flow.__dict__.pop("penetrations", None)
             flow._known = OrderedDict()
-        flow._clear()
+            flow._clear()
+            return flow
+        flow._clear(self._tables)
+        for index in self._tables.used:  # its motions will visit these
+            flow._append(self._tables.known[index])
+        flow._tables.lead_as(self._tables)
         return flow
 
     @property
@@ -219,7 +224,9 @@ class ExactFlow:
                 self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window,
                 None if nearest is None else nearest.modes,
             )  # fmt: skip
-            self._known[key] = KnownState(modes, watched, self.watched(watched, phases))
+            functions, guards = self.watched(watched, phases), watched.guards
+            at_start = FunctionsAtStart.of(functions.some(slice(0, guards)), guards)
+            self._known[key] = KnownState(modes, watched, functions, at_start)
             if len(self._known) > self._most_known:
                 self._known.popitem(last=False)
         self._known.move_to_end(key)
@@ -468,11 +475,11 @@ class ExactFlow:
         motion: in a sum over the modes of a stiff contact the round-off of the highest would hide them.
         """
         known = self._tables.known[index]
-        count = known.watched.guards
-        guards = known.functions.some(slice(0, count))
-        signs, orders = FunctionsAtStart.of(guards, count).signs(self._inputs_at_start(given, 0), state, 0)
+        signs, orders = known.guards.signs(self._inputs_at_start(given, 0), state, 0)
         if signs.all():
             return signs, orders
+        count = known.watched.guards
+        guards = known.functions.some(slice(0, count))
         functions = FunctionsAtStart.of(self._above_rates(guards, phases), count)
         inputs = self._inputs_at_start(given, HIGHEST_DERIVATIVE)
         for highest in (USUAL_DERIVATIVE, HIGHEST_DERIVATIVE):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts, Watched
 from beamsim.flow.contact_state import ContactModes, ContactState, LinearOutput
+from beamsim.flow.first_derivatives import FunctionsAtStart
 from beamsim.typing import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ class KnownState(NamedTuple):
     modes: ContactModes
     watched: Watched
     functions: LinearOutput  # that are watched
+    guards: FunctionsAtStart  # those of them that are guards
 
 
 class StateTables:
@@ -35,7 +37,7 @@ class StateTables:
     was dropped. With ``most`` states built, the least recently used one is replaced by the next.
     """
 
-    def __init__(self, contacts: Contacts, most: int | None = None) -> None:
+    def __init__(self, contacts: Contacts, most: int | None = None, like: StateTables | None = None) -> None:
         self.contacts, self.most = contacts, most
         self.states: list[ContactState] = []
         self.known: list[KnownState] = []  # of each of them
@@ -43,11 +45,17 @@ class StateTables:
         self._visit: list[int] = []  # number among these of each state that is there
         self._visits: dict[bytes, int] = {}
         self._index: OrderedDict[bytes, int] = OrderedDict()  # of states, the least recently used first
+        self._used: set[int] = set()  # numbers of states that were asked for, or that a motion visited
         self._arrays: dict[str, NDArray[np.generic]] = {}
+        if like is not None:  # there will be as many states again, and as large
+            self._arrays = {name: np.zeros_like(array) for name, array in like._arrays.items()}
 
     def index(self, phases: Ints) -> int | None:
         """Number of a state, None where it is not built."""
-        return self._index.get(phases.tobytes())
+        index = self._index.get(phases.tobytes())
+        if index is not None:
+            self._used.add(index)
+        return index
 
     def nearest(self, phases: Ints) -> KnownState | None:
         """A state that differs in fewest contacts, None where there is none yet."""
@@ -72,6 +80,7 @@ class StateTables:
         """Numbers, among all states visited, of states that were used in this order."""
         if len(self.states) == self.most:
             self.use(states)
+        self._used.update(states.tolist())
         return np.array(self._visit, dtype=np.int64)[states]
 
     def append(self, state: ContactState, known: KnownState, watch: Complexes, roughness: Floats) -> int:
@@ -96,6 +105,7 @@ class StateTables:
         here = slice(index, index + 1)  # a new place, or that of a state that was dropped
         self.states[here], self.known[here], self._visit[here] = [state], [known], [visit]
         self._index[key] = index
+        self._used.discard(index)
         rows: dict[str, NDArray[np.generic]] = {
             "n_basis": np.array(state.exponent.size),
             "exponent": state.exponent,
@@ -146,6 +156,18 @@ class StateTables:
         follower : number of the state after it.
         """
         self._arrays["follower"][state, guard] = follower
+
+    @property
+    def used(self) -> list[int]:
+        """Numbers of the states that were asked for, or that a motion visited, in order."""
+        return sorted(self._used)
+
+    def lead_as(self, before: StateTables) -> None:
+        """Note which states follow which, from other tables whose used states are all that is here, in order."""
+        old, number = before.used, np.full(len(before.states) + 1, -1)
+        number[old] = np.arange(len(old))
+        for index, state in enumerate(old):
+            self._arrays["follower"][index] = number[before._arrays["follower"][state]]
 
     def _drop(self) -> int:
         """Remove the least recently used state; returns its number."""

@@ -374,19 +374,18 @@ def locate(
     test: Callable[[BranchPoint], float],
     settings: Settings,
     values: tuple[float, float] | None = None,
-    tolerance: float = 1e-13,
 ) -> BranchPoint | None:
-    """The point between two neighbours at which a test function vanishes.
+    """The point between two neighbours at which a test function vanishes, to the tolerance of the points.
 
     Where a test has several zeros, it is the sequence of Brent's method that decides on one.
 
     Parameters
     ----------
-    problem, settings : the residual, and tolerances of its points.
+    problem, settings : the residual, and the tolerance: of its points, of their place on the step from a to b, and of
+        values against the larger one at these.
     a, b : the neighbours; every guess is interpolated between the closest points that are known.
     test : the function.
     values : of the function at the neighbours, where they are known.
-    tolerance : against the larger of these, up to which a value is zero.
 
     Returns
     -------
@@ -411,10 +410,10 @@ def locate(
             raise ArithmeticError("no point was found")
         known.insert(at, (share, point))
         tried.insert(0, (abs(found), point))
-        return found if abs(found) > tolerance * biggest else 0.0
+        return found if abs(found) > settings.tolerance * biggest else 0.0
 
     with suppress(ArithmeticError):
-        brentq(value, 0.0, 1.0, xtol=1e-15, disp=False)
+        brentq(value, 0.0, 1.0, xtol=settings.tolerance, disp=False)
     # of equal values, such as signs, the latest
     return min(tried, key=lambda each: each[0])[1] if tried else None
 

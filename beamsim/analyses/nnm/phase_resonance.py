@@ -174,7 +174,7 @@ class _Levels:
         halvings: int = HALVINGS,
     ) -> BranchPoint | None:  # fmt: skip
         """The motion between two neighbours where ``off`` vanishes; halved where a thin tongue lies in the way."""
-        crossing = locate(self.orbits, a, b, off, Settings(iterations=12), values, 1e-10)
+        crossing = locate(self.orbits, a, b, off, Settings(iterations=12), values)
         if crossing is not None or halvings == 0:
             return crossing
         halfway = 0.5 * (a.parameter + b.parameter)
