@@ -38,7 +38,7 @@ ADDED = {
 }
 ADDED_COLUMNS = {"relative_change"}
 # What they no longer know: the estimate beside the bound of the reduction's error, which earlier files may lack.
-GONE = {"reduction_error"}
+GONE = {"reduction_error", "peak_acceleration_m_s2"}
 UNKNOWN = {"/modes@reduction_bound", "/modes@probe_bound", "/modes@highest_frequency_hz"}
 # Long names that were reworded: those of earlier files, and the current ones.
 _PARTS = (", real part", ", imaginary part")
