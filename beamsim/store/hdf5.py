@@ -134,7 +134,12 @@ def _address(dataset: h5py.Dataset | None) -> int:
 
 
 def _attributes(owner: h5py.Group | h5py.Dataset) -> dict[str, Any]:
-    return {name: owner.attrs[name] for name in owner.attrs if name not in _OF_HDF5}
+    values = {name: owner.attrs[name] for name in owner.attrs if name not in _OF_HDF5}
+    for value in values.values():
+        for text in np.atleast_1d(value) if isinstance(value, np.ndarray) else (value,):
+            if isinstance(text, str):
+                text.encode()  # h5py reads bytes that are no UTF-8 as surrogates: the error says that they are damage
+    return values
 
 
 def _values(dataset: h5py.Dataset) -> Any:

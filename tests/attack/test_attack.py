@@ -125,7 +125,7 @@ def test_figures_of_a_changed_chain_differ(monkeypatch):
         return validate({**case, "chain": {**case["chain"], "springs": springs}})
 
     monkeypatch.setattr(beamsim.Scenario, "model_validate", changed)
-    assert summary_figures.random_response(1)[1]
+    assert summary_figures.stepped_sine(1)[1]
     assert summary_figures.profile(1)[1]
 
 

@@ -329,3 +329,15 @@ def test_not_finite_numbers_are_null(files):
     for name in CASES:
         told = json.loads(invoke("info", files(name), "--json").stdout)
         assert all(math.isfinite(n) for n in numbers(told) if isinstance(n, float))
+
+
+def test_text_that_is_no_utf_8_is_damage(files, tmp_path):
+    """It was an internal error of the export, long after it had been read."""
+    path, text = tmp_path / "nnm.h5", b"natural frequencies with every contact closed"
+    whole = files("nnm").read_bytes()
+    assert text in whole
+    path.write_bytes(whole.replace(text, text.replace(b"f", b"\xe0")))
+    for command in (("info",), ("export", "--format", "csv", "-o", tmp_path / "out")):
+        done = invoke(command[0], path, *command[1:])
+        assert done.exit_code == 2, done.output
+        assert "damaged" in done.stderr
