@@ -6,12 +6,10 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from beamsim.analyses.limits import limit_label
 from beamsim.analyses.values import STANDARD_GRAVITY
 from beamsim.cli.report import counted, percent, predicted
-from beamsim.cli.sweep_report import notch_texts
+from beamsim.cli.sweep_report import at_frequency, notch_texts
 from beamsim.plots.style import is_known, scale_for
 from beamsim.scenario.quantities import amplitude_unit
 
@@ -255,13 +253,9 @@ def sweep_screen(result: SweepResult) -> Screen:
         for entry, field, unit in of:
             values = s[entry].get(name, {})
             place = max(values, key=lambda at: values[at], default="")
-            peak = getattr(curve, field)[place].peak if place else np.zeros(0)
-            if not place or not np.any(peak > 0.0):
-                row.append(NONE)
-                continue
-            at = curve.frequency_hz[int(np.nanargmax(peak))]
+            at = at_frequency(curve, field, place)
             where = f", {place}" if len(values) > 1 else ""
-            row.append(f"{printed.number(values[place], unit, entry, f'{name} {place}')} at {at:.4g} Hz{where}")
+            row.append(f"{printed.number(values[place], unit, entry, f'{name} {place}')}{at}{where}" if at else NONE)
         shares = s["contact_share"].get(name, {})
         row.append(", ".join(percent(share) for share in shares.values()) or NONE)
         rows.append(row)

@@ -45,7 +45,7 @@ def _largest(quantity: str, unit: str) -> Callable[[SweepResult, Mapping[str, Ma
 
     def texts(result: SweepResult, curves: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
         return {
-            f"{curve} {name}": f"{amount(value, unit)}{_at(result.curves[curve], quantity, name)}"
+            f"{curve} {name}": f"{amount(value, unit)}{at_frequency(result.curves[curve], quantity, name)}"
             for curve, values in curves.items()
             for name, value in values.items()
         }
@@ -53,7 +53,15 @@ def _largest(quantity: str, unit: str) -> Callable[[SweepResult, Mapping[str, Ma
     return texts
 
 
-def _at(curve: SweepCurve, quantity: str, name: str) -> str:
+def at_frequency(curve: SweepCurve, quantity: str, name: str) -> str:
+    """Where a curve has its largest value, for the text behind it.
+
+    Parameters
+    ----------
+    curve : of the sweep.
+    quantity : displacement, acceleration or force.
+    name : of the probe or snubber.
+    """
     envelope = getattr(curve, quantity).get(name)
     if envelope is None or not np.any(np.isfinite(envelope.peak)) or not np.nanmax(envelope.peak) > 0.0:
         return ""

@@ -16,6 +16,7 @@ from beamsim.report.page import Cells, Page, Verdict, captioned, labelled, listi
 from beamsim.report.trust import changes, checks, doubts, untrusted, versions
 from beamsim.scenario.base import Schema, plain
 from beamsim.structures.assembly import snubber_site
+from beamsim.trust.values import by_place
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -196,7 +197,7 @@ def contact_tables(result: Result) -> Iterator[Cells]:
     """Numbers of each stop, and statistics of its impacts."""
     summary = result.summary
     named = {key: summary[key] for key in CONTACT_COLUMNS if isinstance(summary.get(key), Mapping) and summary[key]}
-    named = {key: dict(_flat(values)) for key, values in named.items()}
+    named = {key: dict(by_place(values)) for key, values in named.items()}
     stops = list(dict.fromkeys(name for values in named.values() for name in values))
     heading = ["stop", *(CONTACT_COLUMNS[key][0] for key in named)]
     rows = [
@@ -210,15 +211,6 @@ def contact_tables(result: Result) -> Iterator[Cells]:
         figures = [key for key, value in first.items() if isinstance(value, (int, float))]
         rows = [[key.replace("_", " "), *(_plain(of.get(key)) for of in impacts.values())] for key in figures]
         yield Cells(["impacts", *impacts], rows, "Statistics of the impacts (SI units, in the names)")
-
-
-def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """By stop; of several curves by curve and stop."""
-    for name, value in values.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{before}{name} ")
-        else:
-            yield f"{before}{name}", value
 
 
 def _cell(value: Any, unit: str) -> str:

@@ -27,14 +27,15 @@ def compared(summary: Mapping[str, Any]) -> Values:
         if isinstance(value, Sequence):
             values[name] = {str(k): float(x) for k, x in enumerate(value[:FREQUENCIES], 1)}
         else:
-            values[name] = dict(_by_place(value)) if isinstance(value, Mapping) else float(value)
+            values[name] = dict(by_place(value)) if isinstance(value, Mapping) else float(value)
     return values
 
 
-def _by_place(value: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, float]]:
+def by_place(value: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """Values by place; of several curves by curve and place."""
     for name, each in value.items():
         if isinstance(each, Mapping):
-            yield from _by_place(each, f"{before}{name} ")
+            yield from by_place(each, f"{before}{name} ")
         else:
             yield f"{before}{name}", each
 

@@ -166,7 +166,6 @@ def _rehearse_run(scenario: Scenario) -> object:
 
 
 def _solve_sweep(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Responses, Outcome]:
-
     result = published("sweep")(scenario, stop=stop)
     return sweep_responses(result), result.outcome
 
@@ -183,13 +182,11 @@ def _rehearse_sweep(scenario: Scenario) -> object:
 
 
 def _solve_response(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Responses, Outcome]:
-
     result = published("continuation")(scenario, stop=stop)
     return response_responses(result), result.outcome
 
 
 def _rehearse_response(scenario: Scenario) -> object:
-
     settings: Any = scenario.sweep
     path = settings.parameter
     short = path.from_ + SHORT * (path.to - path.from_)
