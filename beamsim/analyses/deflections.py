@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.scenario import Scenario
 from beamsim.scenario.warnings import large_deflections
+from beamsim.system.structural import ModeTable
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.system.structural import ModeTable
 
 
 def deflection_warnings(scenario: Scenario, modes: ModeTable, motions: Iterable[Mapping[str, Floats]]) -> list[str]:

@@ -7,14 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from beamsim.analyses.values import LIMITED
-from beamsim.scenario.limits import OF_OUTPUTS
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.scenario.limits import Limits
+from beamsim.scenario import Scenario
+from beamsim.scenario.limits import OF_OUTPUTS, Limits
 
 
 def limit_unit(scenario: Scenario, name: str) -> str:

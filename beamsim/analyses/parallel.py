@@ -7,18 +7,18 @@ thread for linear algebra.
 from __future__ import annotations
 
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
 from threading import Event
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.interrupts import Stop, never, until
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -219,8 +219,6 @@ def _one_thread_each() -> Iterator[None]:
 
 def _begin_worker() -> None:
     """Ignore interrupts, which the parent handles, and end with the parent."""
-    import signal
-    import threading
     from multiprocessing import parent_process
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from beamsim.outcomes import Outcome, OutcomeCode
-
-if TYPE_CHECKING:
-    from beamsim.system.structural import ModeTable
+from beamsim.system.structural import ModeTable
 
 WORTHLESS_REDUCTION = 0.1
 """Bound of the receptance's error over the static compliance above which a result is not to be trusted."""

@@ -6,20 +6,22 @@ import platform
 from dataclasses import field
 from datetime import UTC, datetime
 from functools import cache
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+from matplotlib.figure import Figure
 
 from beamsim.codecs import JSON
 from beamsim.fields import Entry, attribute, changed, declared, ending, stored, summary_of
 from beamsim.kinds import kind_of_class, named
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario import Scenario
+from beamsim.scenario.input_files import Record
 
 if TYPE_CHECKING:
     import pandas
     import xarray
-    from matplotlib.figure import Figure
 
-    from beamsim.scenario import Scenario
-    from beamsim.scenario.input_files import Record
 
 # entries that the summaries of several analyses share
 STATUS = Entry("status", "", "complete, or why the computation stopped early", of="status")
@@ -66,8 +68,6 @@ def _versions() -> dict[str, str]:
 
 @cache
 def _known_versions() -> tuple[tuple[str, str], ...]:
-    from importlib.metadata import version
-
     packages = [(name, version(name)) for name in ("numpy", "scipy", "numba")]
     return ("python", platform.python_version()), *packages
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.contacts.force_curve import ForceCurve
+from beamsim.scenario import Scenario
 from beamsim.system.force_tables import curves_of
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 _REST = "; beyond it the last slope goes on, which may be too soft: measure further, or add points"
 

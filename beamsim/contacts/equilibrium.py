@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag, null_space, qr, solve_triangular
 
 from beamsim.contacts.force_curve import fitted_numbers
 from beamsim.errors import NotTrustedError
@@ -226,8 +227,6 @@ def _held(stops: Floats) -> bool:
 
 def _loose(away: Floats) -> Floats:
     """(l, r) orthonormal rigid-body motions without deflection at the given contacts."""
-    from scipy.linalg import null_space
-
     return np.asarray(null_space(away, rcond=_ROUND_OFF).T)
 
 
@@ -333,8 +332,6 @@ def _unresisted(stiffness: Floats, closed: Springs) -> Floats:
     by what resists it, so that neither stiff stops nor high modes hide that soft ones are held. Sorted rows and pivoted
     columns leave every row of G its own accuracy (Cox and Higham, *BIT* 38, 1998).
     """
-    from scipy.linalg import block_diag, qr, solve_triangular
-
     parts = np.arange(closed.stiffness.size) if closed.contact is None else closed.contact
     _, first, contact = np.unique(parts, return_index=True, return_inverse=True)
     both = closed.stiffness, np.abs(closed.stiffness)

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.equilibrium import Equilibrium, Springs, find_equilibrium
+from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, Springs, find_equilibrium
 from beamsim.contacts.force_curve import ForceCurve
 from beamsim.contacts.hardening import hardening_law
 from beamsim.contacts.laws import ContactLaw, kelvin_voigt
 from beamsim.contacts.pads import MaxwellBranch, no_tension, recovering_law, table_law
 from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario import Located
 from beamsim.scenario.base import path_text
 from beamsim.structures.modes import closed_frequencies
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.contacts.equilibrium import CubicSprings
-    from beamsim.scenario import Located
 
 LAWS = {"kelvin_voigt": kelvin_voigt, "no_tension": no_tension}  # by their names in a scenario
 

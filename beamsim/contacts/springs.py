@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,13 +26,10 @@ from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_
 from beamsim.contacts.laws import ContactLaw, piecewise_linear
 from beamsim.contacts.pads import MaxwellBranch, relaxing_law
 from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario import Located
 from beamsim.scenario.base import path_text
 from beamsim.structures.places import ends_of, site_of
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Located
-
 
 JOINT, FRICTION = "spring", "friction"  # kinds of the joints that relax, and of friction contacts
 

@@ -6,7 +6,7 @@ from collections import OrderedDict
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,15 +28,13 @@ from beamsim.flow.first_derivatives import (
     InputsAtStart,
 )
 from beamsim.flow.held import held_contacts
+from beamsim.flow.kernels import Inputs, Tables
 from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
 from beamsim.flow.state_tables import KnownState, StateTables
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.streamed import CubicRecord, common_record
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.flow.kernels import Inputs, Tables
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 FIRST = 1e6  # factor of functions that are looked at before others

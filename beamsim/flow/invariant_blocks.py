@@ -17,7 +17,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import schur
 
+from beamsim.flow.refined_blocks import refined
 from beamsim.typing import Complexes, Floats, Ints
 
 LARGEST_PROJECTOR = 200.0  # norm of a block's spectral projector above which blocks are merged
@@ -186,8 +188,6 @@ def block_diagonalise(A: Floats, window: float = np.inf, inverse: Callable[[], F
 
 def _refined(A: Floats, modes: BlockForm, scale: Floats) -> BlockForm:
     """BlockForm, both of each conjugate pair, and blocks without the couplings that round-off has left between them."""
-    from beamsim.flow.refined_blocks import refined
-
     simple, blocks = modes
     whole = [*blocks, *(b.conjugate() for b in blocks if b.weight == 2.0)]
     count = simple.eigenvalue.size
@@ -286,8 +286,6 @@ def _mean(group: Complexes, real: bool) -> complex:
 
 def _invariant(A: Floats, lam: Complexes, group: Ints) -> Block | None:
     """The block of a cluster from two ordered Schur forms, or None where the ordering is ambiguous."""
-    from scipy.linalg import schur
-
     chosen, rest = lam[group], np.delete(lam, group)
 
     def inside(value: complex) -> bool:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.flow.event_kernels import BEGINNING
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.march_kernels import BUDGET, DONE, NEED_STATE, STUCK, Position, march
 from beamsim.interrupts import never
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.flow.exact import ExactFlow
 
 SEGMENTS_A_CALL = 2048  # between two reports of progress
 EVALUATIONS_A_CALL = 50_000  # of the compiled march, between which it may be stopped: less than half a second
@@ -79,8 +79,6 @@ class Motion:
     @classmethod
     def beginning(cls, y: Floats, state: int) -> Motion:
         """A motion at t = 0, with the state of `ExactFlow.begin`."""
-        from beamsim.flow.event_kernels import BEGINNING
-
         return cls(y, state, BEGINNING)
 
     def copy(self) -> Motion:
@@ -106,8 +104,6 @@ class Motion:
         -------
         status, segments, events, evaluations : see `beamsim.flow.march_kernels.march`.
         """
-        from beamsim.flow.march_kernels import NEED_STATE, Position, march
-
         code, self.time, self.piece, self.state, self.guard, segments, events, evaluations = march(
             flow.tables(), flow.inputs(),
             Position(self.time, self.piece, self.state, self.guard, self.waits), end, self.y, log, most_evaluations,
@@ -150,8 +146,6 @@ class March:
         -------
         Segments and events since; ``outcome`` says whether the end was reached.
         """
-        from beamsim.flow.march_kernels import BUDGET, DONE, STUCK
-
         parts, code = [Log.sized(0, motion.y.size, 0)], None
         while self.outcome.complete and code != DONE:
             log = Log.sized(SEGMENTS_A_CALL, motion.y.size, max(self.max_events + 1 - self.events, 0))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from beamsim.flow.moment_kernels import fill_moments
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 NEAR = 1e-3  # a rate over the exponents that cancel in it, below which integrals come from moments
@@ -33,8 +34,6 @@ def exponential_moments(x: Complexes, top: int) -> Complexes:
     -------
     (..., top + 1) moments, each as exact as round-off of :math:`\int_0^1 s^q |e^{x s}| ds`.
     """
-    from beamsim.flow.moment_kernels import fill_moments
-
     every = np.ascontiguousarray(x, dtype=complex).ravel()
     out = np.empty((every.size, top + 1), dtype=complex)
     fill_moments(every, out)

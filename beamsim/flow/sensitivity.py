@@ -26,6 +26,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.held import held_contacts
 from beamsim.flow.march import Log
 from beamsim.flow.passage import ContactDirection, StructureDirection, moved_system
+from beamsim.flow.sensitivity_kernels import Factors, differentiate
 from beamsim.typing import Complexes, Floats, Ints
 
 DIFFERENCE = 1e-5  # relative step of the differences
@@ -259,8 +260,6 @@ def sensitivity(flow: ExactFlow, outputs: FlowOutputs, log: Log, changes: Sequen
     -------
     The end, its time derivative, and its derivatives.
     """
-    from beamsim.flow.sensitivity_kernels import Factors, differentiate
-
     N, phases = flow.size, [flow.states[number].phases for number in log.state]
     events, steps = zip(log.event_contact.tolist(), log.event_phase.tolist(), strict=True), np.diff(log.state)
     keys = [(phases[g], *next(events)) if step else None for g, step in enumerate(steps)]

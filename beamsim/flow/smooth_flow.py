@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.flow.event_kernels import BEGINNING
 from beamsim.flow.first_derivatives import HIGHEST_DERIVATIVE, ROUND_OFF, decisive
 from beamsim.flow.passage import (
     ContactDirection,
@@ -26,6 +27,17 @@ from beamsim.flow.passage import (
     check_finite,
 )
 from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.taylor_kernels import (
+    DONE,
+    FULL,
+    SmoothMotion,
+    SmoothSystem,
+    Steps,
+    carry_smooth,
+    make_series,
+    sample_smooth,
+    series_at,
+)
 from beamsim.typing import Bools, Floats
 
 STEPS_A_CALL = 128  # of the compiled integration, for which its log has room
@@ -61,8 +73,6 @@ class SmoothFlow(PeriodicFlow):
         self._longest = RADIANS / fastest if fastest > 0 else np.inf
 
     def _arrays(self, parameters: Sequence[Parameter]) -> Any:
-        from beamsim.flow.taylor_kernels import SmoothSystem
-
         s, c, loads = self.system, self.system.contacts, self.loads
         P, (force, base, d_force, d_base) = len(parameters), loads.at(self.omega, self.level)
         # the numbers, and below them their derivatives by each parameter
@@ -94,8 +104,6 @@ class SmoothFlow(PeriodicFlow):
         While penetration and rate are zero a contact has no force, so that the derivatives that decide do not depend on
         whether it is closed. Their parts are as large as those of motions with the modes' frequencies.
         """
-        from beamsim.flow.taylor_kernels import make_series, series_at
-
         c, n, orders = self.system.contacts, self.system.size, np.arange(HIGHEST_DERIVATIVE + 1)[:, None]
         (d,), _ = self.loads.base_motion(self.omega, self.level, np.array([t]))
         series = make_series(arrays, 1)
@@ -110,8 +118,6 @@ class SmoothFlow(PeriodicFlow):
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
         """The state after ``duration``, with its derivatives; see :meth:`PeriodicFlow.carry`."""
-        from beamsim.flow.event_kernels import BEGINNING
-        from beamsim.flow.taylor_kernels import DONE, FULL, SmoothMotion, Steps, carry_smooth
 
         N, m, P, room = self.size, self.system.contacts.count, len(parameters), STEPS_A_CALL
         self._carried[0] += 1
@@ -153,8 +159,6 @@ class SmoothFlow(PeriodicFlow):
 
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state (q, q') at increasing times within a passage."""
-        from beamsim.flow.taylor_kernels import sample_smooth
-
         out = np.empty((times.size, 2 * self.system.size))
         sample_smooth(self._arrays(()), passage.time, passage.phases > 0, passage.y, np.ascontiguousarray(times), out)
         return out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from operator import lt
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from beamsim.contacts.contacts import Contacts, Watched
 from beamsim.flow.contact_state import ContactModes, ContactState, LinearOutput
 from beamsim.flow.first_derivatives import FunctionsAtStart
+from beamsim.flow.kernels import Tables
 from beamsim.typing import Complexes, Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.flow.kernels import Tables
 
 Number = TypeVar("Number", bound=np.generic)
 
@@ -180,8 +178,6 @@ class StateTables:
 
     def arrays(self) -> Tables:
         """The tables as the kernels take them; rows beyond the states are unused."""
-        from beamsim.flow.kernels import Tables
-
         internal = self._arrays["projector"].shape[2] - self.contacts.internal_states
         return Tables(first=internal + self.contacts.first, states=self.contacts.states, **self._arrays)
 

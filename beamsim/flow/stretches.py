@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.flow.contact_state import OutputOf
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Log, March
+from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import motion_of, start
 from beamsim.interrupts import never
 from beamsim.typing import Bools, Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.flow.exact import ExactFlow
-    from beamsim.flow.trajectory import Trajectory
 
 CHECKPOINT_PIECES = 4096  # between two checkpoints
 

@@ -7,7 +7,7 @@ start from d = d' = 0.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
@@ -19,14 +19,10 @@ from beamsim.inputs.random_input import random_signals
 from beamsim.inputs.sampled import sampled_signal
 from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
+from beamsim.scenario import Excitation, HalfSine, Harmonic, MultiTone, Step
+from beamsim.scenario.excitation import RandomInput, SampledInput, Sawtooth, SweptSineInput, Trapezoid
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from beamsim.scenario import Excitation, HalfSine, Harmonic, MultiTone, Step
-    from beamsim.scenario.excitation import RandomInput, SampledInput, Sawtooth, SweptSineInput, Trapezoid
-
-    Driven = Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth | SweptSineInput | SampledInput | RandomInput
+Driven = Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth | SweptSineInput | SampledInput | RandomInput
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.scenario.quantities import Rate
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario.quantities import Rate
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from beamsim.scenario.driven import Notch, ProfilePoint
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario.driven import Notch, ProfilePoint
 
 
 def power_of(quantity: str) -> float:

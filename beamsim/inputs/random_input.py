@@ -11,17 +11,13 @@ Journal 23, 1944).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.streamed import CubicRecord, StreamedSignal
+from beamsim.scenario.excitation import RandomInput
 from beamsim.typing import Complexes, Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario.excitation import RandomInput
 
 MOST_OF_ANY_SIZE = (
     4_000_000  # of a period; more are rounded up, as else the transform may need several times the memory

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
@@ -13,10 +13,8 @@ from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.measurements.channels import in_si
 from beamsim.measurements.read import HDF5, read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column_named
+from beamsim.scenario.excitation import SampledInput
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario.excitation import SampledInput
 
 
 def interpolate(time: Floats, samples: Floats, kind: str) -> Signal:

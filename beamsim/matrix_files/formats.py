@@ -8,7 +8,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
+from scipy.sparse import coo_array, csc_array, load_npz, save_npz
 
 from beamsim.errors import MethodError
 from beamsim.files import replacing
@@ -64,7 +66,6 @@ def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:
         of freedom beyond 6.
     """
     from scipy.io import mmread
-    from scipy.sparse import coo_array
 
     name = path.stem.lower()
     with open(path, encoding="latin-1") as file:
@@ -91,8 +92,6 @@ def _harwell_boeing(path: Path, _: str | None) -> list[FileMatrix]:
     ValueError
         If it is not assembled, has no values, or cannot be read.
     """
-    from scipy.sparse import csc_array
-
     lines = path.read_text(encoding="latin-1").upper().replace("D", "E").splitlines()
     _, lengths, shape, formats = (lines + [""] * 4)[:4]
     kind = shape[:3]
@@ -114,7 +113,6 @@ def _harwell_boeing(path: Path, _: str | None) -> list[FileMatrix]:
 
 
 def _matlab(path: Path, _: str | None) -> list[FileMatrix]:
-    import h5py
     from scipy.io import loadmat
 
     if not h5py.is_hdf5(path):
@@ -125,8 +123,6 @@ def _matlab(path: Path, _: str | None) -> list[FileMatrix]:
 
 def _hdf5_matrix(item: Any) -> Any:
     """A sparse matrix is a group of three arrays; a dense one is a data set with its axes in MATLAB's order."""
-    from scipy.sparse import csc_array
-
     if "MATLAB_sparse" not in item.attrs:
         return _array(item).T
     pointers = item["jc"][()]
@@ -142,8 +138,6 @@ def _array(item: Any) -> Any:
 
 def _numpy(path: Path, _: str | None) -> list[FileMatrix]:
     """Arrays by name, or the sparse matrix of `scipy.sparse.save_npz`."""
-    from scipy.sparse import load_npz
-
     with np.load(path, allow_pickle=False) as stored:
         if not {"format", "shape", "data"} <= set(stored.files):
             return _named(stored.items())
@@ -193,7 +187,6 @@ def write_matrices(path: Path, matrices: dict[str, Any], *, binary: bool = False
         If pyYeti, which writes OP4, is not installed.
     """
     from scipy.io import mmwrite, savemat
-    from scipy.sparse import save_npz
 
     ending = path.suffix.lower()
     if ending in (".op4", ".mat"):

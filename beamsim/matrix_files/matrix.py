@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_array, csc_array
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Directions of a node in the order of their numbers 1 to 6."""
@@ -42,8 +43,6 @@ def file_matrix(name: str, values: Any, *names: tuple[Dof, ...] | None, one_tria
     FileMatrix
         Sparse.
     """
-    from scipy.sparse import csc_array
-
     matrix: Any = csc_array(values)
     if one_triangle:
         matrix = matrix + (matrix.T - matrix.T.multiply(matrix != 0)).tocsc()
@@ -66,8 +65,6 @@ def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = Fals
     FileMatrix
         With names of rows and columns.
     """
-    from scipy.sparse import coo_array
-
     entries = np.asarray(entries)
     nodes, components = entries[:, 0:4:2].real.astype(int), entries[:, 1:4:2].real.astype(int)
     dofs = 7 * nodes + np.where((components >= 1) & (components <= 6), components, 0)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,12 +14,9 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.headings import split_heading
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
-from beamsim.scenario import units
+from beamsim.scenario import Scenario, units
 from beamsim.scenario.driven import spoken
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
 

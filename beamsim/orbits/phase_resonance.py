@@ -27,21 +27,18 @@ is monotonic there. A periodic motion is found with the frequency free and its o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import root_scalar
 
+from beamsim.flow.passage import Passage
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, correct
 from beamsim.orbits.panels import gauss_panels
+from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.flow.passage import Passage
-    from beamsim.flow.periodic_flow import PeriodicFlow
-    from beamsim.orbits.shooting import ForcedOrbits
-    from beamsim.system.equations import PiecewiseLinearSystem
 
 NODE = 1e-9  # share of the largest possible work below which a force does none
 TOLERANCE = 1e-8  # of the cosine of the lag: amplitudes are then right to its square

@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
+from beamsim.analyses.animate.frames import Frames
 from beamsim.files import replacing
 from beamsim.plots.drawing import finish_positions
 from beamsim.plots.model import oblique
 from beamsim.plots.sketch import BODY, REST, STOP, Sketch, scale_bar
 from beamsim.plots.style import amount, round_length
+from beamsim.scenario import Scenario
 from beamsim.structures.places import Place, ends_of
-
-if TYPE_CHECKING:
-    from beamsim.analyses.animate.frames import Frames
-    from beamsim.scenario import Scenario
-    from beamsim.structures.stations import Stations
-    from beamsim.system.structural import SnubberNumbers
-    from beamsim.typing import Bools, Floats
+from beamsim.structures.stations import Stations
+from beamsim.system.structural import SnubberNumbers
+from beamsim.typing import Bools, Floats
 
 SUPPORTS = {"clamped": "s", "pinned": 6, "guided": "D"}
 MILLISECONDS = 40  # of a frame
@@ -153,8 +153,6 @@ def save_gif(scene: Scene, path: Path, progress: Callable[[float], None] | None 
     ResultFileError
         If the file cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from PIL import Image
 
     figure = Figure(figsize=(8.0, 1.3 + 1.9 * scene.count), dpi=90, layout="constrained")

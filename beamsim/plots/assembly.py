@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from beamsim.analyses.run.result import RunResult
 from beamsim.plots.drawing import finish_positions, legend_below, panels
 from beamsim.plots.sketch import Sketch, scale_bar
 from beamsim.plots.style import amount, round_length
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from beamsim.analyses.run.result import RunResult
 
 MOST_MODES = 6
 _HEIGHT = 0.36  # of the largest deflection or gap, over the distance of rows

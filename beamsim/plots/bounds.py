@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.analyses.run.result import RunResult
 from beamsim.plots.drawing import Guide
+from beamsim.scenario.limits import Limits
 from beamsim.structures.assembly import site_in, snubber_site
-
-if TYPE_CHECKING:
-    from beamsim.analyses.run.result import RunResult
-    from beamsim.scenario.limits import Limits
 
 _DASHES = {"below": (0, (7, 2.5)), "above": (0, (7, 2.5, 1.5, 2.5))}  # of the face of a stop on this side
 

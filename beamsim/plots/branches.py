@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from beamsim.orbits.branch import special_name
 from beamsim.plots.drawing import beside
 from beamsim.typing import Bools, Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 MARKS = {"fold": "s", "nonsmooth_fold": "X", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P",
          "grazing": "x", "symmetry_breaking": "*"}  # fmt: skip

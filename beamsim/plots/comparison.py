@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, SweptComparison
+from beamsim.analyses.compare_modes.result import ModeComparison
 from beamsim.plots.drawing import (
     DARK,
     RED,
@@ -19,12 +23,6 @@ from beamsim.plots.drawing import (
     thinned,
 )
 from beamsim.plots.style import Scale, plain_scale
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from beamsim.analyses.compare_modes.result import ModeComparison
 
 HIGHEST_ORDER, DEEPEST_DB = 12.5, 100.0  # of spectra
 MOST_NUMBERS = 150  # written into the cells of a matrix
@@ -106,8 +104,6 @@ def comparison_figures(comparison: Comparison) -> dict[str, Figure]:
 
 def plot_mac(result: ModeComparison, ax: Axes) -> Axes:
     """MAC by measured (down) and computed modes (across) with their frequencies; pairs are framed."""
-    from matplotlib.patches import Rectangle
-
     drawn = ax.imshow(result.mac, vmin=0.0, vmax=1.0, cmap="Greys", aspect="auto")
     rows, columns = result.mac.shape
     for i, j in np.ndindex(rows, columns) if rows * columns <= MOST_NUMBERS else ():

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from beamsim.analyses.branch import ResponseBranch
 from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
@@ -28,10 +30,6 @@ from beamsim.plots.drawing import (
 from beamsim.plots.style import Scale, level_text, scale_for
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MANY = 80  # special points, from which their marks are small
 DECADES = 0.6  # largest over smallest amplitude, as a power of ten, from which the axis is logarithmic

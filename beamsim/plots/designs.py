@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.designs.choice import Objective
 from beamsim.analyses.designs.realisations import judged
@@ -28,10 +33,6 @@ from beamsim.plots.drawing import (
 from beamsim.plots.style import scale_for
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SHOWN = (
     "peak_displacement", "peak_force", "bending_stress", "contact_share", "resonance_frequency", "largest_gap",
@@ -138,8 +139,6 @@ def plot_response_map(
 
 def _draw_contours(ax: Axes, x: Floats, y: Floats, values: Any, limit: float | None) -> None:
     """Labelled contours, that of the limit in its own colour and thick, with a white edge in grey print."""
-    from matplotlib.ticker import MaxNLocator
-
     low, high = float(values.min()), float(values.max())
     within = limit if limit is not None and low < limit < high else None
     levels = [
@@ -156,8 +155,6 @@ def _draw_contours(ax: Axes, x: Floats, y: Floats, values: Any, limit: float | N
 
 def _outlined(ax: Axes, lines: Any, text: Any, colour: str, width: float) -> None:
     """Label contours, and give them an edge by which they are seen on light and dark cells."""
-    from matplotlib.patheffects import withStroke
-
     edge: Any = [withStroke(linewidth=width, foreground=colour)]
     for drawn in (lines, *ax.clabel(lines, fontsize="x-small", fmt=text)):
         drawn.set_path_effects(edge)
@@ -177,8 +174,6 @@ def _write_cells(ax: Axes, x: Floats, y: Floats, values: Any, norm: Any, starred
 
 def _outline_beyond(ax: Axes, x: Floats, y: Floats, beyond: Any) -> None:
     """A line between the cells (edges ``x`` and ``y``) beyond the limit and the others, white beside it for grey."""
-    from matplotlib.collections import LineCollection
-    from matplotlib.patheffects import withStroke
 
     cells = np.ma.filled(beyond, False)
     rows, columns = (np.nonzero(np.diff(cells, axis=axis)) for axis in (0, 1))

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
+from numpy.typing import ArrayLike
 
 from beamsim.plots.style import Scale, plain_scale, scale_for
 from beamsim.typing import Bools, Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
 
 MOST_CURVES = 6  # in one plot; more cannot be distinguished
 SMALL = (6.4, 4.4)  # of a picture with one panel, inches
@@ -61,8 +60,6 @@ def panels(
     size : (width, height) of the figure, inches.
     options : of `matplotlib.figure.Figure.subplots`.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=size, layout="constrained")
     axes = list(figure.subplots(-(-count // columns), columns, squeeze=False, **options).ravel())
     for ax in axes[count:]:
@@ -147,8 +144,6 @@ def finish_positions(ax: Axes) -> None:
 
 def plain_logarithmic(axis: Any) -> None:
     """A logarithmic axis with 1, 2, 5 a decade, written out."""
-    from matplotlib.ticker import LogLocator, NullLocator
-
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_minor_locator(NullLocator())

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from beamsim.analyses.designs.result import parameter_label
 from beamsim.analyses.identify.result import (
@@ -19,15 +20,10 @@ from beamsim.analyses.identify.result import (
 )
 from beamsim.plots.drawing import DARK, RED, Curve, Guide, draw_curves, finish, legend, panels
 from beamsim.plots.style import Scale
+from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import field_type_at, find_parameters
 from beamsim.scenario.quantities import Quantity
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from beamsim.scenario import Scenario
 
 _MEASURED, _DOTTED = "0.45", (0, (2, 2))
 _STIFFNESS = Scale(1e-3, "kN/m")

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow
+from beamsim.analyses.run.result import RunResult
 from beamsim.plots.drawing import MOST_CURVES, Curve, curve_style, draw_curves, finish, legend, panels, with_unit
 from beamsim.plots.style import amount, plain_scale, scale_for
 from beamsim.typing import Ints
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from beamsim.analyses.run.result import RunResult
 
 _MARKS = ("o", "^", "s", "D", "v", "x")
 
@@ -56,8 +53,6 @@ def plot_impact_map(impacts: Impacts, ax: Axes, end: float) -> Axes:
 
 def plot_peak_forces(impacts: Impacts, ax: Axes) -> Axes:
     """Histogram of the impacts' peak forces."""
-    from matplotlib.ticker import MaxNLocator
-
     names = _strongest(impacts)
     newton = scale_for("N", impacts.peak_force)
     forces = [impacts.peak_force[_of_snubber(impacts, name)] * newton.factor for name in names]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from beamsim.analyses.branch import ModeBranch
@@ -13,9 +12,6 @@ from beamsim.plots.branches import explain_dashes, mark_special, plot_branch
 from beamsim.plots.drawing import curve_style, finish, legend, name_beside
 from beamsim.plots.style import scale_for
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Curve = tuple[Floats, Floats]
 

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon, Rectangle
 
 from beamsim.plots.drawing import finish_positions, panels
 from beamsim.plots.sketch import BODY, STOP, Sketch, scale_bar
 from beamsim.plots.style import amount, level_text, round_length
+from beamsim.scenario import Scenario
 from beamsim.scenario.place import MovedSupport
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.places import Link, LoadSite, Place, Site, ends_of
+from beamsim.structures.stations import Stations
 from beamsim.system.parts import exciting_forces
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from beamsim.scenario import Scenario
-    from beamsim.structures.stations import Stations
-    from beamsim.system.structural import SnubberNumbers
+from beamsim.system.structural import SnubberNumbers
 
 MOST_NAMES = 14  # of stops, masses, springs and probes together; more are not readable
 MOST_SQUARES = 12  # masses or nodes of a body; more are dots
@@ -132,8 +130,6 @@ def _level_text(part: Any, level: float) -> str:
 
 def _bodies(sketch: Sketch, ax: Axes) -> None:
     """Outlines with their depths; masses and nodes as squares and dots."""
-    from matplotlib.patches import Polygon, Rectangle
-
     bodies = sketch.scenario.all_bodies
     deepest = max((depth for body in bodies.values() for _, _, depth in body.depths), default=0.0)
     for name, body in bodies.items():

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from beamsim.analyses.nnm.result import ExpansionComparison
+from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.plots.branches import UNSTABLE, plot_branch
 from beamsim.plots.drawing import (
     MOST_CURVES,
@@ -20,14 +22,7 @@ from beamsim.plots.drawing import (
 )
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import level_text, scale_for
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from beamsim.analyses.nnm.result import ExpansionComparison
-    from beamsim.analyses.response.result import FrequencyResponse
-    from beamsim.structures.stations import Stations
+from beamsim.structures.stations import Stations
 
 ROUND_OFF = 1e-14  # differences below it are not drawn
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from beamsim.analyses.branch import ModeBranch
 from beamsim.analyses.nnm.result import NormalModeResult
@@ -17,10 +19,6 @@ from beamsim.plots.relaxed import relaxed_figure
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 FLOOR = -120.0  # dB, of a spectrum
 DRIFTED = 1e-6  # over the periods of the spectrum, from which the drift is shown

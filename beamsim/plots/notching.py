@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve
 from beamsim.plots.drawing import DARK, RED, Curve, Guide, draw_curves, frequency_axis, legend, panels
 from beamsim.plots.style import Scale
 from beamsim.scenario.notching import limited_quantity
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from beamsim.typing import Floats
+from beamsim.typing import Floats
 
 MOST_LIMITS = 4  # drawn, those with the largest shares
 _FREQUENCY = ("", Scale(1.0, ""))  # the last panel has its label

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from matplotlib.figure import Figure
+
+from beamsim.analyses.result import Result
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.plots.style import shown_in
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from beamsim.analyses.result import Result
 
 
 def figures_of(result: Result) -> dict[str, Figure]:

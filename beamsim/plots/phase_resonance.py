@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from beamsim.analyses.nnm.result import HeldMotion, PhaseResonanceResult
 from beamsim.plots.branches import explain_dashes, plot_branch
 from beamsim.plots.drawing import (
     MOST_CURVES,
@@ -23,13 +26,7 @@ from beamsim.plots.drawing import (
 )
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale, scale_for
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from beamsim.analyses.nnm.result import HeldMotion, PhaseResonanceResult
-    from beamsim.structures.stations import Stations
+from beamsim.structures.stations import Stations
 
 _HIGHEST_ORDER = 20.5
 

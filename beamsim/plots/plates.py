@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from beamsim.analyses.run.result import BodyResult, RunResult
 from beamsim.plots.drawing import colour_bar, legend_below, panels
 from beamsim.plots.style import scale_for
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from beamsim.analyses.run.result import BodyResult, RunResult
-    from beamsim.system.structural import ModeTable
-    from beamsim.typing import Floats
+from beamsim.system.structural import ModeTable
+from beamsim.typing import Floats
 
 MOST_MODES = 6
 _SLENDER = 0.4  # width over length of a plate below which its pictures stand one above the other

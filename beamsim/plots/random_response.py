@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
 
 from beamsim.analyses.run.result import RandomResponse
 from beamsim.plots.drawing import MOST_CURVES, PALE, Curve, curve_style, draw_curves, legend
 from beamsim.plots.style import ROUND_OFF, Scale, scale_for
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from beamsim.typing import Bools
+from beamsim.typing import Bools
 
 DENSITY_SHOWN = 1e-7  # of the largest density, below which nothing is shown
 POWER_SHOWN = 1e-3  # of the input's largest density, below which a transmissibility is that of leakage and round-off

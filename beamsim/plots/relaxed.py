@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from beamsim.analyses.nnm.result import NormalModeResult, RelaxedComparison
 from beamsim.plots.drawing import DARK, RED, Curve, draw_curves, legend, panels
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _FACTOR = ("Stiffness factor ε", "")
 _FATES = {

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult, ShockResponse, SnubberHistory, Spectrum
 from beamsim.analyses.run.windows import Window
@@ -33,10 +35,6 @@ from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MOST_BANDS = 400  # of the spectrum of a random motion
 MOST_STATES = 2**18  # samples in a phase portrait

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 from beamsim.files import replacing
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 DOTS_PER_INCH = 150.0
 
@@ -33,8 +33,6 @@ def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, f
 
 def draw(figure: Figure, target: Any, form: str = "png") -> None:
     """Draw a figure to a file or stream."""
-    from matplotlib import rc_context
-
     # logarithmic axes have 0.01, 0.6 and 200 in place of powers of ten; letters are as wide as in PDF and SVG
     with rc_context({"axes.formatter.min_exponent": 4, "text.hinting": "none"}):
         figure.savefig(target, format=form, dpi=DOTS_PER_INCH)

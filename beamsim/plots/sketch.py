@@ -5,21 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 
+from beamsim.scenario import Scenario
 from beamsim.scenario.joint import origins
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.structures.places import Link, Place, Site, ends_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from beamsim.scenario import Scenario
-    from beamsim.structures.stations import StationPart, Stations
-    from beamsim.system.structural import SnubberNumbers
-    from beamsim.typing import Floats, Ints
+from beamsim.structures.stations import StationPart, Stations
+from beamsim.system.structural import SnubberNumbers
+from beamsim.typing import Floats, Ints
 
 MANY_NODES = 40  # of a body; beyond that they are drawn smaller
 _REFINED = 4  # points between stations, by a cubic spline through them

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.axes import Axes
 
 from beamsim.plots.drawing import curve_style, finish, legend, with_unit
 from beamsim.plots.style import scale_for
-from beamsim.structures.stations import IN_PLANE
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from beamsim.structures.stations import StationPart, Stations
-    from beamsim.typing import Floats
-
+from beamsim.structures.stations import IN_PLANE, StationPart, Stations
+from beamsim.typing import Floats
 
 MOST_TICKS = 20  # of numbered masses or nodes
 

@@ -8,14 +8,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from beamsim.analyses.values import STANDARD_GRAVITY
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 ROUND_OFF = 1e-15  # in SI units; nothing that is shown can be known so small
 _LONG_TIMES = (("years", 365.25 * 86400.0, 1.0), ("days", 86400.0, 2.0), ("h", 3600.0, 2.0), ("min", 60.0, 10.0))

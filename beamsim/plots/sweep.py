@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from beamsim.analyses.compare.sweeps import peaks_of
-from beamsim.analyses.sweep.result import SweepResult
+from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.plots.bounds import limit_levels
 from beamsim.plots.drawing import (
     DARK,
@@ -31,13 +33,7 @@ from beamsim.plots.notching import notching_figure
 from beamsim.plots.style import Scale, level_text, scale_for
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.scenario.quantities import amplitude_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from beamsim.analyses.sweep.result import SweepCurve
-    from beamsim.typing import Floats
+from beamsim.typing import Floats
 
 MOST_LEVELS = 4  # whose harmonics are drawn
 ENERGY_SHOWN = 1e-8  # of the largest, below which harmonics are not drawn

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING
 
+from beamsim.plots.animation import Scene
 from beamsim.report.page import asset, document, embedded, player_html
-
-if TYPE_CHECKING:
-    from beamsim.plots.animation import Scene
 
 NOTE = (
     "Deflection relative to the base, magnified to the scale shown, with the shape functions of the model; slow around "

@@ -4,28 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+from matplotlib.figure import Figure
 
 from beamsim.analyses.limits import limit_label, limit_unit
-from beamsim.analyses.result import MARGINS
+from beamsim.analyses.result import MARGINS, Result
+from beamsim.plots.animation import Scene
 from beamsim.plots.model import excitation_text, model_figure
 from beamsim.plots.style import amount, margin_text
 from beamsim.report.animated import NOTE
 from beamsim.report.interactive import interactive_plots
 from beamsim.report.page import Cells, Page, Verdict, captioned, labelled, listing, picture, table
 from beamsim.report.trust import changes, checks, doubts, untrusted, versions
+from beamsim.scenario import Scenario
 from beamsim.scenario.base import Schema, plain
 from beamsim.structures.assembly import snubber_site
+from beamsim.structures.stations import Stations
+from beamsim.system.structural import SnubberNumbers
 from beamsim.trust.values import by_place
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from beamsim.analyses.result import Result
-    from beamsim.plots.animation import Scene
-    from beamsim.scenario import Scenario
-    from beamsim.structures.stations import Stations
-    from beamsim.system.structural import SnubberNumbers
 
 CHANGES_SHOWN = 60
 HOW_TO_READ = (

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from beamsim.analyses.result import Result
 from beamsim.codecs import OUTCOME
 from beamsim.fields import (
     Attribute,
@@ -78,8 +79,6 @@ def _merged(sections: Iterable[Section]) -> list[Section]:
 
 
 def _root() -> str:
-    from beamsim.analyses.result import Result
-
     rows = [
         Row("schema_version", "", "attribute", "version of the layout"),
         Row("beamsim_version", "", "attribute", "version of beamsim that computed the result"),
@@ -95,8 +94,6 @@ def sections_of(cls: type, kind: str = "", known: dict[Any, str] | None = None) 
 
     ``known`` says where a class has been described; classes described here are added.
     """
-    from beamsim.analyses.result import Result
-
     inherited = {member.name for member in members_of(Result)} if cls is not Result else set()
     yield from _sections(cls, "/", {}, {} if known is None else known, inherited, kind)
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import check_cases, plan_draws
+from beamsim.analyses.designs.result import DesignsResult
+from beamsim.scenario import Scenario
 from beamsim.store.journal import Journal, journal_path
 from beamsim.store.results import write_designs
-
-if TYPE_CHECKING:
-    from beamsim.analyses.designs.result import DesignsResult
-    from beamsim.scenario import Scenario
 
 
 def ensemble(

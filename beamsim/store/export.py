@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 from beamsim.store.flat import Items, joined, last, parent
+from beamsim.store.records import bodies_without_places, records_of
 from beamsim.store.results import decode_summary, open_result, open_with_items
+from beamsim.store.uff import write_uff
 
 ROWS_AT_ONCE = 2**16  # of a table that are turned into text together
 _UNITS = {"": "", "1": "", "degree": "deg", "kg^-0.5": "per_sqrt_kg", "kg^0.5 m": "m_sqrt_kg"}
@@ -282,8 +284,6 @@ def _matlab(value: Any) -> Any:
 
 def _export_uff(result: Any, items: Items, target: Path) -> list[Path]:
     """Everything at a probe or snubber that is a function of time or frequency."""
-    from beamsim.store.records import records_of
-    from beamsim.store.uff import write_uff
 
     records = records_of(items, result)
     if not records:
@@ -297,8 +297,6 @@ def _export_uff(result: Any, items: Items, target: Path) -> list[Path]:
 
 def remark_on_places(path: Path) -> str:
     """That nodes of imported bodies have no coordinates in a universal file of a result; empty where all have some."""
-    from beamsim.store.records import bodies_without_places
-
     bodies = bodies_without_places(open_result(path))
     if not bodies:
         return ""

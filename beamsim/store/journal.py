@@ -18,6 +18,7 @@ from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ResultFileError
 from beamsim.files import check_writable, replacing
 from beamsim.outcomes import Outcome
+from beamsim.version import __version__
 
 VERSION = 2
 LOCKED_BYTE = 2**30
@@ -45,8 +46,6 @@ class Journal:
     """
 
     def __init__(self, path: Path, fingerprint: str, *, resume: bool) -> None:
-        from beamsim.version import __version__
-
         self.path = path
         self.fingerprint = fingerprint = f"{fingerprint} by beamsim {__version__}"
         self.dropped = 0  # solved cases of this study that are discarded without resume

@@ -14,10 +14,11 @@ coordinates are in no data set 15, and the header names their bodies.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from beamsim.scenario import Scenario
 from beamsim.store.flat import Item, Items, joined, last, parent
 from beamsim.store.uff import (
     FREQUENCY_RESPONSE,
@@ -34,11 +35,8 @@ from beamsim.store.uff import (
 )
 from beamsim.structures.places import DEFLECTION
 from beamsim.structures.stations import NODES, Stations
+from beamsim.system.structural import ModeTable
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.system.structural import ModeTable
 
 Coordinates = tuple[float, float, float]  # m
 APART = 0.1  # between bodies, of the longest

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -15,12 +15,10 @@ from beamsim.measurements.csv_table import read_rows
 from beamsim.measurements.headings import split_heading
 from beamsim.measurements.read import TEXT, UFF
 from beamsim.measurements.signal import MeasurementError
-from beamsim.scenario import units
+from beamsim.measurements.universal_file import data_sets
+from beamsim.scenario import Scenario, units
+from beamsim.scenario.body import Body
 from beamsim.scenario.place import AtPlace
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.scenario.body import Body
 
 _PLACE = ("body", "position", "x", "y", "mass", "node", "direction")
 _COMPONENTS = {"x": "r1", "y": "r2", "z": "r3", "rx": "r4", "ry": "r5", "rz": "r6"}
@@ -118,8 +116,6 @@ def _whole(text: str) -> Any:
 
 
 def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
-    from beamsim.measurements.universal_file import data_sets
-
     sets = data_sets(path)
     modes = [each for each in sets if each["type"] == 55 and each.get("analysis_type") in (2, 3)]
     if not modes:

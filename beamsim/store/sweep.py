@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import ResultFileError
+from beamsim.scenario import Scenario
 from beamsim.store.results import open_sweep
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 
 def earlier_sweep(path: Path | str, scenario: Scenario) -> SweepResult | None:

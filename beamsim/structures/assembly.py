@@ -6,24 +6,22 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import path_text, walk
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.joint import body_origins
 from beamsim.structures.chain import linear_stiffness
 from beamsim.structures.distributed import Distributed
+from beamsim.structures.file_summary import FileSummary
 from beamsim.structures.joined import join
+from beamsim.structures.matrices import read_body
 from beamsim.structures.places import SLOPE, Link, LoadSite, Place, Site, ends_of, load_site_of, site_of
 from beamsim.structures.several import assemble_side_by_side
+from beamsim.structures.structure import BodyStructure, Structure
 from beamsim.structures.supports import Coupling
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Located, Scenario
-    from beamsim.structures.file_summary import FileSummary
-    from beamsim.structures.structure import BodyStructure, Structure
-
 
 # Modules whose function ``assemble_<kind>`` makes a structure of a body of this kind; only those needed are imported.
 _ASSEMBLERS = {kind: f"beamsim.structures.{kind}" for kind in ("beam", "chain", "plate", "matrices")}
@@ -110,8 +108,6 @@ def summaries_of_files(scenario: Scenario) -> tuple[FileSummary, ...]:
     ScenarioError
         If a file cannot be read or used.
     """
-    from beamsim.structures.matrices import read_body
-
     return tuple(
         read_body(_with_places_of_files(scenario, name), name)[1]
         for name, body in scenario.all_bodies.items()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from scipy.sparse import csr_array, vstack
 
 from beamsim.errors import MethodError
+from beamsim.scenario.beam import BeamBody
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.given_field import GivenField, WeightedValues
@@ -17,9 +19,6 @@ from beamsim.structures.places import DEFLECTION, SLOPE, Place, Site
 from beamsim.structures.recovery import BeamModel
 from beamsim.structures.supports import Coupling, Hold
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario.beam import BeamBody
 
 _DERIVATIVE = {DEFLECTION: 0, SLOPE: 1}
 # What an end holds: deflection, 0, and slope, 1.
@@ -135,8 +134,6 @@ class BeamStructure(BeamModel):
 
     def given_field(self, numbers: Sequence[float]) -> GivenField:
         """A polynomial in x (m) from the left end, by its coefficients of x^0, x^1, ..., in SI units."""
-        from scipy.sparse import vstack
-
         mesh, length, masses = self.mesh, self.section.length, self.section.point_masses
         polynomial = np.polynomial.Polynomial(np.asarray(numbers, dtype=float) * length ** np.arange(len(numbers)))
         points, weights = np.polynomial.legendre.leggauss(len(numbers) // 2 + 4)
@@ -188,8 +185,6 @@ def assemble_beam(
     BeamStructure
         Scaled, without the dofs that supports hold.
     """
-    from scipy.sparse import csr_array, vstack
-
     length, stretches = beam.length, beam.stretches
     bounds = np.array([0.0, *(stretch.start / length for stretch in stretches[1:]), 1.0])
     if mesh is None:
@@ -239,8 +234,6 @@ def _drag(beam: BeamBody, deflected: Any, at_ends: Any) -> Any:
 
 def point_mass_rows(mesh: Mesh, beam: BeamBody) -> Any:
     """(c, all dofs) sparse rows whose products are the scaled point masses and their rotary inertias."""
-    from scipy.sparse import vstack
-
     mass_scale = beam.mass_per_length * beam.length
     at = np.array(beam.mass_positions) / beam.length
     mass, rotary = (np.array([getattr(m, of) for m in beam.point_masses]) for of in ("mass", "rotary_inertia"))

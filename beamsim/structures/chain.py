@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_array, csr_array
 
+from beamsim.scenario import Chain
 from beamsim.structures.base_motion import BaseDirection
+from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.given_field import GivenField, WeightedValues
 from beamsim.structures.places import DEFLECTION, Place, Site
@@ -17,10 +20,6 @@ from beamsim.structures.structure import BodyStructure, MemberBody
 from beamsim.structures.supports import Coupling, Hold
 from beamsim.structures.symmetric_lu import blocks_of
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Chain
-    from beamsim.structures.basis import ReducedBasis
 
 
 def _stretches(count: int, ends: Sequence[tuple[int, int]]) -> Floats:
@@ -136,8 +135,6 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
     ChainStructure
         Scaled by the mean mass and the largest spring.
     """
-    from scipy.sparse import csc_array, csr_array
-
     masses = np.array(chain.masses, dtype=float)
     count = masses.size
     row = [(i - 1, i) for i in range(count + 1)]

@@ -13,16 +13,15 @@ the model had been in SI units; of any other scaling the motion of the nodes is 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.sparse import diags_array
 
 from beamsim.matrix_files.matrix import MODAL
+from beamsim.scenario.matrices import UnitSizes
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable
 from beamsim.structures.named_matrices import NamedMatrices
-
-if TYPE_CHECKING:
-    from beamsim.scenario.matrices import UnitSizes
 
 
 def in_si_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
@@ -30,8 +29,6 @@ def in_si_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
 
     The rows of a recovery matrix give what they gave, in the units of the file, now for motions in SI units.
     """
-    from scipy.sparse import diags_array
-
     length, mass, force, time = sizes
     if all(size == 1.0 for size in sizes):
         return given

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.sparse.linalg import eigsh
 
+from beamsim.structures.basis import ReducedBasis
+from beamsim.structures.structure import MemberBody, Structure
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.structure import MemberBody, Structure
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,6 @@ class StatedParts:
         """
         if self.known is None:
             return 0.0
-        from scipy.sparse.linalg import eigsh
 
         from beamsim.structures.sturm import negative_eigenvalues
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from beamsim.typing import Floats, Ints
 
@@ -23,8 +24,6 @@ def dissection(matrix: Any, places: Floats | None) -> Ints | None:
     ----------
     places : (N, 3) coordinates of the node of each row; NaN where a row has none; None where none are known.
     """
-    from scipy.sparse import csr_array
-
     size = matrix.shape[0]
     if size <= _SMALL or places is None:
         return None

@@ -18,6 +18,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.linalg import qr
+from scipy.sparse import csc_array, csr_array, diags_array, vstack
+from scipy.sparse.linalg import splu
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import MODAL
@@ -46,8 +49,6 @@ def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
     MethodError
         If springs hold the structure to the ground, which does not move with the base.
     """
-    from scipy.sparse import csr_array, diags_array, vstack
-    from scipy.sparse.linalg import splu
 
     if isinstance(structure, BodyStructure):
         named, back = structure.named_dofs, csr_array(diags_array(np.ones(structure.size)))
@@ -95,8 +96,6 @@ def _names(bodies: Sequence[BodyStructure]) -> NamedDofs:
 
 def _independent_rows(expansion: Any) -> Ints:
     """As many independent rows as there are columns; of rows that joints tie together those with the largest pivots."""
-    from scipy.linalg import qr
-
     by_column = expansion.tocsc()
     kept = []
     for columns in blocks_of(abs(by_column.T) @ abs(by_column)):
@@ -215,8 +214,6 @@ def craig_bampton(given: NamedMatrices, boundary: Ints, count: int) -> NamedMatr
 
 def _projected(matrix: Any, basis: Floats, modes: int = 0, *, coupled: bool = True) -> Any:
     """The matrix in the basis, symmetric; exact zeros between modes, and to the boundary if these are not coupled."""
-    from scipy.sparse import csc_array
-
     projected = basis.T @ (matrix @ basis)
     projected = (projected + projected.T) / 2
     projected[:modes, :modes] = np.diag(np.diag(projected)[:modes])

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from beamsim.scenario.matrices import FileUnits, UnitSystem
 from beamsim.structures.dof_table import TRANSLATIONS
+from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario.matrices import FileUnits, UnitSystem
-    from beamsim.structures.named_matrices import NamedMatrices
 
 # Mass over the cube of the largest dimension, kg/m^3: a wire of 0.2 mm and 10 m has 2e-5, a block of tungsten 2e4, and
 # 10 kg on interface nodes 5 mm apart 8e7.

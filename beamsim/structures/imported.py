@@ -10,14 +10,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.sparse import block_diag, csc_array, csr_array, hstack, identity
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files.formats import read_matrix
 from beamsim.matrix_files.matrix import MODAL, Dof, FileMatrix
-from beamsim.scenario.matrices import name_of, sizes_of
+from beamsim.scenario.matrices import MatricesBody, RecoverySource, name_of, sizes_of
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.converted import in_si_units
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, read_dof_table
@@ -25,9 +26,6 @@ from beamsim.structures.file_summary import doubtful_units
 from beamsim.structures.named_matrices import NamedMatrices, moves_freely
 from beamsim.structures.symmetric_lu import blocks_of, symmetric_lu
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario.matrices import MatricesBody, RecoverySource
 
 # Differences between a matrix and its transpose, relative to its largest entry: of single precision, and of digits cut.
 ROUND_OFF = 1e-6
@@ -121,8 +119,6 @@ def _used_rows(mass: Any, stiffness: Any, damping: Any, recovery: Any, table: Do
 
 def _recovery(source: RecoverySource, table: DofTable) -> Any:
     """(rows, N) sparse, columns in the order of the table."""
-    from scipy.sparse import csr_array
-
     matrix = _of_file("recovery", source)
     values = csr_array(matrix.values)
     if np.iscomplexobj(values):
@@ -187,8 +183,6 @@ def _table(section: MatricesBody, read: dict[str, FileMatrix]) -> DofTable:
 
 def _in_order(key: str, matrix: FileMatrix, table: DofTable) -> Any:
     """The matrix in the order of the table; what the file does not have is zero."""
-    from scipy.sparse import csc_array
-
     if matrix.rows is None:
         return csc_array(matrix.values)
     at = _placed(key, matrix.rows, table)
@@ -253,8 +247,6 @@ def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
     MethodError
         If a motion has a negative mass beyond round-off.
     """
-    from scipy.sparse import block_diag, csc_array, hstack, identity
-
     size, diagonal = mass.shape[0], mass.diagonal()
     massive = np.ones(size, dtype=bool)  # rows that are kept as they are
     bases: tuple[list[Floats], list[Floats]] = ([], [])
@@ -308,8 +300,6 @@ def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
     (N, m) sparse
         Fields on all rows.
     """
-    from scipy.sparse import csc_array
-
     inner = (massless.T @ stiffness @ massless).toarray()
     try:
         follow = np.linalg.solve(inner, (massless.T @ stiffness @ massive).toarray())

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_array, csr_array, vstack
 
 from beamsim.structures.modes import orthonormal_in_mass, unstretched
 from beamsim.structures.several import SeveralBodies, assemble_side_by_side
@@ -37,8 +38,6 @@ def join(
     SeveralBodies
         On the dofs that the constraints leave.
     """
-    from scipy.sparse import csr_array, vstack
-
     apart = assemble_side_by_side(bodies)
     held = apart.rows([c.site for c in couplings if c.stiffness is None])
     basis = null_space_basis(held)
@@ -74,8 +73,6 @@ def null_space_basis(rows: Floats) -> Any:
     Constraints without a common degree of freedom are treated apart, which keeps the basis sparse: a column outside
     all constraints is a unit vector.
     """
-    from scipy.sparse import coo_array, csr_array
-
     size = rows.shape[1]
     pattern = csr_array(rows != 0, dtype=float)
     constrained = np.any(rows != 0, axis=0)

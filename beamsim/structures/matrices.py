@@ -6,13 +6,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.linalg import LinAlgError
+from scipy.sparse import csc_array, csr_array, identity
 
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.matrix_files.matrix import MODAL
+from beamsim.scenario.matrices import MatricesBody
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
+from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.dissection import dissection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
@@ -33,10 +37,6 @@ from beamsim.structures.sturm import negative_eigenvalues
 from beamsim.structures.supports import Hold
 from beamsim.structures.symmetric_lu import SymmetricLU, held_factors, pinned_rows
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario.matrices import MatricesBody
-    from beamsim.structures.basis import ReducedBasis
 
 # A motion is rigid where its forces are below this fraction of those of its entries one by one, and its frequency
 # is far below the next.
@@ -385,8 +385,6 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
 
 def _without_massless(mass: Any, stiffness: Any, table: DofTable) -> tuple[Any, Floats, list[str]]:
     """(N, n) motions of all rows for those that have mass, (N,) share of motions without in each row, and remarks."""
-    from scipy.sparse import csc_array, identity
-
     massive, massless = massless_basis(mass, table)
     size, count = massless.shape
     if not count or size > 4000:  # the modes of a larger model follow them anyhow
@@ -432,8 +430,6 @@ def rigid_modes(
     MethodError
         If the stiffness or the mass matrix is not positive semidefinite.
     """
-    from scipy.linalg import LinAlgError
-
     size = mass.shape[0]
     count = min(size, 8)
     shift = -1e-9 * float(np.median(stiffness.diagonal()) / np.mean(mass.diagonal()))
@@ -469,8 +465,6 @@ def stiffness_factor(factors: SymmetricLU, rigid: Floats) -> Any:
 
     It is applied to a motion less the rigid one that the held degrees of freedom have.
     """
-    from scipy.sparse import csr_array
-
     root = csr_array(factors.root)
     pinned = pinned_rows(rigid)
     if not pinned.size:

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
 
 from beamsim.typing import Floats, Ints
 
@@ -143,8 +144,6 @@ class Mesh:
 
     def rows(self, x: ArrayLike, derivative: int = 0) -> Any:
         """(k, size) sparse rows that give a derivative by x / L of the deflection at k positions x / L."""
-        from scipy.sparse import csr_array
-
         x = np.asarray(x, dtype=float).ravel()
         element, xi = self.locate(x)
         values = shape_functions(xi, self.lengths[element], derivative)
@@ -153,8 +152,6 @@ class Mesh:
 
     def square_rows(self, derivative: int, points: int) -> Any:
         """(points elements, size) sparse rows B with B^T B the integral of the square of a derivative by x / L."""
-        from scipy.sparse import csr_array
-
         rows = element_rows(self.lengths, derivative, points)
         i, j = np.repeat(np.arange(points * self.elements), 4), np.repeat(self.dofs, points, axis=0).ravel()
         return csr_array((rows.ravel(), (i, j)), shape=(points * self.elements, self.size))

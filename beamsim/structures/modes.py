@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.linalg import eigh, solve_triangular, svd
+from scipy.sparse.linalg import LinearOperator, eigsh
 
+from beamsim.structures.structure import Structure
 from beamsim.structures.symmetric_lu import SymmetricLU, symmetric_lu
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.structures.structure import Structure
 
 # Above this size the lowest modes come from shift-invert Lanczos instead of a dense decomposition.
 DENSE_LIMIT = 400
@@ -74,8 +74,6 @@ def orient(vectors: Floats, deflections: Floats) -> Floats:
 
 def _dense(model: Structure) -> tuple[Floats, Floats]:
     """All flexible modes: the singular values of B L^{-T} (M = L L^T) are the frequencies."""
-    from scipy.linalg import solve_triangular, svd
-
     lower = np.linalg.cholesky(model.mass.toarray())
     x = solve_triangular(lower, model.factor.toarray().T, lower=True).T
     flexible = model.size - model.rigid.shape[1]
@@ -102,8 +100,6 @@ def lowest_eigenpairs(
     (count,), (N, count)
         Ascending; the vectors are orthonormal in M.
     """
-    from scipy.linalg import eigh
-    from scipy.sparse.linalg import LinearOperator, eigsh
 
     size = mass.shape[0]
     if size <= DENSE_LIMIT or count > size // 4:

@@ -9,17 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.places import Place
 from beamsim.structures.reduction import static_deflections
+from beamsim.structures.structure import Structure
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.structure import Structure
 
 ACCURATE = 3e-5  # of the compliance; the default reduction has an error of this size
 

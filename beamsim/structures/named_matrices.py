@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.sparse import block_array, csc_array, diags_array
 
 from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.typing import Floats
@@ -70,8 +71,6 @@ def with_base_node(
     NamedMatrices
         Absolute displacements.
     """
-    from scipy.sparse import diags_array
-
     physical: Any = diags_array(1 / named.scale)
     mass, stiffness = (physical @ matrix @ physical for matrix in (mass, stiffness))
     damping = None if damping is None else physical @ damping @ physical
@@ -93,7 +92,5 @@ def with_base_node(
 
 def _with_base(matrix: Any, column: Floats, corner: float) -> Any:
     """The matrix with one more row and column."""
-    from scipy.sparse import block_array, csc_array
-
     beside = csc_array(column[:, None])
     return block_array([[matrix, beside], [beside.T, csc_array([[corner]])]], format="csc")

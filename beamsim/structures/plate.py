@@ -13,12 +13,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from scipy.sparse import kron, vstack
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import MODAL
+from beamsim.scenario.plate import PlateBody, Stiffener
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.beam import supported_dofs
 from beamsim.structures.dof_table import DofTable, NamedDofs
@@ -28,10 +30,6 @@ from beamsim.structures.plate_mesh import PlateMesh, graded_mesh
 from beamsim.structures.plate_recovery import PlateModel
 from beamsim.structures.supports import Hold
 from beamsim.typing import Bools, Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario.plate import PlateBody, Stiffener
-
 
 _FREE_BEAM = np.array([0.0, 0.0, 4.730040744862704, 7.853204624095838])  # beta L; higher ones (n + 1/2) pi
 
@@ -174,8 +172,6 @@ def assemble_plate(
     PlateStructure
         Scaled, without the dofs that supports hold.
     """
-    from scipy.sparse import kron, vstack
-
     size = np.array([plate.length, plate.width])
     mesh = _mesh(plate, nodes) if mesh is None else mesh
     d = plate.rigidity

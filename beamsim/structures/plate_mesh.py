@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from beamsim.structures.mesh import Mesh, build_mesh, shape_functions
 from beamsim.typing import Floats, Ints
@@ -79,8 +80,6 @@ class PlateMesh:
 
     def rows(self, points: Floats, derivative: tuple[int, int] = (0, 0)) -> Any:
         """(k, size) sparse rows that give a derivative (by x / L, by y / W) at nondimensional points (k, 2)."""
-        from scipy.sparse import csr_array
-
         elements, values = [], []
         for mesh, at, order in zip((self.x, self.y), points.T, derivative, strict=True):
             element, xi = mesh.locate(at)

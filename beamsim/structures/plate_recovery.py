@@ -10,12 +10,15 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array, kron, vstack
 
 from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario.plate import PlateBody
 from beamsim.structures.base_motion import BaseDirection
+from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.mesh import Mesh
 from beamsim.structures.meshed import MeshedBody
 from beamsim.structures.places import Place
@@ -25,10 +28,6 @@ from beamsim.structures.stations import IN_PLANE, Recovery
 from beamsim.structures.structure import MemberBody
 from beamsim.structures.supports import UnitMotion
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario.plate import PlateBody
-    from beamsim.structures.basis import ReducedBasis
 
 
 @dataclass(frozen=True)
@@ -108,8 +107,6 @@ def _moved(structure: PlateModel, basis: ReducedBasis) -> Floats:
 
 def moment_operator(structure: PlateModel) -> Any:
     """(3 nodes, size) rows of Mx, then My, then Mxy per width at the nodes, N for a metre of each dof."""
-    from scipy.sparse import kron, vstack
-
     plate, (x, y) = structure.section, (structure.mesh.x, structure.mesh.y)
     d, length, width = plate.rigidity, plate.length, plate.width
     xx = kron(_second_derivatives(x), y.rows(y.nodes), format="csr") / length**2
@@ -120,8 +117,6 @@ def moment_operator(structure: PlateModel) -> Any:
 
 def _second_derivatives(mesh: Mesh) -> Any:
     """(nodes, 2 nodes) rows of the second derivative at the nodes, interpolated from the Gauss points."""
-    from scipy.sparse import csr_array
-
     gauss = (mesh.nodes[:-1, None] + mesh.lengths[:, None] * (1 + np.array([-1.0, 1.0]) / np.sqrt(3)) / 2).ravel()
     count = min(4, gauss.size)
     first = np.clip(np.searchsorted(gauss, mesh.nodes) - count // 2, 0, gauss.size - count)

@@ -19,22 +19,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.sparse.linalg import spsolve
 
+from beamsim.scenario import Scenario
 from beamsim.scenario.base import walk
 from beamsim.scenario.parameters import replaced, value_at
 from beamsim.scenario.quantities import Share
 from beamsim.structures.assembly import assemble, couplings_of, snubber_site
 from beamsim.structures.places import Site
 from beamsim.structures.several import SeveralBodies, assemble_side_by_side
+from beamsim.structures.structure import BodyStructure, Path, Structure
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.structures.structure import BodyStructure, Path, Structure
-
 
 _STEP = 1e-5  # relative, of central differences
 _JOINING = ("joints", "springs_to_ground", "springs_between")
@@ -190,8 +188,6 @@ def _axis(place: Path) -> int | None:
 
 def _mode(model: Structure, row: Floats, squared: float) -> tuple[Floats, float]:
     """Scaled mode v and scaled stiffness k at a scaled omega^2."""
-    from scipy.sparse.linalg import spsolve
-
     dynamic = (model.factor.T @ model.factor - squared * model.mass).tocsc()
     x = np.asarray(spsolve(dynamic, row))
     k = -1.0 / float(row @ x)

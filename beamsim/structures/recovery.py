@@ -11,12 +11,13 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from beamsim.scenario.beam import BeamBody
 from beamsim.structures.base_motion import BaseDirection
-from beamsim.structures.basis import LoadPattern
+from beamsim.structures.basis import LoadPattern, ReducedBasis
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.mesh import Mesh, double_integral, element_rows, shape_functions
 from beamsim.structures.meshed import MeshedBody
@@ -26,10 +27,6 @@ from beamsim.structures.stations import ALONG, Recovery
 from beamsim.structures.structure import MemberBody
 from beamsim.structures.supports import UnitMotion
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario.beam import BeamBody
-    from beamsim.structures.basis import ReducedBasis
 
 
 def stations(mesh: Mesh, extra: list[float]) -> Floats:

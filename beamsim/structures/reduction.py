@@ -11,19 +11,17 @@ frequencies, and only the added vectors are diagonalised among themselves.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import qr, solve_triangular
 
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.basis import LoadPattern, ReducedBasis
 from beamsim.structures.modes import Modes, natural_modes, orient
+from beamsim.structures.structure import Part, Structure
 from beamsim.structures.supports import UnitMotion
 from beamsim.structures.symmetric_lu import pinned_rows
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.structures.structure import Part, Structure
 
 # Modes are kept up to this multiple of the highest frequency of interest.
 FREQUENCY_MARGIN = 1.5
@@ -60,8 +58,6 @@ def _independent(energy_vectors: Floats, reference: Floats) -> Floats:
 
     A column is left out if its remaining squared norm is below 1e-12 of its reference (c,).
     """
-    from scipy.linalg import qr, solve_triangular
-
     scale = np.divide(1.0, np.sqrt(reference), out=np.zeros_like(reference), where=reference > 0)
     r, order = qr(energy_vectors * scale, mode="r", pivoting=True)
     kept = int(np.sum(np.diag(r) ** 2 > 1e-12))

@@ -15,19 +15,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.structures.damping import stated_parts
+from beamsim.structures.basis import ReducedBasis
+from beamsim.structures.damping import StatedParts, stated_parts
 from beamsim.structures.reduction import static_deflections
+from beamsim.structures.structure import Structure
 from beamsim.structures.sturm import frequency_beyond
 from beamsim.typing import Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.damping import StatedParts
-    from beamsim.structures.structure import Structure
 
 
 @dataclass(frozen=True)

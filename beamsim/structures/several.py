@@ -14,6 +14,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.sparse import block_diag, csc_array, eye_array
 
 from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.basis import ReducedBasis
@@ -140,8 +141,6 @@ def _carried(body: BodyStructure) -> float:
 
 def assemble_side_by_side(parts: Sequence[Structure]) -> SeveralBodies:
     """Block matrices of several parts, all with the scales of the heaviest and the stiffest of them."""
-    from scipy.sparse import block_diag, csc_array, eye_array
-
     mass_scale = max(part.mass_scale for part in parts)
     stiffness_scale = max(part.stiffness_scale for part in parts)
     mass_ratio = [part.mass_scale / mass_scale for part in parts]

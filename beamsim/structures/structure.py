@@ -9,24 +9,22 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from beamsim.structures.base_motion import UPWARDS, BaseDirection
+from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.dof_table import DofTable, NamedDofs
+from beamsim.structures.file_summary import FileSummary
+from beamsim.structures.given_field import GivenField
 from beamsim.structures.named_matrices import NamedMatrices, with_base_node
 from beamsim.structures.places import DEFLECTION, Link, LoadSite, Place, Site, ends_of, signed_ends
+from beamsim.structures.stations import Recovery
 from beamsim.structures.supports import Coupling, Hold
 from beamsim.structures.symmetric_lu import SymmetricLU, held_factors
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.file_summary import FileSummary
-    from beamsim.structures.given_field import GivenField
-    from beamsim.structures.stations import Recovery
 
 Path = tuple[str | int, ...]
 

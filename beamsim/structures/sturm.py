@@ -6,15 +6,14 @@ frequencies below :math:`\Omega`, whatever an eigenvalue solver found or missed.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.linalg import ldl
 
+from beamsim.structures.structure import Structure
 from beamsim.structures.symmetric_lu import symmetric_lu, unit_diagonal
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.structures.structure import Structure
 
 # Above this size a matrix whose factors are not accurate without pivoting is not factorised densely.
 _DENSE = 3000
@@ -40,7 +39,6 @@ def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
         return int(np.sum(factors.pivots < 0))
     if matrix.shape[0] > _DENSE:
         return None
-    from scipy.linalg import ldl
 
     _, d, _ = ldl(unit_diagonal(matrix)[0].toarray())
     return int(np.sum(np.linalg.eigvalsh(d) < 0))

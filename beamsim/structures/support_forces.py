@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,11 +25,9 @@ from beamsim.structures.base_motion import UPWARDS, BaseDirection
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.places import DEFLECTION, SLOPE, Link, LoadSite, Place, Site
 from beamsim.structures.reduction import static_deflections
+from beamsim.structures.structure import MemberBody, Structure
 from beamsim.structures.supports import Coupling, UnitMotion
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.structures.structure import MemberBody, Structure
 
 
 @dataclass(frozen=True)

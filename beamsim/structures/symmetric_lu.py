@@ -6,6 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import qr
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
 from beamsim.typing import Floats, Ints
 
@@ -48,8 +52,6 @@ class SymmetricLU:
         """
         if not np.array_equal(self.lu.perm_r, self.lu.perm_c):  # a pivot was taken off the diagonal
             return False
-        from scipy.sparse import csc_array
-        from scipy.sparse.linalg import LinearOperator, onenormest
 
         lu, entries, size = self.lu, self.matrix.tocoo(), self.scale.size
         permuted = csc_array((entries.data, (lu.perm_r[entries.row], lu.perm_c[entries.col])), shape=(size, size))
@@ -71,8 +73,6 @@ class SymmetricLU:
 
 def unit_diagonal(matrix: Any) -> tuple[Any, Floats]:
     """D A D with a diagonal of 1, -1 and 0, sparse, and the diagonal (N,) of D."""
-    from scipy.sparse import csc_array, diags_array
-
     diagonal = np.abs(matrix.diagonal())
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     unit: Any = diags_array(scale)
@@ -85,8 +85,6 @@ def symmetric_lu(matrix: Any, order: Ints | None = None) -> SymmetricLU:
     ``order`` (N,) is that of elimination, such as `beamsim.structures.dissection.dissection` gives; minimum degree
     without.
     """
-    from scipy.sparse.linalg import splu
-
     scaled, scale = unit_diagonal(matrix)
     if order is not None:
         scaled = scaled[order][:, order].tocsc()
@@ -99,8 +97,6 @@ def symmetric_lu(matrix: Any, order: Ints | None = None) -> SymmetricLU:
 
 def blocks_of(matrix: Any) -> list[Ints]:
     """Rows of every block of a sparse symmetric matrix; no entry couples one block to another."""
-    from scipy.sparse.csgraph import connected_components
-
     _, label = connected_components(matrix, directed=False)
     order = np.argsort(label, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
@@ -108,8 +104,6 @@ def blocks_of(matrix: Any) -> list[Ints]:
 
 def pinned_rows(rigid: Floats) -> Ints:
     """(r,) degrees of freedom that hold rigid-body motions (N, r): those in which they differ most."""
-    from scipy.linalg import qr
-
     count = rigid.shape[1]
     return np.sort(qr(rigid.T, mode="r", pivoting=True)[1][:count]) if count else np.zeros(0, dtype=np.int64)
 
@@ -130,8 +124,6 @@ def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> Sy
     SymmetricLU
         Of a positive definite matrix.
     """
-    from scipy.sparse import diags_array
-
     pinned = np.zeros(stiffness.shape[0])
     pinned[pinned_rows(rigid)] = 1.0
     if pinned.any():

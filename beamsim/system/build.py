@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,15 +23,18 @@ from beamsim.contacts.springs import (
 from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import single_frequency_hz
+from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import Path, path_text, walk
 from beamsim.structures.assembly import load_site_in
 from beamsim.structures.base_motion import BaseDirection
+from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.damping import damping_ratios
 from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.moving_point import places_needed
 from beamsim.structures.places import SLOPE, LoadSite, Place, Site
 from beamsim.structures.reduction_bound import ReceptanceBound, receptance_bound
 from beamsim.structures.stations import Recovery, Stations
+from beamsim.structures.structure import Structure
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.initial import initial_state
@@ -51,11 +54,6 @@ from beamsim.system.parts import (
 from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import ModeTable, ProbeRow, SnubberInfo, StructuralSystem
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Located, Scenario
-    from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.structure import Structure
 
 
 def build_system(

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic_core import PydanticCustomError
@@ -17,13 +16,10 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.headings import is_time
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, by_dimension
-from beamsim.scenario import units
+from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import counted, path_text
 from beamsim.scenario.snubber import MeasuredForces, check_points
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 _DIMENSIONS = {"length": units.LENGTH, "force": units.FORCE, "time": units.TIME}
 

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal
+from beamsim.inputs.excitation import BaseMotion, Driven, base_motion, level_signal
+from beamsim.inputs.signal import Signal
+from beamsim.scenario.base import Path
 from beamsim.scenario.excitation import sine_problems
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.system.equations import Forcing, SineLoads
 from beamsim.system.parts import Parts, base_direction, exciting_forces, gravity_loads
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.inputs.excitation import Driven
-    from beamsim.inputs.signal import Signal
-    from beamsim.scenario.base import Path
 
 
 def constant_loads(parts: Parts) -> Floats:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse.csgraph import csgraph_from_dense, shortest_path
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import Path, path_text
 from beamsim.structures.assembly import site_in
 from beamsim.structures.places import SLOPE, LoadSite, ends_of
+from beamsim.structures.supports import Coupling
+from beamsim.system.parts import Parts
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.structures.supports import Coupling
-    from beamsim.system.parts import Parts
 
 # A motion below this fraction of the largest possible one is round-off.
 _NOTHING = 1e-9
@@ -48,7 +46,6 @@ def open_loops(parts: Parts) -> Iterator[str]:
     scenario = parts.scenario
     if len(scenario.joints) < 2:
         return
-    from scipy.sparse.csgraph import csgraph_from_dense, shortest_path
 
     members = {member.body.name: member.body for member in parts.structure.members}
     points: dict[str, dict[int, Floats]] = {}  # by body, of its joints

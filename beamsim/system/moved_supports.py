@@ -10,27 +10,22 @@ shape :math:`\psi = -K_{qq}^{-1} K_{qb}`, so that there :math:`C_{qb} = -C_{qq} 
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.base import path_text, suggestion
+from beamsim.inputs.excitation import Driven
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import Path, path_text, suggestion
 from beamsim.scenario.place import MovedSupport
-from beamsim.structures.basis import LoadPattern
+from beamsim.structures.basis import LoadPattern, ReducedBasis
 from beamsim.structures.places import DEFLECTION, SLOPE, Link, Site
+from beamsim.structures.structure import Structure
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from beamsim.inputs.excitation import Driven
-    from beamsim.scenario import Scenario
-    from beamsim.scenario.base import Path
-    from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.structure import Structure
 
 
 @dataclass(frozen=True)

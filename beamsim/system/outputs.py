@@ -5,27 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from beamsim.contacts.contacts import Contacts
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.base import path_text, suggestion
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import Path, path_text, suggestion
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.places import DEFLECTION, SLOPE, LoadSite, Place, Site
+from beamsim.structures.stations import Recovery
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.system.channels import Channel, Rows, Sizes
+from beamsim.system.equations import Forcing
+from beamsim.system.moved_supports import Moved
 from beamsim.system.parts import Parts, base_direction, exciting_forces, gravity_loads, output_direction
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.contacts.contacts import Contacts
-    from beamsim.scenario import Scenario
-    from beamsim.scenario.base import Path
-    from beamsim.structures.stations import Recovery
-    from beamsim.system.equations import Forcing
-    from beamsim.system.moved_supports import Moved
 
 UNITS = {
     "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "rotation": "rad", "bending_moment": "N m",

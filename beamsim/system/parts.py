@@ -5,30 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from beamsim.errors import MethodError, Problem, ScenarioError
+from beamsim.inputs.excitation import Driven
+from beamsim.scenario import Located, Scenario
+from beamsim.scenario.base import Path
 from beamsim.scenario.place import ROTATION_TAKES, TRANSLATION_TAKES
-from beamsim.scenario.run import ModeStart, ReleasedForceStart
+from beamsim.scenario.run import ModeStart, ReleasedForceStart, Start
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
 from beamsim.structures.base_motion import TRANSLATIONS, UPWARDS, BaseDirection
-from beamsim.structures.basis import LoadPattern
+from beamsim.structures.basis import LoadPattern, ReducedBasis
 from beamsim.structures.damping import reduced_damping
 from beamsim.structures.places import LoadSite, Place, Site, ends_of
 from beamsim.structures.reduction import reduce_model
+from beamsim.structures.structure import Structure
 from beamsim.system.moved_supports import Moved, driven_supports, moved_supports
 from beamsim.system.shared import SharedBuilds
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.inputs.excitation import Driven
-    from beamsim.scenario import Located, Scenario
-    from beamsim.scenario.base import Path
-    from beamsim.scenario.run import Start
-    from beamsim.structures.basis import ReducedBasis
-    from beamsim.structures.structure import Structure
 
 # First quantities of what moves supports and the base, and is no force.
 MOTIONS = (TRANSLATION_TAKES[0], ROTATION_TAKES[0])

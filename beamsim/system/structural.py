@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,13 +12,11 @@ from beamsim.contacts.springs import SpringInfo
 from beamsim.fields import Counter, attribute, dataset, declared, group, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
+from beamsim.structures.file_summary import FileSummary
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
 from beamsim.system.channels import Channel, ChannelSet, Rows, Sizes
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.structures.file_summary import FileSummary
 
 
 @dataclass(frozen=True)

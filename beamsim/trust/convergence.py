@@ -9,18 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
+from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.errors import ScenarioError
 from beamsim.fields import changed, figure_in_words
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario import Scenario
 from beamsim.trust.divergence import DivergenceTimes
 from beamsim.trust.values import Changes, named
-
-if TYPE_CHECKING:
-    from beamsim.analyses.result import Result
-    from beamsim.scenario import Scenario
 
 WORTHLESS = 0.5  # relative change of the displacements beyond which the default model is not to be used
 MORE_MODES = 1.5

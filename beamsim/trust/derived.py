@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 
@@ -20,13 +20,11 @@ from beamsim.analyses.run.summary import resting
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, STANDARD_GRAVITY
 from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
+from beamsim.scenario import Scenario
 from beamsim.system.channels import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.trust.values import Values
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 FEWEST_PERIODS = 8  # of the excitation, in a part whose lines are compared
 

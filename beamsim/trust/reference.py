@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +16,8 @@ from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import never
 from beamsim.system.build import build_system
+from beamsim.system.structural import StructuralSystem
 from beamsim.trust.divergence import ContactEvents, divergence
-
-if TYPE_CHECKING:
-    from beamsim.system.structural import StructuralSystem
 
 RTOL, ATOL = 1e-8, 1e-12  # by default
 COMPARED = (  # entry of the summary, its name in the comparison and its unit

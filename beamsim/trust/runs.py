@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -33,17 +33,15 @@ from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, searched
 from beamsim.fields import changed
 from beamsim.flow.channels import Observed
 from beamsim.interrupts import Stop
+from beamsim.scenario import Run, Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
+from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.trust.convergence import Convergence, keeps_all, solved_again, with_convergence
 from beamsim.trust.derived import DerivedValues, OutputSamples, SpectrumKey, line_changes
 from beamsim.trust.divergence import LONGER, ContactEvents, DivergenceTimes, divergence, sensitivity
 from beamsim.trust.values import Changes, Values, compared, doubtful, larger, named, relative_changes, unchanged
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Run, Scenario
-    from beamsim.system.shared import SharedBuilds
 
 WINDOWS = 8  # parts of the motion after the sequences have diverged
 COUNTED = ("contact_share", "contacts")  # of the whole motion; all other values of motions are extremes

@@ -9,30 +9,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.branch import OrbitMotion
 from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.result import RunResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.transient import simulate
 from beamsim.interrupts import never
+from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place, ends_of
-from beamsim.structures.stations import IN_PLANE
+from beamsim.structures.stations import IN_PLANE, StationPart, Stations
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 from beamsim.system.shared import SharedBuilds
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats
-
-if TYPE_CHECKING:
-    from beamsim.analyses.branch import OrbitMotion
-    from beamsim.analyses.run.result import RunResult
-    from beamsim.scenario import Scenario
-    from beamsim.structures.stations import StationPart, Stations
-    from beamsim.system.structural import StructuralSystem
 
 POINTS = 81  # along a beam; its elements are cubic
 PLATE_LINES, PLATE_POINTS = 5, 33

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,15 +18,13 @@ from beamsim.analyses.compare_modes.measured import ShapesAtPlaces
 from beamsim.analyses.compare_modes.result import UNPAIRED, ModeComparison
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE
+from beamsim.scenario import Scenario
 from beamsim.scenario.checks import place_problems
 from beamsim.scenario.run import Reduction
 from beamsim.structures.assembly import site_in
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 HIGHEST = 1.5  # times the highest measured frequency, up to which computed modes are compared
 LEAST_MODES = 4  # more than were measured

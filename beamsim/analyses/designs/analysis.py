@@ -5,7 +5,6 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,7 @@ from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine, on_threads
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
+from beamsim.scenario import Scenario
 
 THREADED = ("run", "swept_sine")  # analyses whose time is spent in compiled code, which threads execute side by side
 

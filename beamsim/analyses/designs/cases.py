@@ -9,7 +9,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from beamsim.analyses.designs.responses import (
     Responses,
@@ -21,16 +21,17 @@ from beamsim.analyses.designs.responses import (
     sweep_responses,
 )
 from beamsim.analyses.designs.result import CaseOutcome
+from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
 from beamsim.errors import BeamsimError, Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario import Scenario, SpectrumSettings
 from beamsim.scenario.parameters import with_values
+from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.scenario.varied import Value
+from beamsim.system.build import build_system
 from beamsim.system.shared import SharedBuilds
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 SHORT = 0.01  # share of the range that is followed in a warm-up
 
@@ -125,8 +126,6 @@ def _solver(study: Study) -> CaseSolver:
 
 def warm_up(task: CaseTask | None) -> None:
     """Import the modules that a case needs and compile them (or load the compiled code)."""
-    import beamsim.scenario  # noqa: F401
-
     if task is not None:
         try:
             ANALYSES[task.study.analysis].rehearse(task.study.scenario(task.values))
@@ -141,8 +140,6 @@ def published(kind: str) -> Callable[..., Any]:
 
 
 def _solve_run(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Responses, Outcome]:
-    from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
-    from beamsim.system.build import build_system
 
     settings = scenario.run
     assert settings is not None
@@ -156,8 +153,6 @@ def _solve_run(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Resp
 
 
 def _rehearse_run(scenario: Scenario) -> object:
-    from beamsim.scenario import SpectrumSettings
-
     settings = scenario.run
     assert settings is not None
     short = min(settings.duration, max(1e-3 * settings.duration, 50.0 / scenario.sample_rate))
@@ -171,8 +166,6 @@ def _solve_sweep(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Re
 
 
 def _rehearse_sweep(scenario: Scenario) -> object:
-    from beamsim.scenario.sweep import SteppedSine, SweptSine
-
     settings = scenario.sweep
     assert isinstance(settings, (SweptSine, SteppedSine))
     change: dict[str, object] = {"to": 1.01 * settings.from_, "levels": settings.levels[:1], "direction": "up"}

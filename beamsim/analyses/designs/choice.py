@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.analyses.designs.realisations import judging
 from beamsim.analyses.designs.result import Response, is_scalar, responses_of
+from beamsim.scenario.designs import Vary
 from beamsim.typing import Bools, Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario.designs import Vary
 
 MOST_LISTED = 10  # best cases in the summary
 

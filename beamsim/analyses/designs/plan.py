@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from beamsim.analyses.designs.result import (
 )
 from beamsim.analyses.designs.sampling import latin_hypercube, listed_values, sobol
 from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario import Scenario
 from beamsim.scenario.base import plain, suggestion
 from beamsim.scenario.designs import LatinHypercube, Sobol, Vary
 from beamsim.scenario.input_files import named_files
@@ -28,10 +29,6 @@ from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.scenario.varied import Value, VariedParameter, drawn_parameters, varied_parameters
 from beamsim.typing import Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-
 
 MOST_CHECKED = 400  # cases checked before the first is solved
 

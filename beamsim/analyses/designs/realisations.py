@@ -5,19 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.designs.result import RealisedResponse, Tolerance
 from beamsim.analyses.designs.sampling import latin_hypercube
+from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
 from beamsim.scenario.varied import ToleratedParameter, Value, tolerances_of, tolerated_parameters
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-
 
 _LOW, _HIGH = 0.05, 0.95  # quantiles in the summary
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.response.result import FrequencyResponse
+from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.sweep.result import SweepResult
 from beamsim.analyses.values import BY_ENTRY, VALUES
-
-if TYPE_CHECKING:
-    from beamsim.analyses.response.result import FrequencyResponse
-    from beamsim.analyses.run.result import RunResult
-    from beamsim.analyses.sweep.result import SweepResult
 
 MODES_KEPT = 6
 

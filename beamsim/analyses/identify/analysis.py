@@ -5,7 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -35,15 +35,14 @@ from beamsim.analyses.identify.table_slope import compared, table_slope, with_fa
 from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile, widening
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE
+from beamsim.scenario import Scenario
+from beamsim.scenario.identification import IdentifyStiffness
+from beamsim.scenario.parameters import with_values
 from beamsim.structures.assembly import joined_to
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.measurements.signal import MeasuredSignal
-    from beamsim.scenario import Scenario
-    from beamsim.scenario.identification import IdentifyStiffness
 
 _HZ = 2 * np.pi
 _CURVE_POINTS = 240
@@ -363,8 +362,6 @@ def _fit_warnings(table: FrequencyTable, section: IdentifyStiffness, estimate: S
 
 def _with_stiffness(scenario: Scenario, snubber: str, stiffness: float) -> Scenario:
     """The scenario with the identified stiffness as initial value."""
-    from beamsim.scenario.parameters import with_values
-
     return with_values(scenario, {(*scenario.located_snubber(snubber).path, "stiffness"): stiffness})
 
 

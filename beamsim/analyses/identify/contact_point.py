@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from beamsim.scenario import Scenario
 from beamsim.structures.assembly import assemble, snubber_site
 from beamsim.structures.basis import LoadPattern
 from beamsim.structures.modes import DENSE_LIMIT, natural_modes
@@ -13,9 +12,6 @@ from beamsim.structures.places import Place
 from beamsim.structures.reduction import reduce_model
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 # Modes of a large model that are kept beyond those requested; a static vector represents the others.
 _EXTRA_MODES = 60

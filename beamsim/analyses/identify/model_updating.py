@@ -15,19 +15,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.identify.contact_point import free_frequencies
 from beamsim.analyses.identify.result import FrequencyTable, ModelUpdate, ParameterEstimate, ProfileLikelihood
 from beamsim.errors import ScenarioError
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import path_text
+from beamsim.scenario.identification import IdentifyStiffness, SoughtParameter
 from beamsim.scenario.parameters import choices_at, find_parameters, read_as, value_at, with_values
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.scenario.identification import IdentifyStiffness, SoughtParameter
 
 Place = tuple[str | int, ...]
 
@@ -414,6 +413,4 @@ def _correlation(covariance: Floats) -> Floats:
 
 
 def _text(place: Place) -> str:
-    from beamsim.scenario.base import path_text
-
     return path_text(place)

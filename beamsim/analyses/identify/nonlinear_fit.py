@@ -16,7 +16,7 @@ import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -30,14 +30,13 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.identification import IdentifyStiffness, MeasuredTest
 from beamsim.scenario.parameters import with_values
+from beamsim.scenario.run import Reduction
 from beamsim.system.shared import SharedBuilds
 from beamsim.typing import Bools, Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.scenario.identification import IdentifyStiffness, MeasuredTest
 
 Place = tuple[str | int, ...]
 
@@ -283,8 +282,6 @@ class _NonlinearFit:
 
     def prepare(self) -> None:
         """A scenario for each test, and the scaling of every parameter: a factor, or a length if it may be zero."""
-        from beamsim.scenario.run import Reduction
-
         highest = max(test.frequency_hz * test.harmonics.order[-1] for test in self.tests)
         reduction = self.scenario.reduction
         if reduction is None and any(body.reduced_by_default for body in self.scenario.all_bodies.values()):

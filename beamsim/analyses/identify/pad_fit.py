@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from pydantic_core import PydanticCustomError
 
@@ -12,13 +10,10 @@ from beamsim.analyses.identify.pad_data import read_pad_data
 from beamsim.analyses.identify.result import PadFit
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasurementError
+from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
-from beamsim.scenario.identification import check_data
+from beamsim.scenario.identification import Pad, PadData, check_data
 from beamsim.typing import Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.scenario.identification import Pad, PadData
 
 AT = ("identify_stiffness", "pad", "data")
 CURVE = 200  # points of the fitted curve

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
+from beamsim.inputs.signal import Signal
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
+from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
+from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.inputs.signal import Signal
-    from beamsim.scenario import Scenario
-    from beamsim.system.shared import SharedBuilds
 
 _SAMPLES = 512  # of a period, for the harmonics of the displacement
 _SETTLE = 300  # most periods of transient

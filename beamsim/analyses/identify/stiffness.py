@@ -14,6 +14,7 @@ import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
@@ -207,8 +208,6 @@ def thesis_loop(
     most_solutions : largest number of eigenvalue solutions.
     rigid : number of rigid-body modes.
     """
-    from beamsim.structures.modes import closed_frequencies
-
     k, previous = FIRST_STIFFNESS, np.nan
     for count in range(1, most_solutions + 1):
         predicted = float(closed_frequencies(point.omega, point.shape[None, :], np.array([k]), rigid)[mode - 1])

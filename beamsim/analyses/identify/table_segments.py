@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.identify.model_updating import Sought
 from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario import Scenario
 from beamsim.system.force_tables import curves_of
 from beamsim.typing import Bools, Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 KEYS = ("force_deflection", "segment_factors")
 _ROUND_OFF = 1e-9  # of the deflection at which a segment begins: a motion that ends there is in no later segment

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.identify.result import TableSlope
 from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.parameters import with_values
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import curves_of
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 _AT_A_BEND = 1e-3  # of the deflection at rest: closer to a bend a vibration is on both segments
 

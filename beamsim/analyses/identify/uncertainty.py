@@ -9,19 +9,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.identify.result import ProfileLikelihood, Sensitivity
 from beamsim.analyses.identify.stiffness import MeasuredModes, misfit
+from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
+from beamsim.scenario.parameters import find_parameters, value_at
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 _TABLE = 1201  # stiffnesses at which several modes are tabulated for Monte Carlo
 _TABLE_WIDTH = 8.0  # of the table, in standard deviations of ln k
@@ -175,8 +173,6 @@ def sensitivities(
     stiffness : the identified value, N/m.
     known : relative standard deviations by path.
     """
-    from beamsim.scenario.parameters import find_parameters, value_at
-
     if not 0 < stiffness < np.inf:
         return []
     number = np.array(measured.mode) - 1

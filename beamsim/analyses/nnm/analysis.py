@@ -5,7 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -38,13 +38,11 @@ from beamsim.orbits.branch import OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.reversible import linear_mode
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, combined
+from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.nnm import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 Progress = Callable[[float], None]
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.errors import NotTrustedError
 from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
@@ -16,13 +17,8 @@ from beamsim.orbits.free_orbits import FullPeriodPath
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.symmetry_breaking import NonBrakeBranch, SymmetryBreaking, breaking_between
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario.nnm import FullPeriodMethod
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from beamsim.analyses.nnm.paths import ModeBranches, ModePath
-    from beamsim.scenario.nnm import FullPeriodMethod
 
 FIRST_STEP, LARGEST_STEP = 0.01, 0.05  # of a non-brake branch, in scaled unknowns
 BACK = 60  # points followed back into a tongue from beyond a jump

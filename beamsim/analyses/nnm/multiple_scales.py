@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.nnm.paths import flexible_mode, held_energy, spring_family
+from beamsim.analyses.nnm.paths import ModeBranches, flexible_mode, held_energy, spring_family
 from beamsim.analyses.nnm.result import SAFELY, ExactModes, ExpansionComparison, ExpansionPath
 from beamsim.errors import locating
 from beamsim.orbits.branch import BranchPoint
@@ -20,11 +19,8 @@ from beamsim.orbits.expansions.free import (
 )
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.spring_families import SpringFamily
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.analyses.nnm.paths import ModeBranches
-    from beamsim.system.structural import StructuralSystem
 
 ORDERS = (0, 1, 2)
 BEYOND_THE_MODES = 1.5

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.branch import ModeBranch, OrbitMotion, SpecialPointResult
+from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import UNITS
 from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.interrupts import Stop, never
@@ -16,11 +17,8 @@ from beamsim.orbits.continuation import Settings
 from beamsim.orbits.free_orbits import slowest_instant
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.special_points import special_points as special_between
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.analyses.nnm.paths import ModeBranches, ModePath
-    from beamsim.system.structural import StructuralSystem
 
 SAMPLES = 1024  # of a period, in the stored motion
 HARMONICS = 20

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,12 +20,10 @@ from beamsim.orbits.reversible import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.orbits.tongues import LEAST_SHARE
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario import Scenario
+from beamsim.system.equations import PiecewiseLinearSystem
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.system.equations import PiecewiseLinearSystem
-    from beamsim.system.structural import StructuralSystem
 
 POINTS = 100  # of a backbone
 MOST_POINTS = 3000  # in frequency

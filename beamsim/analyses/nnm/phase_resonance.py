@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from beamsim.analyses.response.paths import level_unit, periodic_forcing
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
@@ -38,17 +39,14 @@ from beamsim.orbits.phase_resonance import (
     find_phase_resonance,
     quadrature,
 )
+from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, both_directions
+from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.flow.passage import PeriodicForcing
-    from beamsim.orbits.reversible import BrakeOrbits
-    from beamsim.scenario import Scenario
-    from beamsim.system.structural import StructuralSystem
 
 SAMPLES = 512  # of a period
 MOST_POINTS = 600  # of a response curve, on either side

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time as clock
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +16,8 @@ from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.scenario.nnm import RelaxedMinimisationMethod
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from beamsim.scenario.nnm import RelaxedMinimisationMethod
 
 SAME = 1e-6  # relative distance of two shapes that are one motion's
 FAR = 0.25  # relative distance between neighbouring steps' exact motions that is no continuation

@@ -6,7 +6,7 @@ import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +28,9 @@ from beamsim.analyses.response.branches import (
 from beamsim.analyses.response.closed_form import measured_orbit
 from beamsim.analyses.response.coexisting import SeekingShootingTracer, SeekingTracer, coexisting_branches
 from beamsim.analyses.response.motion import MeasuredMotion, measure, measured, sampled_motion
-from beamsim.analyses.response.paths import ResponseModel, level_unit, response_model
+from beamsim.analyses.response.paths import FollowedParameter, ResponseModel, level_unit, response_model
 from beamsim.analyses.response.refinement import ReportedMaximum, cut, with_maxima, with_points_at
-from beamsim.analyses.response.result import FrequencyResponse
+from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
 from beamsim.analyses.response.side_branches import leavings, side_branches
 from beamsim.analyses.run.orbit_energy import balance_error, balanced, energy_error, largest_error
 from beamsim.analyses.table_reach import forces_beyond_tables
@@ -40,15 +40,11 @@ from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.shooting import STABLE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.scenario import Scenario
 from beamsim.scenario.continuation import Continuation, HarmonicBalance
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.system.channels import ChannelSet
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.analyses.response.paths import FollowedParameter
-    from beamsim.analyses.response.result import OverlayCurve
-    from beamsim.scenario import Scenario
 
 SHARE_OF_OVERLAY = 0.2  # of the progress bar
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.response.branches import first_orbit
 from beamsim.analyses.response.coexisting import periodic_states
+from beamsim.analyses.response.paths import ResponseModel
 from beamsim.errors import locating
 from beamsim.orbits.branch import BranchPoint, FailedSearch, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
@@ -17,9 +18,6 @@ from beamsim.orbits.harmonic_balance import ForcedBalance, truncation
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.special_points import special_points
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.analyses.response.paths import ResponseModel
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,6 @@ that bounds skip most of, and its harmonics from integrals of exponentials.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from beamsim.analyses.response.motion import (
@@ -20,16 +18,14 @@ from beamsim.analyses.values import DISPLACEMENT
 from beamsim.flow.channels import Acting, outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.fourier import fourier_integrals
+from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.variational import VariationalFlow
+from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.system.channels import ChannelSet
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.flow.passage import PeriodicForcing
-    from beamsim.orbits.branch import BranchPoint
-    from beamsim.orbits.shooting import ForcedOrbits
-    from beamsim.system.structural import StructuralSystem
 
 
 def measured_orbit(

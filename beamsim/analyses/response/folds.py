@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.branch import FoldBranch
+from beamsim.analyses.response.branches import Budget
 from beamsim.analyses.response.closed_form import measured_orbit
 from beamsim.analyses.response.motion import measured
+from beamsim.analyses.response.paths import FollowedParameter, ResponseModel
 from beamsim.analyses.values import DISPLACEMENT
 from beamsim.interrupts import until
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
@@ -17,10 +19,6 @@ from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve, start_o
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome, OutcomeCode, both_directions
 from beamsim.structures.assembly import snubber_site
-
-if TYPE_CHECKING:
-    from beamsim.analyses.response.branches import Budget
-    from beamsim.analyses.response.paths import FollowedParameter, ResponseModel
 
 SETTINGS = Settings(tolerance=1e-9)
 MOST_POINTS = 600  # of one curve, in each direction

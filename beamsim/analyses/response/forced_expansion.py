@@ -8,7 +8,7 @@ everything small is made smaller by a common factor, at the same detuning agains
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,14 +21,12 @@ from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.forced import ResonantForcing, SteadyMotion
 from beamsim.orbits.expansions.free import observed_orders, weakened
 from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.scenario import Scenario
 from beamsim.scenario.continuation import Continuation, FrequencyPath
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.system.build import build_system
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.system.structural import StructuralSystem
 
 HALVINGS = 24  # of the factor, at most
 WANTED = 7  # factors at which the exact motion is found

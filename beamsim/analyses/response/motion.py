@@ -11,21 +11,18 @@ import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED
+from beamsim.contacts.contacts import Contacts
+from beamsim.flow.passage import PeriodicForcing
+from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.harmonic_motion import HarmonicMotion
+from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.system.channels import ChannelSet, Rows
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.contacts.contacts import Contacts
-    from beamsim.flow.passage import PeriodicForcing
-    from beamsim.orbits.branch import BranchPoint
-    from beamsim.orbits.harmonic_motion import HarmonicMotion
-    from beamsim.orbits.shooting import ForcedOrbits
-    from beamsim.system.structural import StructuralSystem
 
 Products = Callable[[Floats], Floats]
 Again = Callable[[Floats, Ints], "SampledMotion"]

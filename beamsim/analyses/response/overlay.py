@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING
 
 from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
 from beamsim.analyses.sweep.analysis import sweep
+from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
+from beamsim.scenario import Scenario
 from beamsim.scenario.continuation import Continuation
 from beamsim.scenario.sweep import SweptSine
-
-if TYPE_CHECKING:
-    from beamsim.analyses.sweep.result import SweepCurve, SweepResult
-    from beamsim.scenario import Scenario
 
 
 def swept_overlay(

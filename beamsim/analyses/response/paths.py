@@ -3,36 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.response.contact_rates import MovedContact
 from beamsim.analyses.response.motion import DrivenSignals
+from beamsim.contacts.contacts import Contacts
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import ContactDirection, PeriodicForcing
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.profiles import power_of
+from beamsim.inputs.signal import Signal
 from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
+from beamsim.scenario import Scenario
 from beamsim.scenario.analysis_checks import snubber_index
-from beamsim.scenario.continuation import PositionPath, SnubberPath
+from beamsim.scenario.continuation import Continuation, PositionPath, SnubberPath
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.quantities import FACTOR
 from beamsim.scenario.quantities import level_unit as unit_of
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.contacts.contacts import Contacts
-    from beamsim.inputs.signal import Signal
-    from beamsim.scenario import Scenario
-    from beamsim.system.structural import StructuralSystem
 
 
 @dataclass(frozen=True)
@@ -151,8 +149,6 @@ def response_model(scenario: Scenario) -> ResponseModel:
     ScenarioError
         Where the scenario has no continuation or no harmonic excitation, or cannot be built.
     """
-    from beamsim.scenario.continuation import Continuation
-
     settings, excitation = scenario.sweep, scenario.excitation
     if not isinstance(settings, Continuation):
         raise ScenarioError(

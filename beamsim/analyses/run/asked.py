@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,16 +25,14 @@ from beamsim.analyses.values import (
     searched,
 )
 from beamsim.flow.channels import Observed
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.trajectory import Trajectory
 from beamsim.interrupts import Stop, never
 from beamsim.outcomes import Outcome
+from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.flow.exact import ExactFlow
-    from beamsim.flow.trajectory import Trajectory
-    from beamsim.scenario import Scenario
-    from beamsim.system.structural import StructuralSystem
 
 SAMPLES_A_PART = 100_000  # of those whose squares are added up
 

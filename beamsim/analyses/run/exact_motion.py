@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +18,10 @@ from beamsim.analyses.values import DISPLACEMENT, STRESS
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
 from beamsim.flow.stretches import CHECKPOINT_PIECES, MotionInStretches
+from beamsim.flow.trajectory import Trajectory
+from beamsim.scenario import Run
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.flow.trajectory import Trajectory
-    from beamsim.scenario import Run
 
 BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
 STRETCH_SHARE = 0.064  # of the memory, for the pieces of a stretch

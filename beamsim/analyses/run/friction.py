@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,11 +18,9 @@ from beamsim.contacts.springs import FRICTION
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
+from beamsim.scenario.friction import FrictionBase
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario.friction import FrictionBase
 
 
 def friction_contacts(system: StructuralSystem) -> Ints:

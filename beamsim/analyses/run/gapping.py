@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,13 +28,11 @@ from beamsim.analyses.values import FORCE, PENETRATION, Extremes
 from beamsim.contacts.laws import ContactLaw
 from beamsim.flow.channels import Observed
 from beamsim.flow.transient import simulate
+from beamsim.scenario import Run, Scenario
 from beamsim.scenario.excitation import Forces, Harmonic, RandomInput, Shock
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Run, Scenario
 
 SIGMAS = 3.0  # of a stationary motion that a preload withstands
 ALWAYS_CLOSED = 1e-12  # of the penetration at rest: a smaller excursion is round-off

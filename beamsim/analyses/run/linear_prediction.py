@@ -10,20 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from beamsim.analyses.gapping import pressed_phases, static_penetration, transfer
 from beamsim.analyses.run.result import MAIN_QUANTITY
 from beamsim.inputs.random_input import density
+from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import RandomInput
 from beamsim.system.equations import SineLoads
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 NODES = 8
 NODES_OF_BINS = 3  # whose means are drawn

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -32,17 +32,15 @@ from beamsim.analyses.run.spectra import spectra_of_motion, spectra_of_samples
 from beamsim.analyses.values import FORCE, STRESS, Extremes, largest, largest_pulls
 from beamsim.contacts.hardening import residual_crush
 from beamsim.contacts.springs import FRICTION
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.stretches import MotionInStretches
+from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.scenario import Run, Scenario
 from beamsim.system.channels import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.flow.exact import ExactFlow
-    from beamsim.flow.reference import ReferenceTrajectory
-    from beamsim.flow.trajectory import Trajectory
-    from beamsim.scenario import Run, Scenario
 
 MOST_SAMPLES = 50_000_000
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning

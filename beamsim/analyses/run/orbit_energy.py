@@ -6,28 +6,25 @@ integrated in closed form; of cubic springs by Gauss-Legendre rules on panels th
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.analyses.branch import MotionBranch
 from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors
+from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.variational import VariationalFlow
+from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.harmonic_balance import ForcedBalance
+from beamsim.orbits.harmonic_motion import HarmonicMotion
 from beamsim.orbits.panels import gauss_panels
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.typing import Floats, Ints
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from beamsim.analyses.branch import MotionBranch
-    from beamsim.flow.passage import Passage
-    from beamsim.orbits.branch import BranchPoint
-    from beamsim.orbits.harmonic_balance import ForcedBalance
-    from beamsim.orbits.harmonic_motion import HarmonicMotion
 SAMPLES_A_HARMONIC = 8  # of the stored energy
 
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
+import h5py
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
+from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.run import OrbitStart, Reduction
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
-    from beamsim.system.structural import StructuralSystem
 
 SAME_MODES = 1e-9  # relative difference of frequencies and shapes of one model, made twice
 AT = "run.start.orbit"
@@ -45,8 +44,6 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
     ScenarioError
         If there is none, or the file is none of a continuation.
     """
-    import h5py
-
     path = (folder or Path()) / start.orbit
     if not path.is_file():
         _reject(f"= {start.orbit} does not exist", "give its path, relative to the folder of the scenario")

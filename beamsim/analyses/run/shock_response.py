@@ -11,7 +11,6 @@ The record of the base's motion ends with its pulse, if it is one, and that of a
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -22,11 +21,9 @@ from beamsim.analyses.values import ACCELERATION
 from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.signal import Signal as Pieces
+from beamsim.scenario.run import ShockSpectrumSettings
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.scenario.run import ShockSpectrumSettings
 
 PANELS_A_PERIOD = 16  # of the highest oscillator; peaks between panels are then right to 1e-4
 SAMPLES_A_PERIOD = 10  # of the highest oscillator, of a time-stepped motion

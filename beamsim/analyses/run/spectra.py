@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,13 +12,11 @@ from beamsim.analyses.run.spectrum import spectrum, spectrum_of
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
 from beamsim.flow.channels import Observed
 from beamsim.flow.fourier import MotionPart
+from beamsim.flow.trajectory import Trajectory
+from beamsim.scenario import Scenario, SpectrumSettings
 from beamsim.system.channels import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.flow.trajectory import Trajectory
-    from beamsim.scenario import Scenario, SpectrumSettings
 
 SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency shown
 HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least

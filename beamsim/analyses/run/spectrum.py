@@ -5,19 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamsim.analyses.run.records import SampledRecord
+from beamsim.analyses.run.records import Record, SampledRecord
 from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.run.windows import Window
 from beamsim.fields import later
+from beamsim.scenario import SpectrumSettings
 from beamsim.typing import Floats
-
-if TYPE_CHECKING:
-    from beamsim.analyses.run.records import Record
-    from beamsim.scenario import SpectrumSettings
 
 FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
 

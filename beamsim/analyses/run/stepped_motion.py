@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +12,11 @@ from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, with_
 from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.result import EnergyHistory, Work
+from beamsim.analyses.run.stepped_outputs import SteppedChannels, SteppedOutputs, cubic_stretch
 from beamsim.analyses.values import DISPLACEMENT, STRESS
+from beamsim.flow.reference import TimeStepping, integrate
+from beamsim.scenario import Run
 from beamsim.system.structural import StructuralSystem
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Run
 
 STEPS_A_PERIOD = 20  # least number, of a structure with cubic springs and contacts
 
@@ -40,8 +39,6 @@ def stepped_motion_of(
 
     With ``short_steps`` a step rarely contains a whole contact; always so where springs are smooth.
     """
-    from beamsim.analyses.run.stepped_outputs import SteppedChannels, SteppedOutputs, cubic_stretch
-    from beamsim.flow.reference import TimeStepping, integrate
 
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
     integrator, rtol = settings.integrator, settings.rtol

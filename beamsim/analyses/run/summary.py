@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +16,8 @@ from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, Spectrum
 from beamsim.analyses.values import STANDARD_GRAVITY, STRESS, largest
 from beamsim.contacts.springs import FRICTION
+from beamsim.scenario import Scenario
 from beamsim.system.structural import StructuralSystem
-
-if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
 
 
 def figures_of_motion(system: StructuralSystem, motion: RunMotion) -> dict[str, Any]:

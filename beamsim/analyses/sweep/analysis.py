@@ -5,7 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from beamsim.analyses.limits import margins_of
 from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.sweep.linear_response import linear_curve
 from beamsim.analyses.sweep.notching import with_limited_outputs
+from beamsim.analyses.sweep.outputs import LevelRun
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import (
     LevelWork,
@@ -28,20 +29,17 @@ from beamsim.analyses.sweep.result import (
 from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.analyses.values import STANDARD_GRAVITY
 from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.profile_file import read_profile
 from beamsim.interrupts import never
 from beamsim.outcomes import Outcome, OutcomeCode, combined
+from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.scenario.notching import BASE_FORCE, base_force_of
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
-
-if TYPE_CHECKING:
-    from beamsim.analyses.sweep.outputs import LevelRun
-    from beamsim.inputs.drift import CorrectionSize
-    from beamsim.scenario import Scenario
-    from beamsim.system.structural import ModeTable, StructuralSystem
+from beamsim.system.structural import ModeTable, StructuralSystem
 
 SAVED_EVERY_S = 1.0  # between two partial results
 

@@ -12,15 +12,11 @@ linear motion is that step's.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
+from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Floats, Ints
-
-if TYPE_CHECKING:
-    from beamsim.system.structural import ModeTable
 
 BINS = 300  # frequency bins for the envelope of a swept response
 LEAST_PROMINENCE = 1.3  # smallest ratio of a peak to its surroundings

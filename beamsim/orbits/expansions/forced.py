@@ -24,17 +24,14 @@ first-order change of the nonlinear mode's frequency: the response curve leans a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.errors import MethodError
 from beamsim.orbits.aft import one_sided
 from beamsim.orbits.expansions.free import HARMONICS, RESONANT, product_harmonics, rest_clearances
+from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.system.equations import PiecewiseLinearSystem
 
 
 def _states(coefficients: Complexes, omega: float, times: Floats) -> Floats:

@@ -32,19 +32,16 @@ smaller factors than the rest. The *uniform* expansion keeps :math:`\omega` in t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import MethodError
 from beamsim.orbits.aft import cubic as cubic_harmonics
 from beamsim.orbits.aft import one_sided
+from beamsim.orbits.spring_families import SpringFamily
+from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
-
-if TYPE_CHECKING:
-    from beamsim.contacts.equilibrium import CubicSprings
-    from beamsim.orbits.spring_families import SpringFamily
-    from beamsim.system.equations import PiecewiseLinearSystem
 
 HARMONICS = 400
 FELT = 1e-9  # share of the largest harmonic of the force above which one counts
