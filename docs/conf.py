@@ -11,14 +11,13 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
-from site_pages import commands, gallery, scenario_keys, tutorial, validation  # noqa: E402
+from site_pages import commands, gallery, tutorial, validation  # noqa: E402
 
 from beamsim import __version__  # noqa: E402
 
 GENERATED = HERE / "generated"
 GENERATED.mkdir(exist_ok=True)
 PAGES = {
-    "scenario_keys": scenario_keys.page,
     "commands": commands.page,
     "gallery": lambda: gallery.page(GENERATED / "pictures"),
     "tutorial": lambda: tutorial.page(GENERATED / "pictures"),

@@ -1,18 +1,19 @@
-"""The page of all keys of a scenario, made from its JSON Schema."""
+"""The page of all keys of a scenario, made from its JSON Schema: `python -m docs.site_pages.scenario_keys`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from beamsim.scenario import json_schema
 
+PAGE = Path(__file__).parents[1] / "scenario_keys.md"
 _INTRODUCTION = """\
 # Keys of a scenario
 
-This page is made from the JSON Schema (`beamsim schema`) that checks every scenario. Keys that are required have
-no default. A quantity is a number in the SI unit of the table, or a text with any unit of the same dimension, such as
-`5 mm`.
+This page is made from the JSON Schema (`beamsim schema`), which also describes the scenario to editors. A quantity is a
+number in the SI unit of the table, or a text with any unit of the same dimension, such as `5 mm`.
 
 """
 
@@ -56,12 +57,8 @@ def _references(item: Any, suffix: str = "") -> Iterator[tuple[str, str]]:
 
 def _section(name: str, path: str, part: dict[str, Any]) -> str:
     properties = part.get("properties", {})
-    title = f"`{path}`" if path else "The scenario"
     kind = properties.get("kind", {}).get("const")
-    if kind:
-        title += f", `kind: {kind}`"
-    else:
-        title += f": {_words(name)}" if path else ""
+    place = f"`{path}`" + (f", `kind: {kind}`" if kind else "") + ". " if path else ""
     required = set(part.get("required", ()))
     rows = [
         f"| `{key}` | {_cell(_type(item))} | {_default(key, item, required)} | {_cell(item.get('description', ''))} |\n"
@@ -69,16 +66,11 @@ def _section(name: str, path: str, part: dict[str, Any]) -> str:
         if not (key == "extends" and item == {"type": "null"})
     ]
     table = "| key | value | default | meaning |\n|---|---|---|---|\n" + "".join(rows)
-    level = "##" if path.count(".") == 0 else "###"
-    return f"({_anchor(name)})=\n{level} {title}\n\n{part.get('description', '')}\n\n{table}\n"
+    return f"## {_words(name).capitalize()}\n\n{place}{part.get('description', '')}\n\n{table}\n"
 
 
 def _words(name: str) -> str:
     return "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
-
-
-def _anchor(name: str) -> str:
-    return f"key-{_words(name).replace(' ', '-')}"
 
 
 def _cell(text: str) -> str:
@@ -104,7 +96,7 @@ def _type(item: dict[str, Any]) -> str:
         return f"quantity in {item['x-unit']}, {examples}" if examples else f"quantity in {item['x-unit']}"
     if "$ref" in item:
         name = item["$ref"].rsplit("/", 1)[1]
-        return f"[{_words(name)}](#{_anchor(name)})"
+        return f"[{_words(name)}](#{_words(name).replace(' ', '-')})"
     if "const" in item:
         return f"`{item['const']}`"
     if "enum" in item:
@@ -126,3 +118,7 @@ def _type(item: dict[str, Any]) -> str:
     return {
         "string": "text", "integer": "whole number", "number": "number", "boolean": "`true` or `false`",
     }.get(str(kind), "value")  # fmt: skip
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page().rstrip() + "\n", encoding="utf-8")

@@ -36,8 +36,7 @@ def page(folder: Path) -> str:
             shutil.copy(Path(work) / name, folder / f"tutorial_{name}")
     text = _PICTURE.sub(rf"\1({folder.name}/tutorial_\2)", text)
     text = re.sub(r"<!-- file: \S+ -->\n", "", text)
-    text = re.sub(r"\]\(generated/(\w+\.md)\)", r"](\1)", text)
-    return re.sub(r"\]\((?!scenario_keys)(\w+\.md)\)", r"](../\1)", text)
+    return re.sub(r"\]\((\w+\.md)\)", r"](../\1)", text)
 
 
 def _with_output(block: str, folder: str) -> str:

@@ -67,11 +67,12 @@ def site_pages(monkeypatch):
 
 
 def test_the_reference_has_every_key_and_every_command(site_pages):
+    """Renew the keys with `python -m docs.site_pages.scenario_keys`."""
     keys, commands = site_pages.scenario_keys.page(), site_pages.commands.page()
-    for name, part in json_schema()["$defs"].items():
-        if "description" in part:
-            assert keys.count(f"({site_pages.scenario_keys._anchor(name)})=") == 1, name
-            assert all(f"| `{key}` |" in keys for key in part["properties"] if key != "extends")
+    assert site_pages.scenario_keys.PAGE.read_text(encoding="utf-8").rstrip() == keys.rstrip()
+    parts = [part for part in json_schema()["$defs"].values() if "description" in part]
+    assert keys.count("\n## ") == len(parts)
+    assert all(f"| `{key}` |" in keys for part in parts for key in part["properties"] if key != "extends")
     for command in ("run", "sweep", "nnm", "identify-stiffness", "compare", "pad", "check", "export-structure", "new"):
         assert f"## `beamsim {command}`" in commands
     assert "| `--set PATH=VALUE` |" in commands
