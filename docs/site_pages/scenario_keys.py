@@ -103,7 +103,7 @@ def _type(item: dict[str, Any]) -> str:
         return ", ".join(f"`{value}`" for value in item["enum"])
     variants = [inner for key in ("anyOf", "oneOf") for inner in item.get(key, ()) if inner.get("type") != "null"]
     if variants:
-        if item.get("examples"):
+        if item.get("examples") and isinstance(item["examples"][0], str):
             return "quantity, " + " or ".join(f"`{example}`" for example in item["examples"])
         return " or ".join(dict.fromkeys(map(_type, variants)))
     kind = item.get("type")
