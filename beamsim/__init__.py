@@ -7,7 +7,7 @@ function              writes                      reads
 ====================  ==========================  ======================
 `run`                 `write_run`                 `open_run`
 `sweep`               `write_sweep`               `open_sweep`
-`frequency_response`  `write_frequency_response`  `open_response`
+`continuation`        `write_continuation`        `open_continuation`
 `design_study`        `write_designs`             `open_designs`
 `ensemble`            `write_designs`             `open_designs`
 `identify_stiffness`  `write_identification`      `open_identification`
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
     from beamsim.analyses.compare.result import Comparison
     from beamsim.analyses.compare_modes.analysis import compare_modes
     from beamsim.analyses.compare_modes.result import ModeComparison
+    from beamsim.analyses.continuation.result import ContinuationResult
     from beamsim.analyses.designs.analysis import design_study
     from beamsim.analyses.designs.plan import plan_designs
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.analyses.identify.analysis import identify_stiffness
     from beamsim.analyses.identify.result import IdentificationResult
     from beamsim.analyses.nnm.result import NormalModeResult
-    from beamsim.analyses.response.result import FrequencyResponse
     from beamsim.analyses.run.result import RunResult
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
@@ -55,17 +55,17 @@ if TYPE_CHECKING:
     from beamsim.store.pairing import pair_channels
     from beamsim.store.results import (
         open_comparison,
+        open_continuation,
         open_designs,
         open_identification,
         open_mode_comparison,
         open_nnm,
-        open_response,
         open_result,
         open_run,
         open_sweep,
         write_comparison,
+        write_continuation,
         write_designs,
-        write_frequency_response,
         write_identification,
         write_mode_comparison,
         write_nnm,
@@ -74,7 +74,7 @@ if TYPE_CHECKING:
         write_sweep,
     )
     from beamsim.store.shapes import read_shapes
-    from beamsim.trust.checked import frequency_response, nnm, run, sweep
+    from beamsim.trust.checked import continuation, nnm, run, sweep
 
 _NAMES = {
     "beamsim.analyses.designs.plan": ("plan_designs",),
@@ -91,13 +91,13 @@ _NAMES = {
         "open_identification",
         "open_mode_comparison",
         "open_nnm",
-        "open_response",
+        "open_continuation",
         "open_result",
         "open_run",
         "open_sweep",
         "write_comparison",
         "write_designs",
-        "write_frequency_response",
+        "write_continuation",
         "write_identification",
         "write_mode_comparison",
         "write_nnm",
@@ -115,8 +115,8 @@ for _kind in KINDS.values():  # the function and the class of each
 __all__ = [
     "BeamsimError",
     "Comparison",
+    "ContinuationResult",
     "DesignsResult",
-    "FrequencyResponse",
     "IdentificationResult",
     "ModeComparison",
     "NormalModeResult",
@@ -130,19 +130,19 @@ __all__ = [
     "__version__",
     "compare",
     "compare_modes",
+    "continuation",
     "design_study",
     "ensemble",
     "export_result",
-    "frequency_response",
     "identify_stiffness",
     "load_scenario",
     "nnm",
     "open_comparison",
+    "open_continuation",
     "open_designs",
     "open_identification",
     "open_mode_comparison",
     "open_nnm",
-    "open_response",
     "open_result",
     "open_run",
     "open_sweep",
@@ -153,8 +153,8 @@ __all__ = [
     "run",
     "sweep",
     "write_comparison",
+    "write_continuation",
     "write_designs",
-    "write_frequency_response",
     "write_identification",
     "write_mode_comparison",
     "write_nnm",

@@ -45,11 +45,11 @@ KINDS = {
     ),
     "continuation": Kind(
         "sweep", "a continuation by `beamsim sweep`",
-        analysis="beamsim.trust.checked:frequency_response",
-        result="beamsim.analyses.response.result:FrequencyResponse",
+        analysis="beamsim.trust.checked:continuation",
+        result="beamsim.analyses.continuation.result:ContinuationResult",
         commands="beamsim.cli.sweep",
-        texts="beamsim.cli.response_report:TEXTS",
-        figures="beamsim.plots.continuation:frequency_response_figures",
+        texts="beamsim.cli.continuation_report:TEXTS",
+        figures="beamsim.plots.continuation:continuation_figures",
     ),
     "designs": Kind(
         "sweep", "a design study by `beamsim sweep`",

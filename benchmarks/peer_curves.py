@@ -39,7 +39,7 @@ def rows() -> Iterator[str]:
     yield "|---|---|---|---|---|---|"
     scenario = beamsim.load_scenario(CASE)
     results: list[Any] = []
-    own = _second(lambda: results.append(beamsim.frequency_response(scenario)))
+    own = _second(lambda: results.append(beamsim.continuation(scenario)))
     branch = results[-1].branches[0]
     states = (part @ _shapes(build_system(scenario)).T for part in (branch.coordinates, branch.coordinate_velocities))
     points = Points(2.0 * np.pi * branch.frequency_hz, *states)

@@ -15,8 +15,8 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # spinning idle threads would count as processor time
 
 import beamsim
+from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.analyses.response.analysis import frequency_response
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 JOBS = (
@@ -25,8 +25,8 @@ JOBS = (
     ("nnm_chain_mass_5", nnm, "4.65 min in 2010"),
     ("nnm_chain_mass_1", nnm, "8.25 min in 2010"),
     ("chain_cubic", nnm, "6.6 min in 2010"),
-    ("chain_two_dof", frequency_response, "1 s"),
-    ("continuation_60_120hz", frequency_response, ""),
+    ("chain_two_dof", continuation, "1 s"),
+    ("continuation_60_120hz", continuation, ""),
 )
 
 

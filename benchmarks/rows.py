@@ -219,9 +219,9 @@ def continuation(from_: float, to: float, **settings: object) -> Measurement:
         section = {"kind": "continuation", "from": from_, "to": last, **settings}
         return beamsim.load_scenario(CASE, {"sweep": section})
 
-    beamsim.frequency_response(of(1.01 * from_))
+    beamsim.continuation(of(1.01 * from_))
     scenario = of(to)
-    return lambda: processor_time(lambda: beamsim.frequency_response(scenario))
+    return lambda: processor_time(lambda: beamsim.continuation(scenario))
 
 
 def harmonic_balance(quick: bool) -> tuple[Measurement, float]:

@@ -59,7 +59,7 @@ KERNEL_CASES: list[tuple[str, str, dict[str, Any]]] = [
     ("run", "one_sided_65hz", {"run.duration": 0.4}),
     ("nnm", "nnm_chain_cubic_energy", {}),
     ("sweep", "sweep_up_down", {"sweep.from": 60.0, "sweep.to": 62.0, "sweep.direction": "up", "sweep.levels": [9.81]}),
-    ("frequency_response", "chain_two_dof", {}),
+    ("continuation", "chain_two_dof", {}),
     ("run", "random_vibration", {"run.duration": 0.1, "run.spectrum.last": 0.05, "run.convergence": "off"}),
 ]
 

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 
-def continue_response(
+def continue_motions(
     scenario: Scenario, target: Path, reporting: Reporting, overlay: Sequence[Path], *, expansion: bool
 ) -> None:
-    """Follow the response, add the requested overlays, save and print.
+    """Follow periodic motions, add the requested overlays, save and print.
 
     Raises
     ------
@@ -30,17 +30,17 @@ def continue_response(
     from beamsim.store.results import open_sweep
 
     stored = [(path, open_sweep(path)) for path in overlay]
-    bar = progress_of("following the response", shown=reporting.progress)
+    bar = progress_of("following periodic motions", shown=reporting.progress)
     with concluded("continuation", target, reporting) as computation, bar as progress:
-        from beamsim.trust.checked import frequency_response
+        from beamsim.trust.checked import continuation
 
-        result = frequency_response(scenario, progress, computation.stop)
+        result = continuation(scenario, progress, computation.stop)
         for path, sweep in stored:
-            from beamsim.analyses.response.overlay import with_overlay
+            from beamsim.analyses.continuation.overlay import with_overlay
 
             result = with_overlay(result, sweep, path.name)
         if expansion and not result.outcome.interrupted:
-            from beamsim.analyses.response.forced_expansion import with_forced_expansion
+            from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
 
             with located(scenario):
                 result = with_forced_expansion(result)

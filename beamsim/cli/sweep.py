@@ -85,9 +85,9 @@ def sweep(
 
         sweep_designs(scenario, target, StudyOptions(workers, scheduler, resume), reporting)
     elif kind == "continuation":
-        from beamsim.cli.continuation import continue_response
+        from beamsim.cli.continuation import continue_motions
 
-        continue_response(scenario, target, reporting, overlay or (), expansion=compare_with is not None)
+        continue_motions(scenario, target, reporting, overlay or (), expansion=compare_with is not None)
     else:
         _sweep_sine(scenario, target, reporting, resume=resume)
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from beamsim.analyses.branch import ResponseBranch
-from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
+from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
 from beamsim.plots.bounds import limit_levels
 from beamsim.plots.branches import MARKS, explain_dashes, mark_special, plot_branch
 from beamsim.plots.drawing import (
@@ -38,7 +38,7 @@ _WORDS = {"level": "Level", "gap": "Gap", "stiffness": "Stiffness", "position": 
 Values = Callable[[ResponseBranch], Floats]
 
 
-def plot_response_curve(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
+def plot_response_curve(result: ContinuationResult, ax: Axes, probe: str) -> Axes:
     """Peak displacement: stable full, unstable dashed, special points marked, sweeps drawn under the curve."""
     overlaid = [(o, o.displacement[probe].peak) for o in result.overlay.values() if probe in o.displacement]
     limits = limit_levels(result.scenario.limits, "peak_displacement")
@@ -46,7 +46,7 @@ def plot_response_curve(result: FrequencyResponse, ax: Axes, probe: str) -> Axes
     return _draw(result, ax, up, lambda b: b.peak_displacement[probe], overlaid, limits, logarithmic=True)
 
 
-def plot_force_curve(result: FrequencyResponse, ax: Axes, snubber: str) -> Axes:
+def plot_force_curve(result: ContinuationResult, ax: Axes, snubber: str) -> Axes:
     """Peak contact force, as :func:`plot_response_curve`."""
     overlaid = [(o, o.force[snubber].peak) for o in result.overlay.values() if snubber in o.force]
     limits = limit_levels(result.scenario.limits, "peak_force")
@@ -54,7 +54,7 @@ def plot_force_curve(result: FrequencyResponse, ax: Axes, snubber: str) -> Axes:
     return _draw(result, ax, up, lambda b: b.peak_force[snubber], overlaid, limits)
 
 
-def plot_output_curve(result: FrequencyResponse, ax: Axes, output: str) -> Axes:
+def plot_output_curve(result: ContinuationResult, ax: Axes, output: str) -> Axes:
     """Largest magnitude of an output, as :func:`plot_response_curve`, with its limit."""
     limits = limit_levels(result.scenario.limits, OF_OUTPUTS + output)
     up = (f"Peak of {output}", result.branches[0].outputs[output].unit)
@@ -62,7 +62,7 @@ def plot_output_curve(result: FrequencyResponse, ax: Axes, output: str) -> Axes:
 
 
 def _draw(
-    result: FrequencyResponse,
+    result: ContinuationResult,
     ax: Axes,
     up: tuple[str, str],
     values: Values,
@@ -101,7 +101,7 @@ def _draw(
     return ax
 
 
-def _branches(result: FrequencyResponse, ax: Axes, values: Values, x: Scale, y: Scale) -> None:
+def _branches(result: ContinuationResult, ax: Axes, values: Values, x: Scale, y: Scale) -> None:
     """All branches, a colour a level; branches of longer periods in the next colour, thinner."""
     levels = list(dict.fromkeys(repr(b.level) for b in result.branches))
     many, named = len(levels) > 1, set()
@@ -120,7 +120,7 @@ def _branches(result: FrequencyResponse, ax: Axes, values: Values, x: Scale, y: 
         named.add(label)
 
 
-def _special(result: FrequencyResponse, ax: Axes, values: Values, x: Scale, y: Scale) -> None:
+def _special(result: ContinuationResult, ax: Axes, values: Values, x: Scale, y: Scale) -> None:
     """What is unstable, and the special points of each kind, each on its branch."""
     if not all(branch.stable.all() for branch in result.branches):
         explain_dashes(ax)
@@ -136,7 +136,7 @@ def _special(result: FrequencyResponse, ax: Axes, values: Values, x: Scale, y: S
         mark_special(ax, kind, places, size)
 
 
-def plot_harmonics(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
+def plot_harmonics(result: ContinuationResult, ax: Axes, probe: str) -> Axes:
     """Amplitudes of the harmonics of the first level's motions, stable full, unstable dashed; with the mean."""
     first = result.branches[0]
     alike = [b for b in result.branches if b.period_multiple == 1 and repr(b.level) == repr(first.level)]
@@ -160,7 +160,7 @@ def plot_harmonics(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
     return ax
 
 
-def plot_fold_curves(result: FrequencyResponse, ax: Axes) -> Axes:
+def plot_fold_curves(result: ContinuationResult, ax: Axes) -> Axes:
     """Folds in the plane of frequency and second parameter: between two of them there are several motions."""
     folds = [c for c in result.fold_curves if c.parameter.size]
     drawn = [Curve(f"fold at {c.start_hz:.5g} Hz", c.frequency_hz, c.parameter, {"linewidth": 1.4}) for c in folds]
@@ -174,7 +174,7 @@ def plot_fold_curves(result: FrequencyResponse, ax: Axes) -> Axes:
     return ax
 
 
-def frequency_response_figures(result: FrequencyResponse) -> dict[str, Figure]:
+def continuation_figures(result: ContinuationResult) -> dict[str, Figure]:
     """The response of every probe, the forces, the harmonics of the first probe, and the folds, by name."""
     first, figures = result.branches[0], {}
     for kind, names, plot in (
@@ -196,11 +196,11 @@ def frequency_response_figures(result: FrequencyResponse) -> dict[str, Figure]:
     return figures
 
 
-def _levels(result: FrequencyResponse) -> bool:
+def _levels(result: ContinuationResult) -> bool:
     return len({repr(b.level) for b in result.branches}) > 1
 
 
-def _parameter(result: FrequencyResponse) -> tuple[str, Scale]:
+def _parameter(result: ContinuationResult) -> tuple[str, Scale]:
     """Words and scale of what is continued."""
     scale = scale_for(result.unit, *(b.parameter for b in result.branches))
     if result.parameter == "frequency":

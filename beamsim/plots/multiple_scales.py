@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import ExpansionComparison
-from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.plots.branches import UNSTABLE, plot_branch
 from beamsim.plots.drawing import (
     MOST_CURVES,
@@ -83,7 +83,7 @@ def comparison_figures(comparison: ExpansionComparison, stations: Stations) -> d
     return figures
 
 
-def plot_expanded_response(result: FrequencyResponse, ax: Axes, probe: str) -> Axes:
+def plot_expanded_response(result: ContinuationResult, ax: Axes, probe: str) -> Axes:
     """The expansion (thick, light) under the exact response (thin, dark): largest deflection against frequency."""
     main = [b for b in result.branches if b.period_multiple == 1]
     scale = scale_for("m", *(b.peak_displacement[probe] for b in main), *(c.first[probe] for c in result.expansion))
@@ -101,7 +101,7 @@ def plot_expanded_response(result: FrequencyResponse, ax: Axes, probe: str) -> A
     return ax
 
 
-def plot_forced_orders(result: FrequencyResponse, ax: Axes) -> Axes:
+def plot_forced_orders(result: ContinuationResult, ax: Axes) -> Axes:
     """Difference from the exact motion while springs, damping and force are made smaller together."""
     curves = []
     for k, c in enumerate(result.expansion):
@@ -117,7 +117,7 @@ def plot_forced_orders(result: FrequencyResponse, ax: Axes) -> Axes:
     return ax
 
 
-def forced_expansion_figures(result: FrequencyResponse) -> dict[str, Figure]:
+def forced_expansion_figures(result: ContinuationResult) -> dict[str, Figure]:
     """The response of every probe with its expansion, and the orders, by name."""
     figures = {}
     for name in list(result.expansion[0].first)[:MOST_CURVES]:

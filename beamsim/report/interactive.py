@@ -15,10 +15,10 @@ import numpy as np
 
 from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare_modes.result import ModeComparison
+from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.designs.result import DesignsResult
 from beamsim.analyses.identify.result import IdentificationResult
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.analyses.response.result import FrequencyResponse
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
@@ -83,7 +83,7 @@ def _(result: SweepResult) -> Plots:
 
 
 @interactive_plots.register
-def _(result: FrequencyResponse) -> Plots:
+def _(result: ContinuationResult) -> Plots:
     words = "Excitation frequency" if result.parameter == "frequency" else result.parameter.capitalize()
     first = result.branches[0]
     plots = {}

@@ -28,10 +28,10 @@ from beamsim.version import __version__
 if TYPE_CHECKING:
     from beamsim.analyses.compare.result import Comparison
     from beamsim.analyses.compare_modes.result import ModeComparison
+    from beamsim.analyses.continuation.result import ContinuationResult
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.analyses.identify.result import IdentificationResult
     from beamsim.analyses.nnm.result import NormalModeResult
-    from beamsim.analyses.response.result import FrequencyResponse
     from beamsim.analyses.result import Result
     from beamsim.analyses.run.result import RunResult
     from beamsim.analyses.sweep.result import SweepResult
@@ -216,7 +216,7 @@ def _kind(file: Any, path: Path | str) -> str:
     return str(command)
 
 
-write_run = write_sweep = write_frequency_response = write_designs = write_result
+write_run = write_sweep = write_continuation = write_designs = write_result
 write_identification = write_nnm = write_comparison = write_mode_comparison = write_result
 
 
@@ -230,7 +230,7 @@ def open_sweep(path: Path | str) -> SweepResult:
     return open_result(path, "sweep")  # type: ignore[no-any-return]
 
 
-def open_response(path: Path | str) -> FrequencyResponse:
+def open_continuation(path: Path | str) -> ContinuationResult:
     """Read a file written by ``beamsim sweep`` with ``kind: continuation``; see `open_result`."""
     return open_result(path, "continuation")  # type: ignore[no-any-return]
 

@@ -18,8 +18,8 @@ from beamsim.trust.convergence import COMPARISON, Convergence, keeps_all, solved
 from beamsim.trust.values import Values, compared, doubtful, relative_changes, unchanged
 
 if TYPE_CHECKING:
+    from beamsim.analyses.continuation.result import ContinuationResult
     from beamsim.analyses.nnm.result import NormalModeResult
-    from beamsim.analyses.response.result import FrequencyResponse
     from beamsim.analyses.run.result import RunResult
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.scenario import Scenario
@@ -29,7 +29,7 @@ OF_SWEEPS = ("peak_displacement_m", "peak_acceleration_g", "peak_force_n", "cont
 NOT_ASKED = "not asked for"
 FIRST_SHARE = 0.4  # of the time, that of the first model
 
-_Result = TypeVar("_Result", "FrequencyResponse", "NormalModeResult", "SweepResult")
+_Result = TypeVar("_Result", "ContinuationResult", "NormalModeResult", "SweepResult")
 
 
 def run(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> RunResult:
@@ -101,7 +101,7 @@ def sweep(
     return _checked(result, asked, _of_sweep, lambda case: compute(case, _part(progress, share, 1.0), stop=stop), stop)
 
 
-def frequency_response(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> FrequencyResponse:
+def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> ContinuationResult:
     """Follow the periodic motions of a scenario; compare them with a finer model's where ``sweep.convergence: on``.
 
     Parameters
@@ -115,12 +115,14 @@ def frequency_response(scenario: Scenario, progress: Progress = None, stop: Stop
     ScenarioError
         If the scenario cannot be continued.
     """
-    from beamsim.analyses.response.analysis import frequency_response as compute
+    from beamsim.analyses.continuation.analysis import continuation as compute
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
     share = FIRST_SHARE if asked else 1.0
     result = compute(scenario, _part(progress, 0.0, share), stop)
-    return _checked(result, asked, _of_response, lambda case: compute(case, _part(progress, share, 1.0), stop), stop)
+    return _checked(
+        result, asked, _of_continuation, lambda case: compute(case, _part(progress, share, 1.0), stop), stop
+    )
 
 
 def nnm(
@@ -204,7 +206,7 @@ def _of_sweep(result: SweepResult) -> Values:
     return compared(entries) | _frequencies(result)
 
 
-def _of_response(result: FrequencyResponse) -> Values:
+def _of_continuation(result: ContinuationResult) -> Values:
     """Largest displacements with their frequencies by probe, level and period; largest outputs; frequencies."""
     peaks: list[dict[str, Any]] = result.summary["peaks"]
     names = [f"{p['probe']} level {p['level']:.6g} period {p['period_multiple']}" for p in peaks]

@@ -73,11 +73,8 @@ def test_a_comparison_can_be_left_out_and_interrupted():
 
 def test_a_continuation_where_it_is_asked_for():
     path = {"kind": "continuation", "from": "50 Hz", "to": "56 Hz", "side_branches": "none"}
-    assert (
-        "not checked"
-        in dict(table_rows("continuation", beamsim.frequency_response(case(2, sweep=path))))["convergence"]
-    )
-    result = beamsim.frequency_response(case(2, sweep=path | {"convergence": "on"}))
+    assert "not checked" in dict(table_rows("continuation", beamsim.continuation(case(2, sweep=path))))["convergence"]
+    result = beamsim.continuation(case(2, sweep=path | {"convergence": "on"}))
     changes = result.summary["convergence"]
     assert result.summary["convergence_model"]["modes"] == 3
     assert 0.0 < max(changes["peak_displacement_m"].values()) < 0.5

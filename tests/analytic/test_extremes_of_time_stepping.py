@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.analyses.response.analysis import frequency_response
+from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.values import STANDARD_GRAVITY
 from beamsim.flow.dense_extremes import NODES, polynomials
 from beamsim.flow.extrema import Search
@@ -129,7 +129,7 @@ def test_highest_of_polynomials_is_exact():
 def test_continuation_with_a_cubic_spring_and_a_stop():
     """The peaks of its motions are those of an integration over a period. It has no warning: no contact is missed."""
     sweep = {"kind": "continuation", "from": "1.3 Hz", "to": "1.31 Hz", "seek_at": 0}
-    result = frequency_response(case(45.0, run=None, sweep=sweep))
+    result = continuation(case(45.0, run=None, sweep=sweep))
     assert not any("without certificate" in warning for warning in result.warnings)
     branch = result.branches[0]
     point = int(np.argmax(branch.contact_share["stop"] > 0))

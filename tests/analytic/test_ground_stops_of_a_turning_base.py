@@ -73,7 +73,7 @@ def test_periodic_motions_are_those_of_a_run(method):
     last = np.abs(values[time > 2.9]).max()
     solver = {"kind": method} | ({"harmonics": 40} if method == "harmonic_balance" else {})
     sweep = {"kind": "continuation", "from": 16.9, "to": 17.0, "seek_at": 0, "method": solver}
-    followed = beamsim.frequency_response(turning(**more, sweep=sweep))
+    followed = beamsim.continuation(turning(**more, sweep=sweep))
     branch = followed.branches[0]
     at = int(np.argmax(branch.frequency_hz))
     assert branch.frequency_hz[at] == pytest.approx(17.0, rel=1e-9)

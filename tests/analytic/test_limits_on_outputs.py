@@ -48,7 +48,7 @@ def test_of_a_run():
 def test_of_sweeps_and_continuations(sweep):
     """The largest over all frequencies; sweeps warn that they do not follow energies."""
     continued = sweep["kind"] == "continuation"
-    analysis = beamsim.frequency_response if continued else beamsim.sweep
+    analysis = beamsim.continuation if continued else beamsim.sweep
     summary = (result := analysis(load_scenario(MASS, {"sweep": sweep}))).summary
     if continued:
         assert set(summary["margins"]) == {"outputs.wall", "outputs.inside"}

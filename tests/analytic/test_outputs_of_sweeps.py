@@ -78,7 +78,7 @@ def test_steady_outputs_are_those_of_the_settled_run(excitation, tmp_path):
         assert output.mean[-1] == pytest.approx(x[:-1].mean(), abs=1e-4 * size)
         assert output.rms[-1] == pytest.approx(np.sqrt(np.mean(x[:-1] ** 2)), rel=1e-4)
     for method in ({"kind": "shooting"}, {"kind": "harmonic_balance", "harmonics": 41}):
-        followed = beamsim.frequency_response(case(excitation, outputs=outputs, sweep={**CONTINUED, "method": method}))
+        followed = beamsim.continuation(case(excitation, outputs=outputs, sweep={**CONTINUED, "method": method}))
         branch = followed.branches[0]
         k = int(np.argmin(np.abs(branch.frequency_hz - 25.0)))
         tolerance = 3e-3 if method["kind"] == "shooting" else 2e-2  # accelerations of 41 harmonics

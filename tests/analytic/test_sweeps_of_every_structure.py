@@ -47,6 +47,6 @@ def test_four_methods_give_one_response(name):
     assert swept.displacement["p"].peak[-1] == pytest.approx(peak, rel=0.05)
     for method in ({"kind": "shooting"}, {"kind": "harmonic_balance", "harmonics": 31}):
         settings = {"kind": "continuation", "points_at": [21.0], "side_branches": "none", "method": method}
-        branch = beamsim.frequency_response(case(name, settings)).branches[0]
+        branch = beamsim.continuation(case(name, settings)).branches[0]
         k = int(np.argmin(np.abs(branch.frequency_hz - 21.0)))
         assert branch.peak_displacement["p"][k] == pytest.approx(peak, rel=2e-3)

@@ -85,7 +85,7 @@ def test_the_linear_response_is_that_of_independent_matrices(forces):
     ):
         expected = receptances(hz, *forces)
         np.testing.assert_allclose(of, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
-    followed = beamsim.frequency_response(case(*forces, sweep={**CONTINUED, "from": 20.0, "to": 30.0}))
+    followed = beamsim.continuation(case(*forces, sweep={**CONTINUED, "from": 20.0, "to": 30.0}))
     branch = followed.branches[0]
     expected = np.abs(receptances(branch.frequency_hz, *forces))
     np.testing.assert_allclose(branch.peak_displacement["p"], expected, rtol=0, atol=1e-7 * expected.max())
@@ -103,7 +103,7 @@ def test_stepped_sine_continuation_and_balance_meet_the_settled_run(forces):
     of = stepped.displacement["p"].harmonics[list(stepped.orders).index(1.0), -1]
     assert abs(of - first) < 1e-6 * abs(first)
     for method in ({"kind": "shooting"}, {"kind": "harmonic_balance", "harmonics": 63}):
-        followed = beamsim.frequency_response(case(*forces, sweep={**CONTINUED, "method": method}, **stop))
+        followed = beamsim.continuation(case(*forces, sweep={**CONTINUED, "method": method}, **stop))
         branch = followed.branches[0]
         k = int(np.argmin(np.abs(branch.frequency_hz - 25.0)))
         assert abs(branch.frequency_hz[k] - 25.0) < 1e-9

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.response.analysis import frequency_response
+from beamsim.analyses.continuation.analysis import continuation
 from beamsim.scenario import load_scenario
 
 CASE = {
@@ -23,7 +23,7 @@ CASE = {
 
 def branch(**method):
     sweep = {"kind": "continuation", "from": 4.45, "to": 4.55, "seek_at": 0, **method}
-    return frequency_response(load_scenario({**CASE, "sweep": sweep})).branches[0]
+    return continuation(load_scenario({**CASE, "sweep": sweep})).branches[0]
 
 
 def test_forces_shares_and_openings_are_those_of_shooting():

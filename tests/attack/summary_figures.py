@@ -15,14 +15,13 @@ MARGIN = 1e-5  # multipliers closer to the unit circle are neither stable nor un
 def continuation(seed):
     """Points and special points of all branches of a continuation, their multipliers, and the peaks reported."""
     import beamsim
-    from beamsim.analyses.response.analysis import frequency_response
 
     case, rng = random_chain(seed), np.random.default_rng([seed, 6])
     first = case["excitation"]["frequency"]
     low, high = first * rng.uniform(0.4, 0.9), first * rng.uniform(1.1, 2.5)
     case["sweep"] = {"kind": "continuation", "from": low, "to": high, "seek_at": 1, "most_points": 600}
     scenario = beamsim.Scenario.model_validate(case)
-    result, rows = frequency_response(scenario), _rows(scenario)
+    result, rows = beamsim.continuation(scenario), _rows(scenario)
     compared = Compared()
     for branch in result.branches:
         special = {int(np.argmin(np.abs(branch.parameter - e.parameter))): e for e in branch.special}

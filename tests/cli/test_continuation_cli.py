@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamsim.analyses.response.analysis import frequency_response
-from beamsim.analyses.response.overlay import with_overlay
+from beamsim.analyses.continuation.analysis import continuation
+from beamsim.analyses.continuation.overlay import with_overlay
 from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_response, open_sweep
+from beamsim.store.results import open_continuation, open_sweep
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -31,7 +31,7 @@ def results():
         def __missing__(self, name):
             # its curve at 9 N is that of tests/unit/test_rigid_friction.py
             changes = {"sweep.levels": ["6 N"]} if name == "continuation_friction" else {}
-            return self.setdefault(name, frequency_response(load_scenario(CONFIGS / f"{name}.yaml", changes)))
+            return self.setdefault(name, continuation(load_scenario(CONFIGS / f"{name}.yaml", changes)))
 
     return Computed()
 
@@ -65,7 +65,7 @@ def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(resu
     assert abs(np.abs(q[0]) * 1.01 * level - 1.0) > 1e-3  # the comparison can fail
     # a curve at another level turns at the second
     alone = ["sweep.longest_period=1", "sweep.seek_at=0"]
-    other = frequency_response(load_scenario(CHAIN, ["excitation.level=0.2 N", *alone]))
+    other = continuation(load_scenario(CHAIN, ["excitation.level=0.2 N", *alone]))
     folds = [e.frequency_hz for b in other.branches for e in b.special if e.kind == "fold"]
     order = np.argsort(second.parameter)
     from scipy.interpolate import CubicSpline
@@ -121,10 +121,10 @@ def test_too_few_harmonics_are_not_trusted(tmp_path):
     done = sweep(CHAIN, "-o", tmp_path, "--set", few, "--no-plots")
     assert done.exit_code == 3
     assert "use more harmonics, or the shooting method" in done.stderr
-    stored = open_response(tmp_path / "chain_two_dof.h5")
+    stored = open_continuation(tmp_path / "chain_two_dof.h5")
     assert stored.summary["neglected_harmonics"] == stored.branches[0].neglected_harmonics.max() > 0.01
     assert not stored.complete
-    many = frequency_response(load_scenario(CHAIN, ["sweep.method={kind: harmonic_balance, harmonics: 21}"]))
+    many = continuation(load_scenario(CHAIN, ["sweep.method={kind: harmonic_balance, harmonics: 21}"]))
     assert many.complete
     kinds = [e.kind for e in many.branches[0].special]
     assert kinds.count("fold") == 2
@@ -142,7 +142,7 @@ def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
     done = sweep(BEAM, "-o", tmp_path / "curve.h5", "--set", curve, *laid)
     assert done.exit_code == 0, done.output
     assert "swept up, level 2 g swept.h5" in done.stdout
-    stored = open_response(tmp_path / "curve.h5")
+    stored = open_continuation(tmp_path / "curve.h5")
     assert list(stored.overlay) == ["up_0", "down_0", "up_1"]
     assert [o.source for o in stored.overlay.values()] == ["swept.h5", "swept.h5", "stepped.h5"]
     steady = stored.overlay["up_1"]
@@ -151,7 +151,7 @@ def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
     np.testing.assert_allclose(steady.displacement["tip"].peak, expected, rtol=2e-3)
     assert (tmp_path / "curve_response_tip.png").is_file()
     # nothing in common
-    other = frequency_response(load_scenario(CHAIN, ["sweep.longest_period=1", "sweep.to=0.78 rad/s"]))
+    other = continuation(load_scenario(CHAIN, ["sweep.longest_period=1", "sweep.to=0.78 rad/s"]))
     with pytest.raises(ScenarioError, match="a probe of the same name"):
         with_overlay(other, open_sweep(tmp_path / "swept.h5"), "swept.h5")
     assert sweep(BEAM, "--set", rate, *laid[:2]).exit_code == 2
@@ -184,7 +184,7 @@ def test_a_study_of_continuations(tmp_path):
 
     stored = open_designs(tmp_path / "study.h5")
     peak = stored.responses["stable_0/probes/first/peak_displacement"].values
-    single = frequency_response(load_scenario(CHAIN))
+    single = continuation(load_scenario(CHAIN))
     assert peak[0] == max(float(b.peak_displacement["first"][b.stable].max()) for b in single.branches)
     assert peak[1] > peak[0]
     assert set(stored.margins) == {"peak_force"}

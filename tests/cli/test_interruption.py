@@ -12,18 +12,18 @@ import pytest
 from sampling import slow_after
 
 import beamsim
+from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.analyses.response.analysis import frequency_response
 from beamsim.cli.conclusion import exit_code
 from beamsim.cli.interruption import STOPPING, interruptible
 from beamsim.measurements.channels import read_tests
 from beamsim.outcomes import COMPLETE
-from beamsim.plots.continuation import frequency_response_figures
+from beamsim.plots.continuation import continuation_figures
 from beamsim.plots.nnm import nnm_figures
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.store import hdf5
-from beamsim.store.results import open_nnm, open_response
+from beamsim.store.results import open_continuation, open_nnm
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -54,7 +54,7 @@ def mode():
 
 @pytest.fixture(scope="module")
 def response():
-    return frequency_response(load_scenario(RESPONSE))
+    return continuation(load_scenario(RESPONSE))
 
 
 @pytest.mark.parametrize("points", slow_after(1, [1, 20]))
@@ -73,14 +73,14 @@ def test_a_mode_keeps_the_points_it_has(mode, points):
 @pytest.mark.parametrize("points", slow_after(1, [1, 20]))
 def test_a_response_keeps_the_points_it_has(response, points):
     request = After(points)
-    part = frequency_response(load_scenario(RESPONSE), request, request.stop)
+    part = continuation(load_scenario(RESPONSE), request, request.stop)
     assert response.complete
     assert part.status.startswith("interrupted; range not covered: 0.0795")
     (branch,) = part.branches
     own, whole = branch.floquet_multipliers, response.branches[0].floquet_multipliers
     assert points <= len(own) < len(whole)  # special points are points too
     np.testing.assert_array_equal(own, whole[: len(own)])
-    frequency_response_figures(part)
+    continuation_figures(part)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_a_run_stopped_at_any_stage_keeps_its_motion(stage, left_out, monkeypatc
 
 def test_what_was_not_begun_is_named():
     request = After(2)
-    part = frequency_response(load_scenario(RESPONSE, ["sweep.levels=[0.1 N, 0.2 N, 0.3 N]"]), request, request.stop)
+    part = continuation(load_scenario(RESPONSE, ["sweep.levels=[0.1 N, 0.2 N, 0.3 N]"]), request, request.stop)
     assert part.status.startswith("interrupted; not started: level 0.2 N, level 0.3 N")
     scenario = load_scenario(CONFIGS / "nnm_chain_thesis_method.yaml")
     points = nnm(scenario).backbone.parameter.size
@@ -202,7 +202,7 @@ def under_way(tmp_path):
     ("command", "path", "read", "number", "code"),
     [
         ("nnm", MODE, open_nnm, signal.SIGINT, 130),
-        pytest.param("sweep", RESPONSE, open_response, signal.SIGTERM, 143, marks=pytest.mark.slow),
+        pytest.param("sweep", RESPONSE, open_continuation, signal.SIGTERM, 143, marks=pytest.mark.slow),
     ],
 )
 def test_a_signal_keeps_what_was_found(command, path, read, number, code, under_way, tmp_path):

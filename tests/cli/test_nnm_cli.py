@@ -126,7 +126,7 @@ def test_in_frequency():
 @pytest.mark.parametrize("mounted", ["base", "ground"])
 def test_forcing_follows_the_frequency(quantity, mounted):
     """Loads built at one frequency and carried to another are those of a scenario at the other."""
-    from beamsim.analyses.response.paths import periodic_forcing
+    from beamsim.analyses.continuation.paths import periodic_forcing
     from beamsim.system.build import build_system
 
     loads = []

@@ -7,7 +7,7 @@ import pytest
 from sampling import slow_after
 from scipy.integrate import solve_ivp
 
-from beamsim.analyses.response.analysis import frequency_response
+from beamsim.analyses.continuation.analysis import continuation
 from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import OutcomeCode, OutcomeKind
@@ -20,10 +20,10 @@ STOPS = """[{name: below, position: 270 mm, side: below, stiffness: 151.1 kN/m, 
 
 
 def curve(case, *changes):
-    return frequency_response(load_scenario(case, list(changes)))
+    return continuation(load_scenario(case, list(changes)))
 
 
-def continuation(low, high, more=""):
+def sweep_of(low, high, more=""):
     return f"sweep={{kind: continuation, from: {low}, to: {high}, {more}}}"
 
 
@@ -81,7 +81,7 @@ def test_seeking_can_be_left_out(levels):
 
 @pytest.fixture(scope="module")
 def symmetric():
-    return curve(BEAM, f"snubbers={STOPS}", continuation("64 Hz", "72 Hz"))
+    return curve(BEAM, f"snubbers={STOPS}", sweep_of("64 Hz", "72 Hz"))
 
 
 @pytest.mark.slow
@@ -109,7 +109,7 @@ def test_symmetry_broken_branches_are_followed_and_stable(symmetric):
 def test_maxima_are_those_of_the_continuous_curve():
     """Stored points alone gave 4.1527 mm at 81.610 Hz; sought at the middle, the same peak was a branch of its own."""
     values = [81.53, 81.55, 81.57, 81.59, 81.61]
-    result = curve(CONFIGS / "continuation_60_120hz.yaml", continuation(81, 82, f"points_at: {values}, seek_at: 1"))
+    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(81, 82, f"points_at: {values}, seek_at: 1"))
     (peak,) = [p for p in result.summary["peaks"] if p["probe"] == "tip"]
     assert peak["value_m"] == pytest.approx(4.15427e-3, abs=5e-9)
     assert peak["frequency_hz"] == pytest.approx(81.570, abs=2e-3)
@@ -167,7 +167,7 @@ def test_stops_of_a_symmetric_structure_that_graze_at_once(apart):
         "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": "2 N", "frequency": "16 Hz"},
         "sweep": {"kind": "continuation", "from": 10, "to": 25, "side_branches": "none"},
     }
-    result = frequency_response(load_scenario(case))
+    result = continuation(load_scenario(case))
     assert result.outcome.complete, result.status
     grazings = sorted((p.frequency_hz, p.snubber) for b in result.branches for p in b.special if p.kind == "grazing")
     falling = ["above", "below"] if apart == 0.0 else ["below", "above"]
@@ -195,7 +195,7 @@ def test_a_branch_of_doubled_period_ends_where_it_meets_its_own(tmp_path):
 
 
 def test_harmonics_are_stored_as_many_as_asked_for():
-    few, many = (curve(BEAM, continuation(80, 80.5, f"stored_harmonics: {n}")).branches[0] for n in (5, 12))
+    few, many = (curve(BEAM, sweep_of(80, 80.5, f"stored_harmonics: {n}")).branches[0] for n in (5, 12))
     assert few.harmonics["tip"].shape[1] == 6
     assert many.harmonics["tip"].shape[1] == 13
     np.testing.assert_array_equal(many.order, np.arange(13))
@@ -205,7 +205,7 @@ def test_harmonics_are_stored_as_many_as_asked_for():
 @pytest.mark.slow
 def test_branches_end_at_the_ends_of_the_range():
     """The curve from 20 Hz turns back to 19.2 Hz before it goes on."""
-    result = curve(CONFIGS / "continuation_60_120hz.yaml", continuation(20, 20.6, "longest_period: 1, seek_at: 0"))
+    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(20, 20.6, "longest_period: 1, seek_at: 0"))
     values = np.concatenate([b.parameter for b in result.branches])
     assert values.min() == 20.0
     assert values.max() == pytest.approx(20.6, rel=1e-12)
@@ -213,7 +213,7 @@ def test_branches_end_at_the_ends_of_the_range():
 
 
 def test_bands_without_a_stable_motion_are_listed():
-    result = curve(CONFIGS / "continuation_60_120hz.yaml", continuation(60, 70, "seek_at: 0"))
+    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(60, 70, "seek_at: 0"))
     assert result.outcome.kind is OutcomeKind.COMPLETE
     (note,) = result.outcome.parts
     assert note.code is OutcomeCode.NO_STABLE_MOTION
@@ -230,18 +230,18 @@ def test_bands_without_a_stable_motion_are_listed():
 def test_a_limit_that_is_reached_is_an_outcome(limit):
     case = CONFIGS / "continuation_60_120hz.yaml"
     named = f"raise sweep.{limit.partition(':')[0]}"
-    result = curve(case, continuation(96, 120, f"seek_at: 0, {limit}"))
+    result = curve(case, sweep_of(96, 120, f"seek_at: 0, {limit}"))
     assert result.complete
     (cut,) = result.outcome.all_of(OutcomeCode.SIDE_BRANCHES_CUT)
     assert named in cut.text
-    demanded = curve(case, continuation(96, 120, f"seek_at: 0, side_branches: required, {limit}"))
+    demanded = curve(case, sweep_of(96, 120, f"seek_at: 0, side_branches: required, {limit}"))
     assert demanded.outcome.kind is OutcomeKind.STOPPED
     assert named in demanded.status
     assert len(demanded.branches) == len(result.branches)
 
 
 def test_side_branches_can_be_left_out():
-    result = curve(CONFIGS / "continuation_60_120hz.yaml", continuation(96, 120, "side_branches: none"))
+    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(96, 120, "side_branches: none"))
     assert result.complete
     assert {b.period_multiple for b in result.branches} == {1}
     (left,) = result.outcome.all_of(OutcomeCode.NOT_BRANCHED)
@@ -265,7 +265,7 @@ def test_harmonic_balance_seeks_coexisting_motions(levels):
     force = "{kind: harmonic, quantity: force, applied_to: {mass: 1}, level: 0.01 N, frequency: 0.1 Hz}"
     cubic = curve(
         CONFIGS / "chain_cubic.yaml", "nnm=null", f"excitation={force}", "chain.damping={kind: modal, ratio: 0.02}",
-        continuation(0.05, 0.06, "method: harmonic_balance"),
+        sweep_of(0.05, 0.06, "method: harmonic_balance"),
     )  # fmt: skip
     assert cubic.outcome.all_of(OutcomeCode.NOT_SOUGHT)
 
@@ -275,7 +275,7 @@ def test_one_branch_does_not_spend_the_points_of_all():
     """Followed from 20 Hz alone, the curve spends hundreds of points below 21 Hz."""
     result = curve(
         CONFIGS / "continuation_60_120hz.yaml",
-        continuation(20, 120, "seek_at: 0, longest_period: 1, most_points: 700, most_branch_points: 300"),
+        sweep_of(20, 120, "seek_at: 0, longest_period: 1, most_points: 700, most_branch_points: 300"),
     )
     covered = [(b.parameter.min(), b.parameter.max()) for b in result.branches]
     assert max(high for _, high in covered) == pytest.approx(120.0)
@@ -286,8 +286,8 @@ def test_one_branch_does_not_spend_the_points_of_all():
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        (continuation(60, 70, "points_at: [80]"), "sweep.points_at[0] = 80 lies outside the range"),
-        (continuation(60, 70, "stored_harmonics: 900"), "sweep.stored_harmonics = 900 is too many"),
+        (sweep_of(60, 70, "points_at: [80]"), "sweep.points_at[0] = 80 lies outside the range"),
+        (sweep_of(60, 70, "stored_harmonics: 900"), "sweep.stored_harmonics = 900 is too many"),
         (
             "sweep={kind: continuation, points_at: [1], continue_in: {kind: level, from: 1, to: 2}}",
             "give points_at there",

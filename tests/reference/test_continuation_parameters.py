@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamsim.analyses.response.analysis import frequency_response
-from beamsim.analyses.response.contact_rates import MovedContact
+from beamsim.analyses.continuation.analysis import continuation
+from beamsim.analyses.continuation.contact_rates import MovedContact
 from beamsim.flow.variational import VariationalFlow
 from beamsim.scenario import load_scenario
 from beamsim.structures.moving_point import ACCURATE, compliance_defect
@@ -26,7 +26,7 @@ PATHS = {
 
 def followed(path, **changes):
     sweep = f"{{kind: continuation, continue_in: {path}, longest_period: 1}}"
-    return frequency_response(load_scenario(BEAM, [f"sweep={sweep}", *(f"{k}={v}" for k, v in changes.items())]))
+    return continuation(load_scenario(BEAM, [f"sweep={sweep}", *(f"{k}={v}" for k, v in changes.items())]))
 
 
 @pytest.fixture(scope="module", params=PATHS)
@@ -39,7 +39,7 @@ def settled_peak(key, value):
     """Largest tip displacement of the steady motion of a scenario with this value, from a transient."""
     scenario = load_scenario(BEAM, {key: value, "run": None})
     system = build_system(scenario)
-    from beamsim.analyses.response.paths import periodic_forcing
+    from beamsim.analyses.continuation.paths import periodic_forcing
 
     flow = VariationalFlow(
         system.dynamics, periodic_forcing(scenario, system), 2 * np.pi * 65.0, scenario.excitation.level
@@ -71,7 +71,7 @@ def test_a_curve_in_frequency_crosses_it(case):
     (branch,) = result.branches
     k = branch.parameter.size // 2
     sweep = "{kind: continuation, from: 65 Hz, to: 66 Hz, longest_period: 1, seek_at: 0}"
-    crossing = frequency_response(load_scenario(BEAM, [f"sweep={sweep}", f"{key}={float(branch.parameter[k])!r}"]))
+    crossing = continuation(load_scenario(BEAM, [f"sweep={sweep}", f"{key}={float(branch.parameter[k])!r}"]))
     rel = 1e-4 if kind == "position" else 1e-7  # another basis
     assert crossing.branches[0].peak_displacement["tip"][0] == pytest.approx(
         branch.peak_displacement["tip"][k], rel=rel
@@ -135,7 +135,7 @@ def test_extremes_are_those_of_a_stepped_sine():
     stepped = sweep(
         load_scenario(BEAM, ["sweep={kind: stepped, from: 78 Hz, to: 80 Hz, points: 2, steady_to: 1e-9}", limits])
     ).curves["up_0"]
-    curve = frequency_response(load_scenario(BEAM, ["sweep={kind: continuation, from: 78 Hz, to: 80 Hz}", limits]))
+    curve = continuation(load_scenario(BEAM, ["sweep={kind: continuation, from: 78 Hz, to: 80 Hz}", limits]))
     branch = curve.branches[0]
     assert branch.stable[0]
     pairs = [
@@ -154,7 +154,7 @@ def test_extremes_are_those_of_a_stepped_sine():
 @pytest.mark.slow
 def test_margins_count_stable_motions_only():
     changes = ["limits={peak_displacement: 1.85 m}", "sweep.longest_period=1"]
-    result = frequency_response(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
+    result = continuation(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
     margin = result.summary["margins"]["peak_displacement"]
     top = max(float(b.peak_displacement["first"].max()) for b in result.branches)
     stable = max(float(b.peak_displacement["first"][b.stable].max()) for b in result.branches)

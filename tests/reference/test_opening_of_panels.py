@@ -36,7 +36,7 @@ def test_the_snubber_opens_where_the_force_of_the_closed_structure_reaches_the_p
         CONFIG, ["sweep.continue_in.from=1 g", "sweep.continue_in.to=1.12 g", "reduction.modes=all"]
     )
     expected = PRELOAD / force_for_a_unit_level(2.0 * np.pi * 40.0)
-    (branch,) = beamsim.frequency_response(scenario).branches
+    (branch,) = beamsim.continuation(scenario).branches
     assert branch.special[0].kind == "grazing"
     assert branch.special[0].parameter == pytest.approx(expected, rel=1e-6)
     largest = branch.peak_force["tip"][0]  # at 1 g: the preload and the amplitude of the closed structure

@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 import beamsim
-from beamsim.analyses.response.analysis import frequency_response
+from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
 from beamsim.scenario import LinkSnubber, MassSnubber, Scenario, load_scenario
@@ -108,7 +108,7 @@ def test_breakpoints_are_no_contacts(result):
 
 
 def test_a_branch_names_the_spring_whose_breakpoint_it_grazes():
-    found = frequency_response(load_scenario(CASE, {"sweep.seek_at": 0})).branches[0]
+    found = continuation(load_scenario(CASE, {"sweep.seek_at": 0})).branches[0]
     assert found.outcome.complete
     assert {e.snubber for e in found.special if e.kind == "grazing"} >= {"link_spring_1"}
     assert list(found.peak_force) == ["snubber_1", "stop"]

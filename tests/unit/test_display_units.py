@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from beamsim.cli.response_report import TEXTS
+from beamsim.cli.continuation_report import TEXTS
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.plots.run import run_figures

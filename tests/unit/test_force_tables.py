@@ -95,7 +95,7 @@ def test_a_stop_pressed_further_than_its_table_goes():
     points = [{**chain["snubbers"][0], "force_deflection": {"points": [[0, 0], [1e-3, 20]]}}]
     results = [
         sweep(load_scenario(chain | {"sweep": swept})),
-        beamsim.frequency_response(load_scenario(chain | {"sweep": {"kind": "continuation", "from": 15, "to": 18}})),
+        beamsim.continuation(load_scenario(chain | {"sweep": {"kind": "continuation", "from": 15, "to": 18}})),
         beamsim.design_study(load_scenario(chain | {"vary": levels})),
         beamsim.nnm(load_scenario(chain | {"nnm": {"mode": 1, "energy": 0.06}, "excitation": {"kind": "none"}})),
     ]

@@ -212,6 +212,6 @@ def test_a_continuation_goes_on_where_the_stop_begins_to_yield():
             "sweep": {"kind": "continuation", "from": 4.7, "to": 5.0, "side_branches": "none"},
         }
     )  # fmt: skip
-    (branch, *_) = beamsim.frequency_response(case).branches
+    (branch, *_) = beamsim.continuation(case).branches
     assert branch.frequency_hz[-1] == pytest.approx(5.0)
     assert np.all(np.diff(branch.frequency_hz) > 0.0)

@@ -12,7 +12,7 @@ COMMANDS = {
     "run": ({"run": {"duration": 0.05, "convergence": "off"}}, beamsim.run),
     "swept": ({"sweep": {"kind": "swept_sine", "from": 55, "to": 60, "rate": "20 Hz/s"}}, beamsim.sweep),
     "continuation": ({"sweep": {"kind": "continuation", "from": 40, "to": 40.1, "seek_at": 0}},
-                     beamsim.frequency_response),
+                     beamsim.continuation),
 }  # fmt: skip
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.continuation.stopping_contacts import explained
 from beamsim.analyses.identify.steady import steady_vibration
-from beamsim.analyses.response.stopping_contacts import explained
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.contacts.friction import drops
 from beamsim.errors import ScenarioError
@@ -109,7 +109,7 @@ def test_studies_of_its_numbers(law):
 )
 def test_continuation(law):
     ends = {"from": 4.495, "to": 4.5, "seek_at": 0} if law == "hardening" else {}
-    result = beamsim.frequency_response(case(law, sweep={**CONTINUATION, **ends}))
+    result = beamsim.continuation(case(law, sweep={**CONTINUATION, **ends}))
     assert result.outcome.trusted
     assert all(np.max(branch.energy_error) < 1e-8 for branch in result.branches)
 
@@ -135,7 +135,7 @@ def test_normal_modes(law):
 )
 def test_internal_states_are_refused_by_harmonic_balance(law):
     with pytest.raises(ScenarioError, match="are beyond harmonic balance"):
-        beamsim.frequency_response(case(law, sweep={**CONTINUATION, "method": "harmonic_balance"}))
+        beamsim.continuation(case(law, sweep={**CONTINUATION, "method": "harmonic_balance"}))
 
 
 @pytest.mark.slow
@@ -149,7 +149,7 @@ def test_internal_states_are_refused_by_harmonic_balance(law):
 def test_yielding_or_sliding_that_ends_at_phase_zero(law, changed, ends):
     """The slider is written where it would be if that ended: the branch goes on, with a state that does not jump."""
     sweep = {**CONTINUATION, "from": ends[0], "to": ends[1], "seek_at": 0}
-    (branch,) = beamsim.frequency_response(case(law, changed, sweep=sweep)).branches
+    (branch,) = beamsim.continuation(case(law, changed, sweep=sweep)).branches
     assert branch.outcome.complete
     slider = branch.internal_states[np.argsort(branch.frequency_hz), 0]
     assert np.abs(np.diff(slider)).max() < 0.05 * np.abs(slider).max()
@@ -160,7 +160,7 @@ def test_where_sliding_begins_at_once_a_branch_ends_and_says_why():
     """The force of the damper reaches its static limit of 35 N while it sticks; it then falls to 25 N."""
     sweep = {"kind": "continuation", "from": 3.505, "to": 3.53, "side_branches": "none", "seek_at": 0}
     damper = Path(__file__).parents[2] / "configs" / "friction_damper.yaml"
-    branch, *_ = beamsim.frequency_response(load_scenario(damper, {"run": None, "sweep": sweep})).branches
+    branch, *_ = beamsim.continuation(load_scenario(damper, {"run": None, "sweep": sweep})).branches
     assert branch.outcome.code is OutcomeCode.STICKING_JUMPS
     assert branch.frequency_hz.max() == pytest.approx(3.523498, abs=1e-5)
     one = load_scenario(damper, {"run": None, "sweep": sweep, "friction[0].coefficient": 0.35})
@@ -194,9 +194,7 @@ def test_a_stalled_branch_says_what_a_stop_that_yields_has_to_do_with_it(share, 
 def test_a_contact_that_sticks_throughout():
     """Any place of its slider is periodic; the continuation leaves it where it began, and did not end before."""
     rub = {**RUB, "normal_force": 100.0, "stiffness": 3000.0}
-    result = beamsim.frequency_response(
-        case("friction", friction=[rub], sweep={**CONTINUATION, "from": 4.4, "to": 4.52})
-    )
+    result = beamsim.continuation(case("friction", friction=[rub], sweep={**CONTINUATION, "from": 4.4, "to": 4.52}))
     assert result.outcome.trusted
     (branch,) = result.branches
     assert branch.frequency_hz.size < 100

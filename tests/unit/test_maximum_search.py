@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.response.refinement import SHARE, search_maximum
+from beamsim.analyses.continuation.refinement import SHARE, search_maximum
 
 pytestmark = pytest.mark.quick
 

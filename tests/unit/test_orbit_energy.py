@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.response.analysis import frequency_response
+from beamsim.analyses.continuation.analysis import continuation
 from beamsim.cli.conclusion import exit_code
 from beamsim.flow.variational import VariationalFlow
 from beamsim.outcomes import OutcomeCode, OutcomeKind
@@ -41,7 +41,7 @@ def forced(kind, **more):
     ],
 )
 def test_forced_motions_are_in_balance(kind, stop):
-    result = frequency_response(forced(kind, stop=stop))
+    result = continuation(forced(kind, stop=stop))
     error = result.branches[0].energy_error
     assert error.shape == result.branches[0].parameter.shape
     assert result.branches[0].contact_share["stop"].max() > 0.05
@@ -63,8 +63,8 @@ def test_nonlinear_modes_keep_their_energy_and_a_lost_one_is_not_trusted(kind, m
 
 
 def test_a_response_out_of_balance_is_not_trusted(monkeypatch):
-    monkeypatch.setattr("beamsim.analyses.response.analysis.energy_error", lambda flow, passage: np.nan)
-    result = frequency_response(forced("linear"))
+    monkeypatch.setattr("beamsim.analyses.continuation.analysis.energy_error", lambda flow, passage: np.nan)
+    result = continuation(forced("linear"))
     assert result.outcome.code is OutcomeCode.ORBIT_ENERGY_NOT_BALANCED
     assert "Hz" in result.status
     assert result.branches[0].parameter.size > 3
@@ -79,7 +79,7 @@ def test_a_search_that_leaves_the_range_of_numbers_says_so(monkeypatch, stop):
         return change(flow, omega, np.nan if omega is not None and omega > 2 * np.pi * 0.77 else level)
 
     monkeypatch.setattr(VariationalFlow, "under", broken)
-    result = frequency_response(forced("linear", stop=stop))
+    result = continuation(forced("linear", stop=stop))
     ends = result.outcome.all_of(OutcomeCode.ORBIT_NOT_FINITE)
     ends += [b.outcome for b in result.branches if b.outcome.code is OutcomeCode.ORBIT_NOT_FINITE]
     assert ends
@@ -93,7 +93,7 @@ def by_balance(kind, harmonics, level=1.0, **more):
     shaken = {"kind": "harmonic", "applied_to": "base", "level": level, "frequency": 0.8}
     method = {"kind": "harmonic_balance", "harmonics": harmonics, "largest_error": 100}
     sweep = {"kind": "continuation", "from": "0.79 Hz", "to": "0.8 Hz", "side_branches": "none", "method": method}
-    return frequency_response(case(kind, excitation=shaken, sweep=sweep, **more))
+    return continuation(case(kind, excitation=shaken, sweep=sweep, **more))
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
-from beamsim.plots.continuation import frequency_response_figures
+from beamsim.plots.continuation import continuation_figures
 from beamsim.plots.designs import design_figures
 from beamsim.plots.run import run_figures
 from beamsim.plots.sweep import sweep_figures
@@ -62,7 +62,7 @@ def test_of_a_sweep():
 
 def test_of_a_continuation():
     sweep = {"kind": "continuation", "from": 2.0, "to": 2.5}
-    figures = frequency_response_figures(beamsim.frequency_response(load_scenario(CASE, {"sweep": sweep})))
+    figures = continuation_figures(beamsim.continuation(load_scenario(CASE, {"sweep": sweep})))
     assert labels(figures["output_wall"]) == ["Peak of wall (kN)"]
     assert labels(figures["output_mass"]) == ["Peak of mass (g)"]
 

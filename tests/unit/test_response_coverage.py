@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from beamsim.analyses.response.analysis import _outcome
-from beamsim.analyses.response.branches import Budget, missing, progress_that_grows, trace_range
-from beamsim.analyses.response.paths import FollowedParameter
+from beamsim.analyses.continuation.analysis import _outcome
+from beamsim.analyses.continuation.branches import Budget, missing, progress_that_grows, trace_range
+from beamsim.analyses.continuation.paths import FollowedParameter
 from beamsim.orbits.branch import BranchPoint, recorded
 from beamsim.orbits.continuation import Settings
 from beamsim.outcomes import Outcome, OutcomeCode

@@ -15,7 +15,7 @@ FILES = sorted((Path(__file__).parents[1] / "data" / "results").glob("*.h5.gz"))
 WRITERS = {
     "run": beamsim.write_run,
     "sweep": beamsim.write_sweep,
-    "continuation": beamsim.write_frequency_response,
+    "continuation": beamsim.write_continuation,
     "designs": beamsim.write_designs,
     "identify-stiffness": beamsim.write_identification,
     "nnm": beamsim.write_nnm,

@@ -247,7 +247,7 @@ def test_peak_force_is_the_sliding_or_the_static_one():
 def test_the_shipped_resonance_is_that_of_the_energies(level):
     """At resonance the excitation's work pi P X is what friction, 4 F X, and dashpot, pi c w X^2, take."""
     sweep = {"sweep.from": 5.0, "sweep.to": 5.05, "sweep.levels": [level]}
-    (branch,) = beamsim.frequency_response(load_scenario(CONFIGS / "continuation_friction.yaml", sweep)).branches
+    (branch,) = beamsim.continuation(load_scenario(CONFIGS / "continuation_friction.yaml", sweep)).branches
     omega, dashpot = np.sqrt(2000.0 / 2.0), 2 * 0.02 * np.sqrt(2.0 * 2000.0)
     expected = (level - 4.0 * 3.0 / np.pi) / (dashpot * omega)
     assert branch.outcome.complete

@@ -33,9 +33,9 @@ def run_file(tmp_path_factory):
 def curve(tmp_path_factory):
     """A continuation in the position of a stop of one of two panels, and its file."""
     path = "{kind: continuation, longest_period: 1, continue_in: {kind: position, snubber: base, from: 0.75, to: 0.77}}"
-    result = beamsim.frequency_response(load_scenario(EXAMPLE, [*CHANGES, DRIVE, f"sweep={path}"]))
+    result = beamsim.continuation(load_scenario(EXAMPLE, [*CHANGES, DRIVE, f"sweep={path}"]))
     file = tmp_path_factory.mktemp("files") / "curve.h5"
-    beamsim.write_frequency_response(result, file)
+    beamsim.write_continuation(result, file)
     return result, file
 
 
@@ -58,7 +58,7 @@ def test_the_last_motion_is_that_of_a_stop_built_there(curve):
         EXAMPLE,
         [*CHANGES, DRIVE, f"sweep={path}", "snubbers[1].at.position=0.77"],
     )
-    other = beamsim.frequency_response(there).branches[0]
+    other = beamsim.continuation(there).branches[0]
     for probe in ("inner_tip", "outer_tip"):
         assert branch.peak_displacement[probe][-1] == pytest.approx(other.peak_displacement[probe][0], rel=1e-3)
 

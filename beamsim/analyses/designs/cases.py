@@ -13,10 +13,10 @@ from typing import Any
 
 from beamsim.analyses.designs.responses import (
     Responses,
+    continuation_responses,
     entries_of,
     entries_of_result,
     is_asked,
-    response_responses,
     run_responses,
     sweep_responses,
 )
@@ -176,7 +176,7 @@ def _rehearse_sweep(scenario: Scenario) -> object:
 
 def _solve_response(scenario: Scenario, solver: CaseSolver, stop: Stop) -> tuple[Responses, Outcome]:
     result = published("continuation")(scenario, stop=stop)
-    return response_responses(result), result.outcome
+    return continuation_responses(result), result.outcome
 
 
 def _rehearse_response(scenario: Scenario) -> object:

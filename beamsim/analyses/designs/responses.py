@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.response.result import FrequencyResponse
+from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.analyses.values import BY_ENTRY, VALUES
@@ -129,7 +129,7 @@ def sweep_responses(result: SweepResult) -> Responses:
     return values | frequency_responses(opened, closed, bool(result.scenario.all_snubbers))
 
 
-def response_responses(result: FrequencyResponse) -> Responses:
+def continuation_responses(result: ContinuationResult) -> Responses:
     """Responses of a continuation: for every level the largest values of the stable motions, ``stable_<index>/…``.
 
     Motions of all periods are included. If no motion is stable the value is nan.

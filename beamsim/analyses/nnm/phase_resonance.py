@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.continuation.paths import level_unit, periodic_forcing
 from beamsim.analyses.nnm.paths import refuse_phase_resonance
 from beamsim.analyses.nnm.result import (
     HeldMotion,
@@ -22,7 +23,6 @@ from beamsim.analyses.nnm.result import (
     ResonantMotion,
     ResponseAboutResonance,
 )
-from beamsim.analyses.response.paths import level_unit, periodic_forcing
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.errors import Problem, ScenarioError

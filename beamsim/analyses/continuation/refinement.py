@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.response.motion import MeasuredMotion
+from beamsim.analyses.continuation.motion import MeasuredMotion
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, at_parameter, between

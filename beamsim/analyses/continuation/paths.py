@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.response.contact_rates import MovedContact
-from beamsim.analyses.response.motion import DrivenSignals
+from beamsim.analyses.continuation.contact_rates import MovedContact
+from beamsim.analyses.continuation.motion import DrivenSignals
 from beamsim.contacts.contacts import Contacts
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import ContactDirection, PeriodicForcing

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.response.result import FrequencyResponse
+from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.cli.report import SHARED, Row, Texts, pair, percent
 from beamsim.orbits.branch import special_name
 from beamsim.plots.style import amount, level_text, scale_for
@@ -16,7 +16,7 @@ SHOWN = 12  # special points of a branch
 MOST_BRANCHES = 12
 
 
-def _branches(result: FrequencyResponse, count: int) -> Iterator[Row]:
+def _branches(result: ContinuationResult, count: int) -> Iterator[Row]:
     for b in result.branches[:MOST_BRANCHES]:
         points = f"{b.parameter.size} points, {int(b.stable.sum())} of them stable"
         off = result.off_centre(b)
@@ -34,7 +34,7 @@ def _branch(level: float, unit: str, period_multiple: int) -> str:
     return f"{known}period {period_multiple}"
 
 
-def _special_points(result: FrequencyResponse, points: Sequence[dict[str, Any]]) -> Iterator[Row]:
+def _special_points(result: ContinuationResult, points: Sequence[dict[str, Any]]) -> Iterator[Row]:
     """Those of motions of the excitation's own period."""
     own_period = [point for point in points if point["period_multiple"] == 1]
     for event in own_period[:SHOWN]:
@@ -58,7 +58,7 @@ def _parameter(value: float, unit: str, digits: int = 6) -> str:
     return f"{value:.{digits}g} Hz" if unit == "Hz" else amount(value, unit, digits)
 
 
-def _peaks(result: FrequencyResponse, peaks: Sequence[dict[str, Any]]) -> Iterator[Row]:
+def _peaks(result: ContinuationResult, peaks: Sequence[dict[str, Any]]) -> Iterator[Row]:
     for peak in peaks:
         at = f"{_parameter(peak['parameter'], result.unit)}{_at_level(peak, result.level_unit)}"
         multiple = peak.get("period_multiple", 1)  # files of earlier versions have only motions of period 1
@@ -72,7 +72,7 @@ def _peaks(result: FrequencyResponse, peaks: Sequence[dict[str, Any]]) -> Iterat
         )
 
 
-def _folds(result: FrequencyResponse, curves: Sequence[dict[str, Any]]) -> Iterator[Row]:
+def _folds(result: ContinuationResult, curves: Sequence[dict[str, Any]]) -> Iterator[Row]:
     for curve in curves:
         reach = curve["status"]
         if curve["points"]:
@@ -86,7 +86,7 @@ def _folds(result: FrequencyResponse, curves: Sequence[dict[str, Any]]) -> Itera
         yield "", f"from {curve['start_hz']:.6g} Hz: {reach}"
 
 
-def _expansion(result: FrequencyResponse, levels: Sequence[dict[str, Any]]) -> Iterator[Row]:
+def _expansion(result: ContinuationResult, levels: Sequence[dict[str, Any]]) -> Iterator[Row]:
     for s in levels:
         points = f"{s['points']} points, {s['stable_points']} of them stable"
         yield "", f"{level_text(s['level'], result.level_unit)}: mode {s['mode']}, {points}"
@@ -101,11 +101,11 @@ def _expansion(result: FrequencyResponse, levels: Sequence[dict[str, Any]]) -> I
         yield "", f"observed orders {pair(orders)} (expected 1 and 2); stability {agrees}"
 
 
-def _solver(result: FrequencyResponse, time: float) -> str:
+def _solver(result: ContinuationResult, time: float) -> str:
     return f"{result.method.replace('_', ' ')}, processor time {amount(time, 's')}"
 
 
-def _outputs(result: FrequencyResponse, peaks: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+def _outputs(result: ContinuationResult, peaks: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
     """By output its largest magnitude in the stable motions, where, and what it is."""
     texts = {}
     for name, peak in peaks.items():

@@ -101,7 +101,7 @@ _SUMMARY = (
 
 
 @declared
-class FrequencyResponse(Result):
+class ContinuationResult(Result):
     """Everything `beamsim sweep` of kind continuation computes."""
 
     SUMMARY = _SUMMARY

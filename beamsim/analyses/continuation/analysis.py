@@ -11,10 +11,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.branch import FoldBranch, OutputExtremes, ResponseBranch, SpecialPointResult
-from beamsim.analyses.deflections import deflection_warnings
-from beamsim.analyses.limits import margins_of
-from beamsim.analyses.reduction import reduction_checked
-from beamsim.analyses.response.branches import (
+from beamsim.analyses.continuation.branches import (
     COVERED,
     Budget,
     coincides,
@@ -25,13 +22,16 @@ from beamsim.analyses.response.branches import (
     side_reach,
     trace_range,
 )
-from beamsim.analyses.response.closed_form import measured_orbit
-from beamsim.analyses.response.coexisting import SeekingShootingTracer, SeekingTracer, coexisting_branches
-from beamsim.analyses.response.motion import MeasuredMotion, measure, measured, sampled_motion
-from beamsim.analyses.response.paths import FollowedParameter, ResponseModel, level_unit, response_model
-from beamsim.analyses.response.refinement import ReportedMaximum, cut, with_maxima, with_points_at
-from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
-from beamsim.analyses.response.side_branches import leavings, side_branches
+from beamsim.analyses.continuation.closed_form import measured_orbit
+from beamsim.analyses.continuation.coexisting import SeekingShootingTracer, SeekingTracer, coexisting_branches
+from beamsim.analyses.continuation.motion import MeasuredMotion, measure, measured, sampled_motion
+from beamsim.analyses.continuation.paths import FollowedParameter, ResponseModel, level_unit, response_model
+from beamsim.analyses.continuation.refinement import ReportedMaximum, cut, with_maxima, with_points_at
+from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
+from beamsim.analyses.continuation.side_branches import leavings, side_branches
+from beamsim.analyses.deflections import deflection_warnings
+from beamsim.analyses.limits import margins_of
+from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.orbit_energy import balance_error, balanced, energy_error, largest_error
 from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.analyses.values import ACCELERATION, BY_ENTRY, DISPLACEMENT, FORCE, LIMITED, PENETRATION, STRESS, Value
@@ -49,9 +49,9 @@ from beamsim.typing import Floats, Ints
 SHARE_OF_OVERLAY = 0.2  # of the progress bar
 
 
-def frequency_response(
+def continuation(
     scenario: Scenario, progress: Callable[[float], None] | None = None, stop: Stop = never
-) -> FrequencyResponse:
+) -> ContinuationResult:
     """Follow the periodic motions of a scenario through its parameter, at all its levels.
 
     Parameters
@@ -90,7 +90,7 @@ def frequency_response(
             break
         outcomes.append(_outcome(model, traced, budget, level if len(levels) > 1 else None))
         if model.second is not None:
-            from beamsim.analyses.response.folds import follow_folds
+            from beamsim.analyses.continuation.folds import follow_folds
 
             folds += follow_folds(model, traced, level, budget)
         branches += [_response(model, branch, level, stop) for branch in traced]
@@ -104,7 +104,7 @@ def frequency_response(
     interrupted = stop()
     missing = [f"level {level:.4g} {scenario.level_unit}" for level in levels[len(outcomes) :]]
     if settings.overlay is not None:
-        from beamsim.analyses.response.overlay import swept_overlay
+        from beamsim.analyses.continuation.overlay import swept_overlay
 
         part = _part(grown, curves_share, SHARE_OF_OVERLAY)
         overlay = None if interrupted else swept_overlay(scenario, part, stop)
@@ -114,7 +114,7 @@ def frequency_response(
         parts = outcome.parts if outcome.code is COMPLETE.code else (outcome,)
         outcome = Outcome.of(OutcomeCode.INTERRUPTED, *parts, left=missing)
     f, second = model.followed, model.second
-    return FrequencyResponse(
+    return ContinuationResult(
         scenario=scenario,
         outcome=outcome,
         branches=tuple(branches),
@@ -153,7 +153,7 @@ def _trace(
     reach = reach_of(first, last, beyond=f.moved is None)
     tracer: SeekingTracer
     if isinstance(settings.method, HarmonicBalance):
-        from beamsim.analyses.response.balance import balance_tracer
+        from beamsim.analyses.continuation.balance import balance_tracer
 
         tracer = balance_tracer(model, settings.method.harmonics, level, reach)
     else:
@@ -312,7 +312,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
 
     from_balance = None
     if by_balance:
-        from beamsim.analyses.response.balance import neglected
+        from beamsim.analyses.continuation.balance import neglected
 
         from_balance = neglected(traced)
     return ResponseBranch(

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.response.paths import periodic_forcing
-from beamsim.analyses.response.result import ForcedExpansionComparison, FrequencyResponse
+from beamsim.analyses.continuation.paths import periodic_forcing
+from beamsim.analyses.continuation.result import ContinuationResult, ForcedExpansionComparison
 from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
@@ -37,7 +37,7 @@ NEAR_TIP = 0.8  # of the largest amplitude: where orders are observed
 FARTHEST = 0.5  # from the expansion, against the motion, for an exact motion to belong to it
 
 
-def with_forced_expansion(result: FrequencyResponse) -> FrequencyResponse:
+def with_forced_expansion(result: ContinuationResult) -> ContinuationResult:
     """The response curve with the expansion near its mode; see `compare_forced_expansion`."""
     expansion = compare_forced_expansion(result.scenario)
     summary = {**result.summary, "multiple_scales": [_summary(comparison) for comparison in expansion]}

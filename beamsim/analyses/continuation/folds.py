@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.branch import FoldBranch
-from beamsim.analyses.response.branches import Budget
-from beamsim.analyses.response.closed_form import measured_orbit
-from beamsim.analyses.response.motion import measured
-from beamsim.analyses.response.paths import FollowedParameter, ResponseModel
+from beamsim.analyses.continuation.branches import Budget
+from beamsim.analyses.continuation.closed_form import measured_orbit
+from beamsim.analyses.continuation.motion import measured
+from beamsim.analyses.continuation.paths import FollowedParameter, ResponseModel
 from beamsim.analyses.values import DISPLACEMENT
 from beamsim.interrupts import until
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint

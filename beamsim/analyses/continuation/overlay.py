@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields, replace
 
-from beamsim.analyses.response.result import FrequencyResponse, OverlayCurve
+from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.errors import Problem, ScenarioError
@@ -41,7 +41,7 @@ def swept_overlay(
     return {name: _overlaid(curve, result.title, "") for name, curve in result.curves.items()}
 
 
-def with_overlay(result: FrequencyResponse, stored: SweepResult, source: str) -> FrequencyResponse:
+def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -> ContinuationResult:
     """The response with the curves of a stored sweep overlaid.
 
     Raises

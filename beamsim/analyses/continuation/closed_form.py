@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.analyses.response.motion import (
+from beamsim.analyses.continuation.motion import (
     DrivenSignals,
     MeasuredMotion,
     measure,
@@ -38,7 +38,7 @@ def measured_orbit(
     channels: ChannelSet,
     harmonics: int = 5,
 ) -> MeasuredMotion:
-    """As :func:`beamsim.analyses.response.motion.measure` of an orbit found by shooting.
+    """As :func:`beamsim.analyses.continuation.motion.measure` of an orbit found by shooting.
 
     Of orbits that are no sums of exponentials, and where energies are asked for, samples are measured.
     """

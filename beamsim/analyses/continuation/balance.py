@@ -1,4 +1,4 @@
-"""A response by harmonic balance, in the terms of :mod:`beamsim.analyses.response.branches`."""
+"""A response by harmonic balance, in the terms of :mod:`beamsim.analyses.continuation.branches`."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.response.branches import first_orbit
-from beamsim.analyses.response.coexisting import periodic_states
-from beamsim.analyses.response.paths import ResponseModel
+from beamsim.analyses.continuation.branches import first_orbit
+from beamsim.analyses.continuation.coexisting import periodic_states
+from beamsim.analyses.continuation.paths import ResponseModel
 from beamsim.errors import locating
 from beamsim.orbits.branch import BranchPoint, FailedSearch, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings

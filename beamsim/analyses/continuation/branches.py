@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.optimize import brentq
 
-from beamsim.analyses.response.stopping_contacts import explained
+from beamsim.analyses.continuation.stopping_contacts import explained
 from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.branch import (
     INTERRUPTED,

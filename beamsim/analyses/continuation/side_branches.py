@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.analyses.response.branches import (
+from beamsim.analyses.continuation.branches import (
     Budget,
     Half,
     coincides,

@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from beamsim.analyses.response.branches import Budget, ShootingTracer, Tracer, coincides, follow, joined
+from beamsim.analyses.continuation.branches import Budget, ShootingTracer, Tracer, coincides, follow, joined
 from beamsim.interrupts import until
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, at_parameter, follow_orbits, solve_at
