@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
     from beamsim.measurements.channels import read_tests
     from beamsim.scenario import Scenario, load_scenario
-    from beamsim.store.ensemble import ensemble
     from beamsim.store.export import export_result
     from beamsim.store.pairing import pair_channels
     from beamsim.store.results import (
@@ -74,13 +73,14 @@ if TYPE_CHECKING:
         write_sweep,
     )
     from beamsim.store.shapes import read_shapes
+    from beamsim.store.studies import ensemble
     from beamsim.trust.checked import continuation, nnm, run, sweep
 
 _NAMES = {
     "beamsim.analyses.designs.plan": ("plan_designs",),
     "beamsim.errors": ("BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"),
     "beamsim.scenario": ("Scenario", "load_scenario"),
-    "beamsim.store.ensemble": ("ensemble",),
+    "beamsim.store.studies": ("ensemble",),
     "beamsim.store.export": ("export_result",),
     "beamsim.measurements.channels": ("read_tests",),
     "beamsim.store.pairing": ("pair_channels",),

@@ -28,7 +28,7 @@ def main(points: int) -> None:
     changes = {f"vary.parameters[{k}].points": points for k in range(2)}
     plan = plan_designs(load_scenario(CONFIG, changes | {"run.sample_rate": "20 kHz"}))
     check_cases(plan)
-    print(f"{len(plan.tasks)} cases: {plan.scenario.title}")
+    print(f"{len(plan.cases)} cases: {plan.scenario.title}")
     walls: dict[int, list[float]] = {workers: [] for workers in WORKERS}
     tables = {}
     for _ in range(REPEATS):

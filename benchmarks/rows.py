@@ -109,7 +109,7 @@ def study(parameter: str, marches: float) -> Callable[[bool], tuple[Measurement,
             return planned
 
         def once(planned: Any) -> float:
-            return processor_time(lambda: design_study(planned, workers=1)) / len(planned.tasks)
+            return processor_time(lambda: design_study(planned, workers=1)) / len(planned.cases)
 
         few = plan(3)
         table = design_study(few, workers=1)

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import time as clock
 from dataclasses import dataclass, replace
 from pathlib import Path
 from signal import SIGINT
 from typing import TYPE_CHECKING, Any
 
-from beamsim.cli.conclusion import Reporting, conclude, keep
+from beamsim.cli.conclusion import Reporting, conclude
 from beamsim.cli.failures import say
 from beamsim.cli.interruption import interruptible
 from beamsim.cli.progress import progress_of
-from beamsim.errors import StoppedEarlyError
+from beamsim.errors import ResultFileError, StoppedEarlyError
 
 if TYPE_CHECKING:
     from beamsim.analyses.designs.plan import DesignPlan
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.scenario import Scenario
-
-SAVED_EVERY_S = 30.0  # interval between updates of the result file
 
 
 @dataclass(frozen=True)
@@ -72,48 +69,30 @@ def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
 
 
 def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: Reporting) -> None:
-    from beamsim.analyses.designs.analysis import design_study
-    from beamsim.analyses.designs.gathering import gather
-    from beamsim.analyses.designs.table import CaseTable
-    from beamsim.store.journal import Journal, journal_path
-    from beamsim.store.results import write_designs
+    from beamsim.store.journal import journal_path, opened_journal
+    from beamsim.store.studies import stored_study
 
-    cases = len(plan.tasks)
-    journal_file = journal_path(target)
-    with Journal(journal_file, plan.fingerprint, resume=options.resume) as journal, interruptible() as interrupted:
+    cases, resume = len(plan.cases), options.resume
+    path = journal_path(target)
+    with opened_journal(path, plan.fingerprint, resume=resume) as journal, interruptible() as interrupted:
         if journal.dropped:
             say(f"beamsim: warning: starting again; --resume would have kept {journal.dropped} of {cases} cases")
-        elif journal.known and not reporting.quiet:
-            say(f"beamsim: {len(journal.known)} of {cases} cases are already computed")
-        table = CaseTable(cases, journal.known)
-        begin = saved = clock.monotonic()
-
-        def store(outcome: Any) -> None:
-            nonlocal saved
-            journal.add(outcome)
-            table.add(outcome)
-            if clock.monotonic() - saved > SAVED_EVERY_S:
-                write_designs(gather(plan, table, clock.monotonic() - begin), target)
-                saved = clock.monotonic()
-
+        elif journal.outcomes and not reporting.quiet:
+            say(f"beamsim: {len(journal.outcomes)} of {cases} cases are already computed")
         try:
             with progress_of(f"{cases} cases", shown=reporting.progress) as progress:
-                result = design_study(
-                    plan, workers=options.workers, scheduler=options.scheduler, known=journal.known, each=store,
-                    progress=progress, stop=interrupted,
+                result = stored_study(
+                    plan, journal, target, workers=options.workers, scheduler=options.scheduler, progress=progress,
+                    stop=interrupted,
                 )  # fmt: skip
-            if table.count < cases:
+            if len(journal.outcomes) < cases:
                 raise KeyboardInterrupt
         except BaseException as error:
-            if not table.count:
-                journal.remove()
+            if isinstance(error, ResultFileError) or not journal.outcomes:
                 raise
-            write_designs(gather(plan, table, clock.monotonic() - begin), target)
-            kept = f"{table.count} of {cases} cases are in {target}; --resume computes the others"
+            kept = f"{len(journal.outcomes)} of {cases} cases are in {target}; --resume computes the others"
             if isinstance(error, KeyboardInterrupt):
                 raise StoppedEarlyError(f"interrupted; {kept}", 128 + (interrupted.signal or SIGINT)) from None
             say(f"beamsim: {kept}")
             raise
-        result = keep("designs", result, target, reporting)
-        journal.remove()
         conclude("designs", result, target, reporting, interrupted)

@@ -288,7 +288,6 @@ class ToleratedParameter:
 
     number: VariedParameter  # about its value in the scenario
     share: float | None  # the tolerance as a share of the value, where it is given in percent
-    varied: int | None  # which of the varied numbers it is; None for one that only has a tolerance
 
     def reach(self, value: float) -> float:
         """Largest deviation from a value."""
@@ -305,12 +304,11 @@ def tolerated_parameters(scenario: ScenarioParts) -> tuple[ToleratedParameter, .
     tolerances = tolerances_of(scenario)
     if tolerances is None:
         return ()
-    varied = {frozenset(parameter.places): k for k, parameter in enumerate(varied_parameters(scenario))}
     parameters = []
     for asked in tolerances.parameters:
         number = resolve_parameter(scenario, asked)
         share = None
         if isinstance(asked.tolerance, str) and asked.tolerance.rstrip().endswith("%"):
             share = 0.5 * (number.high - number.low) / abs(float(number.nominal))
-        parameters.append(ToleratedParameter(number, share, varied.get(frozenset(number.places))))
+        parameters.append(ToleratedParameter(number, share))
     return tuple(parameters)

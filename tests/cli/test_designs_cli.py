@@ -235,10 +235,10 @@ def test_beginning_anew_says_what_it_gives_up(here, monkeypatch):
     from beamsim.analyses.designs.plan import plan_designs
     from beamsim.analyses.designs.result import CaseOutcome
     from beamsim.scenario import load_scenario
-    from beamsim.store.journal import Journal
+    from beamsim.store.journal import opened_journal
 
     plan = plan_designs(load_scenario("case.yaml"))
-    with Journal(here / "case.h5.partial", plan.fingerprint, resume=False) as journal:
+    with opened_journal(here / "case.h5.partial", plan.fingerprint, resume=False) as journal:
         journal.add(CaseOutcome(0, {"bending_stress": 1.0}))
     done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q")
     assert done.exit_code == 0

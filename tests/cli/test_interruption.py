@@ -289,11 +289,11 @@ def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkey
 
     solved = []
 
-    def solve(self, task, stop, real=CaseSolver.solve):
-        solved.append(task.index)
+    def solve(self, case, real=CaseSolver.solve):
+        solved.append(case.number)
         if len(solved) == 2:
             os.kill(os.getpid(), signal.SIGINT)
-        return real(self, task, stop)
+        return real(self, case)
 
     monkeypatch.setattr(CaseSolver, "solve", solve)
     sets = ["--set", "vary.samples=5", "--set", "run.duration=0.5 s", "--workers", "1", "--no-plots"]

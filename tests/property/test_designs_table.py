@@ -8,7 +8,7 @@ from scipy.stats import kstest, truncnorm
 
 from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import check_cases, plan_designs
-from beamsim.analyses.parallel import on_this_machine
+from beamsim.analyses.parallel import processes
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_designs
@@ -146,7 +146,7 @@ def test_words_and_whole_numbers_are_varied_too():
         "    - {path: beam.elements, from: 3, to: 5, points: 3}\n"
     )
     plan = plan_designs(load_scenario(text))
-    assert [task.values for task in plan.tasks[:3]] == [("free", 3), ("free", 4), ("free", 5)]
+    assert [case.values for case in plan.cases[:3]] == [("free", 3), ("free", 4), ("free", 5)]
     check_cases(plan)
     result = design_study(plan, workers=1)
     assert result.complete
@@ -293,10 +293,6 @@ def _die(item):
     os._exit(9)
 
 
-def _nothing(item):
-    pass
-
-
 def test_a_worker_that_dies_ends_the_study_with_a_remedy():
-    with pytest.raises(NotTrustedError, match="--resume"):
-        list(on_this_machine(_die, [1, 2, 3], 2, _nothing))
+    with pytest.raises(NotTrustedError, match="--resume"), processes(2) as workers:
+        list(workers.completed(_die, [1, 2, 3]))

@@ -381,10 +381,10 @@ def test_a_tolerance_is_about_the_number_as_it_follows_in_each_case():
     text = re.sub(r"<(\d+)>", r"\1 %", text)
     plan = plan_designs(load_scenario(text + vary))
     place = find_parameters(plan.scenario, "snubbers.tip.position")[0]
-    for task in plan.tasks:
-        case = plan.study.scenario(task.values)
+    for each in plan.cases:
+        case = plan.study.scenario(each)
         assert abs(value_at(case, place) - 0.9 * case.beam.length) <= 1e-3
-    assert {round(task.values[0], 3) for task in plan.tasks} == {0.27, 0.3}
+    assert {round(each.values[0], 3) for each in plan.cases} == {0.27, 0.3}
 
 
 def test_sections_changed_in_python_are_kept():

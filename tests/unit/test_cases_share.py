@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.cases import CaseSolver
+from beamsim.analyses.designs.cases import Case, CaseSolver
 from beamsim.analyses.designs.plan import plan_designs, plan_draws
 from beamsim.analyses.designs.responses import entries_of_result, run_responses
 from beamsim.scenario import load_scenario
@@ -40,7 +40,7 @@ def test_a_bad_number_gives_the_located_error_of_a_whole_scenario(path, value, m
     base = load_scenario(BASE.replace("0.1 s", "0.1 s, sample_rate: 1 kHz"))
     study = plan_draws(base, {path: [value]}).study
     with pytest.raises(beamsim.ScenarioError) as drawn:
-        study.scenario((value,))
+        study.scenario(Case(0, (value,)))
     with pytest.raises(beamsim.ScenarioError) as whole:
         load_scenario(BASE.replace("0.1 s", "0.1 s, sample_rate: 1 kHz, convergence: off"), {path: value})
     assert message in str(drawn.value)
@@ -59,9 +59,8 @@ def test_a_bad_number_gives_the_located_error_of_a_whole_scenario(path, value, m
 def test_the_figures_of_a_case_are_those_of_its_run(old, new):
     plan = plan_designs(load_scenario(BASE.replace(old, new, 1) + CONTACT))
     solver = CaseSolver(plan.study)
-    task = plan.tasks[7]
-    whole = run_responses(entries_of_result(beamsim.run(plan.study.scenario(task.values))))
-    case = solver.solve(task).values
+    whole = run_responses(entries_of_result(beamsim.run(plan.study.scenario(plan.cases[7]))))
+    case = solver.solve(plan.cases[7]).values
     assert list(case) == list(whole)
     assert max(whole.pop("energy_error"), case["energy_error"]) < 1e-9
     for name, value in whole.items():

@@ -7,13 +7,12 @@ from sampling import slow_after
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
-from beamsim.analyses.designs.table import CaseTable
 from beamsim.errors import ResultFileError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.plots.designs import design_figures, shown_quantities
 from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.journal import Journal, journal_path
+from beamsim.store.journal import journal_path, opened_journal
 from beamsim.store.results import holds, open_designs, write_designs
 
 BASE = """\
@@ -65,10 +64,9 @@ def failure(index, reason):
 def fabricated(name, failed=(), missing=()):
     plan = plan_designs(load_scenario(f"{BASE}{STUDIES[name]}\n"))
     rng = np.random.default_rng(1)
-    outcomes = {task.index: outcome(task.index, rng) for task in plan.tasks}
+    outcomes = {case.number: outcome(case.number, rng) for case in plan.cases}
     outcomes |= {k: failure(k, "more than max_events events") for k in failed}
-    kept = (o for k, o in outcomes.items() if k not in missing)
-    return gather(plan, CaseTable(len(plan.tasks), kept), 1.5)
+    return gather(plan, {k: o for k, o in outcomes.items() if k not in missing}, 1.5)
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -193,49 +191,53 @@ def same(kept, read):
 
 def test_a_journal_gives_back_the_same_bits(tmp_path):
     path = tmp_path / "deep" / "x.h5.partial"
-    with Journal(path, "print", resume=False) as journal:
+    with opened_journal(path, "print", resume=False) as journal:
         for item in outcomes(5):
             journal.add(item)
-    with Journal(path, "print", resume=True) as journal:
-        assert same(outcomes(5), journal.known)
+    with opened_journal(path, "print", resume=True) as journal:
+        assert same(outcomes(5), journal.outcomes.values())
         journal.add(failure(7, "why"))
-    assert Journal(path, "print", resume=True).known[-1] == failure(7, "why")
+    with opened_journal(path, "print", resume=True) as journal:
+        assert journal.outcomes[7] == failure(7, "why")
 
 
 def test_a_journal_cut_anywhere_keeps_every_whole_line(tmp_path):
     path = tmp_path / "x.partial"
-    with Journal(path, "print", resume=False) as journal:
+    with opened_journal(path, "print", resume=False) as journal:
         for item in outcomes(4):
             journal.add(item)
     whole = path.read_bytes()
     ends = [k + 1 for k, byte in enumerate(whole) if byte == ord("\n")]
     for cut in sorted({*range(0, len(whole) + 1, 41), *ends, *(end - 1 for end in ends)}):
         path.write_bytes(whole[:cut])
-        with Journal(path, "print", resume=True) as journal:
+        with opened_journal(path, "print", resume=True) as journal:
             expected = max(0, sum(end <= cut for end in ends) - 1)
-            assert same(outcomes(expected), journal.known)
+            assert same(outcomes(expected), journal.outcomes.values())
             journal.add(outcomes(4)[3])  # the broken line is gone, so this one can be read
-        assert len(Journal(path, "print", resume=True).known) == (expected if expected == 4 else expected + 1)
+        with opened_journal(path, "print", resume=True) as journal:
+            assert len(journal.outcomes) == (expected if expected == 4 else expected + 1)
 
 
 def test_a_journal_of_another_study(tmp_path):
     path = journal_path(tmp_path / "x.h5")
     assert path.name == "x.h5.partial"
-    with Journal(path, "one", resume=False) as journal:
+    with opened_journal(path, "one", resume=False) as journal:
         journal.add(outcomes(1)[0])
-    with pytest.raises(ResultFileError, match="belongs to another study"):
-        Journal(path, "two", resume=True)
-    assert Journal(path, "two", resume=False).dropped == 0
-    anew = Journal(path, "one", resume=False)
-    assert (anew.known, anew.dropped) == ((), 1)
+    with pytest.raises(ResultFileError, match="another study"), opened_journal(path, "two", resume=True):
+        pass
+    with opened_journal(path, "one", resume=False) as anew:
+        assert (anew.outcomes, anew.dropped) == ({}, 1)
+    with opened_journal(path, "two", resume=False) as other:
+        assert (other.outcomes, other.dropped) == ({}, 0)
 
 
 def test_a_journal_in_use_is_left_alone(tmp_path):
     pytest.importorskip("fcntl")
     path = tmp_path / "x.partial"
-    with Journal(path, "print", resume=False) as journal:
+    with opened_journal(path, "print", resume=False) as journal:
         journal.add(outcomes(1)[0])
-        with pytest.raises(ResultFileError, match="another process"), Journal(path, "print", resume=True):
+        with pytest.raises(ResultFileError, match="another process"), opened_journal(path, "print", resume=True):
             pass
         journal.add(outcomes(2)[1])
-    assert len(Journal(path, "print", resume=True).known) == 2
+    with opened_journal(path, "print", resume=True) as journal:
+        assert len(journal.outcomes) == 2

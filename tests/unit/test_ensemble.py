@@ -5,7 +5,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.designs import cases
-from beamsim.store.journal import Journal, journal_path
+from beamsim.store.journal import journal_path, opened_journal
 
 CASE = """\
 chain: {masses: [1], springs: [100, 0], snubbers: [{name: stop, mass: 1, side: below, stiffness: 1 kN/m, gap: 2 mm}]}
@@ -102,11 +102,11 @@ def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path,
     file = tmp_path / "gaps.h5"
     real, solved = cases.CaseSolver.solve, []
 
-    def until_the_third(self, task, stop):
+    def until_the_third(self, case):
         if len(solved) == 2:
             raise KeyboardInterrupt
-        solved.append(task.index)
-        return real(self, task, stop)
+        solved.append(case.number)
+        return real(self, case)
 
     with monkeypatch.context() as patch:
         patch.setattr(cases.CaseSolver, "solve", until_the_third)
@@ -121,7 +121,7 @@ def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path,
     for name, column in whole.table.items():
         np.testing.assert_array_equal(result.table[name], column, err_msg=name)
         np.testing.assert_array_equal(stored.table[name], column, err_msg=name)
-    with Journal(journal_path(file), "another", resume=False):
+    with opened_journal(journal_path(file), "another", resume=False):
         pass
     with pytest.raises(beamsim.ResultFileError, match="belongs to another study"):
         beamsim.ensemble(scenario, {"excitation.level": [1.0]}, file=file)

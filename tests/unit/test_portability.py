@@ -16,7 +16,7 @@ from beamsim.cli import use_utf8
 from beamsim.cli.failures import broken_pipe, discard_output
 from beamsim.cli.interruption import interruptible
 from beamsim.errors import ResultFileError
-from beamsim.store.journal import LOCKED_BYTE, Journal
+from beamsim.store.journal import LOCKED_BYTE, opened_journal
 
 pytestmark = pytest.mark.quick
 
@@ -40,22 +40,23 @@ def of_windows(monkeypatch):
 
 def test_a_journal_is_locked_as_windows_does(of_windows, tmp_path):
     path = tmp_path / "case.h5.partial"
-    with Journal(path, "print", resume=False) as journal:
+    with opened_journal(path, "print", resume=False) as journal:
         journal.add(CaseOutcome(0, {"bending_stress": 1.0}))
-        with pytest.raises(ResultFileError, match="another process"), Journal(path, "print", resume=True):
+        with pytest.raises(ResultFileError, match="another process"), opened_journal(path, "print", resume=True):
             pass
         journal.add(CaseOutcome(1, {"bending_stress": 2.0}))
     of_windows.clear()  # closing a file unlocks it
-    known = Journal(path, "print", resume=True).known
-    assert [case.index for case in known] == [0, 1]
+    with opened_journal(path, "print", resume=True) as journal:
+        assert list(journal.outcomes) == [0, 1]
 
 
 def test_a_journal_without_locks(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "fcntl", None)
     monkeypatch.setitem(sys.modules, "msvcrt", None)
-    with Journal(tmp_path / "case.h5.partial", "print", resume=False) as journal:
+    with opened_journal(tmp_path / "case.h5.partial", "print", resume=False) as journal:
         journal.add(CaseOutcome(0, {}))
-    assert len(Journal(journal.path, "print", resume=True).known) == 1
+    with opened_journal(journal.path, "print", resume=True) as again:
+        assert len(again.outcomes) == 1
 
 
 @pytest.mark.parametrize(("refusals", "succeeds"), [(2, True), (9, False)])

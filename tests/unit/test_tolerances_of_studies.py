@@ -10,7 +10,6 @@ from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
-from beamsim.analyses.designs.table import CaseTable
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario import load_scenario
@@ -38,13 +37,13 @@ def scenario(tolerances, limits="{peak_force: 30 N}", more="minimise: peak_force
 def of_forces(forces, tolerances, limits="{peak_force: 30 N}", more="minimise: peak_force, "):
     """A result with given forces (cases, realisations); nan: failed."""
     plan = plan_designs(scenario(tolerances, limits, more))
-    assert len(plan.tasks) == np.size(forces)
-    table = CaseTable(len(plan.tasks))
+    assert len(plan.cases) == np.size(forces)
+    outcomes = {}
     for k, force in enumerate(np.ravel(forces)):
         failed = Outcome.of(OutcomeCode.FAILED, reason="why")
         ending = failed if np.isnan(force) else COMPLETE
-        table.add(CaseOutcome(k, {} if np.isnan(force) else {FORCE: float(force)}, ending))
-    return gather(plan, table)
+        outcomes[k] = CaseOutcome(k, {} if np.isnan(force) else {FORCE: float(force)}, ending)
+    return gather(plan, outcomes)
 
 
 def test_deviations_are_about_the_value_in_each_case_and_the_same_in_all():
@@ -55,7 +54,8 @@ def test_deviations_are_about_the_value_in_each_case_and_the_same_in_all():
             "{path: beam.thickness, tolerance: 2 %, distribution: normal}]}"
         )
     )
-    values = np.array([task.values for task in plan.tasks]).reshape(3, 7, 3)
+    cases = [plan.study.scenario(case) for case in plan.cases]
+    values = np.array([(c.snubbers[0].stiffness, c.snubbers[0].gap, c.beam.thickness) for c in cases]).reshape(3, 7, 3)
     np.testing.assert_array_equal(values[:, 0], [[k, 0.0, 5e-3] for k in STIFFNESSES])
     shares = values[:, :, 0] / np.array(STIFFNESSES)[:, None] - 1.0
     np.testing.assert_allclose(shares, np.broadcast_to(shares[0], shares.shape), atol=1e-15)
@@ -174,7 +174,9 @@ def test_a_number_that_is_varied_with_others_has_a_tolerance_with_them():
     with pytest.raises(ScenarioError, match=r"is varied in part, as snubbers\[\*\]\.stiffness"):
         load_scenario(text % "snubbers.tip.stiffness")
     plan = plan_designs(load_scenario(text % "'snubbers[*].stiffness'"))
-    assert len({task.values for task in plan.tasks}) == 2 * 21
+    stiffnesses = [[s.stiffness for s in plan.study.scenario(case).snubbers] for case in plan.cases]
+    assert all(tip == top for tip, top in stiffnesses)
+    assert len({tip for tip, _ in stiffnesses}) == 2 * 21
 
 
 def test_indices_take_no_tolerances():

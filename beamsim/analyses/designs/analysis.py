@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from threading import Event
 
-import numpy as np
-
-from beamsim.analyses.designs.cases import CaseSolver, solve_case, warm_up
+from beamsim.analyses.designs.cases import Case, CaseSolver, Study, solve_case
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_designs
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
-from beamsim.analyses.designs.table import CaseTable
-from beamsim.analyses.parallel import default_workers, on_cluster, on_this_machine, on_threads
+from beamsim.analyses.parallel import cluster, default_workers, processes, threads
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.scenario import Scenario
@@ -64,30 +62,31 @@ def design_study(
     else:
         plan = plan_designs(scenario)
         check_cases(plan)
-    table = CaseTable(len(plan.tasks), known)
+    outcomes = {outcome.index: outcome for outcome in known}
+    missing = [case for case in plan.cases if case.number not in outcomes]
     if progress is not None:
-        progress(table.count / len(plan.tasks))
-    for outcome in _solved(plan, table, workers, scheduler, stop):
+        progress(len(outcomes) / len(plan.cases))
+    for outcome in _solved(plan.study, missing, workers, scheduler, stop):
         if outcome.outcome.interrupted:
             continue
-        table.add(outcome)
+        outcomes[outcome.index] = outcome
         if each is not None:
             each(outcome)
         if progress is not None:
-            progress(table.count / len(plan.tasks))
-    return gather(plan, table, clock.perf_counter() - begin)
+            progress(len(outcomes) / len(plan.cases))
+    return gather(plan, outcomes, clock.perf_counter() - begin)
 
 
 def _solved(
-    plan: DesignPlan, table: CaseTable, workers: int | None, scheduler: str | None, stop: Stop
+    study: Study, cases: Sequence[Case], workers: int | None, scheduler: str | None, stop: Stop
 ) -> Iterator[CaseOutcome]:
-    """The cases that are not in the table yet, in the order of completion."""
-    tasks = replace(plan.tasks, cases=np.flatnonzero(~table.known))
-    if not tasks:
-        return iter(())
-    if scheduler is not None:
-        return on_cluster(solve_case, tasks, scheduler, warm_up, stop)
-    count = min(workers or default_workers(), len(tasks))
-    if plan.study.analysis in THREADED or count == 1:
-        return on_threads(CaseSolver(plan.study).solve, tasks, count, stop)
-    return on_this_machine(solve_case, tasks, count, warm_up, stop)
+    """The outcomes of cases, in the order of completion."""
+    count = max(1, min(workers or default_workers(), len(cases)))
+    if scheduler is None and (study.analysis in THREADED or count == 1):
+        ended = Event()
+        solver = CaseSolver(study, lambda: stop() or ended.is_set())
+        with threads(count, ended) as pool:
+            yield from pool.completed(solver.solve, cases, stop)
+    elif cases:
+        with processes(count, stop) if scheduler is None else cluster(scheduler) as pool:
+            yield from pool.completed(partial(solve_case, study), cases, stop)

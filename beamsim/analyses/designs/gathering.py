@@ -16,6 +16,7 @@ from beamsim.analyses.designs.realisations import Realisations, judging, scatter
 from beamsim.analyses.designs.responses import describe
 from beamsim.analyses.designs.result import (
     CaseFailure,
+    CaseOutcome,
     DesignsResult,
     RealisedResponse,
     Response,
@@ -24,7 +25,6 @@ from beamsim.analyses.designs.result import (
     responses_of,
 )
 from beamsim.analyses.designs.sensitivity import sensitivities
-from beamsim.analyses.designs.table import CaseTable
 from beamsim.analyses.limits import margin_of
 from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
@@ -35,19 +35,22 @@ from beamsim.typing import Bools, Floats
 SAMPLES = ("latin_hypercube", "sobol", "draws")  # kinds of studies that have statistics
 
 
-def gather(plan: DesignPlan, table: CaseTable, wall_time_s: float = 0.0) -> DesignsResult:
-    """The result of the cases in a table, which may be some of them only."""
+def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0) -> DesignsResult:
+    """The result of the cases that are solved, by index; they may be some of them only."""
     count = plan.realisations.count
-    realised = _responses(plan, table)
+    realised = _responses(plan, outcomes)
     responses = {
         name: replace(response, values=np.take(response.values, 0, axis=len(plan.shape)).copy())
         for name, response in realised.items()
     }
     limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
     margins, where, meets = _margins(plan, realised, limits)
-    solved = np.asarray(table.solved.reshape(-1, count).all(axis=1)).reshape(plan.shape)
-    failures = _failures(plan, table)
-    missing = int(np.sum(~table.known.reshape(-1, count).all(axis=1)))
+    known, solved = np.zeros((2, len(plan.cases)), dtype=bool)
+    known[list(outcomes)] = True
+    solved[[number for number, outcome in outcomes.items() if outcome.outcome.complete]] = True
+    solved = solved.reshape(-1, count).all(axis=1).reshape(plan.shape)
+    missing = int(np.sum(~known.reshape(-1, count).all(axis=1)))
+    failures = _failures(plan, outcomes)
     passing = passing_cases(margins, solved)
     objective = Objective.of(plan.scenario.vary)
     values, unknown = None, False
@@ -98,38 +101,43 @@ def gather(plan: DesignPlan, table: CaseTable, wall_time_s: float = 0.0) -> Desi
         scatter=_scatter(stored, best, solved.size, count),
         margins=_worst_margins(plan, margins, where, limits) if limits else None,
         sensitivity={item.name: _by_parameter(plan, item) for item in sensitivity} or None,
-        processor_time_s=table.processor_time_s,
+        processor_time_s=sum(outcome.processor_time_s for outcome in outcomes.values()),
     )  # fmt: skip
 
 
-def _responses(plan: DesignPlan, table: CaseTable) -> dict[str, Response]:
-    """The responses of all realisations, whose axis follows those of the design."""
+def _responses(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> dict[str, Response]:
+    """The responses of all realisations, whose axis follows those of the design; nan where there is none."""
+    columns: dict[str, Floats] = {}
+    for index in sorted(outcomes):
+        for name, value in outcomes[index].values.items():
+            if name not in columns:
+                columns[name] = np.full((len(plan.cases), *np.shape(value)), np.nan)
+            columns[name][index] = value
     units = output_units(plan.scenario)
     shape = (*plan.shape, plan.realisations.count)
     return {
         name: Response(name, column.reshape(shape + column.shape[1:]), *describe(name, units))
-        for name, column in table.columns.items()
+        for name, column in columns.items()
     }
 
 
 def _about_tables(plan: DesignPlan, responses: Mapping[str, Response]) -> list[str]:
     """Stops that some case presses further than their tables go, where all cases have the same tables."""
-    varied = [*(c.path for c in plan.coordinates), *(p.number.path for p in plan.realisations.further)]
+    varied = [*(c.path for c in plan.coordinates), *(p.number.path for p in plan.realisations.parameters)]
     if any("force_deflection" in path for path in varied):
         return []
     forces = [{r.name.split("/")[-2]: r.values} for r in responses_of(responses, "peak_force")]
     return forces_beyond_tables(plan.scenario, forces)
 
 
-def _failures(plan: DesignPlan, table: CaseTable) -> tuple[CaseFailure, ...]:
+def _failures(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> tuple[CaseFailure, ...]:
     """The cases that failed, each with the first of its realisations that did."""
-    first: dict[int, int] = {}
-    for k in sorted(table.failures):
-        first.setdefault(k // plan.realisations.count, k)
-    return tuple(
-        CaseFailure(case, plan.tasks[k].values[: len(plan.coordinates)], table.failures[k].outcome)
-        for case, k in first.items()
-    )
+    first: dict[int, CaseFailure] = {}
+    for index in sorted(outcomes):
+        if not outcomes[index].outcome.complete:
+            case = index // plan.realisations.count
+            first.setdefault(case, CaseFailure(case, plan.cases[index].values, outcomes[index].outcome))
+    return tuple(first.values())
 
 
 def _tolerances(realisations: Realisations) -> dict[str, Any] | None:
@@ -273,8 +281,8 @@ def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, 
 
 def _named(plan: DesignPlan, case: int) -> dict[str, Value]:
     """The varied numbers of a case by path."""
-    values = plan.tasks[case * plan.realisations.count].values
-    return {c.path: v for c, v in zip(plan.coordinates, values, strict=False)}
+    values = plan.cases[case * plan.realisations.count].values
+    return {c.path: v for c, v in zip(plan.coordinates, values, strict=True)}
 
 
 def _outcome(cases: int, missing: int, failures: tuple[CaseFailure, ...]) -> Outcome:

@@ -6,33 +6,29 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, overload
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.cases import CaseTask, Place, Study, analysis_of
+from beamsim.analyses.designs.cases import Case, Study, analysis_of
 from beamsim.analyses.designs.choice import Objective
 from beamsim.analyses.designs.realisations import Realisations
 from beamsim.analyses.designs.responses import QUANTITIES
-from beamsim.analyses.designs.result import (
-    Coordinate,
-)
+from beamsim.analyses.designs.result import Coordinate
 from beamsim.analyses.designs.sampling import latin_hypercube, listed_values, sobol
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import plain, suggestion
+from beamsim.scenario.base import Path, plain, suggestion
 from beamsim.scenario.designs import LatinHypercube, Sobol, Vary
 from beamsim.scenario.input_files import named_files
 from beamsim.scenario.limits import OF_OUTPUTS
-from beamsim.scenario.parameters import value_at, with_values
+from beamsim.scenario.parameters import with_values
 from beamsim.scenario.varied import Value, VariedParameter, drawn_parameters, varied_parameters
-from beamsim.typing import Ints
 
 MOST_CHECKED = 400  # cases checked before the first is solved
-
-
 MOST_SHOWN = 5  # problems and failures in a message
 
 
@@ -48,68 +44,20 @@ def limited_response(limit: str) -> str:
 
 
 @dataclass(frozen=True)
-class CaseTasks(Sequence[CaseTask]):
-    """The cases in order, each made when it is asked for."""
-
-    study: Study
-    columns: tuple[Sequence[Value], ...]  # of values, one a parameter
-    grid: bool  # every combination, the last column varying fastest; else row by row
-    cases: Ints  # numbers of those that are meant, all or some; a case's realisations follow each other
-    realisations: Realisations
-
-    def __len__(self) -> int:
-        return int(self.cases.size)
-
-    @overload
-    def __getitem__(self, index: int) -> CaseTask: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[CaseTask]: ...
-    def __getitem__(self, index: int | slice) -> CaseTask | Sequence[CaseTask]:
-        if isinstance(index, slice):
-            return replace(self, cases=self.cases[index])
-        case, values = int(self.cases[index]), []
-        design, realisation = divmod(case, self.realisations.count)
-        rest = design
-        for column in reversed(self.columns):
-            rest, k = divmod(rest, len(column)) if self.grid else (rest, design)
-            values.append(column[k])
-        of_case = values[::-1]
-        return CaseTask(case, self.study, self.realisations.values(of_case, self._further(of_case), realisation))
-
-    def _further(self, of_case: Sequence[Value]) -> list[float]:
-        """The numbers that only have a tolerance, as they are in a case."""
-        numbers = [parameter.number for parameter in self.realisations.further]
-        try:
-            scenario = self.study.scenario(of_case) if numbers else None
-        except ScenarioError:  # reported where the case is checked or solved
-            scenario = None
-        return [float(n.nominal if scenario is None else value_at(scenario, n.places[0])) for n in numbers]
-
-
-@dataclass(frozen=True)
 class DesignPlan:
-    """The cases to be computed, in order."""
+    """The cases to be computed, in order; the realisations of a case within its tolerances follow each other."""
 
     scenario: Scenario
     kind: str
     coordinates: tuple[Coordinate, ...]
     shape: tuple[int, ...]
-    tasks: CaseTasks
+    study: Study
+    cases: tuple[Case, ...]
 
     @property
     def realisations(self) -> Realisations:
         """What each case is within tolerances."""
-        return self.tasks.realisations
-
-    def named(self, values: Sequence[Value]) -> dict[str, Value]:
-        """The values of a task by path."""
-        paths = (*(c.path for c in self.coordinates), *(p.number.path for p in self.realisations.further))
-        return dict(zip(paths, values, strict=True))
-
-    @property
-    def study(self) -> Study:
-        """What the cases share."""
-        return self.tasks.study
+        return self.study.realisations
 
     @property
     def fingerprint(self) -> str:
@@ -200,17 +148,15 @@ def check_cases(plan: DesignPlan) -> None:
         With the first invalid cases and their problems.
     """
     problems: list[Problem] = []
-    units = {c.path: c.unit for c in plan.coordinates}
-    units |= {p.number.path: p.number.unit for p in plan.realisations.further}
-    step = max(1, -(-len(plan.tasks) // MOST_CHECKED))
-    chosen = sorted({*range(0, len(plan.tasks), step), len(plan.tasks) - 1})
-    for task in (plan.tasks[k] for k in chosen):
+    step = max(1, -(-len(plan.cases) // MOST_CHECKED))
+    for case in (*plan.cases[:-1:step], plan.cases[-1]):
         try:
-            plan.study.scenario(task.values)
+            plan.study.scenario(case)
         except ScenarioError as error:
-            named = ", ".join(_assigned(path, value, units) for path, value in plan.named(task.values).items())
+            named = ", ".join(_assigned(c, value) for c, value in zip(plan.coordinates, case.values, strict=True))
+            within = " and within tolerances" if case.realisation else ""
             problems += [
-                Problem("vary", f"with {named}: {p.path} {p.message}", p.remedy or "leave out such cases")
+                Problem("vary", f"with {named}{within}: {p.path} {p.message}", p.remedy or "leave out such cases")
                 for p in error.problems
             ]
         if len(problems) >= MOST_SHOWN:
@@ -257,15 +203,14 @@ def _plan(
     asked: tuple[str, ...],
     realisations: Realisations,
 ) -> DesignPlan:
-    places = (*(parameter.places for parameter in varied), *realisations.further_places)
+    places = tuple(parameter.places for parameter in varied)
     case = _case(scenario, varies_seed(places))
     analysis = analysis_of(scenario)
     contents = {key: record.get("sha256") for key, record in scenario.file_records(since=math.inf).items()}
-    further = [*([asked] if asked else []), *realisations.as_data(), *([contents] if contents else [])]
-    fingerprint = _fingerprint(plain(case), places, columns, kind, analysis, further)
-    study = Study(analysis, _with_whole_paths(case, scenario), places, asked, fingerprint)
-    grid = kind == "grid"
-    shape = tuple(len(c) for c in columns) if grid else (len(columns[0]),)
+    all_of_it = [analysis, kind, plain(case), places, columns, asked, realisations.as_data(), contents]
+    fingerprint = hashlib.sha256(json.dumps(all_of_it, sort_keys=True).encode()).hexdigest()
+    rows = product(*columns) if kind == "grid" else zip(*columns, strict=True)
+    each = product(rows, range(realisations.count))
     return DesignPlan(
         scenario=scenario,
         kind=kind,
@@ -273,8 +218,9 @@ def _plan(
             Coordinate(parameter.path, _array(column), parameter.unit)
             for parameter, column in zip(varied, columns, strict=True)
         ),
-        shape=shape,
-        tasks=CaseTasks(study, tuple(columns), grid, np.arange(math.prod(shape) * realisations.count), realisations),
+        shape=tuple(len(c) for c in columns) if kind == "grid" else (len(columns[0]),),
+        study=Study(analysis, _with_whole_paths(case, scenario), places, realisations, asked, fingerprint),
+        cases=tuple(Case(k, values, realisation) for k, (values, realisation) in enumerate(each)),
     )
 
 
@@ -298,16 +244,9 @@ def _with_whole_paths(case: Scenario, scenario: Scenario) -> Scenario:
     return with_values(case, files)
 
 
-def varies_seed(places: Iterable[Iterable[Place]]) -> bool:
+def varies_seed(places: Iterable[Iterable[Path]]) -> bool:
     """Whether the study draws several realisations of a random input, whose scatter it shows."""
     return any(place == ("excitation", "seed") for of_parameter in places for place in of_parameter)
-
-
-def _fingerprint(
-    base: Mapping[str, Any], places: Any, columns: Any, kind: str, analysis: str, further: list[Any]
-) -> str:  # fmt: skip
-    text = json.dumps([analysis, kind, base, places, columns, *further], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _array(column: list[Value]) -> NDArray[Any]:
@@ -316,6 +255,6 @@ def _array(column: list[Value]) -> NDArray[Any]:
     return np.array(column, dtype=float)
 
 
-def _assigned(path: str, value: Value, units: Mapping[str, str]) -> str:
-    shown = value if isinstance(value, str) else f"{value:.6g}"
-    return f"{path} = {shown} {units[path] if units[path] != '1' else ''}".rstrip()
+def _assigned(coordinate: Coordinate, value: Value) -> str:
+    shown, unit = value if isinstance(value, str) else f"{value:.6g}", coordinate.unit
+    return f"{coordinate.path} = {shown} {unit if unit != '1' else ''}".rstrip()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,7 +13,8 @@ from beamsim.analyses.designs.result import RealisedResponse, Tolerance
 from beamsim.analyses.designs.sampling import latin_hypercube
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
-from beamsim.scenario.varied import ToleratedParameter, Value, tolerances_of, tolerated_parameters
+from beamsim.scenario.parameters import value_at
+from beamsim.scenario.varied import ToleratedParameter, tolerances_of, tolerated_parameters
 from beamsim.typing import Floats, Ints
 
 _LOW, _HIGH = 0.05, 0.95  # quantiles in the summary
@@ -44,34 +45,14 @@ class Realisations:
         """Number of realisations of each case, the case itself among them."""
         return int(self.deviations.shape[0])
 
-    @property
-    def further(self) -> tuple[ToleratedParameter, ...]:
-        """The numbers that have a tolerance but are not varied; their values follow the varied ones."""
-        return tuple(p for p in self.parameters if p.varied is None)
-
-    @property
-    def further_places(self) -> tuple[tuple[Path, ...], ...]:
-        """Where the values of these numbers go."""
-        return tuple(p.number.places for p in self.further)
-
-    def values(self, of_case: Sequence[Value], further_of_case: Sequence[float], realisation: int) -> tuple[Value, ...]:
-        """The varied numbers of a realisation, then those that only have a tolerance, from what they are in the case.
-
-        Parameters
-        ----------
-        of_case : the varied numbers of the case.
-        further_of_case : the numbers of `further` in the case, SI; they may follow from the varied ones.
-        realisation : its number, 0 for the case itself.
-        """
-        values, further, nominal = list(of_case), [], iter(further_of_case)
+    def values(self, case: Scenario, realisation: int) -> dict[Path, float]:
+        """The numbers of a realisation by place; each deviates from what it is in the case, or follows from there."""
+        values: dict[Path, float] = {}
         for parameter, deviation in zip(self.parameters, self.deviations[realisation], strict=True):
-            value = next(nominal) if parameter.varied is None else float(values[parameter.varied])
-            value += float(deviation) * parameter.reach(value)
-            if parameter.varied is None:
-                further.append(value)
-            else:
-                values[parameter.varied] = value
-        return (*values, *further)
+            nominal = float(value_at(case, parameter.number.places[0]))
+            value = nominal + float(deviation) * parameter.reach(nominal)
+            values |= dict.fromkeys(parameter.number.places, value)
+        return values
 
     def tolerances(self) -> tuple[Tolerance, ...]:
         """What is stored of the tolerances."""
@@ -90,7 +71,7 @@ class Realisations:
         """Plain data of all that the cases depend on; empty without tolerances."""
         deviations = [] if self.count == 1 else self.deviations.tolist()
         return [
-            *([p.number.path, p.share, p.number.low, p.number.high, p.varied] for p in self.parameters),
+            *([p.number.path, p.share, p.number.low, p.number.high, p.number.places] for p in self.parameters),
             *deviations,
         ]
 

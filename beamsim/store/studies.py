@@ -1,17 +1,81 @@
-"""Many runs of one scenario with drawn numbers, kept in a file while they are computed."""
+"""Design studies and ensembles that are kept in a file while they are computed."""
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from beamsim.analyses.designs.analysis import design_study
-from beamsim.analyses.designs.plan import check_cases, plan_draws
-from beamsim.analyses.designs.result import DesignsResult
+from beamsim.analyses.designs.gathering import gather
+from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_draws
+from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
+from beamsim.interrupts import Stop, never
 from beamsim.scenario import Scenario
-from beamsim.store.journal import Journal, journal_path
-from beamsim.store.results import write_designs
+from beamsim.store.journal import Journal, journal_path, opened_journal
+from beamsim.store.results import write_result
+
+SAVED_EVERY_S = 30.0  # interval between updates of the result file
+
+
+def stored_study(
+    plan: DesignPlan,
+    journal: Journal,
+    target: Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[float], None] | None = None,
+    stop: Stop = never,
+) -> DesignsResult:
+    """Solve the cases that a journal lacks, each kept in it, and write their table to a file.
+
+    The file is written now and then, and with what there is at the end, whatever that is. The journal is removed once
+    the file has everything, or where no case was solved.
+
+    Parameters
+    ----------
+    plan : checked by `check_cases`.
+    journal : of this study.
+    target : the result file.
+    workers, scheduler, progress, stop : as of `design_study`.
+
+    Raises
+    ------
+    ResultFileError
+        If the file cannot be written.
+    NotTrustedError
+        If workers end unexpectedly.
+    """
+    begin = saved = clock.monotonic()
+
+    def each(outcome: CaseOutcome) -> None:
+        nonlocal saved
+        journal.add(outcome)
+        if clock.monotonic() - saved > SAVED_EVERY_S:
+            save()
+            saved = clock.monotonic()
+
+    def save() -> None:
+        write_result(gather(plan, journal.outcomes, clock.monotonic() - begin), target)
+
+    try:
+        result = design_study(
+            plan, workers=workers, scheduler=scheduler, known=journal.outcomes.values(), each=each, progress=progress,
+            stop=stop,
+        )  # fmt: skip
+    except BaseException:
+        if journal.outcomes:
+            save()
+        else:
+            journal.remove()
+        raise
+    if journal.outcomes:
+        write_result(result, target)
+    if len(journal.outcomes) in (0, len(plan.cases)):
+        journal.remove()
+    return result
 
 
 def ensemble(
@@ -68,8 +132,5 @@ def ensemble(
     if file is None:
         return design_study(plan, workers=workers, progress=progress)
     target = Path(file)
-    with Journal(journal_path(target), plan.fingerprint, resume=True) as journal:
-        result = design_study(plan, workers=workers, known=journal.known, each=journal.add, progress=progress)
-        write_designs(result, target)
-        journal.remove()
-    return result
+    with opened_journal(journal_path(target), plan.fingerprint, resume=True) as journal:
+        return stored_study(plan, journal, target, workers=workers, progress=progress)
