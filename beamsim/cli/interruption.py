@@ -11,7 +11,7 @@ from types import FrameType
 from beamsim.cli.failures import say
 from beamsim.errors import ExitCode, StoppedEarlyError
 
-STOPPING = "beamsim: stopping, and saving what was found; press again to stop immediately, without it"
+STOPPING = "beamsim: stopping, and saving what was found; press again to stop at once without saving"
 
 
 class Interruption:

@@ -91,7 +91,7 @@ def change_text(change: float, doubtful: bool, after_parting: bool = False) -> s
     if doubtful:
         size = f"NOT CONVERGED, {size}"
     elif change > ALLOWED_CHANGE:
-        size = f"{size}, within the scatter of its mean"
+        size = f"{size}, within the standard error of its mean"
     return f"{ONE_OF_MANY}, {size}" if after_parting else size
 
 
@@ -279,7 +279,7 @@ def _convergence(result: Result, changes: Mapping[str, Any]) -> Iterator[Row]:
         if is_known(model["sequences_part_s"]):
             yield "", f"the contact sequences diverge at {amount(model['sequences_part_s'], 's')}"
     small, round_off = (
-        ("disturbance_parts_s", "a stiffness changed by 1e-9 of itself"),
+        ("disturbance_parts_s", "a relative change of 1e-9 of a stiffness"),
         ("round_off_parts_s", "round-off"),
     )
     for key, of in (small, round_off):

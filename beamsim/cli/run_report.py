@@ -125,8 +125,8 @@ def _preload(result: RunResult, gaps: Mapping[str, float]) -> dict[str, str]:
         static = s["static_force_n"][name]
         at_equilibrium = f"{amount(static, 'N')} at equilibrium, " if is_known(static) else ""
         texts[name] = (
-            f"gap {amount(gap, 'm')}, {at_equilibrium}{amount(s['blocked_force_n'][name], 'N')} if the structure "
-            f"could not move, stiffness ratio {s['stiffness_ratio'][name]:.4g}"
+            f"gap {amount(gap, 'm')}, {at_equilibrium}{amount(s['blocked_force_n'][name], 'N')} with the "
+            f"structure held, stiffness ratio {s['stiffness_ratio'][name]:.4g}"
         )
     return texts
 
@@ -297,7 +297,7 @@ def _against(result: RunResult, compared: Mapping[str, Any]) -> Iterator[tuple[s
             )
     until = compared["agrees_until_s"]
     whole = until >= result.time[-1]
-    part = "" if whole else f" until {amount(until, 's')}, where the contacts part"
+    part = "" if whole else f" until {amount(until, 's')}, where the contact sequences diverge"
     state, late = compared["largest_state_difference"], compared["largest_time_difference_s"]
     rows.append((f"displacement{part}", "", "", percent(state)))
     if result.snubbers:

@@ -100,7 +100,7 @@ class Printed:
         if "*" in self._met:
             yield "* changes by more than 2 % with a finer model"
         if "~" in self._met:
-            yield "~ one of many motions: depends on what follows when the contact sequences have diverged"
+            yield "~ one of many motions: depends on what follows after the contact sequences diverge"
 
 
 def digits_of(change: float | None) -> int:

@@ -11,10 +11,10 @@ from beamsim.plots.drawing import DARK, RED, Curve, draw_curves, legend, panels
 
 _FACTOR = ("Stiffness factor ε", "")
 _FATES = {
-    "same": ("o", "beside the backbone's motion"),
+    "same": ("o", "near the backbone's motion"),
     "between": ("s", "where a tongue cuts the backbone"),
-    "other": ("D", "beside another motion"),
-    "none": ("x", "beside no periodic motion"),
+    "other": ("D", "near another motion"),
+    "none": ("x", "near no periodic motion"),
 }
 
 

@@ -320,7 +320,7 @@ def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
     for name, levels in linear.contact.items():
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
         if np.nanmax(levels.changing, initial=0.0) == 0.0:  # it just touches at rest: a logarithmic axis has no zero
-            drawn.append(Curve(f"{name}: {what} at any level", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
+            drawn.append(Curve(f"{name}: {what} with any motion", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
         else:
             drawn.append(Curve(f"{name}: {what}", linear.frequency_hz, levels.changing))
     for k, curve in enumerate({c.level_index: c for c in result.curves.values()}.values()):

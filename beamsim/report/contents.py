@@ -226,5 +226,5 @@ def _trust(result: Result) -> Iterator[str]:
         for figure, name, change, doubtful in rows[:CHANGES_SHOWN]
     ]
     more = f" (the {CHANGES_SHOWN} largest of {len(rows)})" if len(rows) > CHANGES_SHOWN else ""
-    yield table(Cells(("figure", "of", "change"), shown, f"Change of every figure with the finer model{more}"))
+    yield table(Cells(("value", "of", "change"), shown, f"Change of every value with the finer model{more}"))
     yield labelled([("made with", versions(result)), ("created", result.created)])

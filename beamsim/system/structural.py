@@ -43,7 +43,9 @@ class SnubberNumbers:
     dashpot: float = attribute("N s/m", "damping constant")
     gap: float = attribute("m", "clearance, positive when open; resolved where a preload was given")
     preload: float = attribute("N", "contact force at static equilibrium; NaN where there is none")
-    blocked_force: float = attribute("N", "force at a penetration of max(-gap, 0): if the structure could not move")
+    blocked_force: float = attribute(
+        "N", "force at a penetration of max(-gap, 0), the structure held at zero displacement"
+    )
     stiffness_ratio: float = attribute("1", "k L^3 / (E I); in a chain, over its largest spring stiffness")
 
 

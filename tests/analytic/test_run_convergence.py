@@ -167,7 +167,7 @@ def test_a_chaotic_motion_is_compared_before_the_sequences_part_and_statisticall
     assert s["convergence"]["peak_displacement_m"]["tip"] < ALLOWED_CHANGE
     assert "peak_acceleration_g.tip" not in s["doubtful"]
     rows = dict(table_rows("run", result))
-    assert rows["peak acceleration"].endswith("within the scatter of its mean")
+    assert rows["peak acceleration"].endswith("within the standard error of its mean")
 
 
 def test_forces_that_last_for_an_instant_are_compared_with_forces():

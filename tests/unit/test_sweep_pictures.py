@@ -91,7 +91,7 @@ def test_a_stop_that_just_touches_has_no_line_on_a_logarithmic_axis():
     lines = figures["contact_levels"].axes[0].lines
     (touched,) = (line for line in lines if str(line.get_label()).startswith("stop"))
     levels = [line for line in lines if line is not touched]
-    assert touched.get_label() == "stop: contact begins at any level"
+    assert touched.get_label() == "stop: contact begins with any motion"
     assert touched.get_linestyle() == "None"
     assert all(np.all(level.get_ydata() > 0.0) for level in levels)
     force, share = figures["contact"].axes

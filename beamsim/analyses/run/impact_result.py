@@ -86,7 +86,7 @@ class Impacts:
         "m/s", "rate of penetration when the impact begins; NaN where the run begins in contact"
     )
     separation_speed: Floats = dataset(
-        "m/s", "speed of parting when the impact ends; NaN where the run ends in contact"
+        "m/s", "separation speed at the end of the impact; NaN where the run ends in contact"
     )
     energy_lost: Floats = dataset(
         "J", "energy lost in the snubber from the beginning of the impact to that of the next"

@@ -460,7 +460,7 @@ _SUMMARY = (
              "peak is reached; of equal peaks any of them"),
     Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "preload"),
     Entry("static_force_n", "N", "contact force of a snubber at static equilibrium"),
-    Entry("blocked_force_n", "N", "force of a snubber if the structure could not move"),
+    Entry("blocked_force_n", "N", "contact force of a snubber with the structure held at zero displacement"),
     Entry("stiffness_ratio", "1", "k L^3 / (E I) of a snubber; in a chain, k over the largest spring stiffness"),
     Entry("residual_crush_m", "m", "of a snubber that yields, how far it stays crushed at the end", "residual crush"),
     Entry("impacts", "", "statistics of the impacts by snubber, if run.impacts asks for them; units are in the names",
@@ -497,7 +497,7 @@ _SUMMARY = (
     Entry("contact_states_kept", "1", "contact states whose tables were kept at once, where the motion visited more"),
     PROCESSOR_TIME._replace(of="work.processor_time_s"),
     *CorrectionSize.ENTRIES,
-    Entry("against", "", "differences from the reference integrator (`--against`) by figure, and the cost of both",
+    Entry("against", "", "differences from the reference integrator (`--against`) by value, and the cost of both",
           "exact and reference"),
 )  # fmt: skip
 
