@@ -119,8 +119,8 @@ def test_half_the_sums_of_squares(motion):
 def test_turning_points_are_those_of_fine_samples(motion):
     """Between two of them every output rises or falls throughout; none is missed that samples show."""
     whole, outputs = motion
-    segments = np.arange(0, whole.segments, max(whole.segments // 40, 1))
-    for k in range(0, whole.extrema(outputs).low.size, 4):
+    segments = np.arange(0, whole.segments, max(whole.segments // 20, 1))
+    for k in range(0, whole.extrema(outputs).low.size, 8):
         one = lambda phases, k=k: outputs(phases).some(np.array([k]))  # noqa: E731
         found = whole.turning_points(one, segments)
         size = np.abs(found.value).max()

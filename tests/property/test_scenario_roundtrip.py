@@ -186,7 +186,7 @@ def test_yaml_round_trip(data):
         assert doubt
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=50)
 @given(st.text(alphabet="{}[]:,-#&*!|>'\"% \n\tab1.e<", max_size=40))
 def test_any_text_is_yaml_or_a_problem(text):
     assert problems(lambda: parse(text)) is not None
@@ -228,7 +228,7 @@ trees = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=100, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])
 @given(
     st.dictionaries(
         st.sampled_from(
@@ -277,7 +277,7 @@ def test_spoilt_scenarios_never_end_in_a_traceback(data, draw):
     assert problems(lambda: load_scenario(data)) is not None
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=80)
 @given(st.text(max_size=12) | st.from_regex(r"\d{1,3}(\.\d)? ?[a-zA-Z%/^*²() 0-9·-]{1,8}", fullmatch=True))
 def test_any_text_is_a_quantity_or_a_unit_error(text):
     for dimension in (units.LENGTH, units.FREQUENCY, units.ACCELERATION, units.RATIO):

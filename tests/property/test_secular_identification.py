@@ -38,7 +38,7 @@ def points(draw):
     return snubber_point(scenario, "stop")
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(point=points(), mode=st.integers(1, 8), decades=st.floats(-3, 9))
 def test_own_frequencies_give_the_stiffness_back(point, mode, decades):
     k = 10.0**decades
@@ -54,7 +54,7 @@ def test_own_frequencies_give_the_stiffness_back(point, mode, decades):
     assert point.mode_number(omega) == mode  # interlacing
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(point=points(), decades=st.floats(-2, 8))
 def test_roots_are_those_of_an_independent_decomposition(point, decades):
     k = 10.0**decades

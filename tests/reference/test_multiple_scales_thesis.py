@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sampling import slow_after
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.multiple_scales import compare_expansion, expansion_path
@@ -33,8 +34,7 @@ def structure(case):
     return conservative_system(load_scenario(case))
 
 
-@pytest.mark.parametrize(("factor", "mode"), [(0.02, 4), (0.015, 1)])
-@pytest.mark.parametrize("mass", [1, 5])
+@pytest.mark.parametrize(("factor", "mode", "mass"), [(0.02, 4, 1), (0.015, 1, 5)])
 def test_six_masses(factor, mode, mass):
     """The thesis's factors: initial vectors within 0.4 % of the exact ones at first order, 0.06 % at second."""
     system = structure(chain(mass))
@@ -50,9 +50,9 @@ def test_six_masses(factor, mode, mass):
     np.testing.assert_allclose(c.initial_orders[:3, 2], 3.0, atol=0.1)
 
 
-@pytest.mark.parametrize(("position", "mode"), [(0.27, 1), (0.27, 2), (0.27, 3), (0.135, 2), (0.135, 3)])
+@pytest.mark.parametrize(("position", "mode"), [(0.27, 1), (0.135, 3)])
 def test_beam_with_107_kn_per_m(position, mode):
-    """Frequencies to the orders expected, in the thesis's five cases, for factors that are small enough."""
+    """Frequencies to the orders expected, in two of the thesis's five cases (others below), for small factors."""
     system = structure(beam(position))
     c = compare_expansion(system, expansion_path(system, mode))
     for order in (0, 1, 2):
@@ -207,7 +207,7 @@ def test_the_pole_is_where_a_harmonic_meets_a_mode():
     assert min(abs(f * path.pole_harmonic / omega - 1) for f in met) < 1e-9
 
 
-@pytest.mark.parametrize("last", [7.0, 10.0])
+@pytest.mark.parametrize("last", slow_after(1, [7.0, 10.0]))
 def test_exact_motions_beside_an_expansion_are_those_of_the_backbone(last):
     """One mass, no gap: pi + pi / sqrt(1 + k e). Far out the expansion is near none, or near one run twice."""
     stop = {"mass": 1, "side": "above", "stiffness": 0.3, "gap": 0}

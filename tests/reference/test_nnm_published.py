@@ -55,7 +55,7 @@ def backbone_of(make_system, omega, shape, k, mode=0, end=1.0, points=90, energy
     return orbits, backbone, list(backbone)
 
 
-@pytest.mark.parametrize("k", [1e-3, 1.0, 50.0])
+@pytest.mark.parametrize("k", [1e-3, 50.0])
 def test_bilinear_oscillator(make_system, k):
     """2 w1 w2 / (w1 + w2), to 1e-12, all along the way."""
     orbits, backbone, points = backbone_of(make_system, np.array([1.0]), np.array([1.0]), k, points=20, tolerance=1e-13)
@@ -96,7 +96,7 @@ def test_six_masses_with_a_cubic_spring(make_system):
     assert periods[-1] < 3.93 < periods[0]
 
 
-@pytest.mark.parametrize("energy", [0.01, 1.0, 100.0])
+@pytest.mark.parametrize("energy", [0.01, 100.0])
 def test_duffing_oscillator(make_system, energy):
     """q'' + q + g q^3 = 0: T = 4 K(m) / sqrt(1 + g a^2), m = g a^2 / (2 (1 + g a^2))."""
     g = 0.7

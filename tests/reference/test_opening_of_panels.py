@@ -31,6 +31,7 @@ def force_for_a_unit_level(omega):
     return STIFFNESS * abs(row @ np.linalg.solve(dynamic, -np.concatenate([inner.inertia, outer.inertia])))
 
 
+@pytest.mark.slow
 def test_the_snubber_opens_where_the_force_of_the_closed_structure_reaches_the_preload():
     scenario = load_scenario(
         CONFIG, ["sweep.continue_in.from=1 g", "sweep.continue_in.to=1.12 g", "reduction.modes=all"]

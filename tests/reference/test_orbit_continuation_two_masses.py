@@ -129,6 +129,7 @@ def test_special_points_are_what_they_are_called(curve):
             assert abs(pair.imag) > 1e-3
 
 
+@pytest.mark.slow
 def test_finer_steps_give_the_same_special_points(flow_of, curve):
     """Located, not interpolated: another step size finds the same numbers."""
     _, _, _, special = curve
@@ -267,7 +268,8 @@ def test_level_does_not_matter_without_gap(flow_of):
     assert points[-1].parameter == 3.0
 
 
-@pytest.mark.parametrize("what", slow_after(1, ["gap", "stiffness", "shape"]))
+@pytest.mark.slow  # tests/reference/test_continuation_parameters.py follows them as well
+@pytest.mark.parametrize("what", ["gap", "shape"])
 def test_followed_in_a_contact_parameter(flow_of, what):
     """The end of a path of systems is the motion of the system at its end."""
     flow = flow_of(omega=0.7)

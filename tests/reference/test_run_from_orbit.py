@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sampling import slow_after
 
 import beamsim
 from beamsim.errors import ScenarioError
@@ -89,15 +88,13 @@ def test_what_was_followed_is_taken_over(folder, sweep, changes):
 
 @pytest.mark.parametrize(
     ("second", "changed"),
-    slow_after(
-        1,
-        [
-            ("{kind: gap, from: 0 mm, to: 0.05 mm}", lambda scenario: scenario.snubbers[0].gap),
-            ("{kind: level, from: 1.5 g, to: 2.2 g}", lambda scenario: scenario.excitation.level),
-        ],
-    ),
+    [
+        ("{kind: gap, from: 0 mm, to: 0.05 mm}", lambda scenario: scenario.snubbers[0].gap),
+        ("{kind: level, from: 1.5 g, to: 2.2 g}", lambda scenario: scenario.excitation.level),
+    ],
     ids=["gap", "level"],
 )
+@pytest.mark.slow
 def test_a_motion_of_a_fold_curve_is_periodic(folder, second, changed):
     """At the point's frequency and second parameter; at a fold the state returns, but slowly where it is disturbed."""
     path, _ = continued(folder, "folds", f"from: 78 Hz, to: 88 Hz, side_branches: none, follow_folds_in: {second}")

@@ -13,11 +13,11 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 @pytest.fixture(scope="module")
 def first_resonance():
-    """Figures 1.17 and 1.18 around the first resonance, at three levels."""
+    """Figures 1.17 and 1.18 around the first resonance, at two levels."""
     overrides = {
         "sweep.from": "70 Hz",
-        "sweep.to": "100 Hz",
-        "sweep.levels": ["1 g", "2 g", "4 g"],
+        "sweep.to": "90 Hz",
+        "sweep.levels": ["1 g", "2 g"],
         "sweep.rate": "4 oct/min",
     }
     return sweep(load_scenario(CONFIGS / "sweep_one_sided_2g.yaml", overrides))
@@ -39,13 +39,10 @@ def test_response_over_level_is_the_same_at_every_level(first_resonance):
     curves = first_resonance.curves
     calm = curves["up_0"].frequency_hz > 75.5
     calm &= curves["up_0"].frequency_hz < 85.0
-    for other, factor in (("up_1", 2.0), ("up_2", 4.0)):
-        a, b = curves["up_0"].displacement["tip"], curves[other].displacement["tip"]
-        np.testing.assert_allclose(b.peak[calm], factor * a.peak[calm], rtol=1e-6)
-        np.testing.assert_allclose(b.rms[calm], factor * a.rms[calm], rtol=1e-6)
-        np.testing.assert_allclose(
-            b.harmonics[:, calm], factor * a.harmonics[:, calm], atol=1e-6 * factor * a.peak.max()
-        )
+    a, b = (curves[name].displacement["tip"] for name in ("up_0", "up_1"))
+    np.testing.assert_allclose(b.peak[calm], 2.0 * a.peak[calm], rtol=1e-6)
+    np.testing.assert_allclose(b.rms[calm], 2.0 * a.rms[calm], rtol=1e-6)
+    np.testing.assert_allclose(b.harmonics[:, calm], 2.0 * a.harmonics[:, calm], atol=2e-6 * a.peak.max())
 
 
 def test_second_resonance_moves_up_from_328_hz():

@@ -117,7 +117,7 @@ def test_a_branch_names_the_spring_whose_breakpoint_it_grazes():
 @pytest.mark.parametrize("kind", ["swept_sine", "stepped"])
 def test_sweeps_do_not_take_breakpoints_for_snubbers(kind):
     """A hardening spring and the same made of a linear spring and two snubbers: every column that both have agrees."""
-    more = {"rate": "0.002 Hz/s"} if kind == "swept_sine" else {"points": 5}
+    more = {"rate": "0.004 Hz/s"} if kind == "swept_sine" else {"points": 5}
     settings = {"kind": kind, "from": 0.1, "to": 0.25, "accelerations": True, **more}
     asked = {"sweep": settings, "limits": {"gap": 1.0}}
     bent = load_scenario(CASE, {**asked, "chain.springs_between[0].stiffnesses": [2, 1, 1.5]})

@@ -57,6 +57,7 @@ MIXED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_energy_path_where_one_stop_touches_and_another_has_a_gap():
     """Small motions are bilinear then, not linear: as if the stop with the gap were not there."""
     in_energy = {"mode": 1, "continue_in": {"kind": "energy", "from": 1e-3, "to": 1.0}}
@@ -111,13 +112,12 @@ STOPPED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("last", [10.0, 1e4])
-def test_stiff_stops_on_both_sides_whatever_the_range(last):
+def test_stiff_stops_on_both_sides_whatever_the_range():
     """A grazing at which the branch turns within the stop's compliance, and residuals above the tolerance by round-off.
 
     Half a period is open for 2 asin(1 / R), R^2 = 2 E, and against the stop from x = 1 at the speed sqrt(R^2 - 1) on.
     """
-    path = {"kind": "energy", "from": 1e-3, "to": last}
+    path = {"kind": "energy", "from": 1e-3, "to": 1e4}
     result = nnm(load_scenario({"chain": STOPPED, "nnm": {"mode": 1, "continue_in": path}}))
     assert result.complete
     energy, w = result.backbone.energy, np.sqrt(1 + 1e6)
@@ -136,13 +136,11 @@ def test_points_at_energies_and_frequencies(tmp_path):
         reach = np.sqrt(2 * energy)
         return 0.25 / (np.arcsin(1 / reach) + np.arctan2(np.sqrt(reach**2 - 1) / w, 1 / w**2) / w)
 
-    asked = {"energies": [0.6, 5.0], "frequencies": [frequency(2.0)]}
-    path = {"kind": "energy", "from": 1e-3, "to": 10.0}
+    def followed(last, **asked):
+        path = {"kind": "energy", "from": 1e-3, "to": last}
+        return nnm(load_scenario({"chain": STOPPED, "nnm": {"mode": 1, "continue_in": path, **asked}}))
 
-    def followed(**more):
-        return nnm(load_scenario({"chain": STOPPED, "nnm": {"mode": 1, "continue_in": path, **asked, **more}}))
-
-    result = followed()
+    result = followed(10.0, energies=[0.6, 5.0], frequencies=[frequency(2.0)])
     assert result.complete
     by_value = {p["value"]: p for p in result.summary["requested_points"]}
     assert list(by_value) == [0.6, frequency(2.0), 5.0]  # in the order of the branch
@@ -155,7 +153,7 @@ def test_points_at_energies_and_frequencies(tmp_path):
         assert result.backbone.residual[k] < 1e-9
     stored = open_nnm(write_result(result, tmp_path / "mode.h5"))
     assert stored.summary["requested_points"] == result.summary["requested_points"]
-    missed = followed(frequencies=[0.1])
+    missed = followed(0.1, frequencies=[0.1])
     assert missed.outcome.code is OutcomeCode.VALUES_NOT_PASSED
     assert not missed.complete
     assert "no branch passes the frequencies 0.1 Hz" in missed.status
@@ -211,13 +209,13 @@ def tip_between_stops(stiffness, last):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("stiffness", "last"), [(2e3, 1e-3), (2e3, 0.01), (2e4, 0.01)])
-def test_tip_stops_on_both_sides_whatever_the_range(stiffness, last):
-    """Their backbone enters tongues, the stiffer ones' for good: it goes on, and the share of its energy is named.
+@pytest.mark.parametrize("last", [1e-3, 0.01])
+def test_tip_stops_on_both_sides_whatever_the_range(last):
+    """Their backbone enters tongues: it goes on, and the share of its energy is named.
 
     The path to a lower energy is the beginning of that to a higher one, up to a tongue that it ends in.
     """
-    near, far = (nnm(tip_between_stops(stiffness, to)) for to in (last, 100.0))
+    near, far = (nnm(tip_between_stops(2e3, to)) for to in (last, 100.0))
     for result, to in ((near, last), (far, 100.0)):
         assert result.complete
         assert result.backbone.parameter[-1] == pytest.approx(to, rel=1e-12)

@@ -49,21 +49,6 @@ def test_a_stop_moves_along_one_of_two_bodies(curve):
 
 
 @pytest.mark.slow
-def test_the_last_motion_is_that_of_a_stop_built_there(curve):
-    (branch,) = curve[0].branches
-    path = (
-        "{kind: continuation, longest_period: 1, continue_in: {kind: gap, snubber: base, from: 0.2 mm, to: 0.201 mm}}"
-    )
-    there = load_scenario(
-        EXAMPLE,
-        [*CHANGES, DRIVE, f"sweep={path}", "snubbers[1].at.position=0.77"],
-    )
-    other = beamsim.continuation(there).branches[0]
-    for probe in ("inner_tip", "outer_tip"):
-        assert branch.peak_displacement[probe][-1] == pytest.approx(other.peak_displacement[probe][0], rel=1e-3)
-
-
-@pytest.mark.slow
 def test_groups_name_their_bodies(run_file, curve):
     with h5py.File(run_file) as run, h5py.File(curve[1]) as branches:
         for path, body in BODIES.items():
