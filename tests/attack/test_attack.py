@@ -153,10 +153,10 @@ def test_a_changed_system_differs(tmp_path, monkeypatch):
 
 
 def test_mutated_scenarios():
-    codes, faults = yaml_mutants.attack(60, 8)
+    codes, faults = yaml_mutants.attack(30, 8)
     assert faults == []
-    assert codes[2] > 13
-    assert codes[0] + codes[3] > 13
+    assert codes[2] > 5
+    assert codes[0] + codes[3] > 5
 
 
 def test_damaged_files():

@@ -93,21 +93,21 @@ def test_several_starts_and_profiles(vibrations):
 
 @pytest.mark.slow
 def test_intervals_cover_the_truth(vibrations):
-    """In 60 noisy trials the true values lie within the 95 % intervals at least 52 times, for every parameter."""
+    """In 24 noisy trials the true values lie within the 95 % intervals at least 20 times, for every parameter."""
     chosen = {f: vibrations[f] for f in (65.0, 78.0)}
     sought = ("snubbers.tip.stiffness", "snubbers.tip.gap", "beam.damping.ratio")
     start = {"snubbers[0].stiffness": 145e3, "snubbers[0].gap": 1.7e-5, "beam.damping.ratio": 0.011}
     scenario = case(chosen, sought, start)
     covered = np.zeros(len(sought))
     both = 0
-    for trial in range(60):
+    for trial in range(24):
         signals = [signal(f, c, noise=0.02, seed=1000 * trial + k) for k, (f, c) in enumerate(chosen.items())]
         found = fit_nonlinear(scenario, scenario.identify_stiffness, signals)
         inside = [p.interval[0] <= SOUGHT[p.parameter] <= p.interval[1] for p in found.parameters]
         covered += inside
         both += all(inside)
-    assert covered.min() >= 52  # 57 on average, less than one time in a hundred below
-    assert both >= 45  # three intervals at once: 0.95^3 if they were independent
+    assert covered.min() >= 20  # 23 on average, less than one time in a hundred below
+    assert both >= 17  # three intervals at once: 0.95^3 if they were independent
 
 
 def test_the_coverage_can_fail(vibrations):

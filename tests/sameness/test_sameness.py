@@ -16,7 +16,13 @@ CASES = record.load()
 SOME = "beam that touches one stop"
 
 
-@pytest.mark.parametrize("name", CASES)
+pytestmark = pytest.mark.recorded
+LONG = ("nonlinear mode forced in phase resonance",)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in CASES]
+)
 def test_numbers_are_those_recorded(name):
     found = record.chosen(CASES[name], record.answer(CASES[name]))
     differences = record.compare(CASES[name], found)
