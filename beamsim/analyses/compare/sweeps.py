@@ -14,7 +14,7 @@ import numpy as np
 
 from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison
 from beamsim.analyses.compare.tracking import Followed, beginning, check_beginning, filtered, track
-from beamsim.analyses.sweep.peaks import LEAST_PROMINENCE, prominent_maxima
+from beamsim.analyses.sweep.peaks import LEAST_PROMINENCE
 from beamsim.analyses.sweep.result import Envelope, SweepCurve, SweepResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasuredSignal
@@ -278,8 +278,10 @@ def peaks_of(frequency: Floats, amplitude: Floats) -> list[tuple[float, float, f
     too few.
     Frequency and level are those of the parabola through the three highest points.
     """
+    from scipy import signal
+
     positive = np.maximum(amplitude, 1e-300 + 1e-12 * float(np.max(amplitude, initial=0.0)))
-    at = prominent_maxima(np.log(positive), np.log(LEAST_PROMINENCE))
+    at, _ = signal.find_peaks(np.log(positive), prominence=np.log(LEAST_PROMINENCE))
     highest = sorted(at, key=lambda k: -amplitude[k])[:MOST_PEAKS]
     peaks = []
     for k in sorted(int(k) for k in highest):

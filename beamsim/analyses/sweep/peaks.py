@@ -36,6 +36,8 @@ def find_peaks(curve: SweepCurve, probe: str, modes: ModeTable | None) -> list[R
 
     ``modes`` are those of the structure; without them beats at the excitation frequency are not told from resonances.
     """
+    from scipy import signal
+
     envelope = curve.displacement[probe]
     good = np.isfinite(envelope.peak) & (envelope.peak > 0)
     if good.sum() < 5:
@@ -48,47 +50,12 @@ def find_peaks(curve: SweepCurve, probe: str, modes: ModeTable | None) -> list[R
     high = np.maximum.reduceat(peak, first)
     padded = np.concatenate([[0.0], np.log(high), [0.0]])
     padded[0] = padded[-1] = padded[1:-1].min() - 1.0
-    maxima = prominent_maxima(padded, np.log(LEAST_PROMINENCE))
+    maxima, _ = signal.find_peaks(padded, prominence=np.log(LEAST_PROMINENCE))
     last = np.append(first[1:], peak.size)
     inner = [bin_ for bin_ in maxima - 1 if 0 < bin_ < high.size - 1]  # the ends of the sweep are not peaks
     tops = [first[bin_] + int(np.argmax(peak[first[bin_] : last[bin_]])) for bin_ in inner]
     largest = sorted(tops, key=lambda at: -float(peak[at]))[:MOST_PEAKS]
     return [_named(curve, probe, modes, index, frequency, at) for at in largest]
-
-
-def prominent_maxima(values: Floats, least: float) -> Ints:
-    """Local maxima (of flat ones the middle) that are prominent, the ends left out.
-
-    Prominence is the height above the higher one of two minima: those between the maximum and the next higher value, or
-    the end, on either side. `scipy.signal.find_peaks` gives the same; importing it takes most of a second.
-
-    Parameters
-    ----------
-    least : smallest prominence.
-
-    Returns
-    -------
-    (k,) indices.
-
-    >>> prominent_maxima(np.array([0.0, 2.0, 1.5, 1.8, 0.5, 3.0, 3.0, 3.0, 1.0]), 0.5)
-    array([1, 6])
-    """
-    steps = np.flatnonzero(np.diff(values) != 0.0)
-    first, last = np.append(0, steps + 1), np.append(steps, values.size - 1)
-    level = values[first]
-    found = []
-    for run in np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:])) + 1:
-        sides = level[:run][::-1], level[run + 1 :]
-        base = max(_lowest_before_higher(side, level[run]) for side in sides)
-        if level[run] - base >= least:
-            found.append((first[run] + last[run]) // 2)
-    return np.array(found, dtype=np.intp)
-
-
-def _lowest_before_higher(values: Floats, top: float) -> float:
-    """The smallest of the values before the first that is higher than the top."""
-    higher = values > top
-    return float(np.min(values[: int(np.argmax(higher))] if higher.any() else values))
 
 
 def _bins(frequency: Floats, count: int) -> Ints:
