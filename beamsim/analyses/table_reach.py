@@ -11,7 +11,7 @@ from beamsim.scenario import Scenario
 from beamsim.system.force_tables import curves_of
 from beamsim.typing import Floats
 
-_REST = "; beyond it the last slope goes on, which may be too soft: measure further, or add points"
+_REST = "; the last slope continues beyond it, which may be too soft: measure further, or add points"
 
 
 def forces_beyond_tables(scenario: Scenario, forces: Iterable[Mapping[str, Floats]]) -> list[str]:

@@ -163,7 +163,7 @@ class MatricesBody(Body):
     stiffness: MatrixSource
     """Stiffness matrix."""
     viscous: MatrixSource | None = None
-    """Viscous damping matrix, beside the damping below; none by default."""
+    """Viscous damping matrix, in addition to the damping below; none by default."""
     structural_damping: StructuralDamping | None = None
     """Structural damping as viscous damping at one frequency; without it such matrices are refused."""
     recovery: RecoverySource | None = None

@@ -86,7 +86,7 @@ class ScenarioParts(Schema):
     probes: tuple[Probe, ...] = ()
     """Points whose motion is recorded; by default one at each snubber (on both masses it acts between)."""
     outputs: tuple[AnyOutput, ...] = ()
-    """What runs, sweeps and continuations report beside the probes: reactions, joint forces, moments, strains,
+    """What runs, sweeps and continuations report in addition to the probes: reactions, joint forces, moments, strains,
     stresses, energies."""
     run: Run | None = None
     """A run in time (`beamsim run`)."""

@@ -130,9 +130,9 @@ class SnubberBase(Named):
     damping: SnubberDamping | None = None
     """Dashpot parallel to the spring; none by default."""
     maxwell: tuple[Maxwell, ...] = ()
-    """Maxwell branches beside the spring or the table, any number of them; they ask for law: no_tension."""
+    """Maxwell branches parallel to the spring or the table, any number of them; they ask for law: no_tension."""
     hardening: Hardening | None = None
-    """Yielding beside the stiffness, which leaves the stop crushed; none by default."""
+    """Yielding of the spring, which leaves the stop crushed; none by default."""
     gap_: q.Gap | None = Field(default=None, alias="gap")
     """Clearance: positive is backlash, negative prestress; 0 by default."""
     preload: q.PositiveForce | None = None

@@ -101,7 +101,7 @@ class LinearSpring(Schema):
     stiffness: NonNegativeStiffness
     """Stiffness."""
     maxwell: tuple[Maxwell, ...] = ()
-    """Maxwell branches beside it, any number of them."""
+    """Maxwell branches parallel to it, any number of them."""
 
 
 class CubicSpring(Schema):
@@ -123,7 +123,7 @@ class PiecewiseLinearSpring(Schema):
     stiffnesses: tuple[NonNegativeStiffness, ...]
     """Slopes below the first breakpoint, between the first two, ... above the last: one more than breakpoints."""
     maxwell: tuple[Maxwell, ...] = ()
-    """Maxwell branches beside it, any number of them."""
+    """Maxwell branches parallel to it, any number of them."""
 
     def check(self) -> None:
         """Check the lengths and the order."""

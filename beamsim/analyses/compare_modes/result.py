@@ -34,7 +34,7 @@ class ModeComparison(Result):
         along=(_MEASURED, _PREDICTED),
     )  # fmt: skip
     auto_mac: Floats = dataset(
-        "1", "MAC of computed shapes with each other: near 1 beside the diagonal, the places cannot tell them apart",
+        "1", "MAC of computed shapes with each other: near 1 off the diagonal, the places cannot tell them apart",
         along=(_PREDICTED, Counter("other", "number of the other computed mode")),
     )  # fmt: skip
     paired: Ints = dataset("1", "number of the computed mode of each measured one, 0 where none fits")

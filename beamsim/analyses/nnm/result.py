@@ -73,7 +73,7 @@ class ResponseAboutResonance:
 
 @declared
 class HeldMotion:
-    """The damped structure carried from the mode's own state, under the force predicted."""
+    """The damped structure from a state of the mode on, under the predicted force."""
 
     time: Floats = axis("s", "time")  # (nt,) whole periods, the end left out
     displacement: dict[str, Floats] = per_probe("m", "displacement", along=("time",))
