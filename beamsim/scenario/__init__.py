@@ -29,7 +29,7 @@ from beamsim.scenario.place import AtPlace, Probe
 from beamsim.scenario.quantities import Rate, Share
 from beamsim.scenario.run import ModeStart, PolynomialStart, Reduction, ReleasedForceStart, Run, SpectrumSettings
 from beamsim.scenario.scenario import Scenario
-from beamsim.scenario.snubber import LinkSnubber, MassSnubber, Snubber, SnubberRatioDamping, SnubberViscousDamping
+from beamsim.scenario.snubber import LinkSnubber, Snubber, SnubberRatioDamping, SnubberViscousDamping
 from beamsim.scenario.spring import CubicGroundSpring
 from beamsim.scenario.sweep import SweptSine
 
@@ -47,7 +47,6 @@ __all__ = [
     "Limits",
     "LinkSnubber",
     "Located",
-    "MassSnubber",
     "ModalDamping",
     "ModeStart",
     "MultiTone",

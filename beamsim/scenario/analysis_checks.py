@@ -20,7 +20,7 @@ from beamsim.scenario.parameters import choices_at, find_parameters, read_as, va
 from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.place import MovedSupport
 from beamsim.scenario.quantities import FACTOR, meant
-from beamsim.scenario.spring import OnMass
+from beamsim.scenario.spring import SpringToGround
 from beamsim.scenario.tree import path_parts
 from beamsim.scenario.varied import (
     VariedParameter,
@@ -395,7 +395,7 @@ def _driven_through_contacts(scenario: ScenarioParts) -> Problems:
                 "mount it on the base, or apply a point force",
             )
     for path, _, spring, _ in scenario.nonlinear_springs:
-        if isinstance(spring, OnMass):
+        if isinstance(spring, SpringToGround):
             yield Problem(
                 f"{path_text(path)}.kind",
                 f"= {getattr(spring, 'kind', '')} lets the moving base push through a nonlinear spring, which phase "

@@ -15,7 +15,7 @@ from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
 from beamsim.scenario.place import AtPlace, numbered
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
-from beamsim.scenario.snubber import ChainSnubber
+from beamsim.scenario.snubber import AnySnubber
 from beamsim.scenario.spring import GroundSpring, LinkSpring, PiecewiseLinearSpring, has_own_law
 
 _NAMED = ("snubbers", "springs_to_ground", "springs_between")
@@ -36,7 +36,7 @@ class Chain(Body):
     """Dashpots parallel to the springs; none by default, otherwise as many as springs."""
     damping: ChainDamping | None = None
     """Damping of the chain as a whole, added to the dashpots."""
-    snubbers: Annotated[tuple[ChainSnubber, ...], numbered("snubbers")] = ()
+    snubbers: Annotated[tuple[AnySnubber, ...], numbered("snubbers")] = ()
     """One-sided stops on masses, and bumpers and cables between masses."""
     springs_to_ground: Annotated[tuple[GroundSpring, ...], numbered("springs_to_ground")] = ()
     """Springs from masses to the ground, linear, cubic or piecewise linear."""
@@ -94,19 +94,6 @@ class Chain(Body):
     def default_probe(self) -> tuple[str, AtPlace]:
         """The last mass."""
         return f"mass_{self.count}", AtPlace(mass=self.count)
-
-    def problems(self, where: Path) -> Iterator[Problem]:
-        """Snubbers and springs on masses that there are not."""
-        for name in _NAMED:
-            for index, item in enumerate(getattr(self, name)):
-                for key in ("mass", "between", "masses"):
-                    value = getattr(item, key, None)
-                    numbers = value if isinstance(value, tuple) else () if value is None else (value,)
-                    for k, number in enumerate(numbers):
-                        at: Path = (
-                            (*where, name, index, key, k) if isinstance(value, tuple) else (*where, name, index, key)
-                        )
-                        yield from self.mass_problems(where, at, number)
 
     def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
         """A number above that of the masses."""

@@ -19,7 +19,7 @@ from beamsim.scenario.limits import output_dimension
 from beamsim.scenario.notching import unit_problems
 from beamsim.scenario.output import BendingOutput, JointOutput, MotionOutput, ReactionOutput, RecoveredOutput
 from beamsim.scenario.parts import ScenarioParts
-from beamsim.scenario.place import AtPlace, MovedSupport, Sited
+from beamsim.scenario.place import AtPlace, BetweenPlaces, MovedSupport, Sited
 from beamsim.scenario.quantities import SHAPE_DISPLACEMENTS, SHAPE_VELOCITIES, meant
 from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
 
@@ -49,8 +49,6 @@ def _structure(scenario: ScenarioParts) -> Problems:
         yield problem(("chain",), "and beam exclude each other", "keep one of the two (null removes an inherited one)")
     elif given and scenario.bodies:
         yield problem(("bodies",), f"and {given[0]} exclude each other", f"list the {given[0]} among the bodies")
-    elif given == ["chain"] and any(getattr(s, "position", None) is not None for s in scenario.snubbers):
-        yield problem(("snubbers",), "act on a beam", "list the snubbers of a chain in chain.snubbers, by mass")
 
 
 def _bodies(scenario: ScenarioParts) -> Problems:
@@ -112,26 +110,34 @@ def _body_named(scenario: ScenarioParts, at: Path, body: str | None, example: st
 
 def place_problems(scenario: ScenarioParts, path: Path, part: Schema) -> Problems:
     """What is wrong with a place of a part of a scenario, written at a path."""
-    if path[:1] in (("beam",), ("chain",), ("bodies",)):  # see `_structure`
-        return
     if isinstance(part, AtPlace):
-        place = part
+        yield from _place(scenario, path, (*path, "mass"), part)
     elif isinstance(part, Sited) and part.at is None:
-        place = part.places[0]
-    else:
+        yield from _place(scenario, path, (*path, "mass"), part.place)
+    elif isinstance(part, BetweenPlaces):
+        key, ends = part.ends
+        for index, number in enumerate(ends):
+            if isinstance(number, int):
+                yield from _place(scenario, path, (*path, key, index), AtPlace(mass=number))
+
+
+def _place(scenario: ScenarioParts, path: Path, number: Path, place: AtPlace) -> Problems:
+    """What is wrong with a place at a path; ``number`` is where its mass is written."""
+    holder = scenario.body_at(path)
+    if holder and place.body is not None:
+        yield problem((*path, "body"), f"= {place.body} is named in the list of {holder}", "leave it out")
         return
-    yield from _body_named(scenario, path, place.body, "name one: at: {body: BODY, position: 270 mm}")
-    name = place.body or scenario.default_body
+    if not holder:
+        yield from _body_named(scenario, path, place.body, "name one: at: {body: BODY, position: 270 mm}")
+    name = holder or place.body or scenario.default_body
     if name not in scenario.all_bodies:
         return
     body, where = scenario.all_bodies[name], scenario.body_path(name)
     if place.node is not None:
         yield from body.node_problems(where, (*path, "node"))
     elif place.mass is not None:
-        yield from body.mass_problems(where, (*path, "mass"), place.mass)
+        yield from body.mass_problems(where, number, place.mass)
     elif place.position is not None:
-        if path[0] == "snubbers" and where == ("chain",):  # see `_structure`
-            return
         sited = "" if "outputs" in path[:2] else _SITED.get(str(path[0]), "a force")
         yield from body.position_problems(where, (*path, "position"), place.position, sited)
 

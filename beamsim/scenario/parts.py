@@ -27,7 +27,7 @@ from beamsim.scenario.plate import Plate, StiffnessPlate, plate_by_stiffness
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.snubber import AnySnubber
-from beamsim.scenario.spring import PointGroundSpring, PointLinkSpring, has_own_law
+from beamsim.scenario.spring import GroundSpring, LinkSpring, has_own_law
 from beamsim.scenario.sweep import Sweep
 
 MANY_SAMPLES = 5_000_000
@@ -69,9 +69,9 @@ class ScenarioParts(Schema):
     """The bodies by name, where there are several; beam or chain alone is short for one."""
     joints: Annotated[tuple[AnyJoint, ...], numbered("joints")] = ()
     """What joins two points of bodies, or a point and the base: rigid, hinge or spring."""
-    springs_to_ground: Annotated[tuple[PointGroundSpring, ...], numbered("springs_to_ground")] = ()
+    springs_to_ground: Annotated[tuple[GroundSpring, ...], numbered("springs_to_ground")] = ()
     """Springs from points of bodies to the ground: linear, cubic, piecewise linear (those of a chain may be in it)."""
-    springs_between: Annotated[tuple[PointLinkSpring, ...], numbered("springs_between")] = ()
+    springs_between: Annotated[tuple[LinkSpring, ...], numbered("springs_between")] = ()
     """Springs between two points of bodies, linear, cubic or piecewise linear (those of a chain may be in it)."""
     snubbers: Annotated[tuple[AnySnubber, ...], numbered("snubbers")] = ()
     """One-sided stops on the bodies and between them (those of a chain may be listed in it)."""
@@ -160,6 +160,10 @@ class ScenarioParts(Schema):
     def body_path(self, name: str) -> Path:
         """Where a body is written."""
         return ("bodies", name) if name in self.bodies else (name,)
+
+    def body_at(self, path: Path) -> str:
+        """The body that a path leads into; empty where it leads into none."""
+        return next((name for name in self.all_bodies if (at := self.body_path(name)) == path[: len(at)]), "")
 
     def refined(self, modes: int) -> Self:
         """The same case with so many modes and twice the elements of every mesh, to see what depends on them."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -109,6 +110,11 @@ class Sited(PointOfBody):
         return (self.place,)
 
     @property
+    def probed_places(self) -> tuple[AtPlace, ...]:
+        """Where a probe is by default."""
+        return self.places
+
+    @property
     def place_paths(self) -> tuple[Path, ...]:
         """Where it is written, below what sits there."""
         return (() if self.at is None else ("at",),)
@@ -125,7 +131,14 @@ def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
         )  # fmt: skip
 
 
-TwoPlaces = Annotated[tuple[AtPlace, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+TwoPlaces = Annotated[
+    tuple[Annotated[AtPlace | MassNumber, BY_FORM], ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})
+]
+"""Two places; a number is that of a mass of the chain."""
+
+
+def _placed(ends: Iterable[AtPlace | int]) -> tuple[AtPlace, ...]:
+    return tuple(_at(None, end, None, None) if isinstance(end, int) else end for end in ends)
 
 
 class BetweenPlaces(Schema):
@@ -134,22 +147,35 @@ class BetweenPlaces(Schema):
     known_by: ClassVar[tuple[str, ...]] = ("between",)
 
     between: TwoPlaces
-    """The two places."""
+    """The two places; of a chain the numbers of two masses are enough: [1, 2]."""
+
+    @property
+    def ends(self) -> tuple[str, TwoPlaces]:
+        """The key that names both places, and what it names."""
+        return "between", self.between
 
     def check(self) -> None:
         """Demand two different places."""
         super().check()
-        if len(self.between) != 2:
+        key, ends = self.ends
+        if len(ends) != 2:
             remedy = "name the two that it acts between: [{body: inner, position: 1 m}, {body: outer, position: 1 m}]"
-            raise fail(f"names {counted(len(self.between), 'place')}", remedy, ("between",))
-        if self.between[0] == self.between[1]:
-            raise fail("joins a place to itself", "name two different places", ("between",))
-        refuse_unlike_directions(self.between)
+            raise fail(f"names {counted(len(ends), 'place')}", f"{remedy}, or [1, 2] on a chain", (key,))
+        if ends[0] == ends[1]:
+            raise fail("joins a place to itself", "name two different places", (key,))
+        refuse_unlike_directions(self.places)
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
-        """Both places, in the order in which they are written."""
-        return self.between
+        """Both places, in the order in which they are written; of numbers of masses the lower one first."""
+        _, ends = self.ends
+        numbers = [end for end in ends if isinstance(end, int)]
+        return _placed(sorted(numbers) if len(numbers) == len(ends) else ends)
+
+    @property
+    def probed_places(self) -> tuple[AtPlace, ...]:
+        """Both places in the order in which they are written, where probes are by default."""
+        return _placed(self.ends[1])
 
     @property
     def place_paths(self) -> tuple[Path, ...]:

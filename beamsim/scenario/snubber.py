@@ -5,12 +5,12 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, counted, fail
-from beamsim.scenario.place import AtPlace, BetweenPlaces, Named, Sited, TwoPlaces
-from beamsim.scenario.spring import Maxwell, Pair, check_pair
+from beamsim.scenario.base import BY_FORM, Path, Schema, counted, fail
+from beamsim.scenario.place import BetweenPlaces, Named, Sited, TwoPlaces
+from beamsim.scenario.spring import Maxwell
 
 ForcePoint = tuple[q.Gap, q.Force]
 """Deflection and force."""
@@ -196,31 +196,16 @@ class SnubberBase(Named):
         return None if self.force_deflection is None else as_measured(self.force_deflection)
 
     @property
-    def probed_places(self) -> tuple[AtPlace, ...]:
-        """The places in the order in which they are written, where probes are by default."""
-        return self.places
-
-    @property
     def stops(self) -> tuple[Self, ...]:
         """Itself."""
         return (self,)
-
-    @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """The place, or both places, the lower one first."""
-        raise NotImplementedError
-
-    @property
-    def place_paths(self) -> tuple[Path, ...]:
-        """Where each of the places is written, below the snubber."""
-        return tuple(() for _ in self.places)
 
 
 _SIDES: tuple[Literal["above", "below"], ...] = ("above", "below")
 
 
-class _Stop(SnubberBase):
-    """A snubber mounted on the base or on the ground."""
+class Snubber(Sited, SnubberBase):
+    """A one-sided spring, with or without dashpot, between a place of a body and the base or the ground."""
 
     side: Literal["below", "above", "both"]
     """Below resists negative displacements, above positive ones; both is a pair of stops, NAME.above and NAME.below."""
@@ -235,76 +220,13 @@ class _Stop(SnubberBase):
         return tuple(self.model_copy(update={"side": side, "name": f"{self.name}.{side}"}) for side in _SIDES)
 
 
-class Snubber(Sited, _Stop):
-    """A one-sided spring, with or without dashpot, between a place of a body and the base or the ground."""
-
-
-class BodySnubber(BetweenPlaces, SnubberBase):
+class LinkSnubber(BetweenPlaces, SnubberBase):
     """A one-sided spring, with or without dashpot, between places of two bodies or of one."""
 
     between: TwoPlaces
-    """The two places; the first lies below the second."""
+    """The two places; the first, of two masses of a chain that with the lower number, lies below the second."""
     resists: Literal["approach", "separation"] = "approach"
     """Approach: a stop, met when the first moves up towards the second; separation: a cable, taut when they part."""
 
 
-AnySnubber = Annotated[Snubber | BodySnubber, BY_FORM]
-
-
-class MassSnubber(_Stop):
-    """A one-sided spring, with or without dashpot, on a mass of a chain."""
-
-    mass: q.MassNumber
-    """Number of the mass, from 1."""
-
-    @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """The one place."""
-        return (AtPlace(mass=self.mass),)
-
-
-class LinkSnubber(SnubberBase):
-    """A one-sided spring, with or without dashpot, between two masses of a chain."""
-
-    between: Pair
-    """Numbers of the two masses, neighbours or not."""
-    resists: Literal["approach", "separation"] = "approach"
-    """Approach: a bumper that acts when the masses approach; separation: a cable that acts when they separate."""
-
-    def check(self) -> None:
-        """Demand two different masses."""
-        check_pair(self.between, "between")
-        super().check()
-
-    @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """Both places, the mass with the lower number first."""
-        return tuple(AtPlace(mass=number) for number in sorted(self.between))
-
-    @property
-    def probed_places(self) -> tuple[AtPlace, ...]:
-        """The masses in the order in which they are written."""
-        return tuple(AtPlace(mass=number) for number in self.between)
-
-
-def choose_place(value: Any) -> str | None:
-    """Tag of the place a raw value means; none where it means no place or two."""
-    if isinstance(value, MassSnubber):
-        return "<mass>"
-    if isinstance(value, LinkSnubber):
-        return "<between>"
-    if isinstance(value, dict):
-        on, between = value.get("mass") is not None, value.get("between") is not None
-        if on != between:
-            return "<mass>" if on else "<between>"
-    return None
-
-
-ChainSnubber = Annotated[
-    Annotated[MassSnubber, Tag("<mass>")] | Annotated[LinkSnubber, Tag("<between>")],
-    Variants(
-        "must name one mass or the two it acts between",
-        "give mass: 1 with side: below or above, or between: [1, 2] with resists: approach or separation, not both",
-        choose_place,
-    ),
-]
+AnySnubber = Annotated[Snubber | LinkSnubber, BY_FORM]

@@ -11,23 +11,10 @@ from pydantic import Field
 
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Schema, counted, fail
-from beamsim.scenario.place import AtPlace, BetweenPlaces, Named, Sited, TwoPlaces
+from beamsim.scenario.place import BetweenPlaces, Sited, TwoPlaces
 from beamsim.scenario.quantities import CubicStiffness, Duration, MassNumber, Name, NonNegativeStiffness, Quantity
 
 Stretch = Annotated[float, Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
-Pair = Annotated[tuple[MassNumber, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
-
-
-def check_pair(masses: tuple[int, ...], key: str) -> None:
-    """Reject anything but two different masses."""
-    if len(masses) != 2:
-        raise fail(
-            f"names {counted(len(masses), 'mass', 'masses')}",
-            "give the two masses that it joins, for example [1, 2]",
-            (key,),
-        )
-    if masses[0] == masses[1]:
-        raise fail(f"= [{masses[0]}, {masses[1]}] connects a mass to itself", "give two different masses", (key,))
 
 
 class Maxwell(Schema):
@@ -39,51 +26,33 @@ class Maxwell(Schema):
     """Time in which its force falls by the factor e at a constant deflection: dashpot over stiffness."""
 
 
-class Spring(Named):
-    """Common part of all springs."""
+class SpringToGround(Sited):
+    """A spring from a point of a body or a mass of a chain to the fixed ground."""
 
     name: Name = ""
-    """Name, unique; ground_spring_1, ... or link_spring_1, ... by default."""
+    """Name, unique; ground_spring_1, ... by default."""
 
 
-class OnMass(Spring):
-    """A spring from a mass to the ground."""
+class SpringBetween(BetweenPlaces):
+    """A spring between points of two bodies or of one, or between two masses of a chain, neighbours or not."""
 
-    mass: MassNumber
-    """Number of the mass, from 1."""
+    name: Name = ""
+    """Name, unique; link_spring_1, ... by default."""
+    between: TwoPlaces = ()
+    """The two places; the stretch is positive when the second moves up from the first."""
+    masses: tuple[MassNumber, ...] = ()
+    """Instead of between the numbers of two masses of a chain; the stretch is positive when they separate."""
 
     @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """The one place."""
-        return (AtPlace(mass=self.mass),)
-
-
-class BetweenMasses(Spring):
-    """A spring between two masses, neighbours or not."""
-
-    masses: Pair
-    """Numbers of the two masses; the stretch is positive when they separate."""
+    def ends(self) -> tuple[str, TwoPlaces]:
+        """The key that names both places, and what it names."""
+        return ("masses", self.masses) if self.masses else super().ends
 
     def check(self) -> None:
-        """Demand two different masses."""
-        check_pair(self.masses, "masses")
+        """Refuse places that are named twice."""
+        if self.masses and self.between:
+            raise fail("and between exclude each other", "keep one of the two", ("masses",))
         super().check()
-
-    @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """Both places, the mass with the lower number first."""
-        return tuple(AtPlace(mass=number) for number in sorted(self.masses))
-
-
-class AtPoint(Sited, Spring):
-    """A spring from a point of a body to the ground."""
-
-
-class BetweenPoints(BetweenPlaces, Spring):
-    """A spring between points of two bodies or of one."""
-
-    between: TwoPlaces
-    """The two places; the stretch is positive when the second moves up from the first."""
 
 
 def has_own_law(item: Schema) -> bool:
@@ -158,55 +127,29 @@ class PiecewiseLinearSpring(Schema):
         return self.stiffnesses[self.number_at_rest]
 
 
-class LinearGroundSpring(LinearSpring, OnMass):
-    """A linear spring from a mass to the fixed ground."""
+class LinearGroundSpring(LinearSpring, SpringToGround):
+    """A linear spring to the fixed ground."""
 
 
-class CubicGroundSpring(CubicSpring, OnMass):
-    """A cubic spring from a mass to the fixed ground."""
+class CubicGroundSpring(CubicSpring, SpringToGround):
+    """A cubic spring to the fixed ground."""
 
 
-class PiecewiseLinearGroundSpring(PiecewiseLinearSpring, OnMass):
-    """A piecewise-linear spring from a mass to the fixed ground."""
+class PiecewiseLinearGroundSpring(PiecewiseLinearSpring, SpringToGround):
+    """A piecewise-linear spring to the fixed ground."""
 
 
-class LinearLinkSpring(LinearSpring, BetweenMasses):
-    """A linear spring between two masses."""
+class LinearLinkSpring(LinearSpring, SpringBetween):
+    """A linear spring between two points or masses."""
 
 
-class CubicLinkSpring(CubicSpring, BetweenMasses):
-    """A cubic spring between two masses."""
+class CubicLinkSpring(CubicSpring, SpringBetween):
+    """A cubic spring between two points or masses."""
 
 
-class PiecewiseLinearLinkSpring(PiecewiseLinearSpring, BetweenMasses):
-    """A piecewise-linear spring between two masses."""
-
-
-class LinearPointSpring(LinearSpring, AtPoint):
-    """A linear spring from a point to the fixed ground."""
-
-
-class CubicPointSpring(CubicSpring, AtPoint):
-    """A cubic spring from a point to the fixed ground."""
-
-
-class PiecewiseLinearPointSpring(PiecewiseLinearSpring, AtPoint):
-    """A piecewise-linear spring from a point to the fixed ground."""
-
-
-class LinearSpringBetween(LinearSpring, BetweenPoints):
-    """A linear spring between two points."""
-
-
-class CubicSpringBetween(CubicSpring, BetweenPoints):
-    """A cubic spring between two points."""
-
-
-class PiecewiseLinearSpringBetween(PiecewiseLinearSpring, BetweenPoints):
-    """A piecewise-linear spring between two points."""
+class PiecewiseLinearLinkSpring(PiecewiseLinearSpring, SpringBetween):
+    """A piecewise-linear spring between two points or masses."""
 
 
 GroundSpring = Annotated[LinearGroundSpring | CubicGroundSpring | PiecewiseLinearGroundSpring, BY_FORM]
 LinkSpring = Annotated[LinearLinkSpring | CubicLinkSpring | PiecewiseLinearLinkSpring, BY_FORM]
-PointGroundSpring = Annotated[LinearPointSpring | CubicPointSpring | PiecewiseLinearPointSpring, BY_FORM]
-PointLinkSpring = Annotated[LinearSpringBetween | CubicSpringBetween | PiecewiseLinearSpringBetween, BY_FORM]

@@ -95,7 +95,7 @@ class ChainStructure(BodyStructure):
             spring, dashpot = (of[link] if link < len(of) else 0.0 for of in (chain.springs, chain.dashpots))
             springs.append(Coupling(name, Place(self.name, mass), spring, dashpot))
         springs += [
-            Coupling(s.name, Place(self.name, s.mass), linear_stiffness(s), to_ground=True)
+            Coupling(s.name, Place(self.name, _mass(s)), linear_stiffness(s), to_ground=True)
             for s in chain.springs_to_ground
         ]
         return [
@@ -113,8 +113,13 @@ class ChainStructure(BodyStructure):
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
         ground = np.zeros(self.size)
         for spring in self.section.springs_to_ground:
-            ground[spring.mass - 1] -= linear_stiffness(spring)
+            ground[_mass(spring) - 1] -= linear_stiffness(spring)
         return super().base_load(motion)[0], ground
+
+
+def _mass(spring: Any, end: int = 0) -> int:
+    """Number of the mass at an end of a spring."""
+    return int(spring.places[end].mass)
 
 
 def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = ()) -> ChainStructure:
@@ -139,10 +144,8 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
     count = masses.size
     row = [(i - 1, i) for i in range(count + 1)]
     springs = [(*ends, k) for ends, k in zip(row, chain.springs, strict=False)]
-    springs += [(count, spring.mass - 1, linear_stiffness(spring)) for spring in chain.springs_to_ground]
-    springs += [
-        (spring.masses[0] - 1, spring.masses[1] - 1, linear_stiffness(spring)) for spring in chain.springs_between
-    ]
+    springs += [(count, _mass(spring) - 1, linear_stiffness(spring)) for spring in chain.springs_to_ground]
+    springs += [(_mass(spring) - 1, _mass(spring, 1) - 1, linear_stiffness(spring)) for spring in chain.springs_between]
     springs = [spring for spring in springs if spring[2] > 0]
     stiffness = np.array([k for _, _, k in springs], dtype=float)
     mass_scale = float(np.mean(masses))

@@ -8,7 +8,7 @@ import beamsim
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
-from beamsim.scenario import LinkSnubber, MassSnubber, Scenario, load_scenario
+from beamsim.scenario import LinkSnubber, Scenario, Snubber, load_scenario
 from beamsim.store.results import open_run, write_run
 
 CASE = """
@@ -33,15 +33,15 @@ sweep: {kind: continuation, from: 0.9 rad/s, to: 1.3 rad/s}
     ("change", "problem"),
     [
         ("chain.snubbers[0].between=[1, 4]", r"chain.snubbers\[0\].between\[1\] = 4, but the chain has 3 masses"),
-        ("chain.snubbers[0].between=[1, 1]", r"\.between = \[1, 1\] connects a mass to itself; give two different"),
-        ("chain.snubbers[0].between=[1]", r"\.between names 1 mass; give the two"),
-        ("chain.snubbers[0].mass=1", r"must name one mass or the two it acts between; give mass: 1 with side"),
+        ("chain.snubbers[0].between=[1, 1]", r"\.between joins a place to itself; name two different"),
+        ("chain.snubbers[0].between=[1]", r"\.between names 1 place; name the two"),
+        ("chain.snubbers[0].mass=1", r"snubbers\[0\].mass is not a known key"),
         ("chain.snubbers[0].side=below", r"snubbers\[0\].side is not a known key"),
         ("chain.snubbers[0].mounted_on=ground", r"snubbers\[0\].mounted_on is not a known key"),
         ("chain.snubbers[1].resists=approach", r"snubbers\[1\].resists is not a known key"),
         ("chain.snubbers[0].resists=opening", r"= opening is not one of approach, separation"),
         ("chain.springs_between[0].masses=[0, 1]", r"masses\[0\] = 0 is out of range"),
-        ("chain.springs_between[0].masses=[1, 2, 3]", r"names 3 masses"),
+        ("chain.springs_between[0].masses=[1, 2, 3]", r"names 3 places"),
         ("chain.springs_between[0].kind=square", r"= square is not one of linear, cubic, piecewise_linear"),
         ("chain.springs_between[0].breakpoints=[0.2, 0.2]", r"breakpoints\[1\] = 0.2 m does not lie above the one"),
         ("chain.springs_between[0].breakpoints=[]", r"breakpoints is an empty list; give at least one"),
@@ -70,7 +70,7 @@ def test_names_units_and_yaml():
     case = load_scenario(CASE)
     link, stop = case.chain.snubbers
     assert isinstance(link, LinkSnubber)
-    assert isinstance(stop, MassSnubber)
+    assert isinstance(stop, Snubber)
     assert (link.name, link.gap, link.resists) == ("snubber_1", 0.05, "approach")
     assert [s.name for s in (*case.chain.springs_between, *case.chain.springs_to_ground)] == [
         "link_spring_1",

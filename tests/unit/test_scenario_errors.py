@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from beamsim.errors import ScenarioError
-from beamsim.scenario import Beam, MassSnubber, Scenario, Snubber, load_scenario
+from beamsim.scenario import Beam, Scenario, Snubber, load_scenario
 
 pytestmark = pytest.mark.quick
 
@@ -319,7 +319,7 @@ def test_on_a_beam(override, says):
             "chain.snubbers[0].mass = 4, but the chain has 3 masses; masses are numbered from 1 to 3",
         ),
         ("chain.snubbers[0].mass=0", "chain.snubbers[0].mass = 0 is out of range"),
-        ("chain.snubbers[0].position=1", "chain.snubbers[0].position is not a known key"),
+        ("chain.snubbers[0].position=1", "chain.snubbers[0].mass and position exclude each other"),
         ("chain.springs_to_ground=[{mass: 4, kind: cubic, stiffness: 1}]", "chain.springs_to_ground[0].mass = 4, but"),
         (
             "chain.springs_to_ground=[{mass: 1, kind: cubic, stiffness: 1 N/m}]",
@@ -340,7 +340,7 @@ def test_on_a_beam(override, says):
         ("constant_forces=[{mass: 9, force: 1}]", "constant_forces[0].mass = 9, but"),
         (
             "snubbers=[{position: 1, side: above, stiffness: 1}]",
-            "snubbers act on a beam; list the snubbers of a chain in chain.snubbers",
+            "snubbers[0].position applies to a beam, but the structure is a chain; give a mass by its number",
         ),
         ("run.start={displacement: [1, 2]}", "run.start.displacement has 2 numbers for 3 masses"),
         ("run.start={velocity: [1]}", "run.start.velocity has 1 number for 3 masses"),
@@ -432,7 +432,7 @@ def test_what_python_builds_is_checked_too():
     with pytest.raises(ValidationError):
         beam.length = 2.0
     with pytest.raises(ValidationError):
-        MassSnubber(mass=1, side="below", stiffness=1.0, nonsense=1)
+        Snubber(mass=1, side="below", stiffness=1.0, nonsense=1)
 
 
 def test_round_off_at_the_end_is_forgiven():
