@@ -10,7 +10,7 @@ import numpy as np
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
-from beamsim.scenario.driven import ProfilePoint
+from beamsim.scenario.excitation import ProfilePoint
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelValue
 from beamsim.scenario.units import FREQUENCY, UnitError, read_level, read_quantity
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamsim.scenario.driven import Notch, ProfilePoint
+from beamsim.scenario.excitation import Notch, ProfilePoint
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.typing import Floats, Ints
 

@@ -15,7 +15,7 @@ from beamsim.measurements.headings import split_heading
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.scenario import Scenario, units
-from beamsim.scenario.driven import spoken
+from beamsim.scenario.excitation import spoken
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 
 AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis

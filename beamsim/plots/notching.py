@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve
 from beamsim.plots.drawing import DARK, RED, Curve, Guide, draw_curves, frequency_axis, legend, panels
 from beamsim.plots.style import Scale
-from beamsim.scenario.notching import limited_quantity
+from beamsim.scenario.limits import limited_quantity
 from beamsim.typing import Floats
 
 MOST_LIMITS = 4  # drawn, those with the largest shares

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from beamsim.scenario import Scenario
-from beamsim.scenario.joint import origins
+from beamsim.scenario.joint import placed
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.structures.places import Link, Place, Site, ends_of
 from beamsim.structures.stations import StationPart, Stations
@@ -54,16 +54,16 @@ class Sketch:
 
     def __init__(self, scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers]) -> None:
         self.scenario, self.stations, self.stops = scenario, stations, stops
-        origin, group = origins(scenario.joints, scenario.all_bodies, scenario.default_body)
+        at = placed(scenario.joints, scenario.all_bodies, scenario.default_body)
         names = [part.body for part in stations]
-        rows = list(dict.fromkeys(group.get(name, name) for name in names))
+        rows = list(dict.fromkeys(at.group.get(name, name) for name in names))
         lengths = [float(np.ptp(stations.position[p.stations])) for p in stations if p.axis.continuous]
         self.span = max(lengths, default=1.0) or 1.0
         self.count = len(rows)
         self.lines: dict[str, list[Line]] = {}
         for part in stations:
-            row = rows.index(group.get(part.body, part.body))
-            self.lines[part.body] = self._lines_of(part, row, origin.get(part.body, 0.0))
+            row = rows.index(at.group.get(part.body, part.body))
+            self.lines[part.body] = self._lines_of(part, row, at.origin.get(part.body, 0.0))
 
     def _lines_of(self, part: StationPart, row: int, origin: float) -> list[Line]:
         stations = self.stations

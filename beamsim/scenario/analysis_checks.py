@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic_core import PydanticCustomError
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, path_text, problem, suggestion
+from beamsim.scenario import units
+from beamsim.scenario.base import Path, fail, path_text, problem, refused, suggestion, unknown
 from beamsim.scenario.body import Located
-from beamsim.scenario.continuation import Continuation, HarmonicBalance, LevelPath, PositionPath, SnubberPath
 from beamsim.scenario.designs import Sobol, Vary, Zipped
 from beamsim.scenario.excitation import Excitation, Forces, Harmonic, sine_problems
 from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes, SoughtParameter
+from beamsim.scenario.joint import SpringToGround
+from beamsim.scenario.limits import BASE_FORCE, QUANTITIES_OF, limited_quantity, output_dimension, unit_of_dimension
 from beamsim.scenario.nnm import PhaseResonance
-from beamsim.scenario.notching import notch_problems
 from beamsim.scenario.parameters import choices_at, find_parameters, read_as, value_at
 from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.place import MovedSupport
 from beamsim.scenario.quantities import FACTOR, meant
-from beamsim.scenario.spring import SpringToGround
+from beamsim.scenario.sweep import Continuation, HarmonicBalance, LevelPath, PositionPath, SnubberPath
 from beamsim.scenario.tree import path_parts
 from beamsim.scenario.varied import (
     VariedParameter,
@@ -110,6 +111,63 @@ def sweeps(scenario: ScenarioParts) -> Problems:
                     )  # fmt: skip
 
 
+def notch_problems(scenario: ScenarioParts, limits: Mapping[str, float]) -> Problems:
+    """Limits on what this structure does not have, and limits in a unit of something else."""
+    outputs = scenario.outputs_of_sweeps
+    names = {
+        "probes": [probe.name for probe in scenario.effective_probes],
+        "snubbers": [snubber.name for snubber in scenario.all_snubbers],
+        "outputs": list(outputs),
+    }
+    for name, limit in limits.items():
+        path = path_text(("sweep", "notch_to", name))
+        of = limited_quantity(name, scenario.base_force or BASE_FORCE.name)
+        if of is None:
+            yield Problem(
+                path,
+                "names nothing that can be limited",
+                "write for example probes.tip.acceleration, snubbers.tip.force, base.force or outputs.gauge",
+            )
+            continue
+        dimension: units.Dimension | None = units.FORCE
+        if name != "base.force":
+            if of.item not in names[of.section]:
+                known = names[of.section]
+                remedy = suggestion(of.item, known, f"the {of.section} are") if known else f"there are no {of.section}"
+                yield Problem(path, f"limits {of.item}, which is none of the {of.section}", remedy)
+                continue
+            if of.section == "outputs":
+                if outputs[of.item].kind in ("kinetic_energy", "strain_energy"):
+                    yield Problem(path, "is an energy, which sweeps do not follow", "limit another quantity")
+                    continue
+                dimension = output_dimension(outputs[of.item], scenario.all_bodies, scenario.default_body)
+            else:
+                dimension = QUANTITIES_OF[of.section][of.quantity]
+        elif BASE_FORCE.name in outputs and scenario.base_force is None:
+            yield Problem(path, f"needs the name {BASE_FORCE.name}, which another output has", "rename that output")
+            continue
+        yield from unit_problems(
+            path, limit, dimension, "" if dimension is None else f"which is none of {dimension.name}"
+        )
+
+
+def unit_problems(path: str, limit: float, dimension: units.Dimension | None, but: str) -> Problems:
+    """A limit in a unit of something else.
+
+    Parameters
+    ----------
+    path : of the limit.
+    limit : its value, which remembers its unit.
+    dimension : of what is limited; None of rows of recovery matrices, which have units of their own.
+    but : what is limited, for the message.
+    """
+    said = meant(limit)
+    if dimension is None and said is not None:
+        yield Problem(path, "has a unit, and the output has one of its own", "give a plain number in that unit")
+    elif dimension is not None and said not in (None, unit_of_dimension(dimension)):
+        yield Problem(path, f"is in {said or 'no unit'}, {but}", f"write {dimension.example}")
+
+
 def _swept_supports(excitation: Harmonic | Forces) -> Problems:
     """Supports follow a sine of constant frequency only: while the frequency changes, their motion would drift."""
     forces = enumerate(excitation.forces) if isinstance(excitation, Forces) else [(None, excitation)]
@@ -178,8 +236,7 @@ def _snubber_problems(scenario: ScenarioParts, at: str, path: Any) -> Problems:
         if path.snubber is None:
             yield Problem(f"{at}.snubber", "is missing", f"there are several: choose one of {', '.join(names)}")
             return
-        known = suggestion(path.snubber, names, "the snubbers are")
-        yield Problem(f"{at}.snubber", f"= {path.snubber} is not the name of a snubber", known)
+        yield from unknown((*path_parts(at), "snubber"), path.snubber, "snubber", names)
         return
     preloaded = [snubber.name for snubber in scenario.all_snubbers if snubber.preload is not None]
     if preloaded:
@@ -209,20 +266,17 @@ def _position_problems(scenario: ScenarioParts, at: str, path: PositionPath, loc
 
 # --- identification ---
 
+_TOP = "identify_stiffness"
+
 
 def identification(scenario: ScenarioParts) -> Problems:
     """What an identification does not fit."""
     section = scenario.identify_stiffness
     if section is None:
         return
-    names = [snubber.name for snubber in scenario.all_snubbers]
-    if section.snubber not in names:
-        known = suggestion(section.snubber, names, "the snubbers are") if names else "give the snubber in snubbers"
-        yield problem(("identify_stiffness", "snubber"), f"= {section.snubber} is not the name of a snubber", known)
+    names = (snubber.name for snubber in scenario.all_snubbers)
+    yield from unknown((_TOP, "snubber"), section.snubber, "snubber", names, "give the snubber in snubbers")
     yield from _measurements(scenario, section)
-
-
-_TOP = "identify_stiffness"
 
 
 def _measurements(scenario: ScenarioParts, section: IdentifyStiffness) -> Problems:
@@ -230,11 +284,14 @@ def _measurements(scenario: ScenarioParts, section: IdentifyStiffness) -> Proble
     if section.shapes_without is not None:
         yield from _shapes(scenario, section, section.shapes_without)
     for index, known in enumerate(section.parameter_uncertainty):
-        yield from _numbers(scenario, known.parameter, (_TOP, "parameter_uncertainty", index, "parameter"))
-    yield from _sought(scenario, section.update, (_TOP, "update"), words=True)
+        try:
+            _known(scenario, known.parameter)
+        except PydanticCustomError as error:
+            yield refused(error, (_TOP, "parameter_uncertainty", index))
+    yield from _all_sought(scenario, section.update, (_TOP, "update"), words=True)
     if section.nonlinear is None:
         return
-    yield from _sought(scenario, section.nonlinear.estimate, (_TOP, "nonlinear", "estimate"), words=False)
+    yield from _all_sought(scenario, section.nonlinear.estimate, (_TOP, "nonlinear", "estimate"), words=False)
     if not isinstance(scenario.excitation, Harmonic):
         yield Problem(
             f"{_TOP}.nonlinear",
@@ -243,11 +300,8 @@ def _measurements(scenario: ScenarioParts, section: IdentifyStiffness) -> Proble
         )
     names = [probe.name for probe in scenario.effective_probes]
     for index, test in enumerate(section.nonlinear.tests):
-        at = f"{_TOP}.nonlinear.tests[{index}]"
-        if test.probe is not None and test.probe not in names:
-            yield Problem(
-                f"{at}.probe", f"= {test.probe} is not the name of a probe", f"the probes are {', '.join(names)}"
-            )
+        if test.probe is not None:
+            yield from unknown((_TOP, "nonlinear", "tests", index, "probe"), test.probe, "probe", names)
         if isinstance(scenario.excitation, Harmonic):
             yield from level_problems(scenario.excitation, (_TOP, "nonlinear", "tests", index, "level"), test.level)
 
@@ -269,75 +323,56 @@ def _shapes(scenario: ScenarioParts, section: IdentifyStiffness, shapes: Measure
             yield from body.shape_problems(where, (*at, "positions", index), position)
 
 
-def _numbers(scenario: ScenarioParts, path: str, at: Path) -> Problems:
-    try:
-        places = find_parameters(scenario, path)
-    except PydanticCustomError as error:
-        context = error.context or {}
-        yield problem(at, context["message"], context["remedy"])
+def _is_number(scenario: ScenarioParts, place: Path) -> bool:
+    return not choices_at(scenario, place) and not isinstance(value_at(scenario, place), str)
+
+
+def _known(scenario: ScenarioParts, path: str) -> None:
+    """Demand numbers at a path."""
+    if not all(_is_number(scenario, place) for place in find_parameters(scenario, path, (), ("parameter",))):
+        raise fail(f"= {path} is not a number", "name a number", ("parameter",))
+
+
+def _sought(scenario: ScenarioParts, item: SoughtParameter, *, words: bool) -> None:
+    """Demand numbers that the bounds hold; ``words`` where a choice may be sought too, and numbers by a factor."""
+    path, at = item.parameter, ("parameter",)
+    places = find_parameters(scenario, path, (), at)
+    choices = choices_at(scenario, places[0])
+    if choices and words and "supports" in places[0]:
+        if item.bounds or item.prior is not None:
+            among = f"= {path} is a choice between {', '.join(choices)}: it has no bounds and no prior"
+            raise fail(among, "leave them out; every choice is tried", at)
         return
-    for place in places:
-        value = value_at(scenario, place)
-        if choices_at(scenario, place) or isinstance(value, str):
-            yield problem(at, f"= {path} is not a number", "name a number")
+    _known(scenario, path)
+    values = [value_at(scenario, place) for place in places]
+    if words and not all(value > 0 for value in values):
+        zero = f"= {path} is zero in this scenario, and is varied by a factor"
+        raise fail(zero, "give it a rough value to start from, or leave it out", at)
+    if not item.bounds:
+        return
+    low, high = (read_as(scenario, places[0], bound, ("bounds",)) for bound in item.bounds)
+    if not low < high:
+        raise fail(f"= [{low:g}, {high:g}] is empty", "give the lower bound first", ("bounds",))
+    if not low <= values[0] <= high:
+        raise fail(
+            f"= [{low:g}, {high:g}] does not hold the scenario's value {values[0]:g}, where the search starts",
+            "widen the bounds, change the value, or write the unit", ("bounds",),
+        )  # fmt: skip
 
 
-def _sought(scenario: ScenarioParts, items: Sequence[SoughtParameter], at: Path, *, words: bool) -> Problems:
+def _all_sought(scenario: ScenarioParts, items: Sequence[SoughtParameter], at: Path, *, words: bool) -> Problems:
+    """What is wrong with each of them, and numbers that are listed twice."""
     seen: dict[Path, int] = {}
     for index, item in enumerate(items):
-        here = (*at, index, "parameter")
         try:
-            places = find_parameters(scenario, item.parameter)
+            _sought(scenario, item, words=words)
+            first = min(seen.setdefault(place, index) for place in find_parameters(scenario, item.parameter))
         except PydanticCustomError as error:
-            context = error.context or {}
-            yield problem(here, context["message"], context["remedy"])
+            yield refused(error, (*at, index))
             continue
-        for place in places:
-            if place in seen:
-                yield problem(
-                    here,
-                    f"= {item.parameter} is listed twice, also by {path_text((*at, seen[place]))}",
-                    "list every parameter once",
-                )
-                break
-            seen[place] = index
-        choices = choices_at(scenario, places[0])
-        if choices:
-            if not words or "supports" not in places[0]:
-                yield problem(here, f"= {item.parameter} is not a number", "name a number")
-            elif item.bounds or item.prior is not None:
-                yield problem(
-                    here,
-                    f"= {item.parameter} is a choice between {', '.join(choices)}: it has no bounds and no prior",
-                    "leave them out; every choice is tried",
-                )
-            continue
-        values = [value_at(scenario, place) for place in places]
-        if any(isinstance(value, str) for value in values):
-            yield problem(here, f"= {item.parameter} is not a number", "name a number")
-            continue
-        if words and not all(value > 0 for value in values):
-            yield problem(
-                here,
-                f"= {item.parameter} is zero in this scenario, and is varied by a factor",
-                "give it a rough value to start from, or leave it out",
-            )
-        if not item.bounds:
-            continue
-        try:
-            low, high = (read_as(scenario, places[0], bound) for bound in item.bounds)
-        except PydanticCustomError as error:
-            context = error.context or {}
-            yield problem((*at, index, "bounds"), context["message"], context["remedy"])
-            continue
-        if not low < high:
-            yield problem((*at, index, "bounds"), f"= [{low:g}, {high:g}] is empty", "give the lower bound first")
-        elif not low <= values[0] <= high:
-            yield problem(
-                (*at, index, "bounds"),
-                f"= [{low:g}, {high:g}] does not hold the scenario's value {values[0]:g}, where the search starts",
-                "widen the bounds, change the value, or write the unit",
-            )
+        if first != index:
+            message = f"= {item.parameter} is listed twice, also by {path_text((*at, first))}"
+            yield problem((*at, index, "parameter"), message, "list every parameter once")
 
 
 # --- nonlinear modes ---
@@ -445,8 +480,7 @@ def parameter_problems(scenario: ScenarioParts, parameters: Sequence[Any], secti
         try:
             varied = resolve_parameter(scenario, parameter)
         except PydanticCustomError as error:
-            context = error.context or {}
-            yield problem((*at, *context["at"]), context["message"], context["remedy"])
+            yield refused(error, at)
             continue
         for place in varied.places:
             if taken.setdefault(place, index) != index:

@@ -76,6 +76,24 @@ def problem(path: Path, message: str, remedy: str = "") -> Problem:
     return Problem(path_text(path), message, remedy)
 
 
+def refused(error: PydanticCustomError, path: Path) -> Problem:
+    """What `fail` built, as a problem of the value at a path."""
+    context = error.context or {}
+    return problem((*path, *context.get("at", ())), context["message"], context["remedy"])
+
+
+def demand_rising(
+    values: Iterable[float],
+    unit: str,
+    at: Callable[[int], Path],
+    remedy: str = "list them from the lowest to the highest",
+) -> None:
+    """Refuse numbers of a list that do not increase; ``at`` gives the path of the number of an index."""
+    for index, (one, two) in enumerate(pairwise(values), start=1):
+        if not two > one:
+            raise fail(f"= {two:g} {unit} does not lie above the one before, {one:g} {unit}", remedy, at(index))
+
+
 class Schema(BaseModel):
     """A frozen part of a scenario, which holds what was written.
 
@@ -97,6 +115,12 @@ class Schema(BaseModel):
 
     def check(self) -> None:
         """Compare fields with each other; raises what `fail` builds."""
+
+    def exclude(self, key: str, *others: str, remedy: str = "keep one of the two") -> None:
+        """Refuse a key beside one of others."""
+        given = [each for each in (*others, key) if getattr(self, type(self).keys()[each]) not in (None, ())]
+        if key in given and given[0] != key:
+            raise fail(f"and {given[0]} exclude each other", remedy, (key,))
 
     @classmethod
     def keys(cls) -> dict[str, str]:
@@ -327,6 +351,15 @@ def suggestion(name: str, names: Iterable[str], otherwise: str) -> str:
     names = list(names)
     close = get_close_matches(name, names, n=1)
     return f"did you mean {close[0]}?" if close else f"{otherwise} {', '.join(names)}"
+
+
+def unknown(path: Path, name: str, kind: str, known: Iterable[str], otherwise: str = "") -> Iterator[Problem]:
+    """A problem where a name is none of those that are known; ``otherwise`` is the remedy where there is none."""
+    names = list(known)
+    if name not in names:
+        plural = kind.removesuffix("y") + ("ies" if kind.endswith("y") else "s")
+        remedy = suggestion(name, names, f"the {plural} are") if names else otherwise or f"there is no {kind}"
+        yield problem(path, f"= {name} is an unknown {kind}", remedy)
 
 
 def single_line(value: object) -> str:

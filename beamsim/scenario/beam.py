@@ -1,29 +1,412 @@
-"""The beam: what its sections or segments give, supports, damping, point masses."""
+"""The beam: what makes its stretches stiff and heavy, supports, damping, point masses."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, Tag
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, fail, path_text, problem
-from beamsim.scenario.bending import (
-    Bending,
-    SandwichBending,
-    Segment,
-    SolidBending,
-    StatedBending,
-    Stretch,
-    bending_tag,
-)
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import BeamDamping, ModalDamping
 from beamsim.scenario.place import AtPlace, Where
+
+
+class CrossSection(NamedTuple):
+    """What a section of one material gives for bending."""
+
+    area: float  # m^2
+    second_moment: float  # about the bending axis, m^4
+    extreme_fibre: float  # distance of the outermost fibre from the neutral axis, m
+
+
+def _rectangle(width: float, thickness: float) -> CrossSection:
+    """With the second moment b h^3 / 12."""
+    return CrossSection(width * thickness, width * thickness**3 / 12.0, thickness / 2.0)
+
+
+class RectangleSection(Schema):
+    """Solid rectangle, bending about the axis along its width."""
+
+    kind: Literal["rectangle"] = "rectangle"
+    """Solid rectangle."""
+    width: q.Length
+    """Size across the motion."""
+    thickness: q.Length
+    """Size in the direction of the motion."""
+
+    @property
+    def values(self) -> CrossSection:
+        """Area, second moment and outermost fibre."""
+        return _rectangle(self.width, self.thickness)
+
+
+class SquareSection(Schema):
+    """Solid square, bending about an axis parallel to a side."""
+
+    kind: Literal["square"] = "square"
+    """Solid square."""
+    side: q.Length
+    """Length of a side."""
+
+    @property
+    def values(self) -> CrossSection:
+        """With the second moment a^4 / 12."""
+        return _rectangle(self.side, self.side)
+
+
+def _ring(outer: float, inner: float) -> CrossSection:
+    """Between two diameters."""
+    return CrossSection(
+        math.pi / 4.0 * (outer**2 - inner**2), math.pi / 64.0 * (outer**4 - inner**4), outer / 2.0
+    )  # fmt: skip
+
+
+class CircleSection(Schema):
+    """Solid round bar."""
+
+    kind: Literal["circle"] = "circle"
+    """Solid round bar."""
+    diameter: q.Length
+    """Diameter."""
+
+    @property
+    def values(self) -> CrossSection:
+        """With the second moment pi d^4 / 64."""
+        return _ring(self.diameter, 0.0)
+
+
+class TubeSection(Schema):
+    """Round tube; a wall of half the diameter makes it a rod."""
+
+    kind: Literal["tube"] = "tube"
+    """Round tube."""
+    outer_diameter: q.Length
+    """Outer diameter."""
+    wall_thickness: q.Length
+    """Thickness of the wall, at most half the outer diameter."""
+
+    def check(self) -> None:
+        """Reject a wall thicker than the tube."""
+        if self.wall_thickness > self.outer_diameter / 2.0:
+            raise fail(
+                f"= {self.wall_thickness:g} m is more than half of outer_diameter = {self.outer_diameter:g} m",
+                "half the diameter is a solid rod",
+                ("wall_thickness",),
+            )
+
+    @property
+    def values(self) -> CrossSection:
+        """With the second moment pi (D^4 - d^4) / 64."""
+        return _ring(self.outer_diameter, max(self.outer_diameter - 2.0 * self.wall_thickness, 0.0))
+
+
+class ISection(Schema):
+    """I of two equal flanges and a web, which stands in the direction of the motion."""
+
+    kind: Literal["I"] = "I"
+    """Two equal flanges and a web."""
+    height: q.Length
+    """Whole size in the direction of the motion."""
+    width: q.Length
+    """Width of the flanges."""
+    web_thickness: q.Length
+    """Thickness of the web, at most the width."""
+    flange_thickness: q.Length
+    """Thickness of each flange, at most half the height."""
+
+    def check(self) -> None:
+        """Reject a web or flanges that do not fit in."""
+        for key, largest, what in (
+            ("web_thickness", self.width, "width"),
+            ("flange_thickness", self.height / 2.0, "half of height"),
+        ):
+            if getattr(self, key) > largest:
+                raise fail(
+                    f"= {getattr(self, key):g} m is more than {what} = {largest:g} m", "check the two sizes", (key,)
+                )
+
+    @property
+    def values(self) -> CrossSection:
+        """With the second moment (b H^3 - (b - t_w) h^3) / 12 of a web of height h between the flanges."""
+        web = self.height - 2.0 * self.flange_thickness
+        area = 2.0 * self.width * self.flange_thickness + self.web_thickness * web
+        second_moment = (self.width * self.height**3 - (self.width - self.web_thickness) * web**3) / 12.0
+        return CrossSection(area, second_moment, self.height / 2.0)
+
+
+class GeneralSection(Schema):
+    """Any section, given by its properties."""
+
+    kind: Literal["general"] = "general"
+    """Section given by its area and second moment."""
+    area: q.Area
+    """Cross-sectional area."""
+    second_moment: q.SecondMoment
+    """Second moment of area about the bending axis."""
+    extreme_fibre: q.Length
+    """Distance of the outermost fibre from the neutral axis, for the bending stress."""
+
+    @property
+    def values(self) -> CrossSection:
+        """As they are given."""
+        return CrossSection(self.area, self.second_moment, self.extreme_fibre)
+
+
+SolidSection = RectangleSection | SquareSection | CircleSection | TubeSection | ISection | GeneralSection
+Section = Annotated[SolidSection, BY_FORM]
+
+
+class Faces(Schema):
+    """The two equal faces of a sandwich."""
+
+    thickness: q.Length
+    """Thickness of each face."""
+    youngs_modulus: q.Modulus
+    """Young's modulus."""
+    density: q.Density
+    """Density."""
+
+
+class Core(Schema):
+    """The core between the faces of a sandwich."""
+
+    thickness: q.Length
+    """Thickness of the core alone."""
+    youngs_modulus: q.NonNegativeModulus = 0.0
+    """Young's modulus along the beam; 0, as of a honeycomb, by default."""
+    density: q.Density
+    """Density."""
+
+
+class SandwichSection(Schema):
+    """Two equal faces on a core, with plane sections: the shear of the core is neglected."""
+
+    kind: Literal["sandwich"] = "sandwich"
+    """Two equal faces on a core."""
+    width: q.Length
+    """Size across the motion."""
+    faces: Faces
+    """The faces: thickness of each, youngs_modulus, density."""
+    core: Core
+    """The core: thickness, youngs_modulus (0 by default), density."""
+
+
+class Bending(NamedTuple):
+    """Bending stiffness and mass of a stretch of a beam, whatever they are given by."""
+
+    bending_stiffness: float  # E I, N m^2
+    mass_per_length: float  # kg/m
+    stress_per_moment: float | None = None  # at the outermost fibre, Pa per N m; None where that is unknown
+    depth: float | None = None  # twice the distance of the outermost fibre, m; None where that is unknown
+
+
+class Bent(Schema):
+    """What gives a stretch of a beam its bending stiffness and mass."""
+
+    @property
+    def bending(self) -> Bending:
+        """What follows from it."""
+        raise NotImplementedError
+
+    def material_doubts(self, where: Path) -> Iterator[str]:
+        """A sentence for each doubtful number."""
+        yield from ()
+
+
+class SolidBending(Bent):
+    """A section of one material."""
+
+    width: q.Length | None = None
+    """Width of a rectangular section (across the motion)."""
+    thickness: q.Length | None = None
+    """Thickness of a rectangular section (in the direction of the motion)."""
+    section: Section | None = None
+    """Any other cross-section, instead of width and thickness."""
+    youngs_modulus: q.Modulus
+    """Young's modulus."""
+    density: q.Density
+    """Density."""
+
+    def check(self) -> None:
+        """Reject a section that is missing or given twice."""
+        super().check()
+        flat = [name for name in ("width", "thickness") if getattr(self, name) is not None]
+        if self.section is not None and flat:
+            raise fail(
+                f"is given together with {flat[0]}", "keep section, or width and thickness, not both", ("section",)
+            )
+        if self.section is None and len(flat) < 2:
+            missing = "thickness" if flat == ["width"] else "width"
+            raise fail(
+                "is missing" if flat else "has no cross-section",
+                "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section",
+                (missing,) if flat else (),
+            )
+
+    @property
+    def cross_section(self) -> CrossSection:
+        """That of the section, or of width and thickness."""
+        if self.section is not None:
+            return self.section.values
+        assert self.width is not None
+        assert self.thickness is not None
+        return _rectangle(self.width, self.thickness)
+
+    @property
+    def bending(self) -> Bending:
+        """E I, rho S, and the stress c / I of the outermost fibre."""
+        area, second_moment, fibre = self.cross_section
+        return Bending(
+            self.youngs_modulus * second_moment, self.density * area, fibre / second_moment, 2.0 * fibre
+        )  # fmt: skip
+
+    def material_doubts(self, where: Path) -> Iterator[str]:
+        """Moduli and densities of no solid."""
+        at = path_text(where)
+        if not 1e5 <= self.youngs_modulus <= 2e12:
+            yield (
+                f"{at}.youngs_modulus = {self.youngs_modulus:g} Pa is outside the range of solids: "
+                "a unit such as GPa may be missing"
+            )
+        if not 1.0 <= self.density <= 25_000.0:
+            yield (
+                f"{at}.density = {self.density:g} kg/m^3 is outside the range of solids: "
+                "a unit such as g/cm^3 may be missing"
+            )
+
+
+class SandwichBending(Bent):
+    """A sandwich of two materials."""
+
+    section: SandwichSection
+    """The sandwich; its faces and core have their own materials."""
+
+    @property
+    def bending(self) -> Bending:
+        """b (E_f (H^3 - h^3) + E_c h^3) / 12 of a core h thick in a sandwich H thick, and E_f c / (E I)."""
+        width, faces, core = self.section.width, self.section.faces, self.section.core
+        depth = 2.0 * faces.thickness + core.thickness
+        filled = core.thickness**3
+        stiffness = width / 12.0 * (faces.youngs_modulus * (depth**3 - filled) + core.youngs_modulus * filled)
+        mass = width * (2.0 * faces.density * faces.thickness + core.density * core.thickness)
+        return Bending(stiffness, mass, faces.youngs_modulus * depth / 2.0 / stiffness, depth)
+
+
+class StatedBending(Bent):
+    """Bending stiffness and mass per length as they are stated, such as those of a sandwich panel."""
+
+    bending_stiffness: q.BendingStiffness
+    """Bending stiffness E I."""
+    mass_per_length: q.MassPerLength
+    """Mass per unit length."""
+    extreme_fibre: q.Length | None = None
+    """Distance of the outermost fibre from the neutral axis, for the bending stress."""
+    youngs_modulus: q.Modulus | None = None
+    """Young's modulus of the outermost fibre, for the bending stress: a strain alone gives none."""
+
+    @property
+    def bending(self) -> Bending:
+        """As they are given, and the stress E c / (E I) where distance and modulus of the fibre are known."""
+        fibre, modulus = self.extreme_fibre, self.youngs_modulus
+        stress = None if fibre is None or modulus is None else modulus * fibre / self.bending_stiffness
+        depth = None if fibre is None else 2.0 * fibre
+        return Bending(self.bending_stiffness, self.mass_per_length, stress, depth)
+
+    def material_doubts(self, where: Path) -> Iterator[str]:
+        """Half of what the bending stress needs."""
+        given = {"extreme_fibre": self.extreme_fibre, "youngs_modulus": self.youngs_modulus}
+        missing = [name for name, value in given.items() if value is None]
+        if len(missing) == 1:
+            (alone,) = given.keys() - missing
+            yield (
+                f"{path_text((*where, alone))} has no effect without {missing[0]}: the bending stress needs both; "
+                f"give {missing[0]} too, or leave {alone} out"
+            )
+
+
+class SegmentBase(Schema):
+    """A stretch of a beam with properties of its own."""
+
+    from_: q.PositionOrShare = Field(alias="from")
+    """Where it begins: distance from the left end of the beam, or the share of its length: 40 %."""
+    to: q.PositionOrShare
+    """Where it ends; the next segment begins there."""
+    added_mass_per_length: q.NonNegativeMassPerLength = 0.0
+    """Mass per length that adds no stiffness, such as cables or cells; none by default."""
+
+
+class SolidSegment(SolidBending, SegmentBase):
+    """A segment of one material."""
+
+
+class SandwichSegment(SandwichBending, SegmentBase):
+    """A segment that is a sandwich."""
+
+
+class StatedSegment(StatedBending, SegmentBase):
+    """A segment by its bending stiffness and mass per length."""
+
+
+def bending_tag(value: Any) -> str:
+    """Which variant a raw beam or segment is, by what it gives."""
+    if isinstance(value, dict):
+        section = value.get("section")
+        if "bending_stiffness" in value:
+            return "<stiffness>"
+        sandwich = isinstance(section, SandwichSection) or (
+            isinstance(section, dict) and section.get("kind") == "sandwich"
+        )
+        return "<sandwich>" if sandwich else "<section>"
+    if isinstance(value, StatedBending):
+        return "<stiffness>"
+    return "<sandwich>" if isinstance(value, SandwichBending) else "<section>"
+
+
+Segment = Annotated[
+    Annotated[SolidSegment, Tag("<section>")]
+    | Annotated[SandwichSegment, Tag("<sandwich>")]
+    | Annotated[StatedSegment, Tag("<stiffness>")],
+    Variants(choose=bending_tag),
+]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of a beam along which nothing changes."""
+
+    path: Path  # below the beam
+    start: float  # m
+    end: float  # m
+    section: Bent
+    added_mass_per_length: float = 0.0  # kg/m
+
+    @property
+    def bending(self) -> Bending:
+        """What its section gives."""
+        return self.section.bending
+
+    @property
+    def bending_stiffness(self) -> float:
+        """E I, N m^2."""
+        return self.bending.bending_stiffness
+
+    @property
+    def mass_per_length(self) -> float:
+        """Mass per length with what is added, kg/m."""
+        return self.bending.mass_per_length + self.added_mass_per_length
+
+    @property
+    def length(self) -> float:
+        """Its length, m."""
+        return self.end - self.start
+
 
 Support = Literal["clamped", "pinned", "free", "guided"]
 _HOLDS_DEFLECTION = ("clamped", "pinned")
@@ -117,15 +500,10 @@ class BeamBody(Body):
     kind: Literal["beam"] = "beam"
     """A beam, straight along x from 0 (left) to length (right)."""
 
-    if TYPE_CHECKING:
-
-        @property
-        def bending_stiffness(self) -> float:
-            """E I, N m^2; of segments the largest."""
-
-        @property
-        def mass_per_length(self) -> float:
-            """Mass per length, kg/m; of segments the mean."""
+    @property
+    def bending(self) -> Bending:
+        """That of the whole beam; of segments the largest stiffness and the mean mass."""
+        raise NotImplementedError
 
     @property
     def stretches(self) -> tuple[Stretch, ...]:
@@ -155,7 +533,7 @@ class BeamBody(Body):
     @property
     def rough_frequency_hz(self) -> float:
         """That of the first mode, about, Hz."""
-        return math.pi / 2.0 * math.sqrt(self.bending_stiffness / self.mass_per_length) / self.length**2
+        return math.pi / 2.0 * math.sqrt(self.bending.bending_stiffness / self.bending.mass_per_length) / self.length**2
 
     @property
     def largest_depth(self) -> float:
@@ -284,7 +662,7 @@ class BeamBody(Body):
     def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
         """Numbers of no solid, depth, too few elements."""
         for stretch in self.stretches:
-            yield from stretch.bending.material_doubts((*where, *stretch.path))
+            yield from stretch.section.material_doubts((*where, *stretch.path))
         depth = self.largest_depth
         if depth > self.length / 10.0:
             yield (
@@ -311,7 +689,7 @@ def _distinct(a: float, b: float) -> tuple[str, str]:
     return repr(a), repr(b)
 
 
-class UniformBeam(Bending, BeamBody):
+class UniformBeam(Bent, BeamBody):
     """A beam along which nothing changes but point masses."""
 
     @property
@@ -350,14 +728,10 @@ class SegmentedBeam(BeamBody):
         )  # fmt: skip
 
     @property
-    def bending_stiffness(self) -> float:
-        """The largest E I, N m^2."""
-        return max(stretch.bending_stiffness for stretch in self.stretches)
-
-    @property
-    def mass_per_length(self) -> float:
-        """The mean mass per length, kg/m."""
-        return sum(stretch.mass_per_length * stretch.length for stretch in self.stretches) / self.length
+    def bending(self) -> Bending:
+        """The largest E I and the mean mass per length."""
+        mass = sum(stretch.mass_per_length * stretch.length for stretch in self.stretches)
+        return Bending(max(stretch.bending_stiffness for stretch in self.stretches), mass / self.length)
 
     def problems(self, where: Path) -> Iterator[Problem]:
         """Segments that leave a part of the beam out, overlap, or are too short for the mesh."""

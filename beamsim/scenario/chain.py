@@ -12,11 +12,11 @@ from pydantic import Field
 from beamsim.errors import Problem
 from beamsim.scenario.base import Path, counted, fail, path_text, problem
 from beamsim.scenario.body import Body
+from beamsim.scenario.contact import AnySnubber
 from beamsim.scenario.damping import ChainDamping
+from beamsim.scenario.joint import GroundSpring, LinkSpring, PiecewiseLinearSpring, has_own_law
 from beamsim.scenario.place import AtPlace, numbered
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
-from beamsim.scenario.snubber import AnySnubber
-from beamsim.scenario.spring import GroundSpring, LinkSpring, PiecewiseLinearSpring, has_own_law
 
 _NAMED = ("snubbers", "springs_to_ground", "springs_between")
 

@@ -10,13 +10,20 @@ from itertools import pairwise
 from typing import Any
 
 from beamsim.errors import Problem
-from beamsim.scenario.analysis_checks import MOST_SAMPLES, designs, identification, mode_number, modes, sweeps
-from beamsim.scenario.base import Path, Schema, path_text, problem, suggestion, walk
+from beamsim.scenario.analysis_checks import (
+    MOST_SAMPLES,
+    designs,
+    identification,
+    mode_number,
+    modes,
+    sweeps,
+    unit_problems,
+)
+from beamsim.scenario.base import Path, Schema, path_text, problem, unknown, walk
 from beamsim.scenario.body import Body
 from beamsim.scenario.distributed import DistributedLoad, LineLoad, TableShape
-from beamsim.scenario.joint import body_origins
+from beamsim.scenario.joint import placed
 from beamsim.scenario.limits import output_dimension
-from beamsim.scenario.notching import unit_problems
 from beamsim.scenario.output import BendingOutput, JointOutput, MotionOutput, ReactionOutput, RecoveredOutput
 from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.place import AtPlace, BetweenPlaces, MovedSupport, Sited
@@ -78,8 +85,8 @@ def _directions(scenario: ScenarioParts) -> Problems:
                     f"use {' or '.join(filter(None, body.base_directions))}",
                 )  # fmt: skip
     if direction is not None and direction.startswith("r") and len(bodies) > 1:
-        placed = body_origins(scenario.joints, bodies, scenario.default_body)
-        if set(bodies) - set(placed):
+        known = placed(scenario.joints, bodies, scenario.default_body).of_first_group
+        if bodies.keys() - known.keys():
             yield problem(
                 ("excitation", "direction"),
                 f"= {direction} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",
@@ -101,9 +108,9 @@ def _places(scenario: ScenarioParts) -> Problems:
 def _body_named(scenario: ScenarioParts, at: Path, body: str | None, example: str) -> Problems:
     """A body that there is not, or none named where there are several; ``example`` shows how with BODY for its name."""
     bodies = scenario.all_bodies
-    if body is not None and body not in bodies:
-        yield problem((*at, "body"), f"= {body} is an unknown body", suggestion(body, bodies, "the bodies are"))
-    elif body is None and len(bodies) > 1:
+    if body is not None:
+        yield from unknown((*at, "body"), body, "body", bodies)
+    elif len(bodies) > 1:
         remedy = example.replace("BODY", next(iter(bodies)))
         yield problem(at, f"names no body, and there are several: {', '.join(bodies)}", remedy)
 
@@ -157,16 +164,9 @@ _SITED = {
 def _moved_support(scenario: ScenarioParts, path: Path, moved: MovedSupport) -> Problems:
     """A body or joint that there is not; which supports a body has is known to its model."""
     if moved.joint is not None:
-        yield from _joint_named((*path, "joint"), moved.joint, scenario.joints)
+        yield from unknown((*path, "joint"), moved.joint, "joint", (joint.name for joint in scenario.joints))
     else:
         yield from _body_named(scenario, path, moved.body, f"name one: {{body: BODY, support: {moved.support}}}")
-
-
-def _joint_named(at: Path, name: str, joints: Sequence[Any]) -> Problems:
-    names = [joint.name for joint in joints]
-    if name not in names:
-        known = suggestion(name, names, "the joints are") if names else "the scenario has no joint"
-        yield problem(at, f"= {name} is an unknown joint", known)
 
 
 def _distributed(scenario: ScenarioParts, path: Path, load: DistributedLoad) -> Problems:
@@ -323,8 +323,8 @@ def _base_output(scenario: ScenarioParts, at: Path, output: ReactionOutput) -> P
                 (*at, "direction"), f"= {direction} moves no point of {name}, a {body.body_kind}",
                 f"use {' or '.join(filter(None, body.base_directions))}",
             )  # fmt: skip
-    placed = body_origins(scenario.joints, scenario.all_bodies, scenario.default_body)
-    if direction.startswith("r") and len(scenario.all_bodies) > 1 and set(scenario.all_bodies) - set(placed):
+    known = placed(scenario.joints, scenario.all_bodies, scenario.default_body).of_first_group
+    if direction.startswith("r") and len(scenario.all_bodies) > 1 and scenario.all_bodies.keys() - known.keys():
         yield problem(
             (*at, "support"), f"= base: joints do not say how {', '.join(scenario.all_bodies)} lie to one another",
             "join them by points of beams, or ask for the moment of a support",
@@ -333,8 +333,7 @@ def _base_output(scenario: ScenarioParts, at: Path, output: ReactionOutput) -> P
 
 def _joint_output(scenario: ScenarioParts, at: Path, output: JointOutput) -> Problems:
     """The joint must be there."""
-    joined = (*scenario.joints, *scenario.springs_between, *scenario.springs_to_ground)
-    yield from _joint_named((*at, "joint"), output.joint, joined)
+    yield from unknown((*at, "joint"), output.joint, "joint", (joint.name for joint in scenario.joined_by))
 
 
 def _recovered_output(scenario: ScenarioParts, at: Path, output: RecoveredOutput) -> Problems:
@@ -348,9 +347,8 @@ def _recovered_output(scenario: ScenarioParts, at: Path, output: RecoveredOutput
             at, f"needs a recovery matrix, which {output.body or scenario.default_body} lacks",
             "give recovery: {file: panel.op4, name: stress, rows: [skin]} of imported matrices",
         )  # fmt: skip
-    elif output.row not in body.recovered_rows:
-        known = suggestion(output.row, body.recovered_rows, "its rows are")
-        yield problem((*at, "row"), f"= {output.row} is no row of the recovery matrix", known)
+    else:
+        yield from unknown((*at, "row"), output.row, "row of the recovery matrix", body.recovered_rows)
 
 
 def _run(scenario: ScenarioParts) -> Problems:
@@ -478,8 +476,8 @@ def _start(scenario: ScenarioParts) -> Problems:
         return
     for name, shape in given.items():
         path = (*at, name) if isinstance(start, BodiesStart) else at
+        yield from unknown(path, name, "body", scenario.all_bodies)
         if name not in scenario.all_bodies:
-            yield problem(path, "is an unknown body", suggestion(name, scenario.all_bodies, "the bodies are"))
             continue
         body, where = scenario.all_bodies[name], scenario.body_path(name)
         for quantity in ("displacement", "velocity"):
@@ -511,9 +509,8 @@ def _pressed_friction(scenario: ScenarioParts) -> Problems:
         if contact.pressed_by is None:
             continue
         where, name = ("friction", index, "normal_force"), contact.pressed_by
+        yield from unknown((*where, "snubber"), name, "snubber", snubbers, "there is no snubber: give a force")
         if name not in snubbers:
-            remedy = suggestion(name, snubbers, "the snubbers are") if snubbers else "there is no snubber: give a force"
-            yield problem((*where, "snubber"), f"= {name} is an unknown snubber", remedy)
             continue
         if scenario.run is not None and scenario.run.method == "reference":
             yield problem(
@@ -561,9 +558,8 @@ def _limits(scenario: ScenarioParts) -> Problems:
     outputs = {output.name: output for _, output in scenario.requested_outputs}
     for name, limit in (limits.outputs or {}).items():
         path = path_text(("limits", "outputs", name))
+        yield from unknown(("limits", "outputs", name), name, "output", outputs, "list it in outputs")
         if name not in outputs:
-            known = suggestion(name, outputs, "the outputs are") if outputs else "list it in outputs, or leave it out"
-            yield Problem(path, "is no output", known)
             continue
         dimension = output_dimension(outputs[name], scenario.all_bodies, scenario.default_body)
         kind = outputs[name].kind.replace("_", " ")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from beamsim.scenario import units
-from beamsim.scenario.base import Schema, fail
-from beamsim.scenario.quantities import Text
-from beamsim.scenario.units import Dimension, UnitError
+from beamsim.scenario.base import Schema
+from beamsim.scenario.quantities import UnitType
+from beamsim.scenario.units import Dimension
 
 DIMENSIONS: dict[str, Dimension] = {
     "acceleration": units.ACCELERATION,
@@ -24,6 +24,10 @@ DIMENSIONS: dict[str, Dimension] = {
 _EXAMPLES = {"acceleration": "g", "length": "mm", "stress": "MPa", "time": "min", "stiffness": "N/mm"}
 
 
+def _unit_of(name: str) -> UnitType:
+    return UnitType(of=DIMENSIONS[name], example=_EXAMPLES.get(name, DIMENSIONS[name].unit))
+
+
 _MINUTE = 60.0  # s; shorter times are shown in seconds, with a prefix
 
 
@@ -33,41 +37,28 @@ class DisplayUnits(Schema):
     Accelerations, lengths and long times that are not chosen are shown in the unit in which most of them are written.
     """
 
-    acceleration: Text | None = None
+    acceleration: Annotated[str, _unit_of("acceleration")] | None = None
     """Unit of accelerations, such as m/s^2; by default as they are written, g for bare numbers."""
-    length: Text | None = None
+    length: Annotated[str, _unit_of("length")] | None = None
     """Unit of lengths and displacements, such as mm; by default as they are written, metres with a prefix that suits
     the size where all are in metres."""
-    velocity: Text | None = None
+    velocity: Annotated[str, _unit_of("velocity")] | None = None
     """Unit of velocities, such as mm/s."""
-    force: Text | None = None
+    force: Annotated[str, _unit_of("force")] | None = None
     """Unit of forces, such as kN."""
-    stress: Text | None = None
+    stress: Annotated[str, _unit_of("stress")] | None = None
     """Unit of stresses and moduli, such as MPa."""
-    time: Text | None = None
+    time: Annotated[str, _unit_of("time")] | None = None
     """Unit of times, such as ms or min; by default minutes or hours where times are written so. Times that are shorter
     than the unit chosen are in seconds if that is longer."""
-    mass: Text | None = None
+    mass: Annotated[str, _unit_of("mass")] | None = None
     """Unit of masses, such as g."""
-    stiffness: Text | None = None
+    stiffness: Annotated[str, _unit_of("stiffness")] | None = None
     """Unit of stiffnesses, such as N/mm."""
-    energy: Text | None = None
+    energy: Annotated[str, _unit_of("energy")] | None = None
     """Unit of energies, such as mJ."""
 
     named: ClassVar[tuple[str, ...]] = tuple(DIMENSIONS)
-
-    def check(self) -> None:
-        """Refuse units that there are not, or that measure something else."""
-        for name in self.named:
-            unit = getattr(self, name)
-            if unit is None:
-                continue
-            try:
-                self._size(name, unit)
-            except UnitError as error:
-                raise fail(
-                    f"= {unit} is no unit of it: {error.message}", f"write {_EXAMPLES.get(name, _si(name))}", (name,)
-                ) from None
 
     def filled(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
         """The same with the units in which quantities are written, for what is not chosen.
@@ -81,14 +72,14 @@ class DisplayUnits(Schema):
         times = {
             unit: n
             for (of, unit), n in written.items()
-            if of.unit == units.TIME.unit and self._size("time", unit) >= _MINUTE
+            if of.unit == units.TIME.unit and units.size_of(unit, units.TIME) >= _MINUTE
         }
         accelerations = {unit: n for (of, unit), n in written.items() if of.unit == units.ACCELERATION.unit}
         densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
         if not accelerations and densities and not any(map(units.is_in_gravities, densities)):
             accelerations = {_si("acceleration"): 1}
         most = {
-            name: max(of, key=lambda unit: (of[unit], -self._size(name, unit)))  # of equally many the smallest
+            name: max(of, key=lambda unit: (of[unit], -_size(name, unit)))  # of equally many the smallest
             for name, of in (("acceleration", accelerations), ("length", lengths), ("time", times))
             if of and getattr(self, name) is None
         }
@@ -103,14 +94,12 @@ class DisplayUnits(Schema):
     def scales(self) -> dict[str, tuple[float, str]]:
         """By SI unit the factor of SI values and the unit that is shown."""
         chosen = {name: getattr(self, name) for name in self.named}
-        return {_si(name): (1.0 / self._size(name, unit), unit) for name, unit in chosen.items() if unit is not None}
+        return {_si(name): (1.0 / _size(name, unit), unit) for name, unit in chosen.items() if unit is not None}
 
-    @staticmethod
-    def _size(name: str, unit: str) -> float:
-        """SI value of one unit."""
-        if not unit.strip():
-            raise UnitError("it is empty", "")
-        return units.read_quantity(f"1 {unit}", DIMENSIONS[name])
+
+def _size(name: str, unit: str) -> float:
+    """SI value of one unit."""
+    return units.size_of(unit, DIMENSIONS[name])
 
 
 def _si(name: str) -> str:

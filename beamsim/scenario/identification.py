@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, GetJsonSchemaHandler, model_validator
@@ -9,10 +10,12 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import Schema, counted, fail
+from beamsim.scenario import units
+from beamsim.scenario.base import Schema, counted, demand_rising, fail
 from beamsim.scenario.damping import Ratios
 
 _LARGEST_UNCERTAINTY = 0.2
+Probability = Annotated[float, q.Quantity(replace(units.RATIO, example="95 %"), above=0.0, below=1.0)]
 
 
 Bound = Annotated[float | str, q.NumberOrText("60 GPa")]
@@ -58,12 +61,7 @@ def check_data(points: Any, kind: str, branches: int | None) -> None:
         what = counted(len(points), "measurement")
         raise fail(f"has {what}", f"measure at {least} or more", (kind,))
     unit = "Hz" if kind == "dynamic" else "s"
-    for index in range(1, len(points)):
-        if not points[index][0] > points[index - 1][0]:
-            raise fail(
-                f"= {points[index][0]:g} {unit} does not lie above the one before, {points[index - 1][0]:g} {unit}",
-                "list the measurements in their order, each once", (kind, index, 0),
-            )  # fmt: skip
+    demand_rising((point[0] for point in points), unit, lambda k: (kind, k, 0), "list the measurements in their order")
     if kind == "dynamic" and all(point[2] == 0.0 for point in points):
         raise fail("has no loss at all", "a pad without loss needs a stiffness alone", (kind,))
 
@@ -231,7 +229,7 @@ class IdentifyStiffness(Schema):
     """Method thesis: largest number of eigenvalue solutions."""
     uncertainty: Ratios = 0.0
     """Relative standard deviation of a measured frequency, or a list with one value per mode."""
-    coverage: q.Ratio = 0.95
+    coverage: Probability = 0.95
     """Coverage probability of the confidence intervals."""
     monte_carlo: MonteCarlo = MonteCarlo.model_construct()
     """Check of the uncertainty by random sampling."""
@@ -248,8 +246,9 @@ class IdentifyStiffness(Schema):
 
     def check(self) -> None:
         """Reject frequencies out of order, modes that were not measured, and more unknowns than measurements."""
-        for key in ("measured_without", "measured_with"):
-            self._increasing(key)
+        remedy = "list the frequencies from the first mode on; are the two swapped?"
+        demand_rising(self.measured_without, "Hz", lambda k: ("measured_without", k), remedy)
+        demand_rising(self.measured_with, "Hz", lambda k: ("measured_with", k), remedy)
         of_pad = self.pad is not None and self.pad.data is not None
         of_structure = self.update and self.measured_without
         if not self.measured_with and self.nonlinear is None and not of_structure and not of_pad:
@@ -260,8 +259,6 @@ class IdentifyStiffness(Schema):
             )
         self._modes()
         self._uncertainties()
-        if not 0.0 < self.coverage < 1.0:
-            raise fail(f"= {self.coverage:g} is not a probability", "write for example 95 %", ("coverage",))
         free = [item for item in self.update if item.prior is None]
         if len(free) < len(self.update) and self.uncertainty == 0.0:
             raise fail(
@@ -282,17 +279,6 @@ class IdentifyStiffness(Schema):
         if isinstance(self.uncertainty, tuple):
             return self.uncertainty[min(mode, len(self.uncertainty)) - 1]
         return self.uncertainty
-
-    def _increasing(self, key: str) -> None:
-        frequencies = getattr(self, key)
-        for index in range(1, len(frequencies)):
-            if frequencies[index] <= frequencies[index - 1]:
-                raise fail(
-                    f"= {frequencies[index]:g} Hz is not above the frequency before it, "
-                    f"{frequencies[index - 1]:g} Hz; are they swapped?",
-                    "list the frequencies from the first mode on, increasing",
-                    (key, index),
-                )
 
     def _modes(self) -> None:
         if not self.measured_with:

@@ -1,18 +1,157 @@
-"""Joints between two points of bodies, or between a point and the base."""
+"""Springs at points of bodies and masses of chains, and joints between two points or a point and the base."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, Variants, counted, fail
+from beamsim.scenario import units
+from beamsim.scenario.base import BY_FORM, Schema, Variants, counted, demand_rising, fail
 from beamsim.scenario.body import Body
-from beamsim.scenario.place import AtPlace, BaseOrPlace, Named, refuse_unlike_directions
-from beamsim.scenario.spring import Maxwell
+from beamsim.scenario.place import (
+    AtPlace,
+    BaseOrPlace,
+    BetweenPlaces,
+    Named,
+    Sited,
+    TwoPlaces,
+    refuse_unlike_directions,
+)
+from beamsim.scenario.quantities import CubicStiffness, Duration, MassNumber, NonNegativeStiffness, Quantity
+
+Stretch = Annotated[float, Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
+
+
+class Maxwell(Schema):
+    """A spring in series with a dashpot, beside what it is given for."""
+
+    stiffness: NonNegativeStiffness
+    """Stiffness of its spring: what a sudden deflection adds."""
+    relaxation_time: Duration
+    """Time in which its force falls by the factor e at a constant deflection: dashpot over stiffness."""
+
+
+class SpringToGround(Sited, Named):
+    """A spring from a point of a body or a mass of a chain to the fixed ground."""
+
+
+class SpringBetween(BetweenPlaces, Named):
+    """A spring between points of two bodies or of one, or between two masses of a chain, neighbours or not."""
+
+    between: TwoPlaces = ()
+    """The two places; the stretch is positive when the second moves up from the first."""
+    masses: tuple[MassNumber, ...] = ()
+    """Instead of between the numbers of two masses of a chain; the stretch is positive when they separate."""
+
+    @property
+    def ends(self) -> tuple[str, TwoPlaces]:
+        """The key that names both places, and what it names."""
+        return ("masses", self.masses) if self.masses else super().ends
+
+    def check(self) -> None:
+        """Refuse places that are named twice."""
+        self.exclude("masses", "between")
+        super().check()
+
+
+def has_own_law(item: Schema) -> bool:
+    """Whether a spring or joint is more than a linear spring: nonlinear, or with Maxwell branches that act."""
+    kind = getattr(item, "kind", "")
+    branches = getattr(item, "maxwell", ())
+    return kind in ("cubic", "piecewise_linear") or any(branch.stiffness > 0.0 for branch in branches)
+
+
+class LinearSpring(Schema):
+    """Force = stiffness times stretch."""
+
+    kind: Literal["linear"] = "linear"
+    """Force = stiffness times stretch."""
+    stiffness: NonNegativeStiffness
+    """Stiffness."""
+    maxwell: tuple[Maxwell, ...] = ()
+    """Maxwell branches parallel to it, any number of them."""
+
+
+class CubicSpring(Schema):
+    """Force = stiffness times stretch cubed."""
+
+    kind: Literal["cubic"] = "cubic"
+    """Force = stiffness times stretch cubed."""
+    stiffness: CubicStiffness
+    """Stiffness; negative softens."""
+
+
+class PiecewiseLinearSpring(Schema):
+    """A continuous piecewise-linear force through the origin."""
+
+    kind: Literal["piecewise_linear"] = "piecewise_linear"
+    """Piecewise-linear force, continuous, zero at zero stretch."""
+    breakpoints: Annotated[tuple[Stretch, ...], Field(json_schema_extra={"minItems": 1})]
+    """Stretches at which the slope changes, increasing."""
+    stiffnesses: tuple[NonNegativeStiffness, ...]
+    """Slopes below the first breakpoint, between the first two, ... above the last: one more than breakpoints."""
+    maxwell: tuple[Maxwell, ...] = ()
+    """Maxwell branches parallel to it, any number of them."""
+
+    def check(self) -> None:
+        """Check the lengths and the order."""
+        bends, slopes = len(self.breakpoints), len(self.stiffnesses)
+        if not bends:
+            raise fail("is an empty list", "give at least one value, or use kind: linear", ("breakpoints",))
+        if slopes != bends + 1:
+            raise fail(
+                f"has {counted(slopes, 'value')} for {counted(bends, 'breakpoint')}",
+                f"give {bends + 1} slopes: below the first breakpoint, between neighbours, above the last",
+                ("stiffnesses",),
+            )
+        demand_rising(self.breakpoints, "m", lambda k: ("breakpoints", k))
+        super().check()
+
+    @property
+    def number_at_rest(self) -> int:
+        """Index of the slope at zero stretch; of the smaller one if zero is a breakpoint."""
+        at = bisect_left(self.breakpoints, 0.0)
+        on_it = at < len(self.breakpoints) and self.breakpoints[at] == 0.0
+        return at + 1 if on_it and self.stiffnesses[at + 1] < self.stiffnesses[at] else at
+
+    @property
+    def slope_at_rest(self) -> float:
+        """Slope at zero stretch, N/m."""
+        return self.stiffnesses[self.number_at_rest]
+
+
+class LinearGroundSpring(LinearSpring, SpringToGround):
+    """A linear spring to the fixed ground."""
+
+
+class CubicGroundSpring(CubicSpring, SpringToGround):
+    """A cubic spring to the fixed ground."""
+
+
+class PiecewiseLinearGroundSpring(PiecewiseLinearSpring, SpringToGround):
+    """A piecewise-linear spring to the fixed ground."""
+
+
+class LinearLinkSpring(LinearSpring, SpringBetween):
+    """A linear spring between two points or masses."""
+
+
+class CubicLinkSpring(CubicSpring, SpringBetween):
+    """A cubic spring between two points or masses."""
+
+
+class PiecewiseLinearLinkSpring(PiecewiseLinearSpring, SpringBetween):
+    """A piecewise-linear spring between two points or masses."""
+
+
+GroundSpring = Annotated[LinearGroundSpring | CubicGroundSpring | PiecewiseLinearGroundSpring, BY_FORM]
+LinkSpring = Annotated[LinearLinkSpring | CubicLinkSpring | PiecewiseLinearLinkSpring, BY_FORM]
+
 
 JointEnd = Annotated[
     BaseOrPlace,
@@ -26,8 +165,6 @@ JointEnd = Annotated[
 class Joint(Named):
     """Common part of all joints."""
 
-    name: q.Name = ""
-    """Name, unique; joint_1, joint_2, ... by default."""
     between: Annotated[tuple[JointEnd, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
     """Two points of bodies, or a point and base."""
 
@@ -113,50 +250,37 @@ class Apart:
     through: str  # body of the second point
 
 
-def points_apart(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str) -> Iterator[Apart]:
-    """Joints that close a loop between bodies whose positions do not fit; all bodies lie along one axis.
+@dataclass(frozen=True)
+class Placed:
+    """Where joints put the bodies along one axis: these have no place of their own, a joint puts its points together.
 
-    Bodies have no place of their own: the first joint between two of them puts its points together.
+    The first joint between two bodies tells; one that closes a loop may not fit.
     """
-    origin: dict[str, float] = {}
-    group: dict[str, int] = {}
-    for index, joint in enumerate(joints):
-        ends = _ends(joint, bodies, default_body)
-        if len(ends) != 2 or ends[0][0] == ends[1][0]:
-            continue
-        (first, x), (second, y) = ends
-        for number, name in enumerate((first, second)):
-            origin.setdefault(name, 0.0)
-            group.setdefault(name, 2 * index + number)
-        gap = origin[first] + x - origin[second] - y
-        if group[first] == group[second]:
-            if abs(gap) > 1e-6 * max(x, y):
-                yield Apart(index, abs(gap), second)
-            continue
-        merged = group[second]
-        for name in [name for name, label in group.items() if label == merged]:
-            origin[name] += gap
-            group[name] = group[first]
+
+    origin: dict[str, float]  # by body where it begins, m
+    group: dict[str, str]  # by body the first one of those that joints connect to it
+    apart: tuple[Apart, ...]
+
+    @property
+    def of_first_group(self) -> dict[str, float]:
+        """Where the bodies begin, m, that joints link to the first one of them; that one begins at 0."""
+        leading = next(iter(self.origin), "")
+        together = (name for name in self.origin if self.group[name] == self.group[leading])
+        return {name: self.origin[name] - self.origin[leading] for name in together}
 
 
-def _ends(joint: Joint, bodies: Mapping[str, Body], default_body: str) -> list[tuple[str, float]]:
-    """The bodies that a joint joins and its positions along them, m; of other places none."""
-    named = [(place.body or default_body, place.position) for place in joint.places]
-    return [
-        (name, bodies[name].metres(position))
-        for name, position in named
-        if name in bodies and position is not None and not isinstance(position, tuple)
-    ]
-
-
-def origins(
-    joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str
-) -> tuple[dict[str, float], dict[str, str]]:
-    """Where bodies begin, m, on the common axis of those that joints connect, and the first body of each such group."""
+def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str) -> Placed:
+    """Where joints put bodies; of places without a body it is the default one."""
     origin: dict[str, float] = {}
     group: dict[str, str] = {}
-    for joint in joints:
-        ends = _ends(joint, bodies, default_body)
+    apart: list[Apart] = []
+    for index, joint in enumerate(joints):
+        named = [(place.body or default_body, place.position) for place in joint.places]
+        ends = [
+            (name, bodies[name].metres(position))
+            for name, position in named
+            if name in bodies and position is not None and not isinstance(position, tuple)
+        ]
         if len(ends) != 2:
             continue
         (first, x), (second, y) = ends
@@ -164,16 +288,10 @@ def origins(
             origin.setdefault(name, 0.0)
             group.setdefault(name, name)
         gap, merged = origin[first] + x - origin[second] - y, group[second]
-        if group[first] == merged:
-            continue
-        for name in [name for name, label in group.items() if label == merged]:
-            origin[name] += gap
-            group[name] = group[first]
-    return origin, group
-
-
-def body_origins(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str) -> dict[str, float]:
-    """Where the bodies that joints link to the first one of them begin, m; that one begins at 0."""
-    origin, group = origins(joints, bodies, default_body)
-    leading = next(iter(origin), "")
-    return {name: x - origin[leading] for name, x in origin.items() if group[name] == group[leading]}
+        if group[first] != merged:
+            for name in [name for name, label in group.items() if label == merged]:
+                origin[name] += gap
+                group[name] = group[first]
+        elif first != second and abs(gap) > 1e-6 * max(x, y):
+            apart.append(Apart(index, abs(gap), second))
+    return Placed(origin, group, tuple(apart))

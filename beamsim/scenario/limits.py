@@ -1,14 +1,15 @@
-"""Limits with which results are compared."""
+"""Limits with which results are compared, and to which the level of a swept sine is lowered."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from beamsim.scenario import units
 from beamsim.scenario.base import Schema, fail
 from beamsim.scenario.body import Body
+from beamsim.scenario.output import ReactionOutput
 from beamsim.scenario.quantities import Length, LevelType, Name, PositiveForce, Quantity
 
 _STRESS = replace(units.PRESSURE, name="stress", example="80 MPa")
@@ -81,3 +82,37 @@ def output_dimension(output: Any, bodies: Mapping[str, Body], default_body: str)
         body = bodies.get(output.place.body or default_body)
         return _MOMENT_PER_WIDTH if body is not None and body.body_kind == "plate" else _MOMENT
     return _OUTPUT_DIMENSIONS.get(output.kind)
+
+
+BASE_FORCE = ReactionOutput.model_construct(
+    name="base_force", kind="reaction_force", support="base", body=None, direction=None, about=None
+)
+"""The output that a limit on the base's force stands for where the scenario has none."""
+QUANTITIES_OF = {
+    "probes": {"acceleration": units.ACCELERATION, "displacement": units.LENGTH},
+    "snubbers": {"force": units.FORCE},
+}
+
+
+@dataclass(frozen=True)
+class LimitedQuantity:
+    """What a limit applies to."""
+
+    section: str  # probes, snubbers or outputs
+    item: str
+    quantity: str  # acceleration, displacement or force; empty of an output
+
+
+def limited_quantity(name: str, base_force: str = BASE_FORCE.name) -> LimitedQuantity | None:
+    """What a name stands for; None where it is none of the forms. ``base_force`` is the output of that force.
+
+    >>> limited_quantity("probes.tip.acceleration")
+    LimitedQuantity(section='probes', item='tip', quantity='acceleration')
+    """
+    if name == "base.force":
+        return LimitedQuantity("outputs", base_force, "")
+    section, _, rest = name.partition(".")
+    if section == "outputs" and rest:
+        return LimitedQuantity(section, rest, "")
+    item, _, quantity = rest.rpartition(".")
+    return LimitedQuantity(section, item, quantity) if item and quantity in QUANTITIES_OF.get(section, ()) else None

@@ -14,8 +14,7 @@ from beamsim.scenario.base import Path, Schema, Variants, fail, problem
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
 from beamsim.scenario.place import NodeDirection, NodeNumber
-from beamsim.scenario.quantities import FileName, Frequency, Name, Text
-from beamsim.scenario.units import Dimension, UnitError
+from beamsim.scenario.quantities import FileName, Frequency, Name, Text, UnitType
 
 _INCH, _FOOT, _POUND_FORCE = 0.0254, 0.3048, 4.4482216152605
 
@@ -48,40 +47,18 @@ SYSTEMS: dict[str, UnitSizes] = {
 """Consistent systems: length, mass and time in their names; of the last two length, force and time."""
 assert set(SYSTEMS) == set(get_args(UnitSystem))
 
-_MEASURES: dict[str, Dimension] = {
-    "length": units.LENGTH, "mass": units.MASS, "force": units.FORCE, "time": units.TIME,
-}  # fmt: skip
-
 
 class FileUnits(Schema):
     """Units of a file one by one: of lengths, masses, forces and times."""
 
-    length: Text
+    length: Annotated[str, UnitType(of=units.LENGTH, example="mm")]
     """Unit of displacements and coordinates: mm, in."""
-    mass: Text
+    mass: Annotated[str, UnitType(of=units.MASS, example="kg")]
     """Unit of the mass matrix: kg, t, lb where weights were given and WTMASS was left out."""
-    force: Text
+    force: Annotated[str, UnitType(of=units.FORCE, example="N")]
     """Unit of forces; those of the stiffness matrix are this over the length: N, lbf."""
-    time: Text = "s"
+    time: Annotated[str, UnitType(of=units.TIME, example="s")] = "s"
     """Unit of times, of velocities in the viscous matrix: s, ms."""
-
-    def check(self) -> None:
-        """Refuse what is no unit of its quantity."""
-        for name in _MEASURES:
-            try:
-                _size(name, getattr(self, name))
-            except UnitError as error:
-                raise fail(f"= {getattr(self, name)} is no unit of it: {error.message}",
-                           f"write for example {_EXAMPLES[name]}", (name,)) from None  # fmt: skip
-
-
-_EXAMPLES = {"length": "mm", "mass": "kg", "force": "N", "time": "s"}
-
-
-def _size(name: str, unit: str) -> float:
-    if not unit.strip():
-        raise UnitError("it is empty", "")
-    return units.read_quantity(f"1 {unit}", _MEASURES[name])
 
 
 AnyFileUnits = Annotated[
@@ -94,7 +71,10 @@ AnyFileUnits = Annotated[
 def sizes_of(given: UnitSystem | FileUnits | None) -> UnitSizes:
     """SI sizes of the units; SI units where none are given."""
     if isinstance(given, FileUnits):
-        return UnitSizes(**{name: _size(name, getattr(given, name)) for name in UnitSizes._fields})
+        return UnitSizes(
+            units.size_of(given.length, units.LENGTH), units.size_of(given.mass, units.MASS),
+            units.size_of(given.force, units.FORCE), units.size_of(given.time, units.TIME),
+        )  # fmt: skip
     return SYSTEMS[given or "SI"]
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
 from beamsim.scenario import quantities as q
+from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Schema, Variants, fail
-from beamsim.scenario.driven import Span
+from beamsim.scenario.excitation import Span
 
-MOST_STEPS = 10_000
-LOOSEST = 0.1  # above this value a motion is far from periodic
-TIGHTEST = 1e-20  # the functional is a square: below this it is round-off
+Tolerance = Annotated[float, q.Quantity(replace(units.NUMBER, example="1e-5"), minimum=1e-20, maximum=0.1)]
+"""Of the functional, the square of a relative deviation: below it is round-off, above a motion is far from periodic."""
+ShareOfFrequency = Annotated[float, q.Quantity(replace(units.RATIO, example="10 %"), above=0.0, maximum=0.5)]
 
 
 class ShootingMethod(Schema):
@@ -45,24 +47,12 @@ class RelaxedMinimisationMethod(Schema):
 
     kind: Literal["relaxed_minimisation"] = "relaxed_minimisation"
     """Relaxed minimisation."""
-    steps: q.Count = 75
+    steps: Annotated[int, q.Whole(1, 10_000)] = 75
     """Number of equal steps in the stiffness factor."""
-    tolerance: q.PositiveNumber = 1e-5
+    tolerance: Tolerance = 1e-5
     """Value of the functional, over twice the energy of the motion (no unit), below which a step is accepted."""
     iterations: q.Count = 200
     """Largest number of iterations of the optimiser in each step."""
-
-    def check(self) -> None:
-        """Reject numbers that are meaningless or impossible."""
-        if self.steps > MOST_STEPS:
-            raise fail(f"= {self.steps} is over {MOST_STEPS}", "Hazim (2010) used 35 to 75", ("steps",))
-        if not TIGHTEST <= self.tolerance <= LOOSEST:
-            raise fail(
-                f"= {self.tolerance:g} is not between {TIGHTEST:g} and {LOOSEST:g}: the functional is the square of a "
-                "relative deviation",
-                "Hazim (2010) used 1e-5 and 1e-6",
-                ("tolerance",),
-            )
 
 
 Solver = ShootingMethod | FullPeriodMethod | ExpansionMethod | RelaxedMinimisationMethod
@@ -97,33 +87,15 @@ Method = Annotated[
 ]
 
 
-WIDEST = 0.5
-MOST_PERIODS = 10_000
-
-
 class PhaseResonance(Schema):
     """The excitation holds the damped structure on the mode at phase resonance; its frequency is computed."""
 
-    levels: tuple[q.Level, ...] = ()
+    levels: tuple[q.PositiveLevel, ...] = ()
     """Levels of the excitation, each at its own resonance; by default that of the excitation."""
-    periods: q.Count = 50
+    periods: Annotated[int, q.Whole(1, 10_000)] = 50
     """Number of periods of the damped motion computed from the predicted start."""
-    span: q.Ratio = 0.1
+    span: ShareOfFrequency = 0.1
     """Fraction of the frequency by which the response curve extends on both sides."""
-
-    def check(self) -> None:
-        """Reject zero levels and unusable ranges."""
-        for index, level in enumerate(self.levels):
-            if not level > 0:
-                raise fail(f"= {level:g} sustains no motion", "give positive levels: [0.5 g, 1 g]", ("levels", index))
-        if not 0.0 < self.span <= WIDEST:
-            raise fail(f"= {self.span:g} must be above 0 and at most {WIDEST:g}", "give for example 10 %", ("span",))
-        if self.periods > MOST_PERIODS:
-            raise fail(
-                f"= {self.periods} is over {MOST_PERIODS}",
-                "50 are enough to show whether the motion stays",
-                ("periods",),
-            )
 
 
 class StiffnessFactorContinuation(Span[q.Factor]):
@@ -201,14 +173,10 @@ class NonlinearMode(Schema):
             )
         if (self.energies or self.frequencies) and kind in _IN_FACTOR:
             raise fail(f"= {kind} computes no points on request", "use method: shooting", ("method",))
-        for name, values in (("energies", self.energies), ("frequencies", self.frequencies)):
-            if going.kind == {"energies": "energy", "frequencies": "frequency"}[name]:
-                low, high = sorted((float(going.from_), float(going.to)))
-                for k, value in enumerate(values):
-                    if not low <= value <= high:
-                        raise fail(
-                            f"= {value:g} lies outside the range", f"give a value from {low:g} to {high:g}", (name, k)
-                        )
+        if isinstance(going, EnergyContinuation):
+            going.demand_inside(self.energies, ("energies",))
+        if isinstance(going, FrequencyContinuation):
+            going.demand_inside(self.frequencies, ("frequencies",))
         if self.energy is not None and not isinstance(going, StiffnessFactorContinuation):
             raise fail(f"cannot be held constant if the parameter is the {going.kind}", "leave energy out", ("energy",))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from beamsim.scenario.base import Schema, Variants, fail
-from beamsim.scenario.driven import About, point_of
+from beamsim.scenario.excitation import About, point_of
 from beamsim.scenario.place import Sited
 from beamsim.scenario.quantities import Name, Text
 

@@ -10,8 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
+from pydantic_core import PydanticCustomError
+
 from beamsim.errors import ScenarioError
-from beamsim.scenario.base import Path, Schema, counted, fail, path_parts, path_text, problem, single_line, suggestion
+from beamsim.scenario.base import Path, Schema, counted, fail, path_parts, path_text, refused, single_line, suggestion
 from beamsim.scenario.body import Body
 from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.quantities import FieldType, LevelValue, Share, meant
@@ -20,8 +22,17 @@ from beamsim.scenario.units import UnitError
 AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
 
 
-def find_parameters(scenario: ScenarioParts, path: str, more: tuple[type, ...] = ()) -> list[Path]:
-    """The places that a path names, at least one: numbers and words, and values of the types in ``more``.
+def find_parameters(
+    scenario: ScenarioParts, path: str, more: tuple[type, ...] = (), at: Path = ()
+) -> list[Path]:  # fmt: skip
+    """The places that a path names, at least one: numbers and words.
+
+    Parameters
+    ----------
+    scenario : what has them.
+    path : as a user writes it.
+    more : types of other values that it may name.
+    at : where the path stands, for what `fail` builds.
 
     Raises
     ------
@@ -30,10 +41,14 @@ def find_parameters(scenario: ScenarioParts, path: str, more: tuple[type, ...] =
     """
     parts = path_parts(path)
     if not parts:
-        raise fail(f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness")
-    paths = _walk(scenario, parts, (), path, (int, float, str, Share, *more))
+        raise fail(f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness", at)
+    try:
+        paths = _walk(scenario, parts, (), path, (int, float, str, Share, *more))
+    except PydanticCustomError as error:
+        found = refused(error, ())
+        raise fail(found.message, found.remedy, at) from None
     if not paths:
-        raise fail(f"= {path} matches nothing: the list is empty", "add an item, or omit the path")
+        raise fail(f"= {path} matches nothing: the list is empty", "add an item, or omit the path", at)
     return paths
 
 
@@ -98,34 +113,49 @@ def replaced(scenario: AnyScenario, values: Mapping[Path, object]) -> AnyScenari
 
 
 def _as_read(scenario: ScenarioParts, place: Path, value: object) -> object:
-    """A value as the field at a place reads it."""
-    field = None if isinstance(value, Schema) else field_type_at(scenario, place)
-    if field is None:
+    """A value as the field at a place reads it; parts, words and plain flags as they are."""
+    if isinstance(value, Schema) or field_type_at(scenario, place) is None:
         return value
     try:
-        read = field.read(value)
-    except UnitError as error:
-        raise ScenarioError(problem(place, f"= {single_line(value)} {error.message}", error.remedy)) from None
+        read = read_as(scenario, place, value)
+    except PydanticCustomError as error:
+        raise ScenarioError(refused(error, place)) from None
     return LevelValue(read, meant(read) or meant(value_at(scenario, place))) if isinstance(read, LevelValue) else read
 
 
-def read_as(scenario: ScenarioParts, place: Path, value: object) -> float:
-    """Read a number, perhaps with a unit, as the field at a place would.
+def read_as(scenario: ScenarioParts, place: Path, value: object, at: Path = ()) -> Any:
+    """Read a value as the field at a place would: an SI number, which may know its quantity, a word, or a rate.
+
+    Parameters
+    ----------
+    scenario : what has the field.
+    place : of the field.
+    value : a number, perhaps with a unit, or a word.
+    at : where the value stands, for what `fail` builds.
+
+    Returns
+    -------
+    float | int | str | Rate
 
     Raises
     ------
     PydanticCustomError
         Where the field would refuse it.
     """
+    shown = f"= {single_line(value)}"
+    if choices := choices_at(scenario, place):
+        if value not in choices:
+            raise fail(f"{shown} is not one of {', '.join(choices)}", "choose one of these", at)
+        return value
     field = field_type_at(scenario, place)
-    if field is not None:
-        try:
-            return float(field.read(value))
-        except UnitError as error:
-            raise fail(error.message, error.remedy, show_value=True) from None
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise fail("must be a number", f"write the SI value for {path_text(place)}")
-    return float(value)
+    if field is None:
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise fail(f"{shown} must be a number", f"write the SI value for {path_text(place)}", at)
+        return float(value)
+    try:
+        return field.read(value)
+    except UnitError as error:
+        raise fail(f"{shown} {error.message} (as {path_text(place)})", error.remedy, at) from None
 
 
 def choices_at(scenario: ScenarioParts, place: Path) -> tuple[str, ...]:

@@ -11,23 +11,21 @@ from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, kind_of
 from beamsim.scenario.beam import AnyBeam, Beam, SandwichBeam, SegmentedBeam, StiffnessBeam, beam_tag
 from beamsim.scenario.body import Body, Located
 from beamsim.scenario.chain import Chain
+from beamsim.scenario.contact import AnyFriction, AnySnubber
 from beamsim.scenario.designs import Vary
 from beamsim.scenario.display import DisplayUnits
 from beamsim.scenario.distributed import AnyDeadLoad
 from beamsim.scenario.excitation import Excitation, NoExcitation
-from beamsim.scenario.friction import AnyFriction
 from beamsim.scenario.identification import IdentifyStiffness
-from beamsim.scenario.joint import AnyJoint
+from beamsim.scenario.joint import AnyJoint, GroundSpring, LinkSpring, has_own_law
 from beamsim.scenario.limits import Limits
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.scenario.nnm import NonlinearMode
-from beamsim.scenario.output import AnyOutput
+from beamsim.scenario.output import AnyOutput, ReactionOutput
 from beamsim.scenario.place import AtPlace, Probe, numbered
 from beamsim.scenario.plate import Plate, StiffnessPlate, plate_by_stiffness
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
 from beamsim.scenario.run import Reduction, Run
-from beamsim.scenario.snubber import AnySnubber
-from beamsim.scenario.spring import GroundSpring, LinkSpring, has_own_law
 from beamsim.scenario.sweep import Sweep
 
 MANY_SAMPLES = 5_000_000
@@ -238,6 +236,18 @@ class ScenarioParts(Schema):
             *((("outputs", k), output) for k, output in enumerate(self.outputs)),
             *((("run", "outputs", k), output) for k, output in enumerate(of_run)),
         )
+
+    @property
+    def outputs_of_sweeps(self) -> dict[str, Any]:
+        """The outputs by name, but for those of the run alone."""
+        return {output.name: output for output in self.outputs}
+
+    @property
+    def base_force(self) -> str | None:
+        """Name of the output that is the force of the whole base, vertically; None where there is none."""
+        reactions = (each for each in self.outputs if isinstance(each, ReactionOutput))
+        of_base = (each for each in reactions if each.kind == "reaction_force" and each.support == "base")
+        return next((each.name for each in of_base if each.direction in (None, "z")), None)
 
     @property
     def level_unit(self) -> str:

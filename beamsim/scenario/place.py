@@ -48,15 +48,11 @@ class PointOfBody(Schema):
         self._demand_a_point()
 
     def _demand_a_point(self) -> None:
-        given = [key for key in ("position", "mass", "node") if getattr(self, key) is not None]
-        if not given:
+        if self.position is None and self.mass is None and self.node is None:
             raise fail("names no place", _REMEDY)
-        if len(given) > 1:
-            raise fail(
-                f"and {given[0]} exclude each other",
-                "position belongs to a beam, mass to a chain, node to imported matrices",
-                (given[1],),
-            )
+        remedy = "position belongs to a beam, mass to a chain, node to imported matrices"
+        self.exclude("mass", "position", remedy=remedy)
+        self.exclude("node", "position", "mass", remedy=remedy)
         if self.direction is not None and self.node is None:
             raise fail("belongs to a node", "leave it out, or give node: 24", ("direction",))
 
@@ -96,8 +92,7 @@ class Sited(PointOfBody):
             super()._demand_a_point()
             return
         for key in ("position", "mass", "node", "direction"):
-            if getattr(self, key) is not None:
-                raise fail("and at exclude each other", "keep at: it names the place", (key,))
+            self.exclude(key, "at", remedy="keep at: it names the place")
 
     @property
     def place(self) -> AtPlace:
@@ -187,7 +182,7 @@ class Named(Schema):
     """Something with a name."""
 
     name: Name = ""
-    """Name, unique; made of the kind and a number by default."""
+    """Name, unique; by default made of what it is and its number, such as snubber_1, ground_spring_1 or joint_1."""
 
 
 DEFAULT_NAMES = {

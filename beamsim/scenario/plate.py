@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field
 
@@ -69,6 +69,52 @@ class Stiffener(Schema):
     """Mass per unit length, without rotary inertia."""
 
 
+class Rigidity(Schema):
+    """Bending stiffnesses per width of an orthotropic plate whose principal axes are x and y.
+
+    Moments per width are Mx = dx w_xx + d1 w_yy, My = d1 w_xx + dy w_yy and Mxy = 2 dxy w_xy with d1 = nu dy.
+    """
+
+    dx: q.PlateStiffness
+    """Bending stiffness per width that resists curvature along x."""
+    dy: q.PlateStiffness
+    """Bending stiffness per width that resists curvature along y."""
+    nu: q.PoissonsRatio = 0.0
+    """Poisson's ratio nu_xy: contraction along y over the stretch along x; nu_yx = nu dy / dx."""
+    dxy_: q.PlateStiffness | None = Field(default=None, alias="dxy")
+    """Twisting stiffness, D (1 - nu) / 2 where isotropic; by default that of the geometric mean of dx and dy."""
+
+    def check(self) -> None:
+        """Reject stiffnesses without a positive energy."""
+        if self.nu**2 * self.dy >= self.dx:
+            raise fail(
+                f"= {self.nu:g} is too large: nu^2 dy must be less than dx for a positive strain energy",
+                f"give at most {math.sqrt(self.dx / self.dy):.4g}; nu_xy belongs to a stretch along x",
+                ("nu",),
+            )
+
+    @property
+    def d1(self) -> float:
+        """Coupling stiffness of the two curvatures, N m."""
+        return self.nu * self.dy
+
+    @property
+    def dxy(self) -> float:
+        """Twisting stiffness, N m."""
+        if self.dxy_ is not None:
+            return self.dxy_
+        return math.sqrt(self.dx * self.dy) * (1.0 - self.nu * math.sqrt(self.dy / self.dx)) / 2.0
+
+
+class PlateBending(NamedTuple):
+    """Stiffnesses and mass of a plate, whatever they are given by."""
+
+    rigidity: Rigidity  # bending and twisting stiffnesses per width
+    mass_per_area: float  # kg/m^2
+    stress_per_moment: float | None  # at the surface for a unit moment per width, Pa per N; None where that is unknown
+    depth: float | None  # thickness, m; None where that is unknown
+
+
 class PlateBody(Body):
     """What plates answer, whatever their bending stiffness was given by; x runs along the length, y along the width."""
 
@@ -95,23 +141,10 @@ class PlateBody(Body):
     stiffeners: tuple[Stiffener, ...] = ()
     """Beams along straight lines."""
 
-    if TYPE_CHECKING:
-
-        @property
-        def rigidity(self) -> Rigidity:
-            """Bending and twisting stiffnesses per width."""
-
-        @property
-        def surface_mass(self) -> float:
-            """Mass per area, kg/m^2."""
-
-        @property
-        def stress_per_moment(self) -> float | None:
-            """Stress at the surface for a unit moment per width, Pa per N; None where that is unknown."""
-
-        @property
-        def depth(self) -> float | None:
-            """Thickness, m; None where that is unknown."""
+    @property
+    def bending(self) -> PlateBending:
+        """Its stiffnesses and mass."""
+        raise NotImplementedError
 
     @property
     def sides(self) -> tuple[float, ...]:
@@ -139,18 +172,18 @@ class PlateBody(Body):
     @property
     def gives_stress(self) -> bool:
         """Whether stresses at the surface can be recovered."""
-        return self.stress_per_moment is not None
+        return self.bending.stress_per_moment is not None
 
     @property
     def gives_strain(self) -> bool:
         """Whether the surface is at a known distance from the middle."""
-        return self.depth is not None
+        return self.bending.depth is not None
 
     @property
     def rough_frequency_hz(self) -> float:
         """That of the first mode, about, Hz."""
-        stiffness = max(self.rigidity.dx, self.rigidity.dy)
-        return math.pi / 2.0 * math.sqrt(stiffness / self.surface_mass) / max(self.length, self.width) ** 2
+        stiffness = max(self.bending.rigidity.dx, self.bending.rigidity.dy)
+        return math.pi / 2.0 * math.sqrt(stiffness / self.bending.mass_per_area) / max(self.length, self.width) ** 2
 
     @property
     def largest_deflection(self) -> float:
@@ -160,7 +193,7 @@ class PlateBody(Body):
     @property
     def largest_gap(self) -> float:
         """A fifth of the longer side, or ten times the thickness if that is less."""
-        return min(self.largest_deflection, math.inf if self.depth is None else 10.0 * self.depth)
+        return min(self.largest_deflection, math.inf if self.bending.depth is None else 10.0 * self.bending.depth)
 
     def refined(self) -> Self:
         """The plate with twice the elements in both directions."""
@@ -176,7 +209,7 @@ class PlateBody(Body):
     @property
     def depths(self) -> tuple[tuple[float, float, float], ...]:
         """Its thickness."""
-        return ((0.0, self.length, self.depth),) if self.depth else ()
+        return ((0.0, self.length, self.bending.depth),) if self.bending.depth else ()
 
     def default_probe(self) -> tuple[str, AtPlace]:
         """A free corner, else the middle of a free edge, else the centre."""
@@ -285,62 +318,26 @@ class PlateBody(Body):
 
     def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
         """Too few elements for the excitation, and a plate that is not thin."""
-        if self.depth is not None and self.depth > min(self.length, self.width) / 10.0:
+        depth, side = self.bending.depth, min(self.length, self.width)
+        if depth is not None and depth > side / 10.0:
             yield (
-                f"the plate is {self.depth:g} m thick and {min(self.length, self.width):g} m wide: thin-plate theory "
-                "(no shear) is doubtful when the thickness is more than a tenth of the shorter side"
+                f"the plate is {depth:g} m thick and {side:g} m wide: thin-plate theory (no shear) "
+                "is doubtful when the thickness is more than a tenth of the shorter side"
             )
         if highest_hz <= 0.0:
             return
         omega = 2.0 * math.pi * highest_hz
         for name, size, elements, stiffness in (
-            ("x", self.length, self.elements[0], self.rigidity.dx),
-            ("y", self.width, self.elements[1], self.rigidity.dy),
+            ("x", self.length, self.elements[0], self.bending.rigidity.dx),
+            ("y", self.width, self.elements[1], self.bending.rigidity.dy),
         ):
-            wavelength = 2.0 * math.pi * (stiffness / self.surface_mass / omega**2) ** 0.25
+            wavelength = 2.0 * math.pi * (stiffness / self.bending.mass_per_area / omega**2) ** 0.25
             per_wave = wavelength / (size / elements)
             if per_wave < 6.0:
                 yield (
                     f"{path_text((*where, 'elements'))}[{'xy'.index(name)}] = {elements} gives {per_wave:.1f} elements "
                     f"a bending wavelength along {name} at {highest_hz:g} Hz: use 6 or more"
                 )
-
-
-class Rigidity(Schema):
-    """Bending stiffnesses per width of an orthotropic plate whose principal axes are x and y.
-
-    Moments per width are Mx = dx w_xx + d1 w_yy, My = d1 w_xx + dy w_yy and Mxy = 2 dxy w_xy with d1 = nu dy.
-    """
-
-    dx: q.PlateStiffness
-    """Bending stiffness per width that resists curvature along x."""
-    dy: q.PlateStiffness
-    """Bending stiffness per width that resists curvature along y."""
-    nu: q.PoissonsRatio = 0.0
-    """Poisson's ratio nu_xy: contraction along y over the stretch along x; nu_yx = nu dy / dx."""
-    dxy_: q.PlateStiffness | None = Field(default=None, alias="dxy")
-    """Twisting stiffness, D (1 - nu) / 2 where isotropic; by default that of the geometric mean of dx and dy."""
-
-    def check(self) -> None:
-        """Reject stiffnesses without a positive energy."""
-        if self.nu**2 * self.dy >= self.dx:
-            raise fail(
-                f"= {self.nu:g} is too large: nu^2 dy must be less than dx for a positive strain energy",
-                f"give at most {math.sqrt(self.dx / self.dy):.4g}; nu_xy belongs to a stretch along x",
-                ("nu",),
-            )
-
-    @property
-    def d1(self) -> float:
-        """Coupling stiffness of the two curvatures, N m."""
-        return self.nu * self.dy
-
-    @property
-    def dxy(self) -> float:
-        """Twisting stiffness, N m."""
-        if self.dxy_ is not None:
-            return self.dxy_
-        return math.sqrt(self.dx * self.dy) * (1.0 - self.nu * math.sqrt(self.dy / self.dx)) / 2.0
 
 
 class Plate(PlateBody):
@@ -366,25 +363,11 @@ class Plate(PlateBody):
             )
 
     @property
-    def rigidity(self) -> Rigidity:
-        """D = E h^3 / (12 (1 - nu^2)) in both directions."""
-        d = self.youngs_modulus * self.thickness**3 / (12.0 * (1.0 - self.poissons_ratio**2))
-        return Rigidity(dx=d, dy=d, nu=self.poissons_ratio)
-
-    @property
-    def surface_mass(self) -> float:
-        """Mass per area, kg/m^2."""
-        return self.density * self.thickness
-
-    @property
-    def stress_per_moment(self) -> float:
-        """6 / h^2, Pa per N."""
-        return 6.0 / self.thickness**2
-
-    @property
-    def depth(self) -> float:
-        """Thickness, m."""
-        return self.thickness
+    def bending(self) -> PlateBending:
+        """D = E h^3 / (12 (1 - nu^2)) in both directions; the stress 6 / h^2 for a unit moment per width."""
+        h = self.thickness
+        d = self.youngs_modulus * h**3 / (12.0 * (1.0 - self.poissons_ratio**2))
+        return PlateBending(Rigidity(dx=d, dy=d, nu=self.poissons_ratio), self.density * h, 6.0 / h**2, h)
 
 
 class StiffnessPlate(PlateBody):
@@ -400,24 +383,10 @@ class StiffnessPlate(PlateBody):
     """Thickness from surface to surface, for strains there and for pictures; none by default."""
 
     @property
-    def rigidity(self) -> Rigidity:
-        """The stiffnesses as they are given."""
-        return self.bending_stiffness
-
-    @property
-    def surface_mass(self) -> float:
-        """Mass per area, kg/m^2."""
-        return self.mass_per_area
-
-    @property
-    def stress_per_moment(self) -> float | None:
-        """The inverse of the section modulus, Pa per N."""
-        return None if self.section_modulus is None else 1.0 / self.section_modulus
-
-    @property
-    def depth(self) -> float | None:
-        """Thickness, m, where it is given."""
-        return self.thickness
+    def bending(self) -> PlateBending:
+        """As they are given; the stress is the inverse of the section modulus."""
+        stress = None if self.section_modulus is None else 1.0 / self.section_modulus
+        return PlateBending(self.bending_stiffness, self.mass_per_area, stress, self.thickness)
 
 
 def plate_by_stiffness(value: Any) -> bool:

@@ -92,15 +92,48 @@ def example_of(key: str, unit: str) -> str | None:
 NUMBER_WITH_UNIT: JsonSchemaValue = {"type": "string", "pattern": r"^\s*[+-]?(\d|\.\d)"}
 
 
-@dataclass(frozen=True)
-class Quantity(FieldType):
-    """A number in SI units, or a string with a unit."""
+@dataclass(frozen=True, kw_only=True)
+class Bounded(FieldType):
+    """A number with bounds."""
 
-    dimension: Dimension
     minimum: float | None = None
     above: float | None = None
     maximum: float | None = None
     below: float | None = None
+
+    def bounded(self, number: float) -> float:
+        """Check the bounds."""
+        low = self.above if self.minimum is None else self.minimum
+        high = self.below if self.maximum is None else self.maximum
+        inside = (low is None or number > low or number == self.minimum) and (
+            high is None or number < high or number == self.maximum
+        )
+        if inside:
+            return number + 0.0  # -0.0 becomes 0.0
+        if high is None:
+            said = f"{low:g} or more" if self.above is None else f"above {low:g}"
+            said = {"0 or more": "not be negative", "above 0": "be positive"}.get(said, f"be {said}")
+        elif self.above is None:
+            said = f"be from {low:g} to {high:g}"
+        else:
+            said = f"be above {low:g} and {'at most' if self.below is None else 'below'} {high:g}"
+        raise UnitError(f"must {said}", f"write for example {self.example}")
+
+    @property
+    def bounds_schema(self) -> JsonSchemaValue:
+        """The number with its bounds for the JSON Schema."""
+        bounds = {
+            "minimum": self.minimum, "exclusiveMinimum": self.above, "maximum": self.maximum,
+            "exclusiveMaximum": self.below,
+        }  # fmt: skip
+        return {"type": "number"} | {name: bound for name, bound in bounds.items() if bound is not None}
+
+
+@dataclass(frozen=True)
+class Quantity(Bounded):
+    """A number in SI units, or a string with a unit."""
+
+    dimension: Dimension
 
     @property
     def example(self) -> str:
@@ -119,32 +152,11 @@ class Quantity(FieldType):
             number = units.read_quantity(value, self.dimension)
         return self.bounded(number)
 
-    def bounded(self, number: float) -> float:
-        """Check the bounds."""
-        low, high = (a if a is not None else b for a, b in ((self.minimum, self.above), (self.maximum, self.below)))
-        above = low is None or (number > low if self.minimum is None else number >= low)
-        inside = above and (high is None or (number < high if self.maximum is None else number <= high))
-        if not inside:
-            said = f"must be {low:g} or more" if self.above is None else f"must be above {low:g}"
-            if high is not None:
-                said = (
-                    f"must be from {low:g} to {high:g}"
-                    if self.below is None
-                    else f"must be between {low:g} and {high:g}"
-                )
-            elif low == 0.0:
-                said = "must not be negative" if self.above is None else "must be positive"
-            raise UnitError(said, f"write for example {self.dimension.example}")
-        return number + 0.0  # -0.0 becomes 0.0
-
     def json_schema(self) -> JsonSchemaValue:
         """Return number-or-string, with the SI unit under ``x-unit``."""
-        bounds = {
-            "minimum": self.minimum, "exclusiveMinimum": self.above, "maximum": self.maximum,
-            "exclusiveMaximum": self.below,
+        schema: JsonSchemaValue = {
+            "anyOf": [self.bounds_schema, NUMBER_WITH_UNIT], "examples": [self.dimension.example]
         }  # fmt: skip
-        number = {"type": "number"} | {name: bound for name, bound in bounds.items() if bound is not None}
-        schema: JsonSchemaValue = {"anyOf": [number, NUMBER_WITH_UNIT], "examples": [self.dimension.example]}
         if self.dimension.unit:
             schema["x-unit"] = self.dimension.unit
         return schema
@@ -168,7 +180,7 @@ class PositionType(Quantity):
     @property
     def absolute(self) -> FieldType:
         """A length."""
-        return Quantity(self.dimension, self.minimum)
+        return Quantity(self.dimension, minimum=self.minimum)
 
     def read(self, value: Any) -> Any:
         """Return the SI number, or the share."""
@@ -233,32 +245,24 @@ def amplitude_unit(quantity: str) -> str:
 
 
 @dataclass(frozen=True)
-class LevelType(FieldType):
+class LevelType(Bounded):
     """A number in a unit of one of several quantities, by default those of an excitation."""
 
     quantities: tuple[tuple[str, Dimension], ...] = tuple(LEVEL_DIMENSIONS.items())
     example: str = "2 g"
     examples: tuple[str, ...] = ("2 g", "0.1 N", "0.1 mm")
-    above: float | None = None
-    minimum: float | None = None
 
     def read(self, value: Any) -> LevelValue:
         """Return the SI number with the quantity it is."""
         if isinstance(value, LevelValue):
             return value
         number, dimension = units.read_level(value, tuple(dict.fromkeys(each for _, each in self.quantities)))
-        remedy = f"write for example {self.examples[0]}"
-        if self.above is not None and not number > self.above:
-            raise UnitError("must be positive", remedy)
-        if self.minimum is not None and not number >= self.minimum:
-            raise UnitError("must not be negative", remedy)
-        return LevelValue(number + 0.0, next((name for name, known in self.quantities if known is dimension), None))
+        of = next((name for name, known in self.quantities if known is dimension), None)
+        return LevelValue(self.bounded(number), of)
 
     def json_schema(self) -> JsonSchemaValue:
         """Return number-or-string."""
-        bounds = {"minimum": self.minimum, "exclusiveMinimum": self.above}
-        number = {"type": "number"} | {name: bound for name, bound in bounds.items() if bound is not None}
-        return {"anyOf": [number, NUMBER_WITH_UNIT], "examples": list(self.examples)}
+        return {"anyOf": [self.bounds_schema, NUMBER_WITH_UNIT], "examples": list(self.examples)}
 
 
 @dataclass(frozen=True)
@@ -382,6 +386,23 @@ class TextType(FieldType):
         return {"type": "string", "minLength": 1} if self.name else {"type": "string"}
 
 
+@dataclass(frozen=True)
+class UnitType(TextType):
+    """A unit of a quantity."""
+
+    of: Dimension = units.NUMBER
+    example: str = ""
+
+    def read(self, value: Any) -> str:
+        """Return the text of the unit."""
+        unit = super().read(value)
+        try:
+            units.size_of(unit, self.of)
+        except UnitError as error:
+            raise UnitError(f"is no unit of it: {error.message}", f"write for example {self.example}") from None
+        return unit
+
+
 class FileType(TextType):
     """Name of a file, relative to the folder of the scenario."""
 
@@ -456,6 +477,7 @@ Energy = Annotated[float, _positive(units.ENERGY)]
 Gravity = Annotated[float, Quantity(replace(units.ACCELERATION, example="1 g"))]
 GravityVector = tuple[Gravity, Gravity, Gravity]
 Level = Annotated[float, LevelType()]
+PositiveLevel = Annotated[float, LevelType(above=0.0)]
 SweepRate = Annotated[Rate, RateType()]
 NotNegativeWhole = Annotated[int, Whole(0)]
 SpectralDensity = Annotated[

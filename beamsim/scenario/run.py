@@ -11,12 +11,11 @@ from pydantic import Field
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Variants, fail
-from beamsim.scenario.driven import FrequencyRange
+from beamsim.scenario.excitation import FrequencyRange
 from beamsim.scenario.limits import Stress
 from beamsim.scenario.output import AnyOutput
 from beamsim.scenario.place import PlacedForce
 
-LEAST_QUALITY = 0.5  # of an oscillator: critical damping
 MOST_OSCILLATORS = 10_000
 MOST_PERIODS = 2_000_000  # of the highest oscillator in a run: several panels each are kept
 MOST_FILTERED = 100_000_000  # periods of a low-pass's frequency in a run: hours
@@ -140,8 +139,7 @@ class SpectrumSettings(Schema):
         for index, frequency in enumerate(self.frequencies):
             if frequency in self.frequencies[:index]:
                 raise fail(f"= {frequency:g} Hz is given twice", "remove one of them", ("frequencies", index))
-        if self.last is not None and self.periods is not None:
-            raise fail("and last exclude each other", "keep one of the two", ("periods",))
+        self.exclude("periods", "last")
 
 
 class ShockSpectrumSettings(FrequencyRange):
@@ -150,8 +148,8 @@ class ShockSpectrumSettings(FrequencyRange):
     changing: ClassVar[str] = "spectrum"
     suitable: ClassVar[str] = "give a range, from 10 Hz to 2 kHz"
 
-    quality: q.PositiveNumber = 10.0
-    """Quality factor Q = 1 / (2 damping ratio) of the oscillators."""
+    quality: Annotated[float, q.Quantity(replace(units.NUMBER, example="10"), above=0.5)] = 10.0
+    """Quality factor Q = 1 / (2 damping ratio) of the oscillators, above that of critical damping."""
     per_octave: q.Count = 12
     """Oscillators per octave."""
 
@@ -160,12 +158,6 @@ class ShockSpectrumSettings(FrequencyRange):
         super().check()
         if self.from_ > self.to:
             raise fail(f"= {self.to:g} Hz lies below from = {self.from_:g} Hz", "exchange the two", ("to",))
-        if self.quality <= LEAST_QUALITY:
-            raise fail(
-                f"= {self.quality:g} leaves the oscillator without oscillation (damping ratio of 1 or more)",
-                "give more than 0.5; 10 (a damping ratio of 5 %) is usual",
-                ("quality",),
-            )
         if (oscillators := self.per_octave * log2(self.to / self.from_)) > MOST_OSCILLATORS:
             raise fail(
                 f"= {self.per_octave} makes {oscillators:.3g} oscillators (at most {MOST_OSCILLATORS})",
@@ -242,5 +234,4 @@ class Reduction(Schema):
 
     def check(self) -> None:
         """Reject two rules."""
-        if self.modes is not None and self.highest_frequency is not None:
-            raise fail("and modes exclude each other", "keep one of the two", ("highest_frequency",))
+        self.exclude("highest_frequency", "modes")

@@ -9,7 +9,7 @@ from typing import Any, Self
 from pydantic_core import PydanticCustomError
 
 from beamsim.errors import ScenarioError
-from beamsim.scenario.base import plain, problem, walk
+from beamsim.scenario.base import plain, refused, walk
 from beamsim.scenario.checks import problems
 from beamsim.scenario.input_files import Record, SolvedFiles, records_of
 from beamsim.scenario.parts import ScenarioParts
@@ -43,8 +43,7 @@ class Scenario(ScenarioParts):
             try:
                 part.check()
             except PydanticCustomError as error:
-                context = error.context or {}
-                raise ScenarioError(problem((*path, *context["at"]), context["message"], context["remedy"])) from None
+                raise ScenarioError(refused(error, path)) from None
         return self
 
     @property

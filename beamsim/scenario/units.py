@@ -313,6 +313,19 @@ def read_quantity(value: object, dimension: Dimension) -> float:
     return _physical(_scaled(number, size, remedy), dimension, remedy)
 
 
+def size_of(unit: str, dimension: Dimension) -> float:
+    """SI value of one unit.
+
+    Raises
+    ------
+    UnitError
+        If it is no unit of the dimension.
+    """
+    if not unit.strip():
+        raise UnitError("it is empty", "")
+    return _scaled(1.0, _size(unit.strip(), dimension), "")
+
+
 def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float, Dimension | None]:
     """Return the SI value and which of the dimensions its unit has (``None`` for a bare number)."""
     remedy = "write for example " + " or ".join(dimension.example for dimension in dimensions)

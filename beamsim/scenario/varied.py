@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pydantic_core import PydanticCustomError
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import Path, fail, path_text
+from beamsim.scenario.base import Path, fail, refused
 from beamsim.scenario.designs import (
     LatinHypercube,
     ListedParameter,
@@ -23,7 +23,7 @@ from beamsim.scenario.designs import (
     Vary,
     Zipped,
 )
-from beamsim.scenario.parameters import choices_at, field_type_at, find_parameters, value_at
+from beamsim.scenario.parameters import choices_at, field_type_at, find_parameters, read_as, value_at
 from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.units import RATIO, UnitError, read_level, read_quantity
 
@@ -77,8 +77,7 @@ def drawn_parameters(scenario: ScenarioParts, draws: Mapping[str, list[Any]]) ->
         try:
             parameters.append(_drawn_parameter(scenario, path, values))
         except PydanticCustomError as error:
-            context = error.context or {}
-            problems.append(Problem(f"draws[{path!r}]", context["message"], context["remedy"]))
+            problems.append(replace(refused(error, ()), path=f"draws[{path!r}]"))
             continue
         others = (taken.setdefault(place, path) for place in parameters[-1].places)
         if other := next((name for name in others if name != path), None):
@@ -194,11 +193,7 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
 
 
 def _places(scenario: ScenarioParts, path: str, at: Path) -> list[Path]:
-    try:
-        places = find_parameters(scenario, path, (q.Rate,))
-    except PydanticCustomError as error:
-        context = error.context or {}
-        raise fail(context["message"], context["remedy"], at) from None
+    places = find_parameters(scenario, path, (q.Rate,), at)
     for place in places:
         if place[0] in _SECTIONS:
             raise fail(f"= {path} has no effect on a case", "vary a number of the structure or the excitation", at)
@@ -213,34 +208,18 @@ def _takes_words(scenario: ScenarioParts, place: Path) -> bool:
 
 
 def _read(scenario: ScenarioParts, place: Path, value: Value, at: Path) -> Value:
-    """Read a value as the field at a place does."""
-    choices = choices_at(scenario, place)
-    if choices:
-        if value not in choices:
-            raise fail(f"= {value} is not one of {', '.join(choices)}", "choose one of these", at)
-        return value
-    field = field_type_at(scenario, place)
-    if field is None:
-        if isinstance(value, str):
-            raise fail(f"= {value} must be a number", f"write the SI value for {path_text(place)}", at)
-        return float(value)
-    try:
-        number = field.read(value)
-    except UnitError as error:
-        shown = f"{value:.12g}" if isinstance(value, float) else value
-        raise fail(f"= {shown} {error.message} (as {path_text(place)})", error.remedy, at) from None
-    if isinstance(number, q.LevelValue):
+    """Read a value as the field at a place does; a level must be of the quantity there."""
+    read: Any = read_as(scenario, place, value, at)
+    if isinstance(read, q.LevelValue):
         quantity = _quantity(scenario, place)
-        if number.quantity not in (None, quantity):
+        if read.quantity not in (None, quantity):
             raise fail(
-                f"= {value} is given in a unit of {number.quantity}, and the level there is of {quantity}",
+                f"= {value} is given in a unit of {read.quantity}, and the level there is of {quantity}",
                 f"give it in a unit of {quantity}" if quantity != q.FACTOR else "give a plain number: 0.5",
                 at,
             )
-        return float(number)
-    if isinstance(number, q.Rate):
-        return str(number)
-    return number if isinstance(number, (int, float, str)) else float(number)
+        return float(read)
+    return str(read) if isinstance(read, q.Rate) else read
 
 
 def _deviation(scenario: ScenarioParts, place: Path, tolerance: Value, nominal: float) -> float:

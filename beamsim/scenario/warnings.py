@@ -7,10 +7,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from beamsim.scenario.base import Path, path_text, walk
+from beamsim.scenario.contact import SnubberRatioDamping
 from beamsim.scenario.damping import ModalDamping
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.excitation import Shock
-from beamsim.scenario.joint import points_apart
+from beamsim.scenario.joint import placed
 from beamsim.scenario.parts import MANY_SAMPLES, ScenarioParts
 from beamsim.scenario.place import Sited
 
@@ -20,11 +21,10 @@ def doubts(scenario: ScenarioParts) -> Iterator[str]:
     highest_hz = max(scenario.excitation.frequencies_hz, default=0.0)
     for name, body in scenario.all_bodies.items():
         yield from body.doubts(scenario.body_path(name), highest_hz)
-    for name, body in scenario.all_bodies.items():
-        yield from _damping(path_text(scenario.body_path(name)), body.damping)
+    yield from _damping(scenario)
     yield from _snubbers(scenario)
     yield from _point_forces(scenario)
-    for apart in points_apart(scenario.joints, scenario.all_bodies, scenario.default_body):
+    for apart in placed(scenario.joints, scenario.all_bodies, scenario.default_body).apart:
         yield (
             f"joints[{apart.index}] joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before it "
             f"place {apart.through}: it acts as if they were together; check its positions"
@@ -61,11 +61,13 @@ def large_deflections(scenario: ScenarioParts, peaks: Mapping[str, float]) -> li
     ]
 
 
-def _damping(where: str, damping: Any) -> Iterator[str]:
-    if isinstance(damping, ModalDamping):
-        ratios = damping.ratio if isinstance(damping.ratio, tuple) else (damping.ratio,)
-        if max(ratios) >= 1.0:
-            yield f"{where}.damping.ratio = {max(ratios):g} is critical or above; was {max(ratios):g} % meant?"
+def _damping(scenario: ScenarioParts) -> Iterator[str]:
+    """Overdamped modes and snubbers."""
+    for path, part in walk(scenario):
+        if isinstance(part, ModalDamping | SnubberRatioDamping):
+            ratio = max(part.ratio) if isinstance(part.ratio, tuple) else part.ratio
+            if ratio >= 1.0:
+                yield f"{path_text(path)}.ratio = {ratio:g} is critical or above; was {ratio:g} % meant?"
 
 
 def _point_forces(scenario: ScenarioParts) -> Iterator[str]:
@@ -89,11 +91,8 @@ def _point_forces(scenario: ScenarioParts) -> Iterator[str]:
 
 
 def _snubbers(scenario: ScenarioParts) -> Iterator[str]:
-    """Gaps larger than the structure they are at, and overdamped snubbers."""
+    """Gaps larger than the structure they are at."""
     for path, body, snubber, _ in scenario.located_snubbers:
-        ratio = getattr(snubber.damping, "ratio", 0.0)
-        if ratio >= 1.0:
-            yield f"{path_text(path)}.damping.ratio = {ratio:g} is critical or above; was {ratio:g} % meant?"
         bodies = [scenario.all_bodies.get(place.body or body) for place in snubber.places]
         largest = min((b.largest_gap for b in bodies if b is not None), default=math.inf)
         if snubber.gap is not None and abs(snubber.gap) > largest:

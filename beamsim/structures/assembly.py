@@ -12,7 +12,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import path_text, walk
 from beamsim.scenario.distributed import DistributedLoad
-from beamsim.scenario.joint import body_origins
+from beamsim.scenario.joint import placed
 from beamsim.structures.chain import linear_stiffness
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.file_summary import FileSummary
@@ -44,7 +44,8 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
         One part, or several side by side.
     """
     couplings = couplings_of(scenario)
-    sections, origins = scenario.all_bodies, body_origins(scenario.joints, scenario.all_bodies, scenario.default_body)
+    sections = scenario.all_bodies
+    origins = placed(scenario.joints, sections, scenario.default_body).of_first_group
     parts: list[Structure] = []
     for group in _groups(list(sections), couplings):
         if names is not None and not set(names) & set(group):

@@ -90,7 +90,7 @@ class BeamStructure(BeamModel):
 
     def unit_stiffness(self, site: Site) -> float:
         """E I / L^3, N/m, with the largest E I."""
-        return self.section.bending_stiffness / self.section.length**3
+        return self.section.bending.bending_stiffness / self.section.length**3
 
     def reassembled(self, section: BeamBody) -> BeamStructure:
         """The beam with other numbers on the same mesh."""
@@ -190,11 +190,13 @@ def assemble_beam(
     if mesh is None:
         hard = [*beam.mass_positions, *beam.node_positions, *nodes]
         mesh = build_mesh(beam.elements, [x / length for x in hard], bounds.tolist())
-    mass_scale = beam.mass_per_length * length
-    stiffness_scale = beam.bending_stiffness / length**3
+    mass_scale = beam.bending.mass_per_length * length
+    stiffness_scale = beam.bending.bending_stiffness / length**3
     stretch_of = np.searchsorted(bounds, mesh.nodes[:-1] + mesh.lengths / 2) - 1
-    bending = np.array([stretch.bending_stiffness / beam.bending_stiffness for stretch in stretches])[stretch_of]
-    line_mass = np.array([stretch.mass_per_length / beam.mass_per_length for stretch in stretches])[stretch_of]
+    bending = np.array([stretch.bending_stiffness / beam.bending.bending_stiffness for stretch in stretches])[
+        stretch_of
+    ]
+    line_mass = np.array([stretch.mass_per_length / beam.bending.mass_per_length for stretch in stretches])[stretch_of]
 
     factor = mesh.square_rows(2, 2) * np.repeat(np.sqrt(bending), 2)[:, None]
     deflected = mesh.square_rows(0, 4)
@@ -234,7 +236,7 @@ def _drag(beam: BeamBody, deflected: Any, at_ends: Any) -> Any:
 
 def point_mass_rows(mesh: Mesh, beam: BeamBody) -> Any:
     """(c, all dofs) sparse rows whose products are the scaled point masses and their rotary inertias."""
-    mass_scale = beam.mass_per_length * beam.length
+    mass_scale = beam.bending.mass_per_length * beam.length
     at = np.array(beam.mass_positions) / beam.length
     mass, rotary = (np.array([getattr(m, of) for m in beam.point_masses]) for of in ("mass", "rotary_inertia"))
     turning = mesh.rows(at, 1) * (np.sqrt(rotary / mass_scale) / beam.length)[:, None]

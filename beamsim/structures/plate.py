@@ -106,7 +106,7 @@ class PlateStructure(PlateModel):
 
     def unit_stiffness(self, site: Site) -> float:
         """sqrt(Dx Dy) / (L W), N/m."""
-        rigidity = self.section.rigidity
+        rigidity = self.section.bending.rigidity
         return float(np.sqrt(rigidity.dx * rigidity.dy) / (self.section.length * self.section.width))
 
     def largest_deflection(self, field: Floats) -> float:
@@ -174,9 +174,9 @@ def assemble_plate(
     """
     size = np.array([plate.length, plate.width])
     mesh = _mesh(plate, nodes) if mesh is None else mesh
-    d = plate.rigidity
+    d = plate.bending.rigidity
     stiffness_scale = max(d.dx * plate.width / plate.length**3, d.dy * plate.length / plate.width**3)
-    mass_scale = plate.surface_mass * plate.length * plate.width
+    mass_scale = plate.bending.mass_per_area * plate.length * plate.width
 
     def rows(x: tuple[int, int], y: tuple[int, int]) -> Any:
         return kron(mesh.x.square_rows(*x), mesh.y.square_rows(*y), format="csr")
@@ -211,7 +211,7 @@ def assemble_plate(
 
 def _energy_coefficients(plate: PlateBody, stiffness_scale: float) -> tuple[float, float, float, float]:
     """Factors of w_xx^2, w_yy^2, 2 w_xx w_yy and w_xy^2 in the scaled energy, derivatives by x / L and y / W."""
-    d, length, width = plate.rigidity, plate.length, plate.width
+    d, length, width = plate.bending.rigidity, plate.length, plate.width
     physical = (
         d.dx * width / length**3,
         d.dy * length / width**3,

@@ -64,7 +64,7 @@ class PlateModel(MeshedBody, ABC):
         if base is not None:
             inertia = whole.base_load(base)[0]
             remainder = basis.left_out(inertia, moment, moments(static_deflections(whole, inertia[:, None]))[:, 0])
-        per_moment = plate.stress_per_moment
+        per_moment = plate.bending.stress_per_moment
         points = self.mesh.node_points * (plate.length, plate.width)
         return Recovery(
             body=self.name,
@@ -82,11 +82,11 @@ class PlateModel(MeshedBody, ABC):
 
 def _strains_per_moments(plate: PlateBody) -> Floats | None:
     """(3, 3) strains h/2 w_xx, h/2 w_yy and h w_xy of the lower surface for a unit of Mx, My, Mxy, 1/N."""
-    if plate.depth is None:
+    if plate.bending.depth is None:
         return None
-    d = plate.rigidity
+    d = plate.bending.rigidity
     stiffness = np.array([[d.dx, d.d1, 0.0], [d.d1, d.dy, 0.0], [0.0, 0.0, d.dxy]])
-    return np.asarray(plate.depth / 2 * np.linalg.inv(stiffness))
+    return np.asarray(plate.bending.depth / 2 * np.linalg.inv(stiffness))
 
 
 def _moved(structure: PlateModel, basis: ReducedBasis) -> Floats:
@@ -108,7 +108,7 @@ def _moved(structure: PlateModel, basis: ReducedBasis) -> Floats:
 def moment_operator(structure: PlateModel) -> Any:
     """(3 nodes, size) rows of Mx, then My, then Mxy per width at the nodes, N for a metre of each dof."""
     plate, (x, y) = structure.section, (structure.mesh.x, structure.mesh.y)
-    d, length, width = plate.rigidity, plate.length, plate.width
+    d, length, width = plate.bending.rigidity, plate.length, plate.width
     xx = kron(_second_derivatives(x), y.rows(y.nodes), format="csr") / length**2
     yy = kron(x.rows(x.nodes), _second_derivatives(y), format="csr") / width**2
     xy = kron(x.rows(x.nodes, 1), y.rows(y.nodes, 1), format="csr") / (length * width)

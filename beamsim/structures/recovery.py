@@ -74,7 +74,7 @@ class BeamModel(MeshedBody, ABC):
             axis=ALONG,
             position=x * length,
             deflection=self.mesh.rows(x) @ self.whole_field(member.field(basis.vectors)) * scale,
-            bending_moment=moment * (scale * beam.bending_stiffness / length**2),
+            bending_moment=moment * (scale * beam.bending.bending_stiffness / length**2),
             stress_per_moment=_per_moment(self, x, lambda bending: bending.stress_per_moment),
             strain_per_moment=_per_moment(self, x, _strain_per_moment),
             base_moment=-remainder * (member.whole.mass_scale * length * member.stiffness_ratio),

@@ -18,7 +18,7 @@ from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, by_dimension
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import counted, path_text
-from beamsim.scenario.snubber import MeasuredForces, check_points
+from beamsim.scenario.contact import MeasuredForces, check_points
 from beamsim.typing import Floats
 
 _DIMENSIONS = {"length": units.LENGTH, "force": units.FORCE, "time": units.TIME}

@@ -77,7 +77,7 @@ def test_of_a_study():
 @pytest.mark.parametrize(
     ("limits", "words"),
     [
-        ({"wal": 1.0}, "limits.outputs.wal is no output; did you mean wall?"),
+        ({"wal": 1.0}, "limits.outputs.wal = wal is an unknown output; did you mean wall?"),
         ({"wall": "2 MPa"}, "limits.outputs.wall is in Pa, and the output is a reaction force; write 1.5 N"),
         ({"wall": "1 mol"}, "not a quantity in mol; write for example 2 mm"),
         ({"wall": -1.0}, "must be positive"),

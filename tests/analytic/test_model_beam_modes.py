@@ -67,14 +67,16 @@ def test_first_three_frequencies_of_every_pair_of_supports(left, right, f, rigid
 def test_physical_frequency_of_a_cantilever():
     beam = make()
     model = assemble_beam(beam)
-    expected = 1.8751040687119611**2 * np.sqrt(beam.bending_stiffness / (beam.mass_per_length * beam.length**4))
+    expected = 1.8751040687119611**2 * np.sqrt(
+        beam.bending.bending_stiffness / (beam.bending.mass_per_length * beam.length**4)
+    )
     assert natural_modes(model).omega[0] * model.frequency_scale == pytest.approx(expected, rel=1e-7)
 
 
 @pytest.mark.parametrize("ratio", [0.05, 1.0, 10.0])
 def test_cantilever_with_a_tip_mass(ratio):
     beam = make()
-    mass = ratio * beam.mass_per_length * beam.length
+    mass = ratio * beam.bending.mass_per_length * beam.length
     model = assemble_beam(make(point_masses=[{"position": 2.0, "mass": mass}]))
 
     def f(b):
@@ -88,7 +90,7 @@ def test_pinned_beam_with_a_mass_off_every_node():
     # Rayleigh quotient in the sine basis, independent of the elements: M_ij = delta/2 + mu sin sin.
     place, ratio, terms = 0.3137, 0.4, 400
     beam = make("pinned", "pinned", 40)
-    mass = ratio * beam.mass_per_length * beam.length
+    mass = ratio * beam.bending.mass_per_length * beam.length
     model = assemble_beam(make("pinned", "pinned", 40, point_masses=[{"position": 2.0 * place, "mass": mass}]))
     n = np.arange(1, terms + 1)
     s = np.sin(n * np.pi * place)

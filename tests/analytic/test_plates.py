@@ -45,7 +45,7 @@ def parameters(section: Any, count: int) -> np.ndarray:
     structure = assemble_plate(section)
     modes = natural_modes(structure, count=count + structure.rigid.shape[1])
     omega = modes.omega[structure.rigid.shape[1] :][:count] * structure.frequency_scale
-    return np.asarray(omega * section.length**2 * np.sqrt(section.surface_mass / section.rigidity.dx))
+    return np.asarray(omega * section.length**2 * np.sqrt(section.bending.mass_per_area / section.bending.rigidity.dx))
 
 
 def stiffener(start: tuple[float, float], end: tuple[float, float], **given: float) -> Stiffener:
@@ -206,14 +206,14 @@ def test_point_supports_take_rigid_body_modes() -> None:
 def _uniform_pressure(structure: PlateStructure, pressure: float) -> np.ndarray:
     """(N,) deflection, m: the inertia load of a unit acceleration is that of a pressure m a."""
     unit = static_deflections(structure, structure.base_load(UPWARDS)[0][:, None])[:, 0] / structure.frequency_scale**2
-    return np.asarray(unit * pressure / structure.section.surface_mass)
+    return np.asarray(unit * pressure / structure.section.bending.mass_per_area)
 
 
 @pytest.mark.parametrize("width", [1.0, 1.5])
 def test_pinned_plate_under_pressure_against_navier(width: float) -> None:
     """Deflection and moments at the centre (Timoshenko and Woinowsky-Krieger, articles 29 and 30)."""
     structure = assemble_plate(plate("SSSS", (12, 12), width=width))
-    d, nu, m = structure.section.rigidity.dx, 0.3, np.arange(1, 400, 2)
+    d, nu, m = structure.section.bending.rigidity.dx, 0.3, np.arange(1, 400, 2)
     x, y = (m * np.pi)[:, None], (m * np.pi / width)[None, :]
     sign = np.outer((-1.0) ** ((m - 1) // 2), (-1.0) ** ((m - 1) // 2))
     w = 16 * sign / (np.pi**2 * np.outer(m, m) * (x**2 + y**2) ** 2)
@@ -233,7 +233,7 @@ def test_moments_of_a_strip_under_pressure_are_exact() -> None:
     moments = (moment_operator(structure) @ field).reshape(3, -1)
     np.testing.assert_allclose(moments[0], exact, atol=1e-9)
     np.testing.assert_allclose(moments[1:], 0.0, atol=1e-9)
-    plain = structure.mesh.rows(structure.mesh.node_points, (2, 0)) @ field * structure.section.rigidity.dx
+    plain = structure.mesh.rows(structure.mesh.node_points, (2, 0)) @ field * structure.section.bending.rigidity.dx
     assert np.abs(plain - exact).max() > 1e-3
 
 

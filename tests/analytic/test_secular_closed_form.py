@@ -55,7 +55,7 @@ def test_the_highest_mode_of_a_chain_has_no_upper_limit():
 def test_cantilever_with_a_spring_at_its_tip():
     """beta^3 (1 + cosh cos) = -(k L^3 / E I) (cosh sin - sinh cos), the textbook's frequency equation."""
     scenario = beam()
-    flexural = scenario.beam.bending_stiffness
+    flexural = scenario.beam.bending.bending_stiffness
     ratio = 12.0
     point = snubber_point(scenario, "stop")
 
@@ -63,10 +63,10 @@ def test_cantilever_with_a_spring_at_its_tip():
         return b**3 * (1 + np.cosh(b) * np.cos(b)) + ratio * (np.cosh(b) * np.sin(b) - np.sinh(b) * np.cos(b))
 
     betas = [brentq(equation, 1.9, 3.8), brentq(equation, 4.0, 6.5)]
-    omega = np.square(betas) * np.sqrt(flexural / scenario.beam.mass_per_length)
+    omega = np.square(betas) * np.sqrt(flexural / scenario.beam.bending.mass_per_length)
     assert point.frequencies(ratio * flexural, 2) == pytest.approx(omega, rel=1e-6)
     assert point.stiffness(omega) == pytest.approx(ratio * flexural, rel=1e-5)
-    pinned = np.square([3.9266023, 7.0685827]) * np.sqrt(flexural / scenario.beam.mass_per_length)
+    pinned = np.square([3.9266023, 7.0685827]) * np.sqrt(flexural / scenario.beam.bending.mass_per_length)
     assert point.pinned(2) == pytest.approx(pinned, rel=1e-5)
 
 

@@ -151,7 +151,7 @@ def test_samples_of_a_time_stepped_run_agree_and_coarse_ones_warn():
         ({"from": 100, "to": 100}, "run.srs.to = 100 Hz equals the start of the spectrum"),
         (
             {"from": 10, "to": 100, "quality": 0.5},
-            "run.srs.quality = 0.5 leaves the oscillator without oscillation (damping ratio of 1 or more)",
+            "run.srs.quality = 0.5 must be above 0.5",
         ),
         # an internal error, or hours
         ({"from": 1e-20, "to": 1e20}, "run.srs.to = 1e+20 Hz has"),

@@ -111,7 +111,7 @@ def test_json_has_the_fixed_names(here):
         ("sweep.orders=[0.37]", "is not an order"),
         ("sweep.rate=1e-9 oct/min", "cycles"),
         ("sweep.rate=1e9 oct/min", "more slowly"),
-        ("sweep.tolerance=1e-30", "cannot be guaranteed"),
+        ("sweep.tolerance=1e-30", "must be from 1e-13 to 0.001"),
         ("sweep.profile=[{frequency: 1, level: 1}, {frequency: 0.5, level: 1}]", "does not lie above"),
         ("sweep.notches=[{from: 2, to: 1, level: 1}]", "does not lie above"),
         ("sweep.history_rate=1e9", "samples"),

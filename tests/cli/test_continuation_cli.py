@@ -204,7 +204,7 @@ def test_a_study_of_continuations(tmp_path):
         (BEAM, "sweep={kind: continuation, continue_in: {kind: gap, snubber: tpi, from: 0, to: 1 mm}}", "mean tip?"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: position, from: 0.1, to: 0.3}}", "beyond beam.length"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: position, from: 0, to: 0.2}}", "cannot deflect"),
-        (BEAM, "sweep={kind: continuation, continue_in: {kind: level, from: 0 g, to: 2 g}}", "excites nothing"),
+        (BEAM, "sweep={kind: continuation, continue_in: {kind: level, from: 0 g, to: 2 g}}", "must be positive"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: level, from: 1 N, to: 2 N}}", "a unit of force"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: stiffness, from: 0, to: 1}}", "must be positive"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: colour}}", "is not one of frequency, level, gap"),

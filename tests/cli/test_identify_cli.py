@@ -73,7 +73,7 @@ def test_a_loop_that_jumps_ends_with_3_and_keeps_what_it_has(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("  measured_with: [448 Hz, 196.5 Hz]\n", "are they swapped"),
+        ("  measured_with: [448 Hz, 196.5 Hz]\n", "swapped"),
         ("  measured_with: [1234.6]\n", "rad/s"),
         ("  measured_with: [0.1965]\n", "kHz"),
         ("  measured_with: [51 Hz]\n", "52.394 Hz to 236.061 Hz"),

@@ -169,7 +169,7 @@ def test_point_force_on_a_chain():
     [
         ({"excitation": {"kind": "none"}}, "nnm.phase_resonance", "give excitation: {kind: harmonic"),
         ({"nnm.phase_resonance.levels": ["5 N"]}, "nnm.phase_resonance.levels[0]", "in the unit of excitation.level"),
-        ({"nnm.phase_resonance.levels": [0.0]}, "nnm.phase_resonance.levels[0]", "positive levels"),
+        ({"nnm.phase_resonance.levels": [0.0]}, "nnm.phase_resonance.levels[0]", "must be positive"),
         ({"nnm.phase_resonance.span": 0.9}, "nnm.phase_resonance.span", "10 %"),
         ({"snubbers[0].mounted_on": "ground"}, "snubbers[0].mounted_on", "mount it on the base"),
         *slow_after(0, [

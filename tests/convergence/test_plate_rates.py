@@ -29,7 +29,7 @@ def finite_elements(edges: str, elements: int, count: int, grading: float = 1.0)
     structure = assemble_plate(section)
     rigid = structure.rigid.shape[1]
     omega = natural_modes(structure, count=count + rigid).omega[rigid:][:count] * structure.frequency_scale
-    return np.asarray(omega * np.sqrt(section.surface_mass / section.rigidity.dx))
+    return np.asarray(omega * np.sqrt(section.bending.mass_per_area / section.bending.rigidity.dx))
 
 
 def ritz(edges: str, count: int, degree: int = 22) -> np.ndarray:

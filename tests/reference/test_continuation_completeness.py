@@ -285,7 +285,7 @@ def test_one_branch_does_not_spend_the_points_of_all():
     ("change", "text"),
     [
         (sweep_of(60, 70, "points_at: [80]"), "sweep.points_at[0] = 80 lies outside the range"),
-        (sweep_of(60, 70, "stored_harmonics: 900"), "sweep.stored_harmonics = 900 is too many"),
+        (sweep_of(60, 70, "stored_harmonics: 900"), "sweep.stored_harmonics = 900 is out of range"),
         (
             "sweep={kind: continuation, points_at: [1], continue_in: {kind: level, from: 1, to: 2}}",
             "give points_at there",

@@ -11,7 +11,7 @@ from beamsim.analyses.continuation.paths import FollowedParameter
 from beamsim.orbits.branch import BranchPoint, recorded
 from beamsim.orbits.continuation import Settings
 from beamsim.outcomes import Outcome, OutcomeCode
-from beamsim.scenario.continuation import Continuation
+from beamsim.scenario.sweep import Continuation
 
 pytestmark = pytest.mark.quick
 

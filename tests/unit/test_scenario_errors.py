@@ -288,9 +288,9 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("sweep={kind: continuation, from: 5, to: 9, levels: [1 N]}", "sweep.levels[0] is given in a unit of force"),
         (
             "identify_stiffness={snubber: tp, measured_with: [3]}",
-            "identify_stiffness.snubber = tp is not the name of a snubber; did you mean tip?",
+            "identify_stiffness.snubber = tp is an unknown snubber; did you mean tip?",
         ),
-        ("identify_stiffness={snubber: tip, measured_with: [3, 2]}", "measured_with[1] = 2 Hz is not above"),
+        ("identify_stiffness={snubber: tip, measured_with: [3, 2]}", "measured_with[1] = 2 Hz does not lie above"),
         (
             "identify_stiffness={snubber: tip, measured_with: [3], fit_to: [2]}",
             "fit_to[0] = 2, but measured_with has 1",

@@ -73,11 +73,11 @@ def test_one_sided():
 
 def test_beam_properties():
     beam = load_scenario(EXAMPLES / "one_sided_65hz.yaml").beam
-    assert beam.area == pytest.approx(2.5e-4)
-    assert beam.second_moment == pytest.approx(0.05 * 0.005**3 / 12)
-    assert beam.extreme_fibre == pytest.approx(0.0025)
-    assert beam.bending_stiffness == pytest.approx(69e9 * 0.05 * 0.005**3 / 12)
-    assert beam.mass_per_length == pytest.approx(0.675)
+    assert beam.cross_section.area == pytest.approx(2.5e-4)
+    assert beam.cross_section.second_moment == pytest.approx(0.05 * 0.005**3 / 12)
+    assert beam.cross_section.extreme_fibre == pytest.approx(0.0025)
+    assert beam.bending.bending_stiffness == pytest.approx(69e9 * 0.05 * 0.005**3 / 12)
+    assert beam.bending.mass_per_length == pytest.approx(0.675)
 
 
 def test_extending_files_change_only_what_they_say():

@@ -41,8 +41,8 @@ from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, Special
 from beamsim.orbits.shooting import STABLE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
 from beamsim.scenario import Scenario
-from beamsim.scenario.continuation import Continuation, HarmonicBalance
 from beamsim.scenario.limits import OF_OUTPUTS
+from beamsim.scenario.sweep import Continuation, HarmonicBalance
 from beamsim.system.channels import ChannelSet
 from beamsim.typing import Floats, Ints
 

@@ -22,8 +22,8 @@ from beamsim.orbits.expansions.forced import ResonantForcing, SteadyMotion
 from beamsim.orbits.expansions.free import observed_orders, weakened
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.scenario import Scenario
-from beamsim.scenario.continuation import Continuation, FrequencyPath
 from beamsim.scenario.excitation import Forces, Harmonic
+from beamsim.scenario.sweep import Continuation, FrequencyPath
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats

@@ -11,8 +11,7 @@ from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.scenario import Scenario
-from beamsim.scenario.continuation import Continuation
-from beamsim.scenario.sweep import SweptSine
+from beamsim.scenario.sweep import Continuation, SweptSine
 
 
 def swept_overlay(

@@ -22,10 +22,10 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.analysis_checks import snubber_index
-from beamsim.scenario.continuation import Continuation, PositionPath, SnubberPath
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.quantities import FACTOR
 from beamsim.scenario.quantities import level_unit as unit_of
+from beamsim.scenario.sweep import Continuation, PositionPath, SnubberPath
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point

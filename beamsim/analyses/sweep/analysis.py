@@ -35,8 +35,7 @@ from beamsim.interrupts import never
 from beamsim.outcomes import Outcome, OutcomeCode, combined
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic
-from beamsim.scenario.limits import OF_OUTPUTS
-from beamsim.scenario.notching import BASE_FORCE, base_force_of
+from beamsim.scenario.limits import BASE_FORCE, OF_OUTPUTS
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
 from beamsim.system.structural import ModeTable, StructuralSystem
@@ -104,7 +103,7 @@ def sweep(
                 report,
                 limited,
                 stop,
-                base_force_of(scenario) or BASE_FORCE.name,
+                scenario.base_force or BASE_FORCE.name,
             )
         else:
             from beamsim.analyses.sweep.stepped import step_level

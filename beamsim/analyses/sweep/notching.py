@@ -17,7 +17,7 @@ from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile, power_of
 from beamsim.interrupts import never
 from beamsim.outcomes import Outcome, OutcomeCode
-from beamsim.scenario.notching import BASE_FORCE, LimitedQuantity, base_force_of, limited_quantity
+from beamsim.scenario.limits import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
 from beamsim.typing import Floats
@@ -41,7 +41,7 @@ class Limited:
 def with_limited_outputs(scenario: Scenario) -> Scenario:
     """The scenario with the force of its base among the outputs, where a limit needs it."""
     limits = scenario.sweep.notch_to if isinstance(scenario.sweep, SweptSine) else None
-    if limits and "base.force" in limits and base_force_of(scenario) is None:
+    if limits and "base.force" in limits and scenario.base_force is None:
         return scenario.model_copy(update={"outputs": (*scenario.outputs, BASE_FORCE)})
     return scenario
 

@@ -1,16 +1,19 @@
-"""One-sided elastic stops ("snubbers") on a beam, on the masses of a chain and between them."""
+"""One-sided elastic stops ("snubbers") and dry friction, at places of bodies and between them."""
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, Path, Schema, counted, fail
-from beamsim.scenario.place import BetweenPlaces, Named, Sited, TwoPlaces
-from beamsim.scenario.spring import Maxwell
+from beamsim.scenario import units
+from beamsim.scenario.base import BY_FORM, Path, Schema, counted, demand_rising, fail
+from beamsim.scenario.joint import Maxwell
+from beamsim.scenario.place import AtPlace, BetweenPlaces, Named, Sited, TwoPlaces
+from beamsim.scenario.quantities import Force, PositiveForce, PositiveNumber, Quantity, Ratio, Stiffness
 
 ForcePoint = tuple[q.Gap, q.Force]
 """Deflection and force."""
@@ -59,13 +62,14 @@ def check_points(points: ForcePoints, at: Path = ()) -> None:
         )
     if points[0] != (0.0, 0.0):
         raise fail(f"starts at {points[0][0]:g} m, {points[0][1]:g} N instead of zero", _START, (*at, 0))
-    for index, ((x, force), (next_x, next_force)) in enumerate(pairwise(points), start=1):
-        if not next_x > x:
-            remedy = "list the points by increasing deflection, each once; give measured loops with fit: {segments: 5}"
-            raise fail(f"= {next_x:g} m does not lie above the one before, {x:g} m", remedy, (*at, index, 0))
-        if next_force < force:
+    demand_rising(
+        (x for x, _ in points), "m", lambda k: (*at, k, 0),
+        "list the points by increasing deflection, each once; give measured loops with fit: {segments: 5}",
+    )  # fmt: skip
+    for index, ((_, force), (_, following)) in enumerate(pairwise(points), start=1):
+        if following < force:
             remedy = "a stop whose force falls is not modelled; where it is noise, add fit: {segments: 5}"
-            raise fail(f"= {next_force:g} N falls below the one before, {force:g} N", remedy, (*at, index, 1))
+            raise fail(f"= {following:g} N falls below the one before, {force:g} N", remedy, (*at, index, 1))
     if points[-1][1] == 0.0:
         raise fail("has no force at all", "give the force at the largest deflection", (*at, len(points) - 1, 1))
 
@@ -120,8 +124,6 @@ class Hardening(Schema):
 class SnubberBase(Named):
     """Common part of all snubbers; N = k delta + c delta' while in contact."""
 
-    name: q.Name = ""
-    """Name, unique; snubber_1, snubber_2, ... by default."""
     stiffness: q.Stiffness | None = None
     """Stiffness while in contact; this or force_deflection is needed."""
     force_deflection: ForceDeflection | None = None
@@ -149,28 +151,22 @@ class SnubberBase(Named):
         if self.maxwell and self.law != "no_tension":
             remedy = "write law: no_tension, or leave law out: a pad that pulls has no face that recovers"
             raise fail(f"= {self.law} does not go with maxwell", remedy, ("law",))
-        if self.preload is not None and self.gap_ is not None:
-            raise fail(
-                "and gap exclude each other", "keep one of the two; the gap follows from the preload", ("preload",)
-            )
+        self.exclude("preload", "gap", remedy="keep one of the two; the gap follows from the preload")
 
     def _check_force(self) -> None:
         if self.force_deflection is None:
             if self.stiffness is None:
                 raise fail("is missing", "give for example stiffness: 151.1 kN/m, or force_deflection", ("stiffness",))
             return
-        if self.stiffness is not None:
-            raise fail("and stiffness exclude each other", "keep one of the two", ("force_deflection",))
+        self.exclude("force_deflection", "stiffness")
         if isinstance(self.force_deflection, tuple):
             check_points(self.force_deflection, ("force_deflection",))
 
     def _check_hardening(self) -> None:
         if self.hardening is None:
             return
-        for key, given in (("force_deflection", self.force_deflection), ("maxwell", self.maxwell)):
-            if given:
-                remedy = "leave one of the two out: a stop that yields has one stiffness before and one after"
-                raise fail(f"and {key} exclude each other", remedy, ("hardening",))
+        remedy = "leave one of the two out: a stop that yields has one stiffness before and one after"
+        self.exclude("hardening", "force_deflection", "maxwell", remedy=remedy)
         if self.stiffness is not None and self.hardening.stiffness >= self.stiffness:
             raise fail(
                 f"= {self.hardening.stiffness:g} N/m is not below the snubber's stiffness, {self.stiffness:g} N/m",
@@ -230,3 +226,124 @@ class LinkSnubber(BetweenPlaces, SnubberBase):
 
 
 AnySnubber = Annotated[Snubber | LinkSnubber, BY_FORM]
+
+
+WearRate = Annotated[float, Quantity(units.WEAR_RATE, above=0.0)]
+
+
+class FrictionCoefficients(Schema):
+    """Friction force over normal force."""
+
+    static: PositiveNumber
+    """Coefficient up to which the contact sticks."""
+    sliding: Ratio
+    """Coefficient while it slides; not above the static one."""
+
+    def check(self) -> None:
+        """Demand an order."""
+        if self.sliding > self.static:
+            raise fail(
+                f"= {self.sliding:g} is above static = {self.static:g}", "exchange them, or give one coefficient",
+                ("sliding",),
+            )  # fmt: skip
+
+
+class SnubberForce(Schema):
+    """The force of a snubber, which varies with the motion and is zero where the snubber is open."""
+
+    snubber: str
+    """Name of the snubber."""
+
+
+class FrictionBase(Named):
+    """Common part of all friction contacts: |T| = coefficient times normal force at most."""
+
+    kind: ClassVar[str] = "friction"
+
+    normal_force: Annotated[PositiveForce | SnubberForce, BY_FORM]
+    """Force that presses the faces together: a constant one, or {snubber: NAME}, that of a snubber."""
+    coefficient: Annotated[
+        PositiveNumber | FrictionCoefficients,
+        BY_FORM,
+    ]
+    """Friction force over normal force: one number, or {static: 0.3, sliding: 0.2}."""
+    stiffness: Stiffness | None = None
+    """Tangential stiffness of the contact while it sticks; by default it does not move at all."""
+    start: Annotated[Literal["unstressed"] | Force, BY_FORM] = "unstressed"
+    """Friction force at the start of a motion, which the past decides: unstressed, or a force that resists a positive
+    displacement. Static equilibrium is that under this force."""
+    wear_rate: WearRate | None = None
+    """Volume worn per normal force and sliding distance (Archard); unknown by default."""
+
+    @property
+    def pressed_by(self) -> str | None:
+        """Name of the snubber whose force presses; None where the force is constant."""
+        return self.normal_force.snubber if isinstance(self.normal_force, SnubberForce) else None
+
+    @property
+    def constant_force(self) -> float:
+        """The constant normal force, N; nan where it is that of a snubber."""
+        return math.nan if isinstance(self.normal_force, SnubberForce) else self.normal_force
+
+    @property
+    def static_coefficient(self) -> float:
+        """Friction force over normal force up to which it sticks."""
+        return self.coefficient.static if isinstance(self.coefficient, FrictionCoefficients) else self.coefficient
+
+    @property
+    def sliding_coefficient(self) -> float:
+        """Friction force over normal force while it slides."""
+        return self.coefficient.sliding if isinstance(self.coefficient, FrictionCoefficients) else self.coefficient
+
+    @property
+    def static_force(self) -> float:
+        """Largest friction force while it sticks, N; nan where the normal force is that of a snubber."""
+        return self.constant_force * self.static_coefficient
+
+    @property
+    def sliding_force(self) -> float:
+        """Friction force while it slides, N, likewise."""
+        return self.constant_force * self.sliding_coefficient
+
+    @property
+    def start_force(self) -> float:
+        """Friction force at the start of a motion, N."""
+        return 0.0 if isinstance(self.start, str) else self.start
+
+    def check(self) -> None:
+        """Demand a force at the start that sticks."""
+        super().check()
+        if self.pressed_by is not None:
+            if self.start != "unstressed":
+                raise fail(
+                    "does not go with the normal force of a snubber, which may be open at the start",
+                    "leave start out", ("start",),
+                )  # fmt: skip
+        elif abs(self.start_force) >= self.static_force:
+            limit = "coefficient times normal_force"
+            raise fail(
+                f"= {self.start_force:g} N is not held: the contact sticks below {limit} = {self.static_force:g} N",
+                "give a smaller force, or unstressed", ("start",),
+            )  # fmt: skip
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """The place, or both places."""
+        raise NotImplementedError
+
+
+class FrictionAtPlace(Sited, FrictionBase):
+    """Dry friction at a place, which rubs on the base or the ground in the direction of its displacement."""
+
+    mounted_on: Literal["base", "ground"] = "base"
+    """Base: what it rubs on moves with the base excitation; ground: fixed."""
+
+
+class FrictionBetween(BetweenPlaces, FrictionBase):
+    """Dry friction between places of two bodies or of one."""
+
+    between: TwoPlaces
+    """The two places; the friction force of a positive stretch holds the second back."""
+
+
+AnyFriction = Annotated[FrictionAtPlace | FrictionBetween, BY_FORM]
