@@ -109,7 +109,10 @@ def test_the_share_of_the_base_is_that_of_its_direction(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"outputs": [{"name": "a", "row": "tipp"}]}, r"run.outputs\[0\].row = tipp is an unknown row .* did you mean tip\?"),
+        (
+            {"outputs": [{"name": "a", "row": "tipp"}]},
+            r"run.outputs\[0\].row = tipp is an unknown row .* did you mean tip\?",
+        ),
         (
             {"names": ["tip", "root"]},
             "recovery has 1 rows and 27 columns, but 2 rows are named and there are 27",

@@ -183,7 +183,10 @@ def test_a_beam_by_its_stiffness_moves_like_one_by_its_section():
         ("bodies.inner.kind=plate", "bodies.inner"),
         ("bodies.inner.length=-1", "bodies.inner.length = -1 must be positive"),
         ("run.start={displacement: [0, 0, 1]}", "start gives one shape, and there are 2 bodies; name the body: start:"),
-        ("run.start={bodies: {iner: {velocity: [0, 0, 1]}}}", "run.start.bodies.iner = iner is an unknown body; did you mean"),
+        (
+            "run.start={bodies: {iner: {velocity: [0, 0, 1]}}}",
+            "run.start.bodies.iner = iner is an unknown body; did you mean",
+        ),
         (
             "run.start={bodies: {inner: {velocity: [1]}}}",
             "run.start.bodies.inner.velocity = [1] has the deflection vel",
