@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from beamsim.errors import Problem
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, fail, path_text, problem, refused, suggestion, unknown
+from beamsim.scenario.base import Path, fail, path_parts, path_text, problem, refused, suggestion, unknown
 from beamsim.scenario.body import Located
 from beamsim.scenario.designs import Sobol, Vary, Zipped
 from beamsim.scenario.excitation import Excitation, Forces, Harmonic, sine_problems
@@ -22,7 +22,6 @@ from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.place import MovedSupport
 from beamsim.scenario.quantities import FACTOR, meant
 from beamsim.scenario.sweep import Continuation, HarmonicBalance, LevelPath, PositionPath, SnubberPath
-from beamsim.scenario.tree import path_parts
 from beamsim.scenario.varied import (
     VariedParameter,
     case_count,

@@ -29,6 +29,7 @@ LONGEST_VALUE = 60  # characters of a value in a message
 
 _KEY = r"[A-Za-z_](?:[\w -]*[\w-])?"
 _ITEM = r"\[(?:\*|\w(?:[\w .+-]*[\w+-])?)\]"
+_NAME = re.compile(_KEY)
 _PATH = re.compile(rf"[A-Za-z_][\w-]*(?:{_ITEM})*(?:\.{_KEY}(?:{_ITEM})*)*")
 _PATH_PART = re.compile(rf"({_KEY})|({_ITEM})")
 
@@ -50,14 +51,17 @@ def path_parts(path: str) -> list[str | int]:
 
 
 def path_text(path: Path) -> str:
-    """Write a path as the user would.
+    """Write a path as the user would; `path_parts` reads it back.
 
     >>> path_text(("snubbers", 0, "position"))
     'snubbers[0].position'
+    >>> path_text(("bodies", "1.5 m", "length"))
+    'bodies[1.5 m].length'
     """
     text = ""
     for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+        in_brackets = isinstance(part, int) or (text and not _NAME.fullmatch(part))
+        text += f"[{part}]" if in_brackets else f".{part}" if text else str(part)
     return text
 
 

@@ -68,30 +68,28 @@ def _bodies(scenario: ScenarioParts) -> Problems:
 
 
 def _directions(scenario: ScenarioParts) -> Problems:
-    """The base and gravity move points of every body; where several turn, joints must say how they lie."""
-    excitation, gravity, bodies = scenario.excitation, scenario.gravity, scenario.all_bodies
-    asked: list[tuple[Path, str]] = []
-    direction = getattr(excitation, "direction", None)
+    """The base and gravity move points of every body."""
+    direction, gravity = getattr(scenario.excitation, "direction", None), scenario.gravity
     if direction is not None:
-        asked.append((("excitation", "direction"), direction))
-    if isinstance(gravity, tuple):
-        asked += [(("gravity", i), "xyz"[i]) for i in range(3) if gravity[i] != 0]
-    for path, axis in asked:
-        for name, body in bodies.items():
-            if axis not in body.base_directions:
-                yield problem(
-                    path, f"= {axis} moves no point of {name}, a {body.body_kind}" if path[0] == "excitation"
-                    else f"acts along {axis}, in which no point of {name}, a {body.body_kind}, moves",
-                    f"use {' or '.join(filter(None, body.base_directions))}",
-                )  # fmt: skip
-    if direction is not None and direction.startswith("r") and len(bodies) > 1:
-        known = placed(scenario.joints, bodies, scenario.default_body).of_first_group
-        if bodies.keys() - known.keys():
-            yield problem(
-                ("excitation", "direction"),
-                f"= {direction} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",
-                "join them by points of beams, or model them as one body",
-            )
+        yield from _base_moves(scenario, ("excitation", "direction"), direction, f"= {direction}")
+    for k, axis in enumerate("xyz" if isinstance(gravity, tuple) else ""):
+        if gravity[k] != 0:  # type: ignore[index]
+            yield from _base_moves(scenario, ("gravity", k), axis, f"acts along {axis}, which")
+
+
+def _base_moves(scenario: ScenarioParts, at: Path, direction: str, what: str) -> Problems:
+    """A motion of the base must move points of every body; where it turns several, joints must say how they lie."""
+    bodies = scenario.all_bodies
+    for name, body in bodies.items():
+        if direction not in body.base_directions:
+            remedy = f"use {' or '.join(filter(None, body.base_directions))}"
+            yield problem(at, f"{what} moves no point of {name}, a {body.body_kind}", remedy)
+    known = placed(scenario.joints, bodies, scenario.default_body).of_first_group
+    if direction.startswith("r") and len(bodies) > 1 and bodies.keys() - known.keys():
+        yield problem(
+            at, f"{what} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",
+            "join them by points of beams, or model them as one body",
+        )  # fmt: skip
 
 
 def _places(scenario: ScenarioParts) -> Problems:
@@ -308,27 +306,11 @@ def _reaction_output(scenario: ScenarioParts, at: Path, output: ReactionOutput) 
     elif output.body is not None:
         yield problem((*at, "body"), "belongs to a support; the base holds all bodies", "leave it out")
     elif output.kind == "reaction_moment" or output.direction is not None:
-        yield from _base_output(scenario, at, output)
+        direction = output.direction or ("ry" if output.kind == "reaction_moment" else "z")
+        yield from _base_moves(scenario, (*at, "direction"), direction, f"= {direction}")
     if output.direction is not None and (len(output.direction) == 2) != (output.kind == "reaction_moment"):
         yield problem((*at, "direction"), f"= {output.direction} is none of a {output.kind.replace('_', ' ')}",
                        "forces have x, y and z, moments rx, ry and rz")  # fmt: skip
-
-
-def _base_output(scenario: ScenarioParts, at: Path, output: ReactionOutput) -> Problems:
-    """The base must be able to move so, and where the bodies lie be known for a moment."""
-    direction = output.direction or ("ry" if output.kind == "reaction_moment" else "z")
-    for name, body in scenario.all_bodies.items():
-        if direction not in body.base_directions:
-            yield problem(
-                (*at, "direction"), f"= {direction} moves no point of {name}, a {body.body_kind}",
-                f"use {' or '.join(filter(None, body.base_directions))}",
-            )  # fmt: skip
-    known = placed(scenario.joints, scenario.all_bodies, scenario.default_body).of_first_group
-    if direction.startswith("r") and len(scenario.all_bodies) > 1 and scenario.all_bodies.keys() - known.keys():
-        yield problem(
-            (*at, "support"), f"= base: joints do not say how {', '.join(scenario.all_bodies)} lie to one another",
-            "join them by points of beams, or ask for the moment of a support",
-        )  # fmt: skip
 
 
 def _joint_output(scenario: ScenarioParts, at: Path, output: JointOutput) -> Problems:

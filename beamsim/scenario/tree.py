@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.base import Path, path_text, single_line
+from beamsim.scenario.base import Path, path_parts, path_text, single_line
 
 MOST_CHARACTERS = 1_000_000
 """A longer document is refused: reading it would take seconds."""
@@ -65,6 +65,7 @@ def locate(root: Any, path: Path) -> Mark:
     """Return file and line of the value at a path, or of the nearest enclosing one."""
     value, mark = root, (root.mark[0], None)
     for part in path:
+        part = str(part) if isinstance(value, dict) else part
         inside = part in value if isinstance(value, dict) else isinstance(value, list) and part in range(len(value))
         if not inside:
             break
@@ -74,13 +75,8 @@ def locate(root: Any, path: Path) -> Mark:
 
 def located_problem(root: Any, problem: Problem) -> Problem:
     """Return the problem with the file and line of the value at its path."""
-    file, line = locate(root, path_parts(problem.path))
+    file, line = locate(root, tuple(path_parts(problem.path)))
     return replace(problem, file=file, line=line)
-
-
-def path_parts(path: str) -> Path:
-    """Return ``snubbers[0].gap`` as keys and indices."""
-    return tuple(int(match[2]) if match[2] else match[1] for match in re.finditer(r"([^.\[\]]+)|\[(\d+)\]", path))
 
 
 class _Loader(yaml.SafeLoader):

@@ -251,7 +251,7 @@ CHAIN = {"masses": [1.0, 1.0], "springs": [100.0, 100.0]}
         ({"excitation": {**TURN, "direction": "z", "level": "1 g", "about": 0.1}}, "about belongs to a rotation"),
         ({"excitation": {"kind": "harmonic", "applied_to": {"position": L}, "direction": "z", "level": 1.0,
                          "frequency": 3.0}}, "excitation.direction is the direction in which a base moves"),
-        ({"gravity": [1.0, 0, 0]}, "gravity[0] acts along x, in which no point of beam, a beam, moves"),
+        ({"gravity": [1.0, 0, 0]}, "gravity[0] acts along x, which moves no point of beam, a beam"),
         ({"beam": None, "chain": CHAIN, "probes": None}, "excitation.direction = ry moves no point of chain"),
     ],
 )  # fmt: skip
