@@ -10,12 +10,13 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path as FilePath
 from typing import Any
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.base import Path, path_parts, path_text, single_line, suggestion
+from beamsim.scenario.base import Path, counted, path_parts, path_text, single_line, suggestion
 from beamsim.scenario.place import DEFAULT_NAMES
 from beamsim.scenario.tree import NOWHERE, WrittenList, WrittenMapping, from_python, parse
 
@@ -169,11 +170,11 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
     written: set[Path] = set()
     for path, value in sorted(ready, key=lambda item: not item[0].endswith(".kind")):
         try:
-            for parts in _places(root, path):
-                written.add(parts)
-                _set(root, path, parts, copy.deepcopy(value), written)
+            for place in _places(root, path):
+                written.add(place)
+                _with(root, place, value, (), written)
         except ScenarioError as error:
-            problems += error.problems
+            problems += [replace(each, path=path) for each in error.problems]
     if problems:
         raise ScenarioError(problems)
     return root
@@ -191,34 +192,38 @@ def _split(override: str) -> tuple[str, Any]:
     return path.strip(), from_python(value)
 
 
+def _missing(message: str, remedy: str = _EXAMPLE) -> ScenarioError:
+    """That the place of an override does not exist; its path is for the caller to add."""
+    return ScenarioError(Problem("", f"does not exist: {message}", remedy))
+
+
 def _places(root: WrittenMapping, path: str) -> list[Path]:
     """The places that a path means, in keys and indices: names of items and ``[*]`` resolved."""
     parts = path_parts(path)
     if not parts:
-        raise ScenarioError(Problem("", f"the override {single_line(path)} is not a path", _EXAMPLE))
+        raise ScenarioError(Problem("", "is not a path of an override", _EXAMPLE))
     places: list[tuple[Path, Any]] = [((), root)]
     for part in parts:
-        places = [place for walked, items in places for place in _step(walked, items, part, path)]
+        places = [place for walked, items in places for place in _step(walked, items, part)]
     return [walked for walked, _ in places]
 
 
-def _step(walked: Path, items: Any, part: str | int, path: str) -> Iterator[tuple[Path, Any]]:
+def _step(walked: Path, items: Any, part: str | int) -> Iterator[tuple[Path, Any]]:
     """One part of a path further; the value is None where the path leads to what is not there yet."""
     if part == "*":
         if not isinstance(items, list) or not items:
-            what = "is empty" if items == [] else "is not a list"
-            raise ScenarioError(Problem(path, f"does not exist: {path_text(walked)} {what}", _EXAMPLE))
+            raise _missing(f"{path_text(walked)} {'is empty' if items == [] else 'is not a list'}")
         yield from (((*walked, k), item) for k, item in enumerate(items))
         return
     if isinstance(items, list) and isinstance(part, str):
-        part = _index_of(items, part, walked, path)
+        part = _index_of(items, part, walked)
     inside = items.get(part) if isinstance(items, dict) else None
     if isinstance(items, list) and isinstance(part, int) and part < len(items):
         inside = items[part]
     yield (*walked, part), inside
 
 
-def _index_of(items: list[Any], name: str, walked: Path, path: str) -> int:
+def _index_of(items: list[Any], name: str, walked: Path) -> int:
     """Index of the item with a name, given or by default."""
     prefix = DEFAULT_NAMES.get(str(walked[-1]), "")
     names = [f"{prefix}_{k}" if prefix else "" for k in range(1, len(items) + 1)]
@@ -227,56 +232,45 @@ def _index_of(items: list[Any], name: str, walked: Path, path: str) -> int:
             names[k] = str(item["name"])
     if name in names:
         return names.index(name)
-    where = path_text(walked)
-    given_names = [known for known in names if known]
-    key = any(isinstance(item, dict) and name in item for item in items)
-    if key or not given_names:
+    where, given_names = path_text(walked), [known for known in names if known]
+    if not given_names or any(isinstance(item, dict) and name in item for item in items):
         index = f"{where}[0].{name}" if items else f"{where} as a whole list"
-        raise ScenarioError(Problem(path, f"does not exist: {where} is a list", f"name the item, for example {index}"))
-    remedy = suggestion(name, given_names, "the names are")
-    raise ScenarioError(Problem(path, f"does not exist: {where} has no item called {name}", remedy))
+        raise _missing(f"{where} is a list", f"name the item, for example {index}")
+    raise _missing(f"{where} has no item called {name}", suggestion(name, given_names, "the names are"))
 
 
-def _set(root: WrittenMapping, path: str, parts: Path, value: Any, written: Collection[Path]) -> None:
-    """Write a value at a place; what other overrides wrote there stays, see `ALTERNATIVES`."""
-    owner: Any = root
-    for depth, part in enumerate(parts):
-        walked, following = path_text(parts[:depth]), parts[depth + 1] if depth + 1 < len(parts) else None
-        if isinstance(part, int):
-            _demand_item(owner, part, walked, path)
-        else:
-            _demand_keys(owner, part, walked, path, isinstance(following, int))
-        only_kind = following == "kind" and depth + 2 == len(parts)
-        if following is None or only_kind:  # merging a mapping that holds only the kind knows what to do
-            new = from_python({"kind": value}) if only_kind else value
-            if isinstance(part, str) and new is not None and not only_kind:
-                _drop_alternatives(owner, {part}, {name for name in owner if (*parts[:-1], name) in written})
-            owner[part] = merge(owner[part], new, str(part))
-            owner.marks.pop(part, None)
-            return
-        inside = owner[part]
-        if isinstance(following, str) and not isinstance(inside, dict) and (inside is None or part in REPLACED_WHOLE):
-            owner[part] = inside = WrittenMapping({})
-            owner.marks.pop(part, None)
-        owner = inside
+def _with(base: Any, parts: Path, value: Any, walked: Path, written: Collection[Path]) -> Any:
+    """What stands at a place with a value further inside; what other overrides wrote there stays, see `ALTERNATIVES`.
 
-
-def _demand_item(items: Any, index: int, walked: str, path: str) -> None:
-    if not isinstance(items, WrittenList):
-        raise ScenarioError(Problem(path, f"does not exist: {walked} is not a list", _EXAMPLE))
-    count = len(items)
-    if index >= count:
-        last = f"the last one is {walked}[{count - 1}]" if count else "give the whole list"
-        raise ScenarioError(Problem(path, f"does not exist: {walked} has {count} item{'s' * (count != 1)}", last))
-
-
-def _demand_keys(owner: Any, key: str, walked: str, path: str, list_follows: bool) -> None:
-    """Demand a mapping, and create the key in it."""
-    if not isinstance(owner, WrittenMapping):
-        message = f"does not exist: {walked} is {single_line(owner)}, without keys"
-        raise ScenarioError(Problem(path, message, f"replace {walked} whole"))
-    if key not in owner:
-        if list_follows:
-            where = f"{walked}.{key}" if walked else key
-            raise ScenarioError(Problem(path, f"does not exist: there is no {where}", f"give {where} as a whole list"))
-        owner[key] = None
+    Parameters
+    ----------
+    base : what stands there, which is changed; None for nothing.
+    parts : of the path, from there to the value.
+    value : to be merged into what stands at its place.
+    walked : where ``base`` stands.
+    written : the places of this and of earlier overrides.
+    """
+    only_kind = parts == ("kind",) and bool(walked)  # merging a mapping that holds only the kind knows what to do
+    if not parts or only_kind:
+        return merge(base, from_python({"kind": value}) if only_kind else copy.deepcopy(value), str(walked[-1]))
+    part, rest, where = parts[0], parts[1:], path_text(walked)
+    if isinstance(part, int):
+        if base is None:
+            raise _missing(f"there is no {where}", f"give {where} as a whole list")
+        if not isinstance(base, WrittenList):
+            raise _missing(f"{where} is not a list")
+        if part >= len(base):
+            last = f"the last one is {where}[{len(base) - 1}]" if base else "give the whole list"
+            raise _missing(f"{where} has {counted(len(base), 'item')}", last)
+        base[part] = _with(base[part], rest, value, (*walked, part), written)
+    else:
+        if base is None or (not isinstance(base, dict) and walked[-1] in REPLACED_WHOLE):
+            base = WrittenMapping({})
+        if not isinstance(base, WrittenMapping):
+            raise _missing(f"{where} is {single_line(base)}, without keys", f"replace {where} whole")
+        if not rest and value is not None:
+            _drop_alternatives(base, {part}, {name for name in base if (*walked, name) in written})
+        base[part] = _with(base.get(part), rest, value, (*walked, part), written)
+    if rest in ((), ("kind",)):
+        base.marks.pop(part, None)
+    return base

@@ -102,7 +102,7 @@ def test_everything_at_once_in_the_order_of_the_file():
         ("beam.damping.ration=1", "did you mean ratio?"),
         (
             "beam.damping={kind: modal, ratio: 0,5 %}",
-            "beam.damping.5 % is not a known key; a comma separates keys: write dec",
+            "beam.damping[5 %] is not a known key; a comma separates keys: write dec",
         ),
         ("beam.damping={kind: modal, ratio:0.5}", "write a space after the colon: ratio: 0.5"),
         ("run.extends=x", "extends must be at the top level of a file"),
