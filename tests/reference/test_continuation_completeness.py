@@ -227,7 +227,7 @@ def test_bands_without_a_stable_motion_are_listed():
     assert [next(rows), next(rows)] == [("status", "complete"), ("", note.text)]
 
 
-@pytest.mark.parametrize("demanded", [False, True])
+@pytest.mark.parametrize("demanded", slow_after(1, [True, False]))
 @pytest.mark.parametrize("limit", slow_after(1, ["most_side_points: 5", "most_points: 150", "most_branches: 2"]))
 def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):
     more = "side_branches: required, " if demanded else ""

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sampling import slow_after
 
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.continuation.contact_rates import MovedContact
@@ -29,7 +30,7 @@ def followed(path, **changes):
     return continuation(load_scenario(BEAM, [f"sweep={sweep}", *(f"{k}={v}" for k, v in changes.items())]))
 
 
-@pytest.fixture(scope="module", params=PATHS)
+@pytest.fixture(scope="module", params=slow_after(2, ["gap", "position", "level", "stiffness"]))
 def case(request):
     path, key = PATHS[request.param]
     return request.param, key, followed(path)

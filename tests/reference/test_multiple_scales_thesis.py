@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sampling import slow_after
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.multiple_scales import compare_expansion, expansion_path
@@ -207,7 +206,8 @@ def test_the_pole_is_where_a_harmonic_meets_a_mode():
     assert min(abs(f * path.pole_harmonic / omega - 1) for f in met) < 1e-9
 
 
-@pytest.mark.parametrize("last", slow_after(1, [7.0, 10.0]))
+@pytest.mark.slow
+@pytest.mark.parametrize("last", [7.0, 10.0])
 def test_exact_motions_beside_an_expansion_are_those_of_the_backbone(last):
     """One mass, no gap: pi + pi / sqrt(1 + k e). Far out the expansion is near none, or near one run twice."""
     stop = {"mass": 1, "side": "above", "stiffness": 0.3, "gap": 0}

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from sampling import slow_after
 from scipy.linalg import eigh
 from scipy.special import ellipk
 
@@ -55,7 +56,7 @@ def backbone_of(make_system, omega, shape, k, mode=0, end=1.0, points=90, energy
     return orbits, backbone, list(backbone)
 
 
-@pytest.mark.parametrize("k", [1e-3, 50.0])
+@pytest.mark.parametrize("k", slow_after(1, [50.0, 1e-3]))
 def test_bilinear_oscillator(make_system, k):
     """2 w1 w2 / (w1 + w2), to 1e-12, all along the way."""
     orbits, backbone, points = backbone_of(make_system, np.array([1.0]), np.array([1.0]), k, points=20, tolerance=1e-13)
@@ -116,6 +117,7 @@ def beam_backbone(make_system):
     return backbone_of(make_system, omega[:7], tip[:7], k, points=100)
 
 
+@pytest.mark.slow  # of the fast tests tests/sameness has this mode
 def test_first_mode_of_the_beam(beam_backbone):
     """75 points or more, each converged and with most of its energy in mode 1, past its tongues."""
     orbits, backbone, points = beam_backbone
@@ -136,6 +138,7 @@ def test_first_mode_of_the_beam(beam_backbone):
     assert w.size == 7
 
 
+@pytest.mark.slow
 def test_tongues_of_the_beam(beam_backbone):
     """6:1 near epsilon = 0.005 and 5:1 near 0.07, with the second mode; each point of a tongue is a motion too."""
     _, backbone, _ = beam_backbone
@@ -150,6 +153,7 @@ def test_tongues_of_the_beam(beam_backbone):
     assert {(j.mode + 1, j.ratio) for j in backbone.jumps} >= {(2, 6), (2, 5)}
 
 
+@pytest.mark.slow
 def test_every_jump_has_its_resonance_and_its_tongue(beam_backbone):
     """Also of high order, where they cut the backbone: n times the frequency lies between the other mode's frequencies
     with the contact open and closed (a bilinear mode's does), to the detuning that a wide tongue allows."""
@@ -180,6 +184,7 @@ def test_first_mode_of_figure_3_16(make_system):
     assert orbits.orbit(points[0]).frequency_hz == pytest.approx(56.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_second_mode_of_the_beam(make_system):
     """epsilon = 0.1: the bare beam's second mode; the frequency lies within its linear bounds."""
     omega, tip, k = cantilever()
@@ -189,6 +194,7 @@ def test_second_mode_of_the_beam(make_system):
     assert orbits.orbit(points[-1]).frequency_hz == pytest.approx(354.91, rel=0.005)
 
 
+@pytest.mark.slow
 def test_motion_is_periodic_for_the_transient_solver(beam_backbone, no_forcing):
     """The end of the path, run for a period by the other solver, comes back."""
     orbits, _, points = beam_backbone

@@ -234,7 +234,8 @@ def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
 
 
 @pytest.mark.parametrize(
-    ("law", "turns"), [({"dashpot": 1.0}, "fold"), ({"dashpot": 5.0, "no_tension": True}, "nonsmooth_fold")]
+    ("law", "turns"),
+    slow_after(1, [({"dashpot": 5.0, "no_tension": True}, "nonsmooth_fold"), ({"dashpot": 1.0}, "fold")]),
 )
 def test_with_a_dashpot(flow_of, law, turns):
     """The force jumps at contact: the branch has corners at grazing and is followed through them.
