@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import Outcome
 
 
 class Codec(NamedTuple):
@@ -55,40 +55,14 @@ def as_json(null: float = math.nan) -> Codec:
 JSON = as_json()
 
 
-# beginnings of the texts in files without a code, longer ones first; anything else means stopped
-_OLD = {
-    "complete: reached": OutcomeCode.REACHED_END,
-    "complete: closed curve": OutcomeCode.CLOSED_CURVE,
-    "complete: joined another branch": OutcomeCode.JOINED_BRANCH,
-    "complete: back to period": OutcomeCode.BACK_TO_PERIOD,
-    "complete: came back": OutcomeCode.BACK_TO_BRAKE_ORBITS,
-    "complete: the energy": OutcomeCode.ENERGY_TRANSFERRED,
-    "complete": OutcomeCode.COMPLETE,
-    "converged": OutcomeCode.COMPLETE,
-    "interrupted": OutcomeCode.INTERRUPTED,
-    "not to be trusted": OutcomeCode.HARMONICS_NEGLECTED,
-    "": OutcomeCode.STOPPED,
-}
-
-
 def _outcome_attributes(_: str, outcome: Outcome) -> dict[str, str]:
     values = outcome.as_dict()
-    label = values.pop("code")
-    return {"status": outcome.text, "outcome": label, "outcome_numbers": json.dumps(values, ensure_ascii=False)}
+    code = values.pop("code")
+    return {"status": outcome.text, "outcome": code, "outcome_numbers": json.dumps(values, ensure_ascii=False)}
 
 
 def _read_outcome(_: str, attributes: Mapping[str, Any]) -> Outcome:
-    """The outcome; of an old file its text, and the code that the text implies."""
-    label = str(attributes.get("outcome", ""))
-    if label.upper() in OutcomeCode.__members__:
-        return Outcome.from_dict({"code": label, **json.loads(attributes["outcome_numbers"])})
-    return outcome_of_text(str(attributes["status"]))
-
-
-def outcome_of_text(text: str) -> Outcome:
-    """The outcome in a file without codes; an empty text means complete."""
-    code = next(code for beginning, code in _OLD.items() if text.startswith(beginning))
-    return Outcome.of(code, text=text) if text and text != COMPLETE.text else COMPLETE
+    return Outcome.from_dict({"code": str(attributes["outcome"]), **json.loads(attributes["outcome_numbers"])})
 
 
 OUTCOME = Codec(_outcome_attributes, _read_outcome)

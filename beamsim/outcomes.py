@@ -1,23 +1,22 @@
-"""How computations end: a code and its numbers, from which the text for the user is made.
+"""How computations end: a kind, a code, the numbers that belong to it, and a sentence, made where it happens.
 
-Every computation returns an `Outcome`. Programs compare its code and its kind and look up its numbers by name; nothing
+Every computation returns an `Outcome`. Programs compare its kind and its code and look up its numbers by name; nothing
 is parsed out of the text.
 
->>> outcome = Outcome.of(OutcomeCode.STEP_TOO_SMALL, parameter=51.25, unit="Hz", points=17, step=1e-6)
->>> outcome.complete, outcome.numbers["parameter"]
-(False, 51.25)
->>> outcome.message
-'stopped at 51.25 Hz after 17 points: no solution even with the smallest step of 1e-06'
+>>> sentence = "no solution even with the smallest step"
+>>> outcome = Outcome.of(OutcomeKind.STOPPED, "step_too_small", sentence, at=Place(51.25, "Hz"), points=17)
+>>> outcome.complete, outcome.numbers["points"]
+(False, 17)
+>>> outcome.text
+'stopped at 51.25 Hz: no solution even with the smallest step'
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from enum import Enum, StrEnum
-from string import Formatter
-from typing import Any, Self
+from dataclasses import asdict, dataclass, field, replace
+from enum import StrEnum
+from typing import Any, NamedTuple, Self
 
 MOST_LISTED = 6  # items of a list that are written out
 
@@ -25,319 +24,47 @@ Number = float | int | str | tuple["Number", ...]
 
 
 class OutcomeKind(StrEnum):
-    """What an outcome means for the result that carries it."""
+    """What an outcome means for the result that it belongs to."""
 
     COMPLETE = "complete"  # everything requested was computed
     NOTED = "noted"  # complete; says something about what was found
+    INCOMPLETE = "incomplete"  # something requested was not computed
     STOPPED = "stopped"  # before the end; the results up to there are valid
     UNTRUSTED = "untrusted"  # computed to the end, but the estimated error is larger than allowed
     INTERRUPTED = "interrupted"  # on request; the results up to there are valid
     FAILED = "failed"  # no result
 
 
-class OutcomeCode(Enum):
-    """How a computation ended: kind, message and remedy.
+_MISSING = (OutcomeKind.INCOMPLETE, OutcomeKind.STOPPED, OutcomeKind.FAILED, OutcomeKind.INTERRUPTED)
 
-    A name in braces stands for a number of the outcome; text in brackets is left out if its numbers are not
-    given. ``{place}`` is the number ``parameter`` with its ``name`` and ``unit``, ``{at_level}`` the number ``level``
-    with its ``level_unit``.
-    """
 
-    # complete
-    COMPLETE = OutcomeKind.COMPLETE, "", ""
-    REACHED_END = (
-        OutcomeKind.COMPLETE,
-        "reached {place}[, where mode {mode} holds {share:.0%} of the energy and mode {other} {other_share:.0%}]",
-        "",
-    )
-    CLOSED_CURVE = OutcomeKind.COMPLETE, "closed curve", ""
-    JOINED_BRANCH = OutcomeKind.COMPLETE, "joined another branch at {place}", ""
-    BACK_TO_PERIOD = OutcomeKind.COMPLETE, "back to period {multiple}", ""
-    BACK_TO_BRAKE_ORBITS = OutcomeKind.COMPLETE, "returned to brake orbits", ""
-    ENERGY_TRANSFERRED = OutcomeKind.COMPLETE, "the energy has been transferred to the other mode", ""
+class Place(NamedTuple):
+    """Where something happened: a parameter, a time, a level; also several values, and ranges as pairs."""
 
-    FIGURES_DOUBTFUL = (
-        OutcomeKind.COMPLETE,
-        "values change by more than {percent:g} % with 1.5 times the modes[ and {elements}]: {figures}",
-        "[{remedy}]",
-    )
+    value: Any
+    unit: str | None = None  # None for the parameter of a branch, whose unit the layer above knows
+    name: str = ""
 
-    MOTION_SENSITIVE = (
-        OutcomeKind.COMPLETE,
-        "the motion is so sensitive that from {time:.4g} s on it is one of many: {figures} depend on what follows[; a "
-        "change of the stiffness by 1e-9 of itself gives other contacts from {small_s:.4g} s on][, round-off from "
-        "{round_off_s:.4g} s on]",
-        "take means of a longer run (rms, contact share, run.impacts), or the spread of peaks over several cases "
-        "(vary)",
-    )
-    CONTACTS_PART = (
-        OutcomeKind.COMPLETE,
-        "the finer model, stepped in time too, has other contacts from {time:.4g} s on: {figures} depend on what "
-        "follows",
-        "lower run.rtol, keep more modes (reduction.modes), or take means of a longer run",
-    )
-
-    # a branch of periodic orbits
-    NOT_BEGUN = OutcomeKind.STOPPED, "not started", ""
-    STEP_TOO_SMALL = (
-        OutcomeKind.STOPPED,
-        "stopped[ at {place}] after {points} points: no solution even with the smallest step of {step}",
-        "try a smaller step or another starting point",
-    )
-    STICKING_JUMPS = (
-        OutcomeKind.STOPPED,
-        "stopped[ at {place}] after {points} points: where a friction contact with a static coefficient above the "
-        "sliding one begins to stick or to slide, it does so at once for a time that is not short, and the motions "
-        "beyond are not neighbours of these",
-        "follow the range beyond with a stepped sine, begin the continuation there, or give the contact one "
-        "coefficient",
-    )
-    ORBIT_NOT_FINITE = (
-        OutcomeKind.STOPPED,
-        "stopped[ at {place}] after {points} points: beyond it the motion leaves the range of floating-point numbers",
-        "check the size of the loads and stiffnesses",
-    )
-    NOT_SMOOTH = (
-        OutcomeKind.STOPPED,
-        "stopped[ at {place}]: the last {steps} steps together are shorter than the largest step of {step}; the branch "
-        "is not smooth there (grazing, or a fold close to it)",
-        "follow it from its other end, or look at the motion there with a stepped sine",
-    )
-    JUST_YIELDS = (
-        OutcomeKind.STOPPED,
-        "stopped[ at {place}]: the motion just reaches the yield force of a stop; with any larger crush it is periodic "
-        "as well, so that no single branch goes on",
-        "follow the range beyond with a stepped sine or a study of runs, where the crush is that of their past",
-    )
-    POINT_LIMIT = (
-        OutcomeKind.STOPPED,
-        "stopped[ at {place}] after {points} points, the maximum number",
-        "[raise {limit}]",
-    )
-    TIME_LIMIT = (
-        OutcomeKind.STOPPED,
-        "stopped[ at {place}] after {seconds:g} s, the maximum time",
-        "[raise {limit}]",
-    )
-    SEARCH_FAILED = (
-        OutcomeKind.STOPPED,
-        "the search for special points ({kinds}) failed in {steps} of the steps, first at {place}: some of them, and a "
-        "change of stability there, may be missing",
-        "follow a smaller range around it",
-    )
-    LEFT_RANGE = OutcomeKind.STOPPED, "stopped at {place}, a factor of {ratio:g} from where it started", ""
-    NOT_COVERED = OutcomeKind.STOPPED, "range not covered[ at {at_level}]: {ranges}[ {unit}]", ""
-    LIMITS_REACHED = (
-        OutcomeKind.STOPPED,
-        "limits on the number of points or branches were reached[ at {at_level}][; from {bifurcations} "
-        "bifurcations no branch was followed]",
-        "raise {limits}",
-    )
-    SIDE_BRANCHES_CUT = (
-        OutcomeKind.NOTED,
-        "coexisting and side branches end at limits on points, branches or time[ at {at_level}][; from "
-        "{bifurcations} bifurcations no branch was followed]",
-        "raise {limits}, or leave these branches out (sweep.side_branches: none)",
-    )
-    NOT_BRANCHED = (
-        OutcomeKind.NOTED,
-        "from {bifurcations} bifurcations no branch was followed[ at {at_level}]: {reason}",
-        "",
-    )
-    NOT_SOUGHT = (
-        OutcomeKind.NOTED,
-        "coexisting motions were not sought[ at {at_level}]: {reason}",
-        "",
-    )
-    NO_STABLE_MOTION = (
-        OutcomeKind.NOTED,
-        "no stable motion found[ at {at_level}]: {ranges}[ {unit}]",
-        "",
-    )
-    CORNER_TOO_CLOSE = OutcomeKind.STOPPED, "not started: the fold is too close to a corner of the curve", ""
-
-    # nonlinear modes
-    MODE_LOST = (
-        OutcomeKind.STOPPED,
-        "stopped[ at {place}]: the branch turns back into a tongue of internal resonance, and no motion of mode {mode} "
-        "was found beyond it[; at the last point that mode held {share:.0%} of the energy and mode {other} "
-        "{other_share:.0%}]",
-        "[{remedy}]",
-    )
-    ENDS_IN_RESONANCE = (
-        OutcomeKind.NOTED,
-        "the backbone is interrupted by an internal resonance from {place} to {beyond:.6g}[ {unit}], beyond the end of "
-        "the range",
-        "",
-    )
-    VALUES_NOT_PASSED = (
-        OutcomeKind.STOPPED,
-        "no branch passes the {quantity} {missed} {unit}, at which a point was asked for",
-        "extend the range, or ask for values that the backbone passes (summary: start, end, jumps)",
-    )
-    NO_FURTHER_MOTION = OutcomeKind.STOPPED, "stopped: no further motion in these two modes alone was found", ""
-    ENERGY_UNBOUNDED = (
-        OutcomeKind.STOPPED,
-        "stopped at {place}: the energy is {energy:.3g} J and grows without bound at nearly constant frequency (a "
-        "tongue of internal resonance)",
-        "use energy as the continuation parameter instead",
-    )
-    NO_ORBIT_BESIDE = OutcomeKind.STOPPED, "not started: no non-brake orbit was found near the brake orbit", ""
-    BRAKE_ORBIT_ITSELF = (
-        OutcomeKind.STOPPED, "not started: the orbits found are brake orbits, shifted in time", "",
-    )  # fmt: skip
-    FULL_PERIOD_DIVERGED = (
-        OutcomeKind.STOPPED,
-        "stopped[ at {place}]: Newton's method over the full period does not converge from the half-period solution",
-        "",
-    )
-    NO_DESCENT = (
-        OutcomeKind.STOPPED,
-        "relaxed minimisation stopped at {place}: its functional is {functional:.3g}, the tolerance {tolerance:g}; no "
-        "further descent was found",
-        "use more nnm.method.steps or a larger tolerance",
-    )
-    TOO_FEW_ITERATIONS = (
-        OutcomeKind.STOPPED,
-        "relaxed minimisation stopped at {place}: its functional is {functional:.3g}, the tolerance {tolerance:g}; "
-        "the limit of {iterations} iterations was reached",
-        "raise nnm.method.iterations, steps or the tolerance",
-    )
-    NO_PHASE_RESONANCE = (
-        OutcomeKind.STOPPED,
-        "no forced motion at phase resonance was found near the prediction for level {levels} {unit}: the damping is "
-        "too strong for a single harmonic force to sustain the mode, or an internal resonance is close",
-        "try another level",
-    )
-    NOTHING_NEAR_EXPANSION = (
-        OutcomeKind.STOPPED,
-        "no exact motion was found near the expansion of mode {mode}",
-        "use smaller factors, well below {reach:.3g}",
-    )
-    PARTLY_NEAR_EXPANSION = (
-        OutcomeKind.STOPPED,
-        "no exact motion was found near the expansion at the factors {factors} (tongues of internal resonance)",
-        "",
-    )
-
-    # motions in time
-    EVENT_LIMIT = (
-        OutcomeKind.STOPPED,
-        "stopped at {time:.6g} s after {events} contact events, the maximum number",
-        "[raise {limit}, or check for a chattering contact]",
-    )
-    EVALUATION_LIMIT = (
-        OutcomeKind.STOPPED,
-        "stopped at {time:.6g} s after {evaluations} evaluations of the contact gaps, before the end of the run",
-        "",
-    )
-    NOT_FINITE = (
-        OutcomeKind.STOPPED,
-        "the motion leaves the range of floating-point numbers after {time:.6g} s",
-        "check the initial motion and the size of the loads",
-    )
-    ENERGY_NOT_BALANCED = (
-        OutcomeKind.UNTRUSTED,
-        "not reliable: the energy balance is wrong by {error:.2g} of the energy, from {time:.6g} s on by more than "
-        "{allowed:g}",
-        "[{remedy}]",
-    )
-    ORBIT_ENERGY_NOT_BALANCED = (
-        OutcomeKind.UNTRUSTED,
-        "not reliable: the energy balance over a period is wrong by {error:.2g} of the energy at {place}, and by more "
-        "than {allowed:g} at {points} points",
-        "follow a smaller range around it",
-    )
-    SWEEP_ENERGY_NOT_BALANCED = (
-        OutcomeKind.UNTRUSTED,
-        "not reliable: sweeping {direction}[ at {at_level}], the energy balance is wrong by "
-        "{error:.2g} of the energy, from {frequency:.6g} Hz on by more than {allowed:g}",
-        "sweep a smaller range around it",
-    )
-    NOTCH_NOT_HELD = (
-        OutcomeKind.STOPPED,
-        "notching: {limit} is exceeded by up to {percent:.3g} % at {frequency:.4g} Hz (limits are exceeded at "
-        "{ranges} Hz)[, where {reason}]",
-        "sweep more slowly, start further from the resonance or at a lower level, or raise the limit",
-    )
-    INTEGRATOR_FAILED = OutcomeKind.STOPPED, "the {integrator} integrator failed at {time:.6g} s: {reason}", ""
-    NO_STEADY_STATE = OutcomeKind.STOPPED, "stopped at {place}: {reason}", ""
-
-    # many cases, identification
-    CASES_MISSING = OutcomeKind.STOPPED, "{done} of {cases} cases computed", ""
-    CASES_FAILED = (
-        OutcomeKind.STOPPED,
-        "{failed} of {cases} cases failed; the first is case {case}: {reason}",
-        "",
-    )
-    STEPPED_OVER = (
-        OutcomeKind.STOPPED,
-        "a 1 % step from {before:.6g} to {after:.6g} N/m stepped over the frequency tolerance of {percent:g} %",
-        "widen identify_stiffness.tolerance, or use method: secular",
-    )
-    FIT_LIMIT = (
-        OutcomeKind.STOPPED,
-        "the fit stopped after {evaluations} evaluations, the maximum number",
-        "start from better values, or fit fewer parameters",
-    )
-    SOLUTION_LIMIT = (
-        OutcomeKind.STOPPED,
-        "not converged after {solutions} eigenvalue solutions",
-        "raise identify_stiffness.most_solutions, or use method: secular",
-    )
-
-    # any
-    STOPPED = OutcomeKind.STOPPED, "stopped", ""
-    INTERRUPTED = (
-        OutcomeKind.INTERRUPTED,
-        "interrupted[ at {place}][ during {during}][ before {before}][ after {done} of {total} {unit_of_work}]"
-        "[; not started: {left}]",
-        "",
-    )
-    REDUCTION_NOT_ACCURATE = (
-        OutcomeKind.UNTRUSTED,
-        "not reliable: the error of the reduced model's receptance at contacts and loads up to {highest:.6g} Hz is "
-        "bounded only by {bound:.2g} of its size, more than {allowed:g}",
-        "keep more modes (reduction.modes: all), or leave reduction out",
-    )
-    HARMONICS_NEGLECTED = (
-        OutcomeKind.UNTRUSTED,
-        "not reliable: at {place} the neglected harmonics amount to {error:.3g} % of the motion "
-        "(sweep.method.largest_error = {allowed:g} %)",
-        "use more harmonics, or the shooting method",
-    )
-    DERIVATIVE_UNKNOWN = (
-        OutcomeKind.UNTRUSTED,
-        "no steady vibration was found close to the estimate of {parameters}: no standard deviation is known",
-        "start from other values, or leave out tests with irregular motion",
-    )
-    FIGURES_WORTHLESS = (
-        OutcomeKind.UNTRUSTED,
-        "not reliable: with 1.5 times the modes[ and {elements}] values change, displacements among them: {figures}",
-        "[{remedy}]",
-    )
-    FAILED = OutcomeKind.FAILED, "{reason}", ""
-
-    def __init__(self, kind: OutcomeKind, message: str, remedy: str) -> None:
-        self.kind = kind
-        self.message = message
-        self.remedy = remedy
+    def __str__(self) -> str:
+        name = "parameter" if self.unit is None and not self.name else self.name
+        return f"{name} {listed(self.value)} {self.unit or ''}".strip()
 
     @property
-    def label(self) -> str:
-        """Name in files and in ``--json``."""
-        return self.name.lower()
+    def phrase(self) -> str:
+        """The place in a sentence."""
+        ranges = isinstance(self.value, tuple) and any(isinstance(item, tuple) for item in self.value)
+        return f"{'from' if ranges else 'at'} {self}"
 
-    @property
-    def needs(self) -> frozenset[str]:
-        """Names of the numbers that the message needs."""
-        names = _names(_OPTIONAL.sub("", self.message + self.remedy))
-        return frozenset(name.replace("place", "parameter") for name in names)
+    def shown(self, convert: Callable[[float], float], unit: str, name: str) -> Place:
+        """The parameter of a branch in the unit that people read; any other place as it is."""
+        return Place(_each(self.value, convert), unit, name) if self.unit is None else self
 
-
-_IN_UNITS = {"unit": ("parameter", "beyond", "ranges", "levels", "missed"), "level_unit": ("level",)}
-"""Names of units among the numbers of an outcome, and the numbers that are in them."""
-_OPTIONAL = re.compile(r"\[([^\]]*)\]")
+    def displayed(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Place:
+        """The place in the unit of tables; ``scale`` gives the factor and the unit for numbers in a unit."""
+        if not self.unit:
+            return self
+        factor, unit = scale(self.unit, _flat(self.value))
+        return self._replace(value=_each(self.value, lambda x: x * factor), unit=unit)
 
 
 @dataclass(frozen=True)
@@ -346,39 +73,48 @@ class Outcome:
 
     Parameters
     ----------
-    code : how it ended.
-    numbers : by name; also words that belong to the message. ``parameter`` is the value at which a branch ended, in the
-        unit ``unit``. An outcome read from an old file has only ``text``.
+    kind : what that means for the result.
+    code : what happened, for programs.
+    sentence : what happened, for people; the place is added to it.
+    remedy : what to try; may be empty.
+    place : where it happened, if that belongs to it.
+    within : of which part of the computation it is, such as a level or a direction.
+    numbers : by name.
     parts : outcomes that caused this one or accompany it.
-
-    Raises
-    ------
-    ValueError
-        If a number that the message needs is missing.
     """
 
-    code: OutcomeCode
-    numbers: Mapping[str, Number] = field(default_factory=dict)
+    kind: OutcomeKind
+    code: str
+    sentence: str = ""
+    remedy: str = ""
+    place: Place | None = None
+    within: Place | str = ""
+    numbers: Mapping[str, Number] = field(default_factory=dict, hash=False)
     parts: tuple[Outcome, ...] = ()
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "numbers", {name: _plain(value) for name, value in self.numbers.items()})
-        missing = self.code.needs - self.numbers.keys()
-        if missing and "text" not in self.numbers:
-            raise ValueError(f"{self.code.name} needs {', '.join(sorted(missing))}")
-
-    def __hash__(self) -> int:
-        return hash((self.code, self.parts))
-
     @classmethod
-    def of(cls, code: OutcomeCode, *parts: Outcome, **numbers: Any) -> Self:
-        """Make an outcome from its code and its numbers."""
-        return cls(code, numbers, parts)
+    def of(
+        cls, kind: OutcomeKind, code: str, sentence: str = "", *parts: Outcome, at: Place | float | None = None,
+        remedy: str = "", **numbers: Any,
+    ) -> Self:  # fmt: skip
+        """Make an outcome.
 
-    @property
-    def kind(self) -> OutcomeKind:
-        """What the outcome means for the result."""
-        return self.code.kind
+        Parameters
+        ----------
+        kind, code, sentence : see the class.
+        parts : outcomes that caused this one or accompany it.
+        at : where it happened; a bare number is the parameter of a branch.
+        remedy : what to try.
+        numbers : by name.
+
+        Returns
+        -------
+        Outcome
+        """
+        place = at if isinstance(at, Place) or at is None else Place(float(at))
+        if place is not None:
+            place = place._replace(value=_plain(place.value))
+        return cls(kind, code, sentence, remedy, place, "", {k: _plain(v) for k, v in numbers.items()}, parts)
 
     @property
     def complete(self) -> bool:
@@ -399,42 +135,39 @@ class Outcome:
     @property
     def cut_short(self) -> bool:
         """Whether something that was requested was not computed."""
-        missing = self.kind in (OutcomeKind.STOPPED, OutcomeKind.FAILED, OutcomeKind.INTERRUPTED)
-        return missing or any(part.cut_short for part in self.parts)
+        return self.kind in _MISSING or any(part.cut_short for part in self.parts)
 
     @property
     def message(self) -> str:
-        """What happened, with the numbers filled in."""
-        return str(self.numbers["text"]) if "text" in self.numbers else _filled(self.code.message, self.numbers)
-
-    @property
-    def remedy(self) -> str:
-        """What to try; may be empty."""
-        return "" if "text" in self.numbers else _filled(self.code.remedy, self.numbers)
+        """What happened, and where."""
+        where = "" if self.place is None else f" {self.place.phrase}"
+        if self.kind is OutcomeKind.INTERRUPTED:
+            return f"interrupted{where} {self.sentence}".rstrip()
+        begins = {OutcomeKind.STOPPED: "stopped", OutcomeKind.UNTRUSTED: "not reliable"}.get(self.kind)
+        if begins is None:
+            return f"{self.sentence}{where}".strip()
+        return f"{begins}{where}: {self.sentence}" if self.sentence else f"{begins}{where}"
 
     @property
     def text(self) -> str:
         """Message and remedy, followed by those of the parts."""
         own = self._own_text
-        if self._says_complete:
+        if self.kind is OutcomeKind.COMPLETE:
             own = f"complete: {own}" if own else "complete"
         return "; ".join(text for text in (self._prefix + own, *(part.text for part in self.parts)) if text)
 
     @property
     def statements(self) -> tuple[str, ...]:
         """What `text` says, one text for each outcome, the first one ``complete`` where everything was computed."""
+        complete = self.kind is OutcomeKind.COMPLETE
         own = self._own_text
         own = self._prefix + (own or "complete") if self._prefix else own
-        of_parts = [text for part in self.parts for text in part.statements[part._says_complete :]]
-        return tuple(text for text in ("complete" * self._says_complete, own, *of_parts) if text)
-
-    @property
-    def _says_complete(self) -> bool:
-        return self.kind is OutcomeKind.COMPLETE and "text" not in self.numbers
+        of_parts = [text for part in self.parts for text in part.statements[part.kind is OutcomeKind.COMPLETE :]]
+        return tuple(text for text in ("complete" * complete, own, *of_parts) if text)
 
     @property
     def _prefix(self) -> str:
-        return f"{self.numbers['prefix']}: " if "prefix" in self.numbers else ""
+        return f"{self.within}: " if self.within else ""
 
     @property
     def _own_text(self) -> str:
@@ -443,46 +176,36 @@ class Outcome:
     def __str__(self) -> str:
         return self.text
 
-    def all_of(self, code: OutcomeCode) -> list[Outcome]:
+    def all_of(self, code: str) -> list[Outcome]:
         """This outcome and its parts, as far as they have a code."""
         of_parts = [outcome for part in self.parts for outcome in part.all_of(code)]
-        return [self, *of_parts] if self.code is code else of_parts
+        return [self, *of_parts] if self.code == code else of_parts
 
-    def but(self, *parts: Outcome, **numbers: Any) -> Self:
-        """A copy with other or additional numbers, and with additional parts."""
-        return replace(self, numbers={**self.numbers, **numbers}, parts=(*self.parts, *parts))
+    def but(self, *parts: Outcome, **fields: Any) -> Self:
+        """A copy with additional parts, and other fields."""
+        return replace(self, parts=(*self.parts, *parts), **fields)
 
     def shown(self, convert: Callable[[float], float], unit: str = "", name: str = "") -> Self:
-        """A copy whose parameter, and those of its parts, are converted to the units shown to the user."""
-        parts = tuple(part.shown(convert, unit, name) for part in self.parts)
-        parameter = self.numbers.get("parameter")
-        if not isinstance(parameter, (int, float)) or "unit" in self.numbers or "name" in self.numbers:
-            return replace(self, parts=parts)
-        place: dict[str, Number] = {"parameter": float(convert(parameter)), "unit": unit, "name": name}
-        beyond = self.numbers.get("beyond")
-        if isinstance(beyond, (int, float)):
-            place["beyond"] = float(convert(beyond))
-        return replace(self, numbers={**self.numbers, **place}, parts=parts)
+        """A copy in which the parameter of a branch, here and in the parts, is in the unit that people read."""
+        place = None if self.place is None else self.place.shown(convert, unit, name)
+        return replace(self, place=place, parts=tuple(part.shown(convert, unit, name) for part in self.parts))
 
     def displayed(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Self:
-        """A copy in the units of tables, for people.
+        """A copy with its places in the units of tables.
 
         Parameters
         ----------
         scale : the factor and the unit in which some numbers of a unit are shown.
         """
-        numbers = dict(self.numbers)
-        for of, names in _IN_UNITS.items():
-            held = {name: numbers[name] for name in names if isinstance(numbers.get(name), (int, float, tuple))}
-            if numbers.get(of) and held:
-                factor, unit = scale(str(numbers[of]), [x for value in held.values() for x in _each(value)])
-                numbers |= {name: _times(value, factor) for name, value in held.items()} | {of: unit}
-        return replace(self, numbers=numbers, parts=tuple(part.displayed(scale) for part in self.parts))
+        place = None if self.place is None else self.place.displayed(scale)
+        within = self.within.displayed(scale) if isinstance(self.within, Place) else self.within
+        return replace(self, place=place, within=within, parts=tuple(part.displayed(scale) for part in self.parts))
 
     def as_dict(self) -> dict[str, Any]:
         """Values that JSON can hold."""
-        values: dict[str, Any] = {"code": self.code.label, "numbers": dict(self.numbers)}
-        return {**values, "parts": [part.as_dict() for part in self.parts]} if self.parts else values
+        return {name: value for name, value in asdict(self).items() if value not in (None, "", {}, ())} | {
+            "parts": [part.as_dict() for part in self.parts]
+        }
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
@@ -490,16 +213,30 @@ class Outcome:
 
         Raises
         ------
-        KeyError
-            If the code is unknown.
+        KeyError, ValueError
+            If there is no such kind.
         """
-        code = OutcomeCode[str(values["code"]).upper()]
-        return cls(code, values.get("numbers", {}), tuple(cls.from_dict(part) for part in values.get("parts", ())))
+        read = {name: _plain(value) for name, value in values.items() if name not in ("numbers", "parts")}
+        for name in ("place", "within"):
+            if isinstance(read.get(name), tuple):
+                read[name] = Place(*read[name])
+        numbers = {name: _plain(value) for name, value in values.get("numbers", {}).items()}
+        parts = tuple(cls.from_dict(part) for part in values.get("parts", ()))
+        return cls(**read | {"kind": OutcomeKind(values["kind"])}, numbers=numbers, parts=parts)
+
+
+COMPLETE = Outcome(OutcomeKind.COMPLETE, "complete")
+"""Everything requested was computed."""
 
 
 def combined(outcomes: Iterable[Outcome]) -> Outcome:
     """The first of several outcomes that is not complete; `COMPLETE` if all are."""
     return next((outcome for outcome in outcomes if not outcome.complete), COMPLETE)
+
+
+def together(outcomes: Sequence[Outcome]) -> Outcome:
+    """Several outcomes as one: the first with the others as its parts; `COMPLETE` if there are none."""
+    return outcomes[0].but(*outcomes[1:]) if outcomes else COMPLETE
 
 
 def both_directions(backward: Outcome, forward: Outcome) -> Outcome:
@@ -508,72 +245,30 @@ def both_directions(backward: Outcome, forward: Outcome) -> Outcome:
         return backward
     swap = backward.complete and not forward.complete
     first, second = (forward, backward) if swap else (backward, forward)
-    return first.but(second.but(prefix="in the other direction"))
+    return first.but(replace(second, within="in the other direction"))
 
 
-def _plain(value: Any) -> Number:
-    """A value as JSON would return it."""
-    if isinstance(value, str):
-        return str(value)
-    if isinstance(value, Sequence) or hasattr(value, "tolist"):
-        items = value.tolist() if hasattr(value, "tolist") else value
-        return tuple(_plain(item) for item in items) if isinstance(items, Sequence) else items
-    return value  # type: ignore[no-any-return]
-
-
-def _each(value: Any) -> list[float]:
-    """The numbers of nested tuples."""
-    return [x for item in value for x in _each(item)] if isinstance(value, tuple) else [float(value)]
-
-
-def _times(value: Any, factor: float) -> Number:
-    return tuple(_times(item, factor) for item in value) if isinstance(value, tuple) else float(value) * factor
-
-
-def _names(template: str) -> set[str]:
-    return {name for _, name, _, _ in Formatter().parse(template) if name}
-
-
-def _filled(template: str, numbers: Mapping[str, Number]) -> str:
-    """A template with its numbers filled in; an optional part is left out if one of its numbers is missing or empty."""
-    known: dict[str, Number] = dict(numbers)
-    if "parameter" in numbers:
-        known["place"] = _place(numbers)
-    if "level" in numbers:
-        known["at_level"] = f"level {numbers['level']:.4g} {numbers.get('level_unit', '')}".rstrip()
-
-    def optional(part: re.Match[str]) -> str:
-        return part[1] if all(known.get(name) not in (None, "", ()) for name in _names(part[1])) else ""
-
-    return _TextFormatter().vformat(_OPTIONAL.sub(optional, template), (), known)
-
-
-def _place(numbers: Mapping[str, Number]) -> str:
-    value, name, unit = numbers["parameter"], numbers.get("name", ""), numbers.get("unit", "")
-    if not name and "unit" not in numbers:
-        name = "parameter"
-    return f"{name} {_shown(value)} {unit if unit != '1' else ''}".strip()
-
-
-class _TextFormatter(Formatter):
-    """Formats numbers to six digits and lists with commas."""
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        return format(value, format_spec) if format_spec else _shown(value)
-
-
-def _shown(value: Number) -> str:
+def listed(value: Any) -> str:
+    """Numbers to six digits, separated by commas; a pair in a list is a range."""
     if isinstance(value, float):
         return f"{value:.6g}"
     if not isinstance(value, tuple):
         return str(value)
-    # a pair of numbers in a list is a range
-    items = [
-        " to ".join(map(_shown, item)) if isinstance(item, tuple) else _shown(item) for item in value[:MOST_LISTED]
-    ]
-    more = f" and {len(value) - MOST_LISTED} more" if len(value) > MOST_LISTED else ""
-    return ", ".join(items) + more
+    items = [" to ".join(map(listed, item)) if isinstance(item, tuple) else listed(item) for item in value]
+    more = f" and {len(items) - MOST_LISTED} more" if len(items) > MOST_LISTED else ""
+    return ", ".join(items[:MOST_LISTED]) + more
 
 
-COMPLETE = Outcome(OutcomeCode.COMPLETE)
-"""Everything requested was computed."""
+def _plain(value: Any) -> Any:
+    """A value as JSON would return it, lists as tuples."""
+    value = value.tolist() if hasattr(value, "tolist") else value
+    return tuple(_plain(item) for item in value) if isinstance(value, (list, tuple)) else value
+
+
+def _flat(value: Any) -> list[float]:
+    return [x for item in value for x in _flat(item)] if isinstance(value, tuple) else [float(value)]
+
+
+def _each(value: Any, convert: Callable[[float], float]) -> Any:
+    """The numbers of nested tuples, converted."""
+    return tuple(_each(item, convert) for item in value) if isinstance(value, tuple) else float(convert(value))

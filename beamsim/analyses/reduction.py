@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.system.structural import ModeTable
 
 WORTHLESS_REDUCTION = 0.1
@@ -14,6 +14,10 @@ def reduction_checked(outcome: Outcome, modes: ModeTable) -> Outcome:
     if not modes.reduction_bound > WORTHLESS_REDUCTION:
         return outcome
     return Outcome.of(
-        OutcomeCode.REDUCTION_NOT_ACCURATE, *(() if outcome.complete else (outcome,)),
-        bound=modes.reduction_bound, highest=modes.highest_frequency_hz, allowed=WORTHLESS_REDUCTION,
+        OutcomeKind.UNTRUSTED, "reduction_not_accurate",
+        "the error of the reduced model's receptance at contacts and loads up to "
+        f"{modes.highest_frequency_hz:.6g} Hz is bounded only by {modes.reduction_bound:.2g} of its size, more than "
+        f"{WORTHLESS_REDUCTION:g}",
+        *(() if outcome.complete else (outcome,)),
+        remedy="keep more modes (reduction.modes: all), or leave reduction out", bound=modes.reduction_bound,
     )  # fmt: skip

@@ -23,6 +23,7 @@ _Result = TypeVar("_Result", bound="Result")
 EXIT_CODES = {
     OutcomeKind.COMPLETE: ExitCode.SUCCESS,
     OutcomeKind.NOTED: ExitCode.SUCCESS,
+    OutcomeKind.INCOMPLETE: ExitCode.NOT_CONVERGED,
     OutcomeKind.STOPPED: ExitCode.NOT_CONVERGED,
     OutcomeKind.UNTRUSTED: ExitCode.NOT_CONVERGED,
     OutcomeKind.FAILED: ExitCode.NOT_CONVERGED,

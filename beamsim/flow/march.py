@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.flow.endings import too_many_events
 from beamsim.flow.event_kernels import BEGINNING
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march_kernels import BUDGET, DONE, NEED_STATE, STUCK, Position, march
 from beamsim.interrupts import never
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
 from beamsim.typing import Floats, Ints
 
 SEGMENTS_A_CALL = 2048  # between two reports of progress
@@ -159,12 +160,13 @@ class March:
                 flow.follow(motion.state, motion.guard)
             if code == STUCK or (code == BUDGET and self.evaluations >= self.max_evaluations):
                 self.outcome = Outcome.of(
-                    OutcomeCode.EVALUATION_LIMIT, time=motion.time, evaluations=self.evaluations
+                    OutcomeKind.STOPPED, "evaluation_limit",
+                    f"{self.evaluations} evaluations of the contact gaps do not suffice", at=Place(motion.time, "s"),
                 )  # fmt: skip
             elif self.events > self.max_events:
-                self.outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=motion.time, events=self.events)
+                self.outcome = too_many_events(motion.time, self.events)
             elif self.stop():
-                self.outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=motion.time, unit="s")
+                self.outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", at=Place(motion.time, "s"))
             elif self.progress is not None:
                 self.progress(motion.time)
         return Log.join(parts)

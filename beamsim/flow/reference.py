@@ -15,10 +15,11 @@ import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.contact_state import LinearOutput, OutputOf
+from beamsim.flow.endings import too_many_events
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.held import held_contacts
 from beamsim.interrupts import never
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
 from beamsim.typing import Bools, Floats, Ints
 
 ROUND_OFF = 1e-15  # of the parts of a guard, that a sum of them is known to
@@ -112,8 +113,8 @@ def integrate(
         )  # fmt: skip
         if solution.status < 0:
             outcome = Outcome.of(
-                OutcomeCode.INTEGRATOR_FAILED,
-                integrator=stepping.integrator, time=float(solution.t[-1]), reason=str(solution.message),
+                OutcomeKind.STOPPED, "integrator_failed", f"the {stepping.integrator} integrator: {solution.message}",
+                at=Place(float(solution.t[-1]), "s"),
             )  # fmt: skip
         if observe is not None and solution.t[-1] > t:
             observe(solution, record.phases)
@@ -121,12 +122,12 @@ def integrate(
         if solution.status == 1:
             hit = next(g for g, happened in enumerate(solution.t_events) if happened.size)
             if hit == right_hand_side.watched.guards:
-                outcome = Outcome.of(OutcomeCode.INTERRUPTED, parameter=record.t, unit="s")
+                outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", at=Place(record.t, "s"))
                 break
             right_hand_side.reset(hit, record.t, record.y)
             record.meet(int(right_hand_side.watched.contact[hit]), int(right_hand_side.watched.following[hit]))
             if len(record.events) > stepping.max_events:
-                outcome = Outcome.of(OutcomeCode.EVENT_LIMIT, time=record.t, events=len(record.events))
+                outcome = too_many_events(record.t, len(record.events))
         if progress is not None:
             progress(record.t / duration)
         if record.t >= duration or not outcome.complete:

@@ -26,7 +26,6 @@ from beamsim.typing import Floats, Ints
 CYCLES_AT_ONCE = 256  # of a stretch
 STEP = 1.05  # ratio of neighbouring carriers: beside its carrier a cycle turns by no more than 0.16 rad
 
-TIMES = ("time", "parameter")  # among the numbers of an outcome
 
 SweptLoads = Callable[[SweepWindows, float], tuple[Forcing, tuple[Signal, ...]]]
 """The loads under given windows with a carrier, rad/s, and what else outputs may contain."""
@@ -140,5 +139,6 @@ class SweptMotion(March):
 
 def _later(outcome: Outcome, begin: float) -> Outcome:
     """An outcome whose times count from the start of the sweep."""
-    at = {name: value + begin for name, value in outcome.numbers.items() if name in TIMES and isinstance(value, float)}
-    return replace(outcome, numbers={**outcome.numbers, **at})
+    if outcome.place is None:
+        return outcome
+    return replace(outcome, place=outcome.place._replace(value=outcome.place.value + begin))

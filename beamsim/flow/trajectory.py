@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from beamsim.flow.contact_state import ContactState, OutputOf
+from beamsim.flow.endings import not_finite
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema, Search, Waves, turning_points
 from beamsim.flow.moments import SegmentOutputs, blocks, equal_times, weighted_moments
 from beamsim.flow.state_tables import visited_states
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
@@ -70,9 +71,9 @@ class Trajectory:
         kept = max(int(np.argmin(finite)) - 1, 0)  # its end is where the next one starts
         if finite[-1] and finite.all():
             return self
-        end, outcome = float(self.time[kept]), Outcome.of(OutcomeCode.NOT_FINITE, time=float(self.time[kept]))
+        end = float(self.time[kept])
         part = self.only(slice(0, max(kept, 1)))._with_events_before(end)
-        return replace(part, end=end, length=part.length * (kept > 0), final_y=self.y[kept], outcome=outcome)
+        return replace(part, end=end, length=part.length * (kept > 0), final_y=self.y[kept], outcome=not_finite(end))
 
     def _with_events_before(self, end: float) -> Trajectory:
         early = self.event_time < end

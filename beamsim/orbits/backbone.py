@@ -14,12 +14,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch
+from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch, reached_end, too_many_points
 from beamsim.orbits.continuation import Settings, at_parameter, follow_orbits, solve_at
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.tongues import LEAST_SHARE, Tongues, resonance_between
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
 from beamsim.typing import Floats
+
+MODE_LOST = "mode_lost"
 
 STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
 CLEAR = 0.95  # share of energy above which a motion is outside every tongue
@@ -101,7 +103,11 @@ class Backbone:
             full = self._step(a)
             ahead = self._ahead(a, step, full)
             if not ahead:
-                self.outcome = Outcome.of(OutcomeCode.MODE_LOST, parameter=a.parameter, **self._shared(a))
+                self.outcome = Outcome.of(
+                    OutcomeKind.STOPPED, MODE_LOST,
+                    "the branch turns back into a tongue of internal resonance, and no motion of mode "
+                    f"{self.mode + 1} was found beyond it", self._shared(a), at=a.parameter,
+                )  # fmt: skip
                 if self._resonance_at_end is not None:
                     self.outcome = COMPLETE.but(self._resonance_at_end)
                 return
@@ -110,15 +116,16 @@ class Backbone:
                 yield point
             a = ahead[-1]
             if count > MOST_POINTS:
-                self.outcome = Outcome.of(OutcomeCode.POINT_LIMIT, parameter=a.parameter, points=count)
+                self.outcome = too_many_points(count, a.parameter)
                 return
             step = min(full, 1.6 * step)
             self._recent = [*self._recent[-3:], *ahead][-4:]
             if self._drifting or self.share(a) > 0.5 * (1.0 + LEAST_SHARE):
                 self._clear.append(a)
-        shared = self._shared(a) if self.share(a) < LEAST_SHARE else {}
-        parts = () if self._resonance_at_end is None else (self._resonance_at_end,)
-        self.outcome = Outcome.of(OutcomeCode.REACHED_END, *parts, parameter=self.end, **shared)
+        parts = [self._shared(a)] if self.share(a) < LEAST_SHARE else []
+        if self._resonance_at_end is not None:
+            parts.append(self._resonance_at_end)
+        self.outcome = reached_end(self.end).but(*parts)
 
     def _ahead(self, a: BranchPoint, step: float, full: float) -> list[BranchPoint]:
         """The next points of the backbone; none where it ends.
@@ -140,8 +147,10 @@ class Backbone:
             return [b]
         if b is not None:  # the path ends within the resonance: its tongue is followed up to there
             self._resonance_at_end = Outcome.of(
-                OutcomeCode.ENDS_IN_RESONANCE, parameter=a.parameter, beyond=b.parameter
-            )
+                OutcomeKind.NOTED, "ends_in_resonance",
+                "an internal resonance, which goes on beyond the end of the range, interrupts the backbone",
+                at=Place(((a.parameter, b.parameter),)),
+            )  # fmt: skip
             self.jumps = [jump for jump in self.jumps if jump.end != b.parameter]
         return self._continued(a, full, gradual=False)
 
@@ -183,15 +192,18 @@ class Backbone:
         points = [at_parameter(self.orbits, a, b, float(value), self.settings) for value in values]
         return [point for point in points if point is not None]
 
-    def _shared(self, point: BranchPoint) -> dict[str, float]:
-        """The mode with its share of the energy, and the mode with the largest of the other shares."""
+    def _shared(self, point: BranchPoint) -> Outcome:
+        """A note of the mode with its share of the energy, and the mode with the largest of the other shares."""
         shares = self.orbits.share_at(point)
         others = np.delete(shares, self.mode)
         other = int(np.argmax(others)) if others.size else 0
-        return {
-            "mode": self.mode + 1, "share": float(shares[self.mode]), "other": other + 1 + (other >= self.mode),
-            "other_share": float(others.max(initial=0.0)),
-        }  # fmt: skip
+        mode, other = self.mode + 1, other + 1 + (other >= self.mode)
+        share, other_share = float(shares[self.mode]), float(others.max(initial=0.0))
+        return Outcome.of(
+            OutcomeKind.NOTED, "energy_shared",
+            f"there mode {mode} holds {share:.0%} of the energy and mode {other} {other_share:.0%}",
+            mode=mode, share=share, other=other, other_share=other_share,
+        )  # fmt: skip
 
     def _continued(self, a: BranchPoint, full: float, *, gradual: bool) -> list[BranchPoint]:
         """Points of the branch from a to about a step further, by arclength.

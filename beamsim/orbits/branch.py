@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Complexes, Floats
 
 SpecialKind = Literal[
@@ -18,8 +18,21 @@ SpecialKind = Literal[
 ]
 BranchKind = Literal["response", "backbone", "tongue", "non_brake"]
 
-NOT_BEGUN = Outcome.of(OutcomeCode.NOT_BEGUN)
-INTERRUPTED = Outcome.of(OutcomeCode.INTERRUPTED)
+NOT_BEGUN = Outcome.of(OutcomeKind.STOPPED, "not_begun", "not started")
+INTERRUPTED = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted")
+POINT_LIMIT, REACHED_END, SEARCH_FAILED = "point_limit", "reached_end", "search_failed"
+
+
+def reached_end(parameter: float) -> Outcome:
+    """The outcome of a branch that was followed to the end of its range."""
+    return Outcome.of(OutcomeKind.COMPLETE, REACHED_END, "reached the end of the range", at=parameter)
+
+
+def too_many_points(points: int, parameter: float | None = None) -> Outcome:
+    """The outcome of a branch that has the largest number of points."""
+    return Outcome.of(
+        OutcomeKind.STOPPED, POINT_LIMIT, f"the limit of {points} points is reached", at=parameter, points=points
+    )
 
 
 @dataclass(frozen=True)
@@ -124,7 +137,14 @@ def with_failed_searches(outcome: Outcome, failed: Sequence[FailedSearch]) -> Ou
         return outcome
     kinds = ", ".join(dict.fromkeys(special_name(search.kind) for search in failed))
     steps = len({search.parameter for search in failed})
-    return outcome.but(Outcome.of(OutcomeCode.SEARCH_FAILED, kinds=kinds, steps=steps, parameter=failed[0].parameter))
+    return outcome.but(
+        Outcome.of(
+            OutcomeKind.INCOMPLETE, SEARCH_FAILED,
+            f"special points ({kinds}) and changes of stability may be missing: the search failed in {steps} of the "
+            "steps, the first",
+            at=failed[0].parameter, remedy="follow a smaller range around it", steps=steps,
+        )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 from beamsim.flow.passage import NotFinite
-from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, reached_end, too_many_points
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Floats
+
+CLOSED_CURVE, NOT_SMOOTH, STEP_TOO_SMALL = "closed_curve", "not_smooth", "step_too_small"
 
 UNTOUCHED = 0.01  # of the tolerance, at which a first guess needs no correction
 SETTLED = 1e-13  # a Newton step shorter than this is round-off
@@ -528,11 +530,11 @@ class Branch:
                 last = at_parameter(self.problem, point, new, edge, self.settings)
                 if last is not None:
                     yield last
-                self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=edge)
+                self.outcome = reached_end(edge)
                 return
             if count > 1 and _passes(point, new, self.start):
                 yield self.start
-                self.outcome = Outcome.of(OutcomeCode.CLOSED_CURVE)
+                self.outcome = Outcome.of(OutcomeKind.COMPLETE, CLOSED_CURVE, "closed curve")
                 return
             before = point if self.same_kind(point, new) else None
             point = new
@@ -540,22 +542,32 @@ class Branch:
             steps.append(ds)
             if sum(steps[-s.stall :]) < s.largest_step and len(steps) >= s.stall:
                 self.outcome = Outcome.of(
-                    OutcomeCode.NOT_SMOOTH, parameter=point.parameter, steps=s.stall, step=s.largest_step
-                )
+                    OutcomeKind.STOPPED, NOT_SMOOTH,
+                    f"the last {s.stall} steps together are shorter than the largest step of {s.largest_step:g}; the "
+                    "branch is not smooth there (grazing, or a fold close to it)",
+                    at=point.parameter,
+                    remedy="follow it from its other end, or look at the motion there with a stepped sine",
+                )  # fmt: skip
                 return
             ds = min(
                 s.largest_step, ds * float(np.clip((s.wanted_iterations + 0.5) / (point.iterations + 0.5), 0.5, 1.6))
             )
-        self.outcome = Outcome.of(OutcomeCode.POINT_LIMIT, parameter=point.parameter, points=s.most_points)
+        self.outcome = too_many_points(s.most_points, point.parameter)
 
     def _stuck(self, point: BranchPoint, failed: float, count: int) -> Outcome:
         """Why even the smallest step, ``failed``, was not possible."""
         # Newton's method may leave the predictor by some steps
         if all(self._is_finite(point.u + failed * times * point.tangent * point.scale) for times in (1, 4, 16, 64)):
             return Outcome.of(
-                OutcomeCode.STEP_TOO_SMALL, parameter=point.parameter, points=count, step=self.settings.smallest_step
-            )
-        return Outcome.of(OutcomeCode.ORBIT_NOT_FINITE, parameter=point.parameter, points=count)
+                OutcomeKind.STOPPED, STEP_TOO_SMALL,
+                f"no solution even with the smallest step of {self.settings.smallest_step:g}, after {count} points",
+                at=point.parameter, remedy="try a smaller step or another starting point",
+            )  # fmt: skip
+        return Outcome.of(
+            OutcomeKind.STOPPED, "orbit_not_finite",
+            f"beyond it the motion leaves the range of floating-point numbers, after {count} points",
+            at=point.parameter, remedy="check the size of the loads and stiffnesses",
+        )  # fmt: skip
 
     def _is_finite(self, u: Floats) -> bool:
         try:

@@ -17,13 +17,13 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import floquet_multipliers
-from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, Orbit
+from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, Orbit, reached_end
 from beamsim.orbits.conservative import ConservativeOrbits, on_unit_circle
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.extrema import extrema_of
 from beamsim.orbits.grazing import cyclic
 from beamsim.orbits.reversible import BrakeOrbits
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-6  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
@@ -138,12 +138,16 @@ class FullPeriodPath:
         for brake_point in self.points:
             new = self._solved(brake_point, last)
             if new is None:
-                self.outcome = Outcome.of(OutcomeCode.FULL_PERIOD_DIVERGED, parameter=brake_point.parameter)
+                self.outcome = Outcome.of(
+                    OutcomeKind.STOPPED, "full_period_diverged",
+                    "Newton's method over the full period does not converge from the half-period solution",
+                    at=brake_point.parameter,
+                )  # fmt: skip
                 return
             self.differences.append(self._difference(new, brake_point))
             yield new
             last = [*last[-1:], new] if brake_point.parameter not in self.gaps else []
-        self.outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=self.points[-1].parameter)
+        self.outcome = reached_end(self.points[-1].parameter)
 
     def _solved(self, brake_point: BranchPoint, last: list[BranchPoint]) -> BranchPoint | None:
         at_rest = np.concatenate([brake_point.u[: self.brake.n], np.zeros(self.brake.n), brake_point.u[-2:]])

@@ -20,8 +20,13 @@ from beamsim.orbits.continuation import Settings, follow_orbits, locate
 from beamsim.orbits.free_orbits import free_of, slowest_instant
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.special_points import beside
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Floats
+
+BACK_TO_BRAKE_ORBITS = Outcome.of(OutcomeKind.COMPLETE, "back_to_brake_orbits", "returned to brake orbits")
+BRAKE_ORBIT_ITSELF = Outcome.of(
+    OutcomeKind.STOPPED, "brake_orbit_itself", "the orbits found are brake orbits, shifted in time"
+)
 
 KERNEL = 1e-5  # smallest singular value of b, scaled, against its largest, at a located point
 LARGEST_RATIO = 12  # of the frequencies of a mode and the branch
@@ -128,7 +133,9 @@ class NonBrakeBranch:
     def __iter__(self) -> Iterator[BranchPoint]:
         start = self._first()
         if start is None:
-            self.outcome = Outcome.of(OutcomeCode.NO_ORBIT_BESIDE)
+            self.outcome = Outcome.of(
+                OutcomeKind.STOPPED, "no_orbit_beside", "no non-brake orbit was found near the brake orbit"
+            )
             return
         branch = follow_orbits(self.orbits, start, self.low, self.high, self.settings)
         self.outcome = INTERRUPTED
@@ -139,9 +146,7 @@ class NonBrakeBranch:
             fastest = max(fastest, speed)
             turned = before is not None and speed < NEAR_REST * fastest and float(slowest @ before) < 0
             if speed < AT_REST or turned:
-                self.outcome = Outcome.of(
-                    OutcomeCode.BACK_TO_BRAKE_ORBITS if count > 1 else OutcomeCode.BRAKE_ORBIT_ITSELF
-                )
+                self.outcome = BACK_TO_BRAKE_ORBITS if count > 1 else BRAKE_ORBIT_ITSELF
                 return
             yield point
             before = slowest

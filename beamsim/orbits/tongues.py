@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from beamsim.orbits.branch import BranchPoint, OrbitBranch
+from beamsim.orbits.branch import BranchPoint, OrbitBranch, too_many_points
 from beamsim.orbits.continuation import Settings, correct
 from beamsim.orbits.reversible import BrakeOrbits
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Floats
 
 FIRST_AMPLITUDES = (0.3, 0.4)  # of the other mode, against all the energy in it, at which a tongue is entered
@@ -186,7 +186,7 @@ class Tongues:
         ds = LONGEST if len(begin) > 2 else float(np.linalg.norm((points[-1].u - points[-2].u) / scale))
         ds = min(max(ds, SHORTEST), LONGEST)
         failures = 0
-        outcome = Outcome.of(OutcomeCode.POINT_LIMIT, points=self.most_points)
+        outcome = too_many_points(self.most_points)
         third = self._third(points[-1], other)
         while len(points) < self.most_points:
             new = None
@@ -198,13 +198,18 @@ class Tongues:
             if new is None:
                 ds *= 0.4
                 if ds < SHORTEST or failures > MOST_FAILURES:
-                    outcome = Outcome.of(OutcomeCode.NO_FURTHER_MOTION)
+                    outcome = Outcome.of(
+                        OutcomeKind.STOPPED, "no_further_motion",
+                        "no further motion in these two modes alone was found",
+                    )  # fmt: skip
                     break
                 continue
             points.append(new)
             third = 0.5 * (third + self._third(new, other))
             if self.orbits.share_at(new)[self.mode] < TRANSFERRED:
-                outcome = Outcome.of(OutcomeCode.ENERGY_TRANSFERRED)
+                outcome = Outcome.of(
+                    OutcomeKind.COMPLETE, "energy_transferred", "the energy has been transferred to the other mode"
+                )
                 break
             ds = min(LONGEST, 1.4 * ds) if part == 1.0 else min(ds, max(part, 0.5) * ds)
         shares = [float(self.orbits.share_at(p)[self.mode]) for p in points]

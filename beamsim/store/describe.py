@@ -135,8 +135,10 @@ def _rows(member: Member, on: str) -> Iterator[Row]:
             owner = f"attribute of {d.at or on}" if d.at or on else "attribute"
             yield Row(member.stored_name, d.unit, owner, d.meaning)
             if d.codec is OUTCOME:
-                yield Row("outcome", "", owner, "the same as a code")
-                yield Row("outcome_numbers", "", owner, "the numbers that belong to it, JSON object")
+                yield Row("outcome", "", owner, "code of how it ended")
+                yield Row(
+                    "outcome_numbers", "", owner, "its kind, sentence, remedy, place, numbers and parts, JSON object"
+                )
         case Group(path="") as d:
             for below in members_of(d.of):
                 yield from _rows(below, "")

@@ -15,7 +15,7 @@ from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.errors import ScenarioError
 from beamsim.fields import changed, figure_in_words
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.scenario import Scenario
 from beamsim.trust.divergence import DivergenceTimes
 from beamsim.trust.values import Changes, named
@@ -122,26 +122,44 @@ def _doubtful(result: Result, checked: Convergence, parts: Sequence[Outcome]) ->
     worst = sorted(sizes, key=lambda key: -sizes[key])
     automatic = result.scenario.reduction is None and checked.diverged_s == math.inf
     worthless = automatic and checked.largest_displacement_change > WORTHLESS
-    return Outcome.of(
-        OutcomeCode.FIGURES_WORTHLESS if worthless else OutcomeCode.FIGURES_DOUBTFUL,
-        *parts, percent=100 * ALLOWED_CHANGE,
-        figures=[f"{figure_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst],
-        remedy=_remedy(result, checked.doubtful),
-        elements="twice the elements of every mesh" if result.scenario.has_mesh else "",
-    )  # fmt: skip
+    finer = "with 1.5 times the modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
+    figures = tuple(f"{figure_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
+    remedy = _remedy(result, checked.doubtful)
+    if worthless:
+        sentence = f"{finer} values change, displacements among them: {listed(figures)}"
+        return Outcome.of(
+            OutcomeKind.UNTRUSTED, "figures_worthless", sentence, *parts, remedy=remedy, figures=figures
+        )  # fmt: skip
+    sentence = f"values change by more than {100 * ALLOWED_CHANGE:g} % {finer}: {listed(figures)}"
+    return Outcome.of(OutcomeKind.COMPLETE, "figures_doubtful", sentence, *parts, remedy=remedy, figures=figures)
 
 
 def _diverged(checked: Convergence) -> Outcome:
     """Which values depend on the motion after the sequences of contacts diverge, and why they do."""
-    times, figures = (
-        checked.sensitivity,
-        list(dict.fromkeys(figure_in_words(x.partition(".")[0]) for x in checked.after)),
-    )
+    times, time = checked.sensitivity, checked.diverged_s
+    figures = tuple(dict.fromkeys(figure_in_words(x.partition(".")[0]) for x in checked.after))
     if not times.sensitive:
-        return Outcome.of(OutcomeCode.CONTACTS_PART, time=checked.diverged_s, figures=figures)
-    known = {"small_s": times.small_s, "round_off_s": times.round_off_s}
-    known = {name: time for name, time in known.items() if math.isfinite(time)}
-    return Outcome.of(OutcomeCode.MOTION_SENSITIVE, time=checked.diverged_s, figures=figures, **known)
+        return Outcome.of(
+            OutcomeKind.COMPLETE, "contacts_diverge",
+            f"the finer model, stepped in time too, has other contacts from {time:.4g} s on: {listed(figures)} depend "
+            "on what follows",
+            remedy="lower run.rtol, keep more modes (reduction.modes), or take means of a longer run",
+            time=time, figures=figures,
+        )  # fmt: skip
+    sentence = (
+        f"the motion is so sensitive that from {time:.4g} s on it is one of many: {listed(figures)} depend on what "
+        "follows"
+    )
+    if math.isfinite(times.small_s):
+        sentence += f"; a change of the stiffness by 1e-9 of itself gives other contacts from {times.small_s:.4g} s on"
+    if math.isfinite(times.round_off_s):
+        sentence += f", round-off from {times.round_off_s:.4g} s on"
+    return Outcome.of(
+        OutcomeKind.COMPLETE, "motion_sensitive", sentence,
+        remedy="take means of a longer run (rms, contact share, run.impacts), or the spread of peaks over several "
+        "cases (vary)",
+        time=time, figures=figures,
+    )  # fmt: skip
 
 
 def _remedy(result: Result, keys: Sequence[str]) -> str:

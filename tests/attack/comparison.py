@@ -199,7 +199,6 @@ def _states_alone(finding, case):
 
 
 def _against_package(finding, case, own):
-    from beamsim.outcomes import OutcomeCode
 
     end = float(own.motion.time[own.outputs[-1]])
     try:
@@ -207,7 +206,7 @@ def _against_package(finding, case, own):
     except Exception as error:
         finding.outcome, finding.differences = "differs", [f"{type(error).__name__}: {error}"]
         return finding
-    if result.outcome.code is OutcomeCode.ENERGY_NOT_BALANCED:
+    if result.outcome.code == "energy_not_balanced":
         finding.outcome = "not trusted by the package"
         return finding
     if not result.complete:

@@ -11,8 +11,9 @@ import pytest
 from sampling import slow_after
 
 import beamsim
+from beamsim.analyses.run.motion import with_limit
+from beamsim.flow.endings import too_many_events
 from beamsim.kinds import TemplateKind
-from beamsim.outcomes import Outcome, OutcomeCode
 from beamsim.scenario import template
 from beamsim.store.results import write_run
 from tests.helpers.commands import invoke
@@ -225,9 +226,7 @@ def test_place_that_cannot_be_written_is_found_before_computing(here, solved):
 
 
 def test_partial_result_is_saved_and_ends_with_3(here, solved, fabricated_run):
-    solved.result = fabricated_run(
-        outcome=Outcome.of(OutcomeCode.EVENT_LIMIT, time=0.2, events=9, limit="run.max_events")
-    )
+    solved.result = fabricated_run(outcome=with_limit(too_many_events(0.2, 9)))
     done = invoke("run", "case.yaml", "--no-plots")
     assert done.exit_code == 3
     assert "max_events" in done.stderr

@@ -8,14 +8,14 @@ import pytest
 from beamsim.cli.conclusion import EXIT_CODES, Reporting, conclude, exit_code
 from beamsim.cli.interruption import Interruption
 from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, OutcomeKind
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.quick
 
-STOPPED = Outcome.of(OutcomeCode.STOPPED)
-INTERRUPTED = Outcome.of(OutcomeCode.INTERRUPTED)
-UNTRUSTED = Outcome.of(OutcomeCode.HARMONICS_NEGLECTED, parameter=3.0, unit="Hz", error=2.0, allowed=1.0)
+STOPPED = Outcome.of(OutcomeKind.STOPPED, "stopped")
+INTERRUPTED = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted")
+UNTRUSTED = Outcome.of(OutcomeKind.UNTRUSTED, "harmonics_neglected")
 
 
 def ended(result, **more):

@@ -13,7 +13,6 @@ from beamsim.analyses.nnm import phase_resonance
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
-from beamsim.outcomes import OutcomeCode
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_nnm
@@ -60,7 +59,7 @@ def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch
     levels = {"nnm.phase_resonance": {"levels": ["0.8 g"], "periods": 1, "span": "1 %"}}
     monkeypatch.setattr(phase_resonance, "energy_error", lambda flow, passage: 3e-5)
     lost = nnm(load_scenario(BACKBONE, SHORT | levels))
-    assert lost.phase_resonance.outcome.code is OutcomeCode.ORBIT_ENERGY_NOT_BALANCED
+    assert lost.phase_resonance.outcome.code == "orbit_energy_not_balanced"
     assert "at level 7.84532 m/s^2" in lost.status
     assert not lost.outcome.trusted
     assert lost.phase_resonance.motions[0].found  # and kept

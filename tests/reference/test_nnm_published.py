@@ -17,7 +17,6 @@ from beamsim.orbits.free_orbits import FreeOrbits
 from beamsim.orbits.reversible import BrakeOrbits, linear_mode
 from beamsim.orbits.special_points import special_points
 from beamsim.orbits.spring_families import SpringFamily
-from beamsim.outcomes import OutcomeCode
 
 CHAIN = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
 
@@ -282,7 +281,7 @@ def test_continuation_in_frequency(make_system):
     begin = solve_at(orbits, orbits.unknowns(contacting.u[:6], contacting.u[-2], w), Settings(), w)
     branch = follow_orbits(orbits, begin, 0.0, 2 * np.pi / later.u[-2])
     last = list(branch)[-1]
-    assert branch.outcome.code is OutcomeCode.REACHED_END
+    assert branch.outcome.code == "reached_end"
     assert last.data.energy == pytest.approx(np.exp(later.parameter), rel=1e-6)
 
 

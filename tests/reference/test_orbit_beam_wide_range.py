@@ -14,7 +14,6 @@ from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
-from beamsim.outcomes import OutcomeCode
 from beamsim.system.build import build_system
 
 CONFIG = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"
@@ -37,7 +36,7 @@ def walk(problem, low, high, forward):
     start = find_orbit(problem, forward=forward)
     branch = follow_orbits(problem, start, 2 * np.pi * low, 2 * np.pi * high)
     points = list(branch)
-    assert branch.outcome.code is OutcomeCode.REACHED_END
+    assert branch.outcome.code == "reached_end"
     return points
 
 

@@ -11,8 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from beamsim.outcomes import OutcomeCode
-
 pytestmark = pytest.mark.quick
 
 ROOT = Path(__file__).parents[2]
@@ -89,15 +87,3 @@ def test_every_package_says_what_it_holds_what_it_never_does_and_where_to_begin(
     assert len(text.splitlines()) >= 3
     assert "Never here:" in text
     assert "Begin with" in text
-
-
-def test_every_outcome_is_given_by_something():
-    used = {
-        node.attr
-        for name, tree in modules().items()
-        if name not in ("beamsim.outcomes", "beamsim.store.outcomes")
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "OutcomeCode"
-    }
-    # a constant of its own, and what old files say
-    assert {code.name for code in OutcomeCode} - used <= {"COMPLETE", "STOPPED"}

@@ -8,7 +8,7 @@ from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ResultFileError
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.plots.designs import design_figures, shown_quantities
 from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
@@ -58,7 +58,7 @@ def outcome(index, rng):
 
 
 def failure(index, reason):
-    return CaseOutcome(index, {}, Outcome.of(OutcomeCode.FAILED, reason=reason))
+    return CaseOutcome(index, {}, Outcome.of(OutcomeKind.FAILED, "failed", reason))
 
 
 def fabricated(name, failed=(), missing=()):

@@ -6,7 +6,6 @@ import pytest
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.paths import mode_path
 from beamsim.errors import ScenarioError
-from beamsim.outcomes import OutcomeCode
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_nnm, write_result
 
@@ -154,9 +153,9 @@ def test_points_at_energies_and_frequencies(tmp_path):
     stored = open_nnm(write_result(result, tmp_path / "mode.h5"))
     assert stored.summary["requested_points"] == result.summary["requested_points"]
     missed = followed(0.1, frequencies=[0.1])
-    assert missed.outcome.code is OutcomeCode.VALUES_NOT_PASSED
+    assert missed.outcome.code == "values_not_passed"
     assert not missed.complete
-    assert "no branch passes the frequencies 0.1 Hz" in missed.status
+    assert "points at frequencies were asked for that no branch passes: at 0.1 Hz" in missed.status
 
 
 @pytest.mark.parametrize(
@@ -189,7 +188,8 @@ def test_a_mode_that_gradually_shares_its_energy_is_followed():
     assert far.complete
     assert far.jumps == near.jumps == ()
     assert 0.35 < far.backbone.share[-1] < 0.45
-    assert far.outcome.numbers["share"] == pytest.approx(far.backbone.share[-1], rel=1e-12)
+    (shared,) = far.outcome.all_of("energy_shared")
+    assert shared.numbers["share"] == pytest.approx(far.backbone.share[-1], rel=1e-12)
     assert "mode 1 holds 40% of the energy and mode 2 60%" in far.status
     at = np.log(near.backbone.energy)
     interpolated = np.interp(at, np.log(far.backbone.energy), far.backbone.frequency_hz)
@@ -221,11 +221,11 @@ def test_tip_stops_on_both_sides_whatever_the_range(last):
         assert result.backbone.parameter[-1] == pytest.approx(to, rel=1e-12)
         assert ("mode 1 holds" in result.status) == (result.backbone.share[-1] < 0.5)
     same = far.backbone.parameter.searchsorted(last)
-    interrupted = near.outcome.all_of(OutcomeCode.ENDS_IN_RESONANCE)
+    interrupted = near.outcome.all_of("ends_in_resonance")
     assert bool(interrupted) == (last == 1e-3)
     for part in interrupted:
-        same = far.backbone.parameter.searchsorted(part.numbers["parameter"] * (1 + 1e-12))
-        assert part.numbers["beyond"] == pytest.approx(far.backbone.parameter[same], rel=1e-12)
+        same = far.backbone.parameter.searchsorted(part.place.value[0][0] * (1 + 1e-12))
+        assert part.place.value[0][1] == pytest.approx(far.backbone.parameter[same], rel=1e-12)
     at = np.log(far.backbone.parameter[:same])
     lattice = np.interp(at, np.log(near.backbone.parameter), near.backbone.frequency_hz)
     np.testing.assert_allclose(lattice, far.backbone.frequency_hz[:same], rtol=1e-9)

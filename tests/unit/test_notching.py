@@ -7,7 +7,6 @@ import pytest
 
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
-from beamsim.outcomes import OutcomeCode
 from beamsim.plots.sweep import sweep_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_sweep, write_sweep
@@ -138,7 +137,7 @@ def test_limits_that_impacts_exceed_are_an_outcome():
     chain = {**CASE["chain"], "snubbers": [stop]}
     settings = {**SWEEP, "to": "19 Hz", "rate": "12 oct/min", "notch_to": {"snubbers.stop.force": "30 N"}}
     result = sweep(load_scenario({**CASE, "chain": chain, "sweep": settings}))
-    (missed,) = result.outcome.all_of(OutcomeCode.NOTCH_NOT_HELD)
+    (missed,) = result.outcome.all_of("notch_not_held")
     (curve,) = result.curves.values()
     assert missed.numbers["percent"] == pytest.approx(100 * (curve.force["stop"].peak.max() / 30 - 1))
     assert missed.numbers["percent"] > 5

@@ -4,60 +4,96 @@ import pickle
 import numpy as np
 import pytest
 
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, OutcomeKind, both_directions, combined
+from beamsim.outcomes import (
+    COMPLETE,
+    Outcome,
+    OutcomeKind,
+    Place,
+    both_directions,
+    combined,
+    listed,
+    together,
+)
 
 pytestmark = pytest.mark.quick
 
-STOPPED = Outcome.of(OutcomeCode.STEP_TOO_SMALL, parameter=2 * np.pi * 20.0, points=7, step=1e-6)
+STOPPED = Outcome.of(
+    OutcomeKind.STOPPED, "step_too_small", "no solution", at=2 * np.pi * 20.0, remedy="try a smaller step", points=7
+)
+REACHED = Outcome.of(OutcomeKind.COMPLETE, "reached_end", "reached the end", at=Place(3.0, "Hz"))
+MISSING = Outcome.of(OutcomeKind.INCOMPLETE, "not_covered", "no motion", STOPPED, at=Place([(1.0, 2.0)], "Hz"))
 
 
 def test_complete():
     assert COMPLETE.complete
     assert COMPLETE.trusted
     assert COMPLETE.text == "complete"
-    reached = Outcome.of(OutcomeCode.REACHED_END, parameter=3.0, unit="Hz")
-    assert reached.complete
-    assert reached.text == "complete: reached 3 Hz"
+    assert REACHED.complete
+    assert REACHED.text == "complete: reached the end at 3 Hz"
 
 
-def test_parameter_is_converted_as_a_number():
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        (OutcomeKind.COMPLETE, "complete: what at 3 Hz"),
+        (OutcomeKind.NOTED, "what at 3 Hz"),
+        (OutcomeKind.INCOMPLETE, "what at 3 Hz"),
+        (OutcomeKind.STOPPED, "stopped at 3 Hz: what"),
+        (OutcomeKind.UNTRUSTED, "not reliable at 3 Hz: what"),
+        (OutcomeKind.INTERRUPTED, "interrupted at 3 Hz what"),
+        (OutcomeKind.FAILED, "what at 3 Hz"),
+    ],
+)
+def test_what_each_kind_says_and_means(kind, text):
+    outcome = Outcome.of(kind, "code", "what", at=Place(3.0, "Hz"), remedy="do this")
+    assert outcome.text == f"{text}; do this"
+    assert outcome.complete == (kind in ("complete", "noted"))
+    assert outcome.trusted == (kind not in ("untrusted", "failed"))
+    assert outcome.cut_short == (kind in ("incomplete", "stopped", "interrupted", "failed"))
+    assert Outcome.of(kind, "code").message in ("", "stopped", "not reliable", "interrupted")
+
+
+def test_the_parameter_of_a_branch_is_converted_once():
     shown = STOPPED.shown(lambda omega: omega / (2 * np.pi), "Hz")
-    assert shown.numbers["parameter"] == pytest.approx(20.0)
-    assert shown.message == "stopped at 20 Hz after 7 points: no solution even with the smallest step of 1e-06"
-    assert shown.text == f"{shown.message}; {shown.remedy}"
-    assert shown.shown(lambda x: 100 * x, "m") == shown  # once is enough
-    whole = Outcome.of(OutcomeCode.NOT_COVERED, STOPPED, ranges=((1.0, 2.0),), unit="Hz")
-    assert whole.shown(lambda omega: omega / (2 * np.pi), "Hz").parts[0].numbers["parameter"] == pytest.approx(20.0)
-    assert not whole.complete
+    assert shown.place.value == pytest.approx(20.0)
+    assert shown.text == "stopped at 20 Hz: no solution; try a smaller step"
+    assert shown.shown(lambda x: 100 * x, "m") == shown
+    assert MISSING.shown(lambda omega: omega / (2 * np.pi), "Hz").parts == (shown,)
+
+
+def test_places_in_words():
+    assert Place((1.0, 2.5), "g", "level").phrase == "at level 1, 2.5 g"
+    assert Place(((1.0, 2.0), (4.0, 5.0)), "Hz").phrase == "from 1 to 2, 4 to 5 Hz"
+    assert str(Place(0.5)) == "parameter 0.5"
+    assert listed(tuple(range(9))) == "0, 1, 2, 3, 4, 5 and 3 more"
 
 
 def test_combined():
-    reached = Outcome.of(OutcomeCode.REACHED_END, parameter=3.0)
-    assert combined([reached, STOPPED, COMPLETE]) is STOPPED
-    assert combined([reached]) is COMPLETE
+    assert combined([REACHED, STOPPED, COMPLETE]) is STOPPED
+    assert combined([REACHED]) is COMPLETE
     assert combined([]) is COMPLETE
+    assert together([]) is COMPLETE
+    assert together([STOPPED, REACHED]).parts == (REACHED,)
 
 
 def test_both_directions():
-    reached = Outcome.of(OutcomeCode.REACHED_END, parameter=3.0, unit="Hz")
-    assert both_directions(reached, reached) is reached
-    two = both_directions(reached, STOPPED)
-    assert two.code is OutcomeCode.STEP_TOO_SMALL
-    assert two.text == f"{STOPPED.text}; in the other direction: complete: reached 3 Hz"
-    assert two.statements == (STOPPED.text, "in the other direction: reached 3 Hz")
+    assert both_directions(REACHED, REACHED) is REACHED
+    two = both_directions(REACHED, STOPPED)
+    assert two.code == "step_too_small"
+    assert two.text == f"{STOPPED.text}; in the other direction: complete: reached the end at 3 Hz"
+    assert two.statements == (STOPPED.text, "in the other direction: reached the end at 3 Hz")
     assert not two.complete
-    assert not both_directions(STOPPED, reached).complete
+    assert not both_directions(STOPPED, REACHED).complete
     assert COMPLETE.statements == ("complete",)
-    assert reached.but(STOPPED).statements == ("complete", "reached 3 Hz", STOPPED.text)
+    assert REACHED.but(STOPPED).statements == ("complete", "reached the end at 3 Hz", STOPPED.text)
 
 
-def test_trust():
-    doubt = Outcome.of(OutcomeCode.HARMONICS_NEGLECTED, parameter=3.0, unit="Hz", error=2.0, allowed=1.0)
-    assert not doubt.trusted
+def test_what_a_part_means_for_the_whole():
+    doubt = Outcome.of(OutcomeKind.UNTRUSTED, "harmonics_neglected", "they are large")
     assert not STOPPED.but(doubt).trusted
-    assert STOPPED.trusted
-    stopped = Outcome.of(OutcomeCode.INTERRUPTED)
-    assert Outcome.of(OutcomeCode.NOT_COVERED, stopped, ranges=((1.0, 2.0),)).interrupted
+    assert MISSING.but(Outcome.of(OutcomeKind.INTERRUPTED, "interrupted")).interrupted
+    assert not REACHED.but(STOPPED).complete
+    assert MISSING.all_of("step_too_small") == [STOPPED]
 
 
 @pytest.mark.parametrize(
@@ -65,20 +101,11 @@ def test_trust():
     [
         COMPLETE,
         STOPPED,
-        Outcome.of(OutcomeCode.NOT_COVERED, STOPPED, ranges=np.array([[1.0, 2.0], [4.0, 5.0]]), unit="Hz"),
-        Outcome.of(OutcomeCode.CASES_MISSING, done=np.int64(2), cases=3),
+        MISSING.but(within=Place(9.81, "m/s^2", "level")),
+        Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", "2 of 3", done=np.int64(2), shares=np.array([[1.0, 2.0]])),
     ],
 )
 def test_there_and_back(outcome):
     assert pickle.loads(pickle.dumps(outcome)) == outcome
     assert Outcome.from_dict(json.loads(json.dumps(outcome.as_dict()))) == outcome
     assert hash(outcome) == hash(Outcome.from_dict(outcome.as_dict()))
-
-
-@pytest.mark.parametrize("code", OutcomeCode)
-def test_every_message_can_be_written(code):
-    values = dict.fromkeys(code.needs, 1.0)
-    text = Outcome(code, values).text
-    assert text
-    assert not set("{}[]") & set(text)
-    assert (code.kind is OutcomeKind.COMPLETE) == text.startswith("complete")

@@ -8,9 +8,9 @@ import pytest
 from beamsim.analyses.continuation.analysis import _outcome
 from beamsim.analyses.continuation.branches import Budget, missing, progress_that_grows, trace_range
 from beamsim.analyses.continuation.paths import FollowedParameter
-from beamsim.orbits.branch import BranchPoint, recorded
+from beamsim.orbits.branch import BranchPoint, reached_end, recorded
 from beamsim.orbits.continuation import Settings
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario.sweep import Continuation
 
 pytestmark = pytest.mark.quick
@@ -21,7 +21,7 @@ def point(value, x=0.0):
 
 
 def a_corner(end):
-    return Outcome.of(OutcomeCode.NOT_SMOOTH, parameter=end, steps=150, step=0.05)
+    return Outcome.of(OutcomeKind.STOPPED, "not_smooth", at=end)
 
 
 class Walk:
@@ -59,7 +59,7 @@ class Lines:
         count = max(2, int(abs(end - start.parameter) / self.step) + 1)
         points = [point(v, float(k)) for v in np.linspace(start.parameter, end, count)]
         inside = 0.0 < end < 1.0
-        outcome = a_corner(end) if inside else Outcome.of(OutcomeCode.REACHED_END, parameter=end)
+        outcome = a_corner(end) if inside else reached_end(end)
         return Walk(points[: settings.most_points], outcome)
 
     def special(self, a, b, settings, failed):
@@ -102,11 +102,11 @@ def test_a_search_that_fails_is_told_with_the_branch():
     (branch,) = trace_range(Failing((0.0, 1.0)), 0.0, 1.0, Budget(1000, np.inf))
     assert whole.outcome.complete
     assert len(branch.points) == len(whole.points)
-    assert branch.outcome.code is OutcomeCode.REACHED_END
+    assert branch.outcome.code == "reached_end"
     assert not branch.outcome.complete
-    (failed,) = branch.outcome.all_of(OutcomeCode.SEARCH_FAILED)
-    assert failed.numbers["kinds"] == "Neimark–Sacker"
-    assert 0.4 < failed.numbers["parameter"] < 0.5
+    (failed,) = branch.outcome.all_of("search_failed")
+    assert "(Neimark–Sacker)" in failed.sentence
+    assert 0.4 < failed.place.value < 0.5
     settings = Continuation.model_construct(side_branches="limited", longest_period=2)
     model = SimpleNamespace(
         followed=FollowedParameter("level", 0.0, 1.0, "N"), scenario=SimpleNamespace(sweep=settings)

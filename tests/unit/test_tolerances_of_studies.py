@@ -11,7 +11,7 @@ from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ScenarioError
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.scenario import load_scenario
 from beamsim.store.export import export_result
 from beamsim.store.results import write_result
@@ -40,7 +40,7 @@ def of_forces(forces, tolerances, limits="{peak_force: 30 N}", more="minimise: p
     assert len(plan.cases) == np.size(forces)
     outcomes = {}
     for k, force in enumerate(np.ravel(forces)):
-        failed = Outcome.of(OutcomeCode.FAILED, reason="why")
+        failed = Outcome.of(OutcomeKind.FAILED, "failed", "why")
         ending = failed if np.isnan(force) else COMPLETE
         outcomes[k] = CaseOutcome(k, {} if np.isnan(force) else {FORCE: float(force)}, ending)
     return gather(plan, outcomes)
@@ -120,7 +120,7 @@ def test_a_case_with_a_realisation_that_failed_does_not_pass(tmp_path):
     assert result.passing.tolist() == [False, False, False]
     assert result.summary["failed"] == 1
     assert result.failures[0].case == 1
-    assert result.outcome.code is OutcomeCode.CASES_FAILED
+    assert result.outcome.code == "cases_failed"
     export_result(write_result(result, tmp_path / "study.h5"), tmp_path / "tables", "csv")
     (place,) = (p for p in (tmp_path / "tables").glob("designs_by_*.csv") if "realisation" not in p.stem)
     with open(place, encoding="utf-8") as file:

@@ -37,14 +37,16 @@ from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.analyses.values import ACCELERATION, BY_ENTRY, DISPLACEMENT, FORCE, LIMITED, PENETRATION, STRESS, Value
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
-from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
+from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.shooting import STABLE
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
 from beamsim.scenario import Scenario
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.scenario.sweep import Continuation, HarmonicBalance
 from beamsim.system.channels import ChannelSet
 from beamsim.typing import Floats, Ints
+
+NO_STABLE_MOTION = "no_stable_motion"
 
 SHARE_OF_OVERLAY = 0.2  # of the progress bar
 
@@ -111,8 +113,9 @@ def continuation(
         if overlay is None:
             missing.append("sweep.overlay")
     if interrupted or missing:
-        parts = outcome.parts if outcome.code is COMPLETE.code else (outcome,)
-        outcome = Outcome.of(OutcomeCode.INTERRUPTED, *parts, left=missing)
+        parts = outcome.parts if outcome.code == COMPLETE.code else (outcome,)
+        left = f"; not started: {', '.join(missing)}" if missing else ""
+        outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", left, *parts)
     f, second = model.followed, model.second
     return ContinuationResult(
         scenario=scenario,
@@ -198,35 +201,36 @@ def _outcome(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     """What was not reached and why, and where no stable motion was found."""
     f = model.followed
     first, last = f.inward(f.first), f.inward(f.last)
-    of: dict[str, Any] = {}
-    if level is not None:
-        of = {"level": level, "level_unit": model.scenario.level_unit}
+    within = "" if level is None else Place(level, model.scenario.level_unit, "level")
 
-    def ranges(stretches: list[tuple[float, float]]) -> list[tuple[float, float]]:
-        return [(float(f.outward(a)), float(f.outward(b))) for a, b in stretches]
+    def ranges(stretches: list[tuple[float, float]]) -> Place:
+        return Place([(float(f.outward(a)), float(f.outward(b))) for a, b in stretches], f.unit)
 
     parts: list[Outcome] = []
     gaps = missing([t for t in traced if t.problem.multiple == 1], first, last)
     if gaps:
         why = next((t.outcome for t in reversed(traced) if not t.outcome.complete), traced[0].outcome)
-        parts.append(Outcome.of(OutcomeCode.NOT_COVERED, f.shown(why), ranges=ranges(gaps), unit=f.unit, **of))
-    failed = [f.shown(part) for t in traced for part in t.outcome.all_of(OutcomeCode.SEARCH_FAILED)]
+        uncovered = Outcome.of(
+            OutcomeKind.INCOMPLETE, "not_covered", "no motion was followed", f.shown(why), at=ranges(gaps)
+        )
+        parts.append(uncovered)
+    failed = [f.shown(part) for t in traced for part in t.outcome.all_of(SEARCH_FAILED)]
     parts += [part for part in failed if not any(part in known.parts for known in parts)]
     settings = model.scenario.sweep
     assert isinstance(settings, Continuation)
     incomplete = bool(gaps) or settings.demands_side_branches
-    exceeded = budget.exceeded(OutcomeCode.LIMITS_REACHED if incomplete else OutcomeCode.SIDE_BRANCHES_CUT)
+    exceeded = budget.exceeded(incomplete=incomplete)
     if exceeded is not None:
-        parts.append(exceeded.but(**of))
-    parts += [part.but(**of) for part in _left_out(model, settings, traced)]
+        parts.append(exceeded)
+    parts += _left_out(model, settings, traced)
     bands: list[tuple[float, float]] = []
     for a, b in covered(_stable_stretches(traced), min(first, last), max(first, last)):
         if bands and a - bands[-1][1] < COVERED * abs(last - first):
             a = bands.pop()[0]
         bands.append((a, b))
     if bands:
-        parts.append(Outcome.of(OutcomeCode.NO_STABLE_MOTION, ranges=ranges(bands), unit=f.unit, **of))
-    return _combined(parts)
+        parts.append(Outcome.of(OutcomeKind.NOTED, NO_STABLE_MOTION, "no stable motion was found", at=ranges(bands)))
+    return _combined([part.but(within=within) for part in parts])
 
 
 def _left_out(model: ResponseModel, settings: Continuation, traced: list[OrbitBranch]) -> Iterator[Outcome]:
@@ -235,9 +239,13 @@ def _left_out(model: ResponseModel, settings: Continuation, traced: list[OrbitBr
     reason = "sweep.side_branches is none" if not settings.follows_side_branches else "harmonic balance follows none"
     bifurcations = sum(len(leavings(branch, settings.longest_period)) for branch in traced)
     if bifurcations and (by_balance or not settings.follows_side_branches):
-        yield Outcome.of(OutcomeCode.NOT_BRANCHED, bifurcations=bifurcations, reason=reason)
+        yield Outcome.of(
+            OutcomeKind.NOTED, "not_branched", f"from {bifurcations} bifurcations no branch was followed: {reason}",
+            bifurcations=bifurcations,
+        )  # fmt: skip
     if by_balance and settings.seek_at and settings.follows_side_branches and model.system.cubic.count:
-        yield Outcome.of(OutcomeCode.NOT_SOUGHT, reason="harmonic balance seeks none with cubic springs")
+        sentence = "coexisting motions were not sought: harmonic balance seeks none with cubic springs"
+        yield Outcome.of(OutcomeKind.NOTED, "not_sought", sentence)
 
 
 def _stable_stretches(traced: list[OrbitBranch]) -> Iterator[tuple[float, float]]:
@@ -252,7 +260,7 @@ def _stable_stretches(traced: list[OrbitBranch]) -> Iterator[tuple[float, float]
 def _combined(outcomes: Sequence[Outcome]) -> Outcome:
     """The first that is not complete, else complete, with the others as remarks."""
     remarks = [
-        part for outcome in outcomes for part in (outcome.parts if outcome.code is COMPLETE.code else (outcome,))
+        part for outcome in outcomes for part in (outcome.parts if outcome.code == COMPLETE.code else (outcome,))
     ]
     worst = next((part for part in remarks if not part.complete), COMPLETE)
     return worst.but(*(part for part in remarks if part is not worst))
@@ -268,9 +276,12 @@ def _trusted(outcome: Outcome, branches: list[ResponseBranch], largest: float, f
     if worst[0] <= largest:
         return outcome
     doubt = Outcome.of(
-        OutcomeCode.HARMONICS_NEGLECTED, parameter=worst[1], unit=f.unit, error=100 * worst[0], allowed=100 * largest
-    )
-    return doubt.but(*outcome.parts) if outcome.code is COMPLETE.code else outcome.but(doubt)
+        OutcomeKind.UNTRUSTED, "harmonics_neglected",
+        f"the neglected harmonics amount to {100 * worst[0]:.3g} % of the motion (sweep.method.largest_error = "
+        f"{100 * largest:g} %)",
+        at=Place(worst[1], f.unit), remedy="use more harmonics, or the shooting method",
+    )  # fmt: skip
+    return doubt.but(*outcome.parts) if outcome.code == COMPLETE.code else outcome.but(doubt)
 
 
 def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop = never) -> ResponseBranch:
@@ -411,10 +422,10 @@ def _summary(
             for e in b.special
         ],
         "without_stable_motion": [
-            {"band": band, "level": part.numbers.get("level", branches[0].level)}
+            {"band": list(band), "level": part.within.value if isinstance(part.within, Place) else branches[0].level}
             for part in (outcome, *outcome.parts)
-            if part.code is OutcomeCode.NO_STABLE_MOTION
-            for band in np.array(part.numbers["ranges"]).tolist()
+            if part.code == NO_STABLE_MOTION and part.place is not None
+            for band in part.place.value
         ],
         **_outputs(model, branches),
         "margins": _margins(model, branches),

@@ -20,16 +20,20 @@ from beamsim.analyses.continuation.stopping_contacts import explained
 from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.branch import (
     INTERRUPTED,
+    POINT_LIMIT,
     BranchPoint,
     FailedSearch,
     OrbitBranch,
     SpecialPoint,
+    too_many_points,
     with_failed_searches,
 )
 from beamsim.orbits.continuation import Branch, Settings, follow_orbits, interpolated, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.orbits.special_points import special_points
-from beamsim.outcomes import Outcome, OutcomeCode, both_directions
+from beamsim.outcomes import Outcome, OutcomeKind, Place, both_directions
+
+BACK_TO_PERIOD = "back_to_period"
 
 Report = Callable[[float], None]
 SpecialBetween = Callable[[BranchPoint, BranchPoint, Settings, list[FailedSearch]], list[SpecialPoint]]
@@ -64,9 +68,10 @@ class Budget:
         if self.stop():
             return INTERRUPTED
         if self.points <= self.used:
-            return Outcome.of(OutcomeCode.POINT_LIMIT, points=self.used, limit="sweep.most_points")
+            return limited(too_many_points(self.used), "sweep.most_points")
         if clock.monotonic() - self.begun > self.seconds:
-            return Outcome.of(OutcomeCode.TIME_LIMIT, seconds=self.seconds, limit="sweep.longest_time")
+            spent = Outcome.of(OutcomeKind.STOPPED, "time_limit", f"the limit of {self.seconds:g} s is reached")
+            return limited(spent, "sweep.longest_time")
         return None
 
     @property
@@ -79,7 +84,7 @@ class Budget:
         spent = self.spent()
         if spent is None and branches < self.branches:
             return True
-        self.cut(spent or Outcome.of(OutcomeCode.POINT_LIMIT, points=self.used, limit="sweep.most_branches"))
+        self.cut(spent or limited(too_many_points(self.used), "sweep.most_branches"))
         return False
 
     def cut(self, spent: Outcome) -> None:
@@ -87,12 +92,30 @@ class Budget:
         if "limit" in spent.numbers:
             self.cut_off.add(str(spent.numbers["limit"]))
 
-    def exceeded(self, code: OutcomeCode) -> Outcome | None:
+    def exceeded(self, *, incomplete: bool) -> Outcome | None:
         """Which limits ended branches, or kept them from being followed; None where none did."""
         if not self.cut_off:
             return None
-        bifurcations = {"bifurcations": self.not_followed} if self.not_followed else {}
-        return Outcome.of(code, limits=sorted(self.cut_off), **bifurcations)
+        limits, left = ", ".join(sorted(self.cut_off)), self.not_followed
+        beyond = f"; from {left} bifurcations no branch was followed" if left else ""
+        if incomplete:
+            sentence = "limits on the number of points or branches were reached"
+            return Outcome.of(OutcomeKind.INCOMPLETE, "limits_reached", sentence + beyond, remedy=f"raise {limits}")
+        return Outcome.of(
+            OutcomeKind.NOTED, "side_branches_cut",
+            "coexisting and side branches end at limits on points, branches or time" + beyond,
+            remedy=f"raise {limits}, or leave these branches out (sweep.side_branches: none)",
+        )  # fmt: skip
+
+
+def limited(outcome: Outcome, limit: str) -> Outcome:
+    """The outcome of what ended at a setting's limit."""
+    return outcome.but(remedy=f"raise {limit}", numbers={**outcome.numbers, "limit": limit})
+
+
+def on_known_branch(point: BranchPoint) -> Outcome:
+    """The outcome of a branch that ends on another one."""
+    return Outcome.of(OutcomeKind.COMPLETE, "joined_branch", "joined another branch", at=point.parameter)
 
 
 class Tracer(Protocol):
@@ -292,7 +315,7 @@ def follow(
         if tell is not None:
             tell(point.parameter)
         close = close + 1 if coincides(point, known) else 0
-        return Outcome.of(OutcomeCode.JOINED_BRANCH, parameter=point.parameter) if close == 2 else None
+        return on_known_branch(point) if close == 2 else None
 
     most = min(budget.branch_points, budget.left)
     limit = "sweep.most_branch_points" if most == budget.branch_points else "sweep.most_points"
@@ -318,7 +341,7 @@ def walk(
         if points and np.array_equal(point.u, points[-1].u):  # it begins on the end of its reach
             continue
         outcome = ends(point)
-        if outcome is not None and outcome.code is OutcomeCode.BACK_TO_PERIOD:
+        if outcome is not None and outcome.code == BACK_TO_PERIOD:
             break
         if points:
             between = along(points[-1], point, special_between(points[-1], point, branch.settings, failed))
@@ -329,12 +352,12 @@ def walk(
         if outcome is not None:
             break
         if spent := budget.spent():
-            outcome = spent.but(parameter=point.parameter)
+            outcome = spent.but(place=Place(point.parameter))
             budget.cut(spent)
             break
     outcome = outcome or branch.outcome
-    if outcome.code is OutcomeCode.POINT_LIMIT and "limit" not in outcome.numbers:
-        outcome = outcome.but(limit=limit)
+    if outcome.code == POINT_LIMIT and not outcome.remedy:
+        outcome = limited(outcome, limit)
         budget.cut(outcome)
     if points:
         outcome = explained(outcome, branch.problem, points[-1])

@@ -13,11 +13,11 @@ from beamsim.analyses.continuation.motion import measured
 from beamsim.analyses.continuation.paths import FollowedParameter, ResponseModel
 from beamsim.analyses.values import DISPLACEMENT
 from beamsim.interrupts import until
-from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint
+from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint, too_many_points
 from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve, start_of_grazing_curve
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import Outcome, OutcomeCode, both_directions
+from beamsim.outcomes import Outcome, OutcomeKind, Place, both_directions
 from beamsim.structures.assembly import snubber_site
 
 SETTINGS = Settings(tolerance=1e-9)
@@ -108,7 +108,9 @@ def _curve(
         except (ArithmeticError, np.linalg.LinAlgError):
             begun = None
         if begun is None:
-            outcomes.append(Outcome.of(OutcomeCode.CORNER_TOO_CLOSE))
+            outcomes.append(
+                Outcome.of(OutcomeKind.STOPPED, "corner_too_close", "the fold is too close to a corner of the curve")
+            )
             continue
         curve, start = begun
         points, outcome = _follow(Branch(curve, start, low, high, SETTINGS), fold.parameter, budget, second)
@@ -164,11 +166,17 @@ def _follow(
         budget.used += 1
         at = float(point.u[-2])
         if not omega / BEYOND < at < omega * BEYOND:
-            return points, Outcome.of(OutcomeCode.LEFT_RANGE, parameter=at / (2 * np.pi), unit="Hz", ratio=BEYOND)
+            far = Outcome.of(
+                OutcomeKind.STOPPED, "left_range", f"a factor of {BEYOND:g} from where it started",
+                at=Place(at / (2 * np.pi), "Hz"),
+            )  # fmt: skip
+            return points, far
         spent = budget.spent()
         if spent is None and len(points) >= MOST_POINTS:
-            spent = Outcome.of(OutcomeCode.POINT_LIMIT, points=MOST_POINTS)
+            spent = too_many_points(MOST_POINTS)
         if spent is not None:
-            return points, second.shown(spent.but(parameter=point.parameter))
+            return points, second.shown(spent.but(place=Place(point.parameter)))
     outcome = branch.outcome
-    return points, second.shown(outcome.but(parameter=points[-1].parameter) if outcome is INTERRUPTED else outcome)
+    if outcome is INTERRUPTED:
+        outcome = outcome.but(place=Place(points[-1].parameter))
+    return points, second.shown(outcome)

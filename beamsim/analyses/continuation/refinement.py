@@ -12,9 +12,8 @@ import numpy as np
 
 from beamsim.analyses.continuation.motion import MeasuredMotion
 from beamsim.interrupts import Stop, never
-from beamsim.orbits.branch import BranchPoint, OrbitBranch
+from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end
 from beamsim.orbits.continuation import Settings, at_parameter, between
-from beamsim.outcomes import Outcome, OutcomeCode
 
 EDGE = 1e-12  # of the range, by which a point may lie beyond its end
 SHARE = 1e-4  # of a step, to which a maximum is located: its height is then good to the square of this
@@ -46,7 +45,7 @@ def cut(branch: OrbitBranch, low: float, high: float) -> list[OrbitBranch]:
         points, outcome = list(branch.points[first : last + 1]), branch.outcome
         if last + 1 < len(branch.points):
             edge = low if branch.values[last + 1] < low else high
-            outcome = Outcome.of(OutcomeCode.REACHED_END, parameter=edge)
+            outcome = reached_end(edge)
             points += _edge(branch.problem, branch.points[last], branch.points[last + 1], edge)
         if first > 0:
             edge = low if branch.values[first - 1] < low else high

@@ -7,17 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.analyses.continuation.branches import (
+    BACK_TO_PERIOD,
     Budget,
     Half,
     coincides,
     joined,
+    on_known_branch,
     walk,
 )
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Settings, follow_orbits
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.special_points import special_points, switch_at_branch_point, switch_at_period_doubling
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Floats
 
 SAME_PARAMETER = 1e-4  # relative distance within which a bifurcation belongs to a branch that is known
@@ -129,7 +131,7 @@ def _followed(
         nonlocal last
         unlike = _unlike(problem, point)
         if last is not None and (float(last @ unlike) < 0 or float(np.linalg.norm(unlike)) < ALIKE):
-            return Outcome.of(OutcomeCode.BACK_TO_PERIOD, multiple=problem.multiple // 2)
+            return Outcome.of(OutcomeKind.COMPLETE, BACK_TO_PERIOD, f"back to period {problem.multiple // 2}")
         last = unlike
         return None
 
@@ -138,7 +140,7 @@ def _followed(
         together = coincides(point, known)
         apart = apart or not together
         close = close + 1 if apart and together else 0
-        return Outcome.of(OutcomeCode.JOINED_BRANCH, parameter=point.parameter) if close == 2 else None
+        return on_known_branch(point) if close == 2 else None
 
     half: Half = walk(
         branch, lambda a, b, settings, failed: special_points(problem, a, b, settings, failed), budget, limit,

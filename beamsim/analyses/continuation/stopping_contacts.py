@@ -9,8 +9,9 @@ import numpy as np
 from beamsim.contacts.friction import drops
 from beamsim.contacts.hardening import ELASTIC, LOADING
 from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.continuation import NOT_SMOOTH, STEP_TOO_SMALL
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome
 
 _SAMPLES = 4000  # of a period
 _REACHES = 1e-3  # of the yield force: a motion that comes closer just reaches it
@@ -21,12 +22,24 @@ def explained(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
     if not isinstance(problem, ForcedOrbits):
         return outcome
     laws = problem.flow.system.contacts.laws
-    code = None
-    if outcome.code is OutcomeCode.STEP_TOO_SMALL and any(drops(law) for law in laws):
-        code = OutcomeCode.STICKING_JUMPS
-    elif outcome.code is OutcomeCode.NOT_SMOOTH and any(law.yields for law in laws) and _just_yields(problem, last):
-        code = OutcomeCode.JUST_YIELDS
-    return outcome if code is None else Outcome.of(code, *outcome.parts, **outcome.numbers)
+    if outcome.code == STEP_TOO_SMALL and any(drops(law) for law in laws):
+        return outcome.but(
+            code="sticking_jumps",
+            sentence="where a friction contact with a static coefficient above the sliding one begins to stick or to "
+            "slide, it does so at once for a time that is not short, and the motions beyond are not neighbours of "
+            "these",
+            remedy="follow the range beyond with a stepped sine, begin the continuation there, or give the contact one "
+            "coefficient",
+        )
+    if outcome.code == NOT_SMOOTH and any(law.yields for law in laws) and _just_yields(problem, last):
+        return outcome.but(
+            code="just_yields",
+            sentence="the motion just reaches the yield force of a stop; with any larger crush it is periodic as well, "
+            "so that no single branch goes on",
+            remedy="follow the range beyond with a stepped sine or a study of runs, where the crush is that of their "
+            "past",
+        )
+    return outcome
 
 
 def _just_yields(problem: ForcedOrbits, point: BranchPoint) -> bool:

@@ -26,7 +26,7 @@ from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recov
 from beamsim.errors import BeamsimError, Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.kinds import KINDS, named
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
 from beamsim.scenario.parameters import with_values
@@ -92,12 +92,15 @@ class CaseSolver:
         try:
             values, outcome = ANALYSES[self.study.analysis](self.study.scenario(case), self)
         except BeamsimError as error:
-            values, outcome = {}, Outcome.of(OutcomeCode.FAILED, reason="; ".join(str(error).splitlines()))
+            values, outcome = {}, _failed("; ".join(str(error).splitlines()))
         except (ArithmeticError, ValueError, RuntimeError) as error:
-            reason = f"internal error ({type(error).__name__}: {error})"
-            values, outcome = {}, Outcome.of(OutcomeCode.FAILED, reason=reason)
+            values, outcome = {}, _failed(f"internal error ({type(error).__name__}: {error})")
         values = {name: value for name, value in values.items() if is_asked(name, self.study.asked)}
         return CaseOutcome(case.number, values if outcome.complete else {}, outcome, clock.thread_time() - begin)
+
+
+def _failed(reason: str) -> Outcome:
+    return Outcome.of(OutcomeKind.FAILED, "failed", reason)
 
 
 _SOLVERS: dict[str, CaseSolver] = {}  # of the study that this worker process is computing

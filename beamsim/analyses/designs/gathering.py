@@ -27,7 +27,7 @@ from beamsim.analyses.designs.result import (
 from beamsim.analyses.designs.sensitivity import sensitivities
 from beamsim.analyses.limits import margin_of
 from beamsim.analyses.table_reach import forces_beyond_tables
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind, together
 from beamsim.scenario.varied import Value
 from beamsim.system.outputs import output_units
 from beamsim.typing import Bools, Floats
@@ -288,13 +288,15 @@ def _named(plan: DesignPlan, case: int) -> dict[str, Value]:
 def _outcome(cases: int, missing: int, failures: tuple[CaseFailure, ...]) -> Outcome:
     parts = []
     if missing:
-        parts.append(Outcome.of(OutcomeCode.CASES_MISSING, done=cases - missing, cases=cases))
+        sentence = f"{cases - missing} of {cases} cases computed"
+        parts.append(Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", sentence, done=cases - missing, cases=cases))
     if failures:
         first = failures[0]
         parts.append(
             Outcome.of(
-                OutcomeCode.CASES_FAILED, failed=len(failures), cases=cases, case=first.case + 1,
-                reason=first.outcome.text,
+                OutcomeKind.INCOMPLETE, "cases_failed",
+                f"{len(failures)} of {cases} cases failed; the first is case {first.case + 1}: {first.outcome.text}",
+                failed=len(failures), cases=cases, case=first.case + 1,
             )
         )  # fmt: skip
-    return parts[0].but(*parts[1:]) if parts else COMPLETE
+    return together(parts)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.result import Result
-from beamsim.codecs import JSON, as_text, outcome_of_text
+from beamsim.codecs import JSON, as_text
 from beamsim.fields import Axes, Counter, Entry, attribute, axis, dataset, declared, key, keyed, numbered, stored
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.varied import Value
@@ -158,10 +158,8 @@ def _failures_text(failures: Iterable[CaseFailure]) -> str:
 
 
 def _failures(text: str) -> tuple[CaseFailure, ...]:
-    """The cases; those of an old file have no codes."""
     return tuple(
-        CaseFailure(case, tuple(values), Outcome.from_dict(code[0]) if code else outcome_of_text(why))
-        for case, values, why, *code in json.loads(text)
+        CaseFailure(case, tuple(values), Outcome.from_dict(outcome)) for case, values, _, outcome in json.loads(text)
     )
 
 

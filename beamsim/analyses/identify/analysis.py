@@ -36,7 +36,7 @@ from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, sp
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.measurements.signal import MeasuredSignal
-from beamsim.outcomes import COMPLETE
+from beamsim.outcomes import COMPLETE, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.parameters import with_values
@@ -160,7 +160,7 @@ def _identify(
     parts = [part.outcome for part in (estimate, nonlinear) if part is not None and not part.outcome.complete]
     result = IdentificationResult(
         scenario=scenario,
-        outcome=parts[0].but(*parts[1:]) if parts else COMPLETE,
+        outcome=together(parts),
         estimate=estimate,
         table_slope=resting,
         with_snubber=table,

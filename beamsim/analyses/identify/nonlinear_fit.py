@@ -29,7 +29,7 @@ from beamsim.analyses.identify.uncertainty import widening
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.measurements.signal import MeasuredSignal
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.identification import IdentifyStiffness, MeasuredTest
@@ -149,14 +149,26 @@ def fit_nonlinear(
     outcomes = []
     if interrupted:
         outcomes.append(
-            Outcome.of(OutcomeCode.INTERRUPTED, done=index + 1, total=nonlinear.starts, unit_of_work="starts")
+            Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", f"after {index + 1} of {nonlinear.starts} starts")
         )
     if best.status == 0:  # of least_squares: it ran out of evaluations
-        outcomes.append(Outcome.of(OutcomeCode.FIT_LIMIT, evaluations=_MOST_EVALUATIONS))
+        outcomes.append(
+            Outcome.of(
+                OutcomeKind.STOPPED, "fit_limit", f"the limit of {_MOST_EVALUATIONS} evaluations of the fit is reached",
+                remedy="start from better values, or fit fewer parameters",
+            )
+        )  # fmt: skip
     if without:
-        outcomes.append(Outcome.of(OutcomeCode.DERIVATIVE_UNKNOWN, parameters=without))
+        outcomes.append(
+            Outcome.of(
+                OutcomeKind.UNTRUSTED, "derivative_unknown",
+                f"no steady vibration was found close to the estimate of {', '.join(without)}: no standard deviation "
+                "is known",
+                remedy="start from other values, or leave out tests with irregular motion",
+            )
+        )  # fmt: skip
     return NonlinearEstimate(
-        outcome=outcomes[0].but(*outcomes[1:]) if outcomes else COMPLETE,
+        outcome=together(outcomes),
         parameters=parameters,
         correlation=np.asarray(correlation),
         tests=tuple(

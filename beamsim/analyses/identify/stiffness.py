@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
@@ -214,11 +214,20 @@ def thesis_loop(
         if abs(predicted - omega) <= tolerance * omega:
             return LoopResult(k, count, COMPLETE)
         if predicted > omega:
-            outcome = Outcome.of(OutcomeCode.STEPPED_OVER, before=previous, after=k, percent=100 * tolerance)
+            outcome = Outcome.of(
+                OutcomeKind.STOPPED, "stepped_over",
+                f"a 1 % step from {previous:.6g} to {k:.6g} N/m stepped over the frequency tolerance of "
+                f"{100 * tolerance:g} %",
+                remedy="widen identify_stiffness.tolerance, or use method: secular",
+            )  # fmt: skip
             return LoopResult(k, count, outcome)
         previous = k
         k *= GROWTH
-    return LoopResult(previous, most_solutions, Outcome.of(OutcomeCode.SOLUTION_LIMIT, solutions=most_solutions))
+    outcome = Outcome.of(
+        OutcomeKind.STOPPED, "solution_limit", f"not converged after {most_solutions} eigenvalue solutions",
+        remedy="raise identify_stiffness.most_solutions, or use method: secular",
+    )  # fmt: skip
+    return LoopResult(previous, most_solutions, outcome)
 
 
 def individual_stiffness(point: SpringPoint, measured: MeasuredModes) -> Mapping[int, float]:

@@ -37,7 +37,7 @@ from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.reversible import linear_mode
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, combined
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place, combined
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.nnm import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
@@ -253,9 +253,12 @@ def _with_points(
         known = {point.value for _, point in requested if (point.quantity == "energy") == (quantity == "energies")}
         missed = [float(value) for value in values if float(value) not in known]
         if missed:
-            part = Outcome.of(OutcomeCode.VALUES_NOT_PASSED, quantity=quantity, missed=missed, unit=unit)
-            shared = "share" in outcome.numbers or outcome.parts
-            outcome = outcome.but(part) if not outcome.complete else part.but(*((outcome,) if shared else ()))
+            part = Outcome.of(
+                OutcomeKind.INCOMPLETE, "values_not_passed",
+                f"points at {quantity} were asked for that no branch passes:", at=Place(missed, unit),
+                remedy="extend the range, or ask for values that the backbone passes (summary: start, end, jumps)",
+            )  # fmt: skip
+            outcome = outcome.but(part) if not outcome.complete else part.but(*((outcome,) if outcome.parts else ()))
     backbone = replace(branches[0], outcome=outcome)
     return replace(followed, backbone=backbone, tongues=tuple(branches[1:])), requested
 
@@ -294,9 +297,17 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
     missed = [float(f) for f, p, s in zip(path.factor, exact, small, strict=True) if p is None and s]
     outcome = COMPLETE
     if not rising:
-        outcome = Outcome.of(OutcomeCode.NOTHING_NEAR_EXPANSION, mode=path.mode, reach=path.reach)
+        outcome = Outcome.of(
+            OutcomeKind.INCOMPLETE, "nothing_near_expansion",
+            f"no exact motion was found near the expansion of mode {path.mode}",
+            remedy=f"use smaller factors, well below {path.reach:.3g}",
+        )  # fmt: skip
     elif missed:
-        outcome = Outcome.of(OutcomeCode.PARTLY_NEAR_EXPANSION, factors=missed)
+        outcome = Outcome.of(
+            OutcomeKind.INCOMPLETE, "partly_near_expansion",
+            "no exact motion was found near the expansion (tongues of internal resonance)",
+            at=Place(missed, "", "factors"),
+        )  # fmt: skip
     spent = clock.process_time() - begin
     comparison = compare_expansion(system, path, modes_of(system, path, orbits, exact))
     backbone = OrbitBranch(orbits, points, outcome, kind="backbone")
@@ -343,7 +354,7 @@ def _outcome(work: _MethodResults, resonance: PhaseResonanceResult | None) -> Ou
     if resonance is not None:
         ends.append(resonance.outcome)
     if work.left_out:
-        ends.append(Outcome.of(OutcomeCode.INTERRUPTED, before=work.left_out))
+        ends.append(Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", f"before {', '.join(work.left_out)}"))
     outcome = combined(ends)
     backbone = work.followed.backbone.outcome
-    return backbone if outcome is COMPLETE and ("share" in backbone.numbers or backbone.parts) else outcome
+    return backbone if outcome is COMPLETE and backbone.parts else outcome

@@ -15,8 +15,8 @@ from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, follow_orbits
 from beamsim.orbits.free_orbits import FullPeriodPath
 from beamsim.orbits.reversible import BrakeOrbits
-from beamsim.orbits.symmetry_breaking import NonBrakeBranch, SymmetryBreaking, breaking_between
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.orbits.symmetry_breaking import BACK_TO_BRAKE_ORBITS, NonBrakeBranch, SymmetryBreaking, breaking_between
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario.nnm import FullPeriodMethod
 from beamsim.typing import Floats
 
@@ -40,7 +40,7 @@ class FullPeriodBranches:
     def outcome(self) -> Outcome:
         """How all of it ended."""
         if self.backbone.outcome.complete and self.unfinished:
-            return Outcome.of(OutcomeCode.INTERRUPTED, during="the search for non-brake orbits")
+            return Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", "during the search for non-brake orbits")
         return self.backbone.outcome
 
 
@@ -126,7 +126,7 @@ def _alike(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> boo
 
 def _arrives(branch: OrbitBranch, origin: SymmetryBreaking) -> bool:
     """Whether a branch that has been followed ends where another begins: it would be the same one backwards."""
-    if branch.outcome.code is not OutcomeCode.BACK_TO_BRAKE_ORBITS:
+    if branch.outcome.code != BACK_TO_BRAKE_ORBITS.code:
         return False
     n, last, there = branch.problem.n, branch.points[-1].u, origin.point.u
     if abs(float(last[-2] / there[-2]) - 1.0) > NEAR:

@@ -13,13 +13,13 @@ from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never, until
-from beamsim.orbits.backbone import Backbone
-from beamsim.orbits.branch import BranchPoint, OrbitBranch
+from beamsim.orbits.backbone import MODE_LOST, Backbone
+from beamsim.orbits.branch import INTERRUPTED, REACHED_END, BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
 from beamsim.orbits.reversible import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.orbits.tongues import LEAST_SHARE
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind, Place
 from beamsim.scenario import Scenario
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.structural import StructuralSystem
@@ -154,7 +154,7 @@ class ModePath:
         """The motion where the path begins, followed from a nearly linear one."""
         lead_in = Backbone(orbits, start, first, self.mode, points=1)
         reached = list(lead_in)[-1]
-        if lead_in.outcome.code is not OutcomeCode.REACHED_END:
+        if lead_in.outcome.code != REACHED_END:
             asked, possible = (f"{self.shown(x):.4g}{unit}" for x in (first, reached.parameter))
             problem = f"= {asked} was not reached: {self.ended(lead_in.outcome, reached)}"
             raise ScenarioError(Problem("nnm.continue_in.from", problem, f"begin at {possible} or below"))
@@ -204,7 +204,12 @@ class ModePath:
                 break
         outcome = branch.outcome
         if unbounded:
-            outcome = Outcome.of(OutcomeCode.ENERGY_UNBOUNDED, energy=point.data.energy, parameter=point.parameter)
+            outcome = Outcome.of(
+                OutcomeKind.STOPPED, "energy_unbounded",
+                f"the energy is {point.data.energy:.3g} J and grows without bound at nearly constant frequency (a "
+                "tongue of internal resonance)",
+                at=point.parameter, remedy="use energy as the continuation parameter instead",
+            )  # fmt: skip
         return ModeBranches(OrbitBranch(by_frequency, points, self.ended(outcome, points[-1]), kind="backbone"))
 
     def _backbone(
@@ -214,7 +219,7 @@ class ModePath:
         points = list(until(_reporting(backbone, start.parameter, last, progress), stop))
         jumps = tuple(BranchJump(self.shown(j.start), self.shown(j.end), j.mode + 1, j.ratio) for j in backbone.jumps)
         outcome = self.ended(backbone.outcome, points[-1])
-        if outcome.code is OutcomeCode.MODE_LOST:
+        if outcome.code == MODE_LOST:
             outcome = outcome.but(remedy=_BESIDE[self.parameter])
         branch = OrbitBranch(orbits, points, outcome, kind="backbone")
         tongues = (replace(t, outcome=self.ended(t.outcome, t.points[-1])) for t in backbone.tongues)
@@ -228,8 +233,8 @@ class ModePath:
 
     def ended(self, outcome: Outcome, last: BranchPoint) -> Outcome:
         """How a path ended, its parameter as people read it."""
-        if outcome.code is OutcomeCode.INTERRUPTED:
-            outcome = outcome.but(parameter=last.parameter)
+        if outcome.code == INTERRUPTED.code:
+            outcome = outcome.but(place=Place(last.parameter))
         return self.shown_in(outcome)
 
     def shown_in(self, outcome: Outcome) -> Outcome:

@@ -24,7 +24,7 @@ from beamsim.analyses.nnm.result import (
     ResponseAboutResonance,
 )
 from beamsim.analyses.run.energy import LARGEST_ERROR
-from beamsim.analyses.run.orbit_energy import energy_error
+from beamsim.analyses.run.orbit_energy import energy_error, unbalanced
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.periodic_flow import PeriodicFlow
@@ -32,7 +32,7 @@ from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint
-from beamsim.orbits.continuation import Settings, follow_orbits, locate, solve_at
+from beamsim.orbits.continuation import CLOSED_CURVE, Settings, follow_orbits, locate, solve_at
 from beamsim.orbits.phase_resonance import (
     Appropriation,
     appropriate_force,
@@ -41,7 +41,7 @@ from beamsim.orbits.phase_resonance import (
 )
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode, both_directions
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place, both_directions, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
@@ -244,11 +244,15 @@ def hold_mode(
     missing = [m.level for m in motions if not m.found]
     outcome = COMPLETE
     if len(motions) < len(levels):
-        outcome = Outcome.of(
-            OutcomeCode.INTERRUPTED, done=len(motions), total=len(levels), unit_of_work="levels of nnm.phase_resonance"
-        )
+        done = f"after {len(motions)} of {len(levels)} levels of nnm.phase_resonance"
+        outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", done)
     elif missing:
-        outcome = Outcome.of(OutcomeCode.NO_PHASE_RESONANCE, levels=missing, unit=unit)
+        outcome = Outcome.of(
+            OutcomeKind.INCOMPLETE, "no_phase_resonance",
+            "the damping is too strong for a single harmonic force to sustain the mode, or an internal resonance is "
+            "close: no forced motion at phase resonance was found near the prediction",
+            at=Place(missing, unit, "level"), remedy="try another level",
+        )  # fmt: skip
     outcome = _balanced(outcome, motions, unit)
     return PhaseResonanceResult(
         outcome=outcome,
@@ -270,12 +274,9 @@ def _balanced(outcome: Outcome, motions: Sequence[ResonantMotion], unit: str) ->
         errors = np.append(np.zeros(0) if curve is None else curve, m.energy_error if m.found else 0.0)
         bad = ~(errors <= LARGEST_ERROR)
         if np.any(bad):
-            lost = Outcome.of(
-                OutcomeCode.ORBIT_ENERGY_NOT_BALANCED, parameter=m.level, unit=unit, name="level",
-                error=float(errors.max()), points=int(bad.sum()), allowed=LARGEST_ERROR,
-            )  # fmt: skip
+            lost = unbalanced(float(errors.max()), int(bad.sum()), Place(m.level, unit, "level"))
             parts.insert(0, lost)
-    return parts[0].but(*parts[1:]) if parts else outcome
+    return together(parts) if parts else outcome
 
 
 def _predicted(held: _Levels, levels: list[float]) -> tuple[PredictedLevels, str]:
@@ -418,7 +419,7 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
         branch = follow_orbits(problem, start, low, high, Settings(most_points=MOST_POINTS))
         side += list(branch)
         outcomes.append(branch.outcome.shown(lambda omega: omega / (2 * np.pi), "Hz"))
-        if branch.outcome.code is OutcomeCode.CLOSED_CURVE:
+        if branch.outcome.code == CLOSED_CURVE:
             break
     points = [*reversed(down), *up[1:]]
     rows = [_forced_amplitudes(held, problem, p) for p in points]

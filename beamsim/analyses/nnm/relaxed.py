@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
 from beamsim.orbits.reversible import BrakeOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
 from beamsim.scenario.nnm import RelaxedMinimisationMethod
 from beamsim.typing import Floats
 
@@ -57,19 +56,28 @@ def compare_relaxed(
             outcome = _why(step, settings)
             break
     if outcome.complete and len(steps) < settings.steps:
-        outcome = Outcome.of(OutcomeCode.INTERRUPTED, during="relaxed minimisation", **_place(steps[-1]))
+        outcome = Outcome.of(
+            OutcomeKind.INTERRUPTED, "interrupted", "during relaxed minimisation", at=_place(steps[-1])
+        )
     return _compared(orbits, steps, exact[: len(steps)], settings, outcome, field, shooting_passages, shooting_time_s)
 
 
-def _place(step: RelaxedStep) -> dict[str, Any]:
-    return {"parameter": step.factor, "name": "stiffness factor", "unit": "1"}
+def _place(step: RelaxedStep) -> Place:
+    return Place(step.factor, "", "stiffness factor")
 
 
 def _why(step: RelaxedStep, settings: RelaxedMinimisationMethod) -> Outcome:
-    ended = {"functional": step.functional, "tolerance": settings.tolerance, **_place(step)}
+    reached = f"the functional of relaxed minimisation is {step.functional:.3g}, the tolerance {settings.tolerance:g}; "
     if step.stalled:
-        return Outcome.of(OutcomeCode.NO_DESCENT, **ended)
-    return Outcome.of(OutcomeCode.TOO_FEW_ITERATIONS, iterations=settings.iterations, **ended)
+        return Outcome.of(
+            OutcomeKind.STOPPED, "no_descent", reached + "no further descent was found", at=_place(step),
+            remedy="use more nnm.method.steps or a larger tolerance",
+        )  # fmt: skip
+    return Outcome.of(
+        OutcomeKind.STOPPED, "too_few_iterations",
+        reached + f"the limit of {settings.iterations} iterations is reached", at=_place(step),
+        remedy="raise nnm.method.iterations, steps or the tolerance",
+    )  # fmt: skip
 
 
 def _compared(

@@ -31,7 +31,7 @@ from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, PENETRATION, STR
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import changed
 from beamsim.interrupts import Stop, never
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
 from beamsim.system.shared import SharedBuilds
@@ -151,7 +151,9 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         if result.srs is not None:
             summary["srs"] = result.srs.summary()
     if derived.left_out and result.complete:
-        result = changed(result, outcome=Outcome.of(OutcomeCode.INTERRUPTED, before=derived.left_out))
+        result = changed(
+            result, outcome=Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", f"before {', '.join(derived.left_out)}")
+        )
     result = result.with_summary(spectral_lines=spectral_lines(result.spectra), **summary)
     result = changed(result, wall_time_s=clock.perf_counter() - begin)
     return Solution(scenario, system, motion, result)

@@ -13,10 +13,11 @@ import numpy as np
 
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.contact_state import LinearOutput, OutputOf
+from beamsim.flow.endings import NOT_FINITE, not_finite
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import penetration_of_states
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Floats, Ints
 
 PowerFactors = tuple[OutputOf, OutputOf, Floats]  # left and right factors of powers, and weights of their products
@@ -56,14 +57,16 @@ class EnergyBalance:
 
     def checked(self, outcome: Outcome, remedy: str = "") -> Outcome:
         """The outcome of the motion, which is not to be trusted where the balance is lost."""
-        if self.lost_at is None or outcome.code is OutcomeCode.NOT_FINITE:
+        if self.lost_at is None or outcome.code == NOT_FINITE:
             return outcome
         if not np.isfinite(self.error):
-            return Outcome.of(OutcomeCode.NOT_FINITE, time=self.lost_at)
+            return not_finite(self.lost_at)
         parts = () if outcome.complete else (outcome,)
         return Outcome.of(
-            OutcomeCode.ENERGY_NOT_BALANCED, *parts,
-            error=self.error, time=self.lost_at, allowed=LARGEST_ERROR, remedy=remedy,
+            OutcomeKind.UNTRUSTED, "energy_not_balanced",
+            f"the energy balance is wrong by {self.error:.2g} of the energy, from {self.lost_at:.6g} s on by more than "
+            f"{LARGEST_ERROR:g}",
+            *parts, remedy=remedy, error=self.error, time=self.lost_at,
         )  # fmt: skip
 
 

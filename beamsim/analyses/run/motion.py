@@ -32,11 +32,12 @@ from beamsim.analyses.run.spectra import spectra_of_motion, spectra_of_samples
 from beamsim.analyses.values import FORCE, STRESS, Extremes, largest, largest_pulls
 from beamsim.contacts.hardening import residual_crush
 from beamsim.contacts.springs import FRICTION
+from beamsim.flow.endings import EVENT_LIMIT
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.stretches import MotionInStretches
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome
 from beamsim.scenario import Run, Scenario
 from beamsim.system.channels import Key
 from beamsim.system.structural import StructuralSystem
@@ -121,7 +122,9 @@ def pull_warnings(system: StructuralSystem, motion: RunMotion) -> list[str]:
 
 def with_limit(outcome: Outcome, limit: str = "run.max_events") -> Outcome:
     """The outcome, with the key of the scenario that limits the events."""
-    return outcome.but(limit=limit) if outcome.code is OutcomeCode.EVENT_LIMIT else outcome
+    if outcome.code != EVENT_LIMIT:
+        return outcome
+    return outcome.but(remedy=f"raise {limit}, or check for a chattering contact")
 
 
 def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:

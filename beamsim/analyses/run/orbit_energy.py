@@ -22,7 +22,7 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.harmonic_motion import HarmonicMotion
 from beamsim.orbits.panels import gauss_panels
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind, Place
 from beamsim.typing import Floats, Ints
 
 SAMPLES_A_HARMONIC = 8  # of the stored energy
@@ -83,10 +83,27 @@ def balanced(outcome: Outcome, branches: Sequence[MotionBranch], unit: str) -> O
         return outcome
     worst = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
     parts = () if outcome.complete else (outcome,)
+    return unbalanced(float(error[worst]), int(bad.sum()), Place(float(parameter[worst]), unit)).but(*parts)
+
+
+def unbalanced(error: float, points: int, at: Place) -> Outcome:
+    """The outcome of a branch whose energy balance is lost.
+
+    Parameters
+    ----------
+    error : the largest, relative to the energy.
+    points : number of points that have lost it.
+    at : where the error is largest.
+
+    Returns
+    -------
+    Outcome
+    """
     return Outcome.of(
-        OutcomeCode.ORBIT_ENERGY_NOT_BALANCED, *parts,
-        error=float(error[worst]), parameter=float(parameter[worst]), unit=unit, points=int(bad.sum()),
-        allowed=LARGEST_ERROR,
+        OutcomeKind.UNTRUSTED, "orbit_energy_not_balanced",
+        f"the energy balance over a period is wrong by {error:.2g} of the energy, and by more than {LARGEST_ERROR:g} "
+        f"at {points} points",
+        at=at, remedy="follow a smaller range around it", error=error, points=points,
     )  # fmt: skip
 
 

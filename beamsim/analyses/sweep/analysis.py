@@ -32,7 +32,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.profile_file import read_profile
 from beamsim.interrupts import never
-from beamsim.outcomes import Outcome, OutcomeCode, combined
+from beamsim.outcomes import Outcome, OutcomeKind, combined
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.limits import BASE_FORCE, OF_OUTPUTS
@@ -157,11 +157,10 @@ class _LevelsDone:
             return outcome
         doubts = () if outcome.trusted else (outcome,)
         return Outcome.of(
-            OutcomeCode.INTERRUPTED,
+            OutcomeKind.INTERRUPTED,
+            "interrupted",
+            f"after {len(self.work)} of {self.count} levels of the sweep",
             *doubts,
-            done=len(self.work),
-            total=self.count,
-            unit_of_work="levels of the sweep",
         )
 
     def base_correction(self) -> CorrectionSize | None:

@@ -8,7 +8,8 @@ import numpy as np
 
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.sweep.result import SweepCurve
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.flow.endings import not_finite
+from beamsim.outcomes import Outcome, OutcomeKind, Place, together
 from beamsim.typing import Bools, Floats
 
 
@@ -37,7 +38,7 @@ def balanced(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:
     parts = [part for curve in curves for part in _lost(curve)]
     if not parts:
         return outcome
-    return parts[0].but(*parts[1:], *(() if outcome.complete else (outcome,)))
+    return together([*parts, *(() if outcome.complete else (outcome,))])
 
 
 def _lost(curve: SweepCurve) -> Iterator[Outcome]:
@@ -48,10 +49,12 @@ def _lost(curve: SweepCurve) -> Iterator[Outcome]:
         return
     first = bad[0]
     if not np.all(np.isfinite(error)):
-        yield Outcome.of(OutcomeCode.NOT_FINITE, time=float(curve.time[first]))
+        yield not_finite(float(curve.time[first]))
         return
     yield Outcome.of(
-        OutcomeCode.SWEEP_ENERGY_NOT_BALANCED, direction=curve.direction, level=curve.level,
-        level_unit=curve.level_unit, error=float(error.max()), frequency=float(curve.frequency_hz[first]),
-        allowed=LARGEST_ERROR,
+        OutcomeKind.UNTRUSTED, "sweep_energy_not_balanced",
+        f"sweeping {curve.direction}, the energy balance is wrong by {error.max():.2g} of the energy, from "
+        f"{curve.frequency_hz[first]:.6g} Hz on by more than {LARGEST_ERROR:g}",
+        at=Place(curve.level, curve.level_unit, "level"), remedy="sweep a smaller range around it",
+        error=float(error.max()), frequency=float(curve.frequency_hz[first]),
     )  # fmt: skip

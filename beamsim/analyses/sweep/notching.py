@@ -16,7 +16,7 @@ from beamsim.flow.swept_motion import SweptLoads
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile, power_of
 from beamsim.interrupts import never
-from beamsim.outcomes import Outcome, OutcomeCode
+from beamsim.outcomes import Outcome, OutcomeKind, Place
 from beamsim.scenario.limits import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
@@ -143,11 +143,18 @@ def not_held(curve: SweepCurve, limited: Sequence[Limited]) -> Outcome | None:
     f = np.sort(curve.frequency_hz[where])
     parts = np.split(f, np.flatnonzero(np.diff(f) > NARROW * f[:-1]) + 1)
     moved = any(np.any((share[where] > 0) & (share[where] < 1)) for share in curve.contact_share.values())
+    reason = (
+        "contacts open and close and the response does not settle from cycle to cycle" if moved else
+        "the response changes faster than the level can follow"
+    )  # fmt: skip
+    percent = float(100 * (shares[row, at] - 1))
     return Outcome.of(
-        OutcomeCode.NOTCH_NOT_HELD, limit=limited[row].name, percent=float(100 * (shares[row, at] - 1)),
-        frequency=float(curve.frequency_hz[at]), ranges=[(float(part[0]), float(part[-1])) for part in parts],
-        reason="contacts open and close and the response does not settle from cycle to cycle" if moved else
-        "the response changes faster than the level can follow",
+        OutcomeKind.INCOMPLETE, "notch_not_held",
+        f"notching: {limited[row].name} is exceeded by up to {percent:.3g} % at {curve.frequency_hz[at]:.4g} Hz, where "
+        f"{reason}; limits are exceeded",
+        at=Place([(float(part[0]), float(part[-1])) for part in parts], "Hz"),
+        remedy="sweep more slowly, start further from the resonance or at a lower level, or raise the limit",
+        limit=limited[row].name, percent=percent, frequency=float(curve.frequency_hz[at]),
     )  # fmt: skip
 
 

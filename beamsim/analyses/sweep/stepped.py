@@ -22,7 +22,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.interrupts import never
 from beamsim.orbits.lyapunov import largest_exponent
 from beamsim.orbits.steady import CycleStepper, Settled, settle
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeCode
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SteppedSine
@@ -86,7 +86,7 @@ def step_level(
         points: list[_Point] = []
         for f in frequencies:
             if done and stop():
-                outcome = Outcome.of(OutcomeCode.INTERRUPTED, before=f"{f:.6g} Hz")
+                outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", f"before {f:.6g} Hz")
                 break
             forcing, observers, period = under(float(f))
             stepper.use(stepper.flow.under(forcing, observers, period), period, motion)
@@ -94,7 +94,7 @@ def step_level(
             try:
                 points.append(_point(stepper, motion, settings, float(f), amplitude, outputs))
             except ArithmeticError as error:
-                outcome = Outcome.of(OutcomeCode.NO_STEADY_STATE, parameter=float(f), unit="Hz", reason=str(error))
+                outcome = Outcome.of(OutcomeKind.STOPPED, "no_steady_state", str(error), at=Place(float(f), "Hz"))
                 break
             done += 1
             if progress is not None:
