@@ -4,7 +4,7 @@ Every computation returns an `Outcome`. Programs compare its kind and its code a
 is parsed out of the text.
 
 >>> sentence = "no solution even with the smallest step"
->>> outcome = Outcome.of(OutcomeKind.STOPPED, "step_too_small", sentence, at=Place(51.25, "Hz"), points=17)
+>>> outcome = Outcome.of(OutcomeKind.STOPPED, "step_too_small", sentence, at=Where(51.25, "Hz"), points=17)
 >>> outcome.complete, outcome.numbers["points"]
 (False, 17)
 >>> outcome.text
@@ -38,7 +38,7 @@ class OutcomeKind(StrEnum):
 _MISSING = (OutcomeKind.INCOMPLETE, OutcomeKind.STOPPED, OutcomeKind.FAILED, OutcomeKind.INTERRUPTED)
 
 
-class Place(NamedTuple):
+class Where(NamedTuple):
     """Where something happened: a parameter, a time, a level; also several values, and ranges as pairs."""
 
     value: Any
@@ -55,11 +55,11 @@ class Place(NamedTuple):
         ranges = isinstance(self.value, tuple) and any(isinstance(item, tuple) for item in self.value)
         return f"{'from' if ranges else 'at'} {self}"
 
-    def shown(self, convert: Callable[[float], float], unit: str, name: str) -> Place:
+    def shown(self, convert: Callable[[float], float], unit: str, name: str) -> Where:
         """The parameter of a branch in the unit that people read; any other place as it is."""
-        return Place(_each(self.value, convert), unit, name) if self.unit is None else self
+        return Where(_each(self.value, convert), unit, name) if self.unit is None else self
 
-    def displayed(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Place:
+    def displayed(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Where:
         """The place in the unit of tables; ``scale`` gives the factor and the unit for numbers in a unit."""
         if not self.unit:
             return self
@@ -87,14 +87,14 @@ class Outcome:
     code: str
     sentence: str = ""
     remedy: str = ""
-    place: Place | None = None
-    within: Place | str = ""
+    place: Where | None = None
+    within: Where | str = ""
     numbers: Mapping[str, Number] = field(default_factory=dict, hash=False)
     parts: tuple[Outcome, ...] = ()
 
     @classmethod
     def of(
-        cls, kind: OutcomeKind, code: str, sentence: str = "", *parts: Outcome, at: Place | float | None = None,
+        cls, kind: OutcomeKind, code: str, sentence: str = "", *parts: Outcome, at: Where | float | None = None,
         remedy: str = "", **numbers: Any,
     ) -> Self:  # fmt: skip
         """Make an outcome.
@@ -111,7 +111,7 @@ class Outcome:
         -------
         Outcome
         """
-        place = at if isinstance(at, Place) or at is None else Place(float(at))
+        place = at if isinstance(at, Where) or at is None else Where(float(at))
         if place is not None:
             place = place._replace(value=_plain(place.value))
         return cls(kind, code, sentence, remedy, place, "", {k: _plain(v) for k, v in numbers.items()}, parts)
@@ -198,7 +198,7 @@ class Outcome:
         scale : the factor and the unit in which some numbers of a unit are shown.
         """
         place = None if self.place is None else self.place.displayed(scale)
-        within = self.within.displayed(scale) if isinstance(self.within, Place) else self.within
+        within = self.within.displayed(scale) if isinstance(self.within, Where) else self.within
         return replace(self, place=place, within=within, parts=tuple(part.displayed(scale) for part in self.parts))
 
     def as_dict(self) -> dict[str, Any]:
@@ -219,7 +219,7 @@ class Outcome:
         read = {name: _plain(value) for name, value in values.items() if name not in ("numbers", "parts")}
         for name in ("place", "within"):
             if isinstance(read.get(name), tuple):
-                read[name] = Place(*read[name])
+                read[name] = Where(*read[name])
         numbers = {name: _plain(value) for name, value in values.get("numbers", {}).items()}
         parts = tuple(cls.from_dict(part) for part in values.get("parts", ()))
         return cls(**read | {"kind": OutcomeKind(values["kind"])}, numbers=numbers, parts=parts)

@@ -13,7 +13,7 @@ from beamsim.flow.event_kernels import BEGINNING
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march_kernels import BUDGET, DONE, NEED_STATE, STUCK, Position, march
 from beamsim.interrupts import never
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.typing import Floats, Ints
 
 SEGMENTS_A_CALL = 2048  # between two reports of progress
@@ -161,12 +161,12 @@ class March:
             if code == STUCK or (code == BUDGET and self.evaluations >= self.max_evaluations):
                 self.outcome = Outcome.of(
                     OutcomeKind.STOPPED, "evaluation_limit",
-                    f"{self.evaluations} evaluations of the contact gaps do not suffice", at=Place(motion.time, "s"),
+                    f"{self.evaluations} evaluations of the contact gaps do not suffice", at=Where(motion.time, "s"),
                 )  # fmt: skip
             elif self.events > self.max_events:
                 self.outcome = too_many_events(motion.time, self.events)
             elif self.stop():
-                self.outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", at=Place(motion.time, "s"))
+                self.outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", at=Where(motion.time, "s"))
             elif self.progress is not None:
                 self.progress(motion.time)
         return Log.join(parts)

@@ -19,7 +19,7 @@ from beamsim.flow.endings import too_many_events
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.held import held_contacts
 from beamsim.interrupts import never
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.typing import Bools, Floats, Ints
 
 ROUND_OFF = 1e-15  # of the parts of a guard, that a sum of them is known to
@@ -114,7 +114,7 @@ def integrate(
         if solution.status < 0:
             outcome = Outcome.of(
                 OutcomeKind.STOPPED, "integrator_failed", f"the {stepping.integrator} integrator: {solution.message}",
-                at=Place(float(solution.t[-1]), "s"),
+                at=Where(float(solution.t[-1]), "s"),
             )  # fmt: skip
         if observe is not None and solution.t[-1] > t:
             observe(solution, record.phases)
@@ -122,7 +122,7 @@ def integrate(
         if solution.status == 1:
             hit = next(g for g, happened in enumerate(solution.t_events) if happened.size)
             if hit == right_hand_side.watched.guards:
-                outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", at=Place(record.t, "s"))
+                outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", at=Where(record.t, "s"))
                 break
             right_hand_side.reset(hit, record.t, record.y)
             record.meet(int(right_hand_side.watched.contact[hit]), int(right_hand_side.watched.following[hit]))

@@ -18,7 +18,7 @@ from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBran
 from beamsim.orbits.continuation import Settings, at_parameter, follow_orbits, solve_at
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.tongues import LEAST_SHARE, Tongues, resonance_between
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.typing import Floats
 
 MODE_LOST = "mode_lost"
@@ -149,7 +149,7 @@ class Backbone:
             self._resonance_at_end = Outcome.of(
                 OutcomeKind.NOTED, "ends_in_resonance",
                 "an internal resonance, which goes on beyond the end of the range, interrupts the backbone",
-                at=Place(((a.parameter, b.parameter),)),
+                at=Where(((a.parameter, b.parameter),)),
             )  # fmt: skip
             self.jumps = [jump for jump in self.jumps if jump.end != b.parameter]
         return self._continued(a, full, gradual=False)

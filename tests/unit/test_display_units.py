@@ -11,7 +11,7 @@ import pytest
 from beamsim.cli.continuation_report import TEXTS
 from beamsim.errors import ScenarioError
 from beamsim.orbits.branch import reached_end
-from beamsim.outcomes import Outcome, OutcomeKind, Place
+from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.plots.run import run_figures
 from beamsim.plots.style import amount, level_text, scale_for, shown_in
 from beamsim.scenario import load_scenario
@@ -51,10 +51,10 @@ def test_continuations_and_outcomes_use_them():
     grazing = {"kind": "grazing", "snubber": "tip", "parameter": 19.6133, "period_multiple": 1, "level": float("nan")}
     result = SimpleNamespace(unit="m/s^2", level_unit="m/s^2")
     assert list(TEXTS["special_points"](result, [grazing])) == [("", "grazing of tip at 2 g")]
-    missing = Outcome.of(OutcomeKind.NOTED, "none", "no stable motion", at=Place([(9.80665, 19.6133)], "m/s^2"))
-    whole = Outcome.of(OutcomeKind.COMPLETE, "end", "reached the end", missing, at=Place(0.0012, "m"))
+    missing = Outcome.of(OutcomeKind.NOTED, "none", "no stable motion", at=Where([(9.80665, 19.6133)], "m/s^2"))
+    whole = Outcome.of(OutcomeKind.COMPLETE, "end", "reached the end", missing, at=Where(0.0012, "m"))
     assert whole.displayed(scale_for).text == "complete: reached the end at 1.2 mm; no stable motion from 1 to 2 g"
-    within = missing.but(within=Place(4.903325, "m/s^2", "level"))
+    within = missing.but(within=Where(4.903325, "m/s^2", "level"))
     assert within.displayed(scale_for).text == "level 0.5 g: no stable motion from 1 to 2 g"
     with shown_in(chosen(**CHOSEN)):
         assert missing.displayed(scale_for).message == "no stable motion from 9.80665 to 19.6133 m/s^2"

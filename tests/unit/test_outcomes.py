@@ -8,7 +8,7 @@ from beamsim.outcomes import (
     COMPLETE,
     Outcome,
     OutcomeKind,
-    Place,
+    Where,
     both_directions,
     combined,
     listed,
@@ -20,8 +20,8 @@ pytestmark = pytest.mark.quick
 STOPPED = Outcome.of(
     OutcomeKind.STOPPED, "step_too_small", "no solution", at=2 * np.pi * 20.0, remedy="try a smaller step", points=7
 )
-REACHED = Outcome.of(OutcomeKind.COMPLETE, "reached_end", "reached the end", at=Place(3.0, "Hz"))
-MISSING = Outcome.of(OutcomeKind.INCOMPLETE, "not_covered", "no motion", STOPPED, at=Place([(1.0, 2.0)], "Hz"))
+REACHED = Outcome.of(OutcomeKind.COMPLETE, "reached_end", "reached the end", at=Where(3.0, "Hz"))
+MISSING = Outcome.of(OutcomeKind.INCOMPLETE, "not_covered", "no motion", STOPPED, at=Where([(1.0, 2.0)], "Hz"))
 
 
 def test_complete():
@@ -45,7 +45,7 @@ def test_complete():
     ],
 )
 def test_what_each_kind_says_and_means(kind, text):
-    outcome = Outcome.of(kind, "code", "what", at=Place(3.0, "Hz"), remedy="do this")
+    outcome = Outcome.of(kind, "code", "what", at=Where(3.0, "Hz"), remedy="do this")
     assert outcome.text == f"{text}; do this"
     assert outcome.complete == (kind in ("complete", "noted"))
     assert outcome.trusted == (kind not in ("untrusted", "failed"))
@@ -62,9 +62,9 @@ def test_the_parameter_of_a_branch_is_converted_once():
 
 
 def test_places_in_words():
-    assert Place((1.0, 2.5), "g", "level").phrase == "at level 1, 2.5 g"
-    assert Place(((1.0, 2.0), (4.0, 5.0)), "Hz").phrase == "from 1 to 2, 4 to 5 Hz"
-    assert str(Place(0.5)) == "parameter 0.5"
+    assert Where((1.0, 2.5), "g", "level").phrase == "at level 1, 2.5 g"
+    assert Where(((1.0, 2.0), (4.0, 5.0)), "Hz").phrase == "from 1 to 2, 4 to 5 Hz"
+    assert str(Where(0.5)) == "parameter 0.5"
     assert listed(tuple(range(9))) == "0, 1, 2, 3, 4, 5 and 3 more"
 
 
@@ -101,7 +101,7 @@ def test_what_a_part_means_for_the_whole():
     [
         COMPLETE,
         STOPPED,
-        MISSING.but(within=Place(9.81, "m/s^2", "level")),
+        MISSING.but(within=Where(9.81, "m/s^2", "level")),
         Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", "2 of 3", done=np.int64(2), shares=np.array([[1.0, 2.0]])),
     ],
 )

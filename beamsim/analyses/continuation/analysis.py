@@ -39,7 +39,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.shooting import STABLE
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.scenario import Scenario
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.scenario.sweep import Continuation, HarmonicBalance
@@ -201,10 +201,10 @@ def _outcome(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     """What was not reached and why, and where no stable motion was found."""
     f = model.followed
     first, last = f.inward(f.first), f.inward(f.last)
-    within = "" if level is None else Place(level, model.scenario.level_unit, "level")
+    within = "" if level is None else Where(level, model.scenario.level_unit, "level")
 
-    def ranges(stretches: list[tuple[float, float]]) -> Place:
-        return Place([(float(f.outward(a)), float(f.outward(b))) for a, b in stretches], f.unit)
+    def ranges(stretches: list[tuple[float, float]]) -> Where:
+        return Where([(float(f.outward(a)), float(f.outward(b))) for a, b in stretches], f.unit)
 
     parts: list[Outcome] = []
     gaps = missing([t for t in traced if t.problem.multiple == 1], first, last)
@@ -279,7 +279,7 @@ def _trusted(outcome: Outcome, branches: list[ResponseBranch], largest: float, f
         OutcomeKind.UNTRUSTED, "harmonics_neglected",
         f"the neglected harmonics amount to {100 * worst[0]:.3g} % of the motion (sweep.method.largest_error = "
         f"{100 * largest:g} %)",
-        at=Place(worst[1], f.unit), remedy="use more harmonics, or the shooting method",
+        at=Where(worst[1], f.unit), remedy="use more harmonics, or the shooting method",
     )  # fmt: skip
     return doubt.but(*outcome.parts) if outcome.code == COMPLETE.code else outcome.but(doubt)
 
@@ -422,7 +422,7 @@ def _summary(
             for e in b.special
         ],
         "without_stable_motion": [
-            {"band": list(band), "level": part.within.value if isinstance(part.within, Place) else branches[0].level}
+            {"band": list(band), "level": part.within.value if isinstance(part.within, Where) else branches[0].level}
             for part in (outcome, *outcome.parts)
             if part.code == NO_STABLE_MOTION and part.place is not None
             for band in part.place.value

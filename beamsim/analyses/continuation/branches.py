@@ -31,7 +31,7 @@ from beamsim.orbits.branch import (
 from beamsim.orbits.continuation import Branch, Settings, follow_orbits, interpolated, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.orbits.special_points import special_points
-from beamsim.outcomes import Outcome, OutcomeKind, Place, both_directions
+from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 
 BACK_TO_PERIOD = "back_to_period"
 
@@ -352,7 +352,7 @@ def walk(
         if outcome is not None:
             break
         if spent := budget.spent():
-            outcome = spent.but(place=Place(point.parameter))
+            outcome = spent.but(place=Where(point.parameter))
             budget.cut(spent)
             break
     outcome = outcome or branch.outcome

@@ -17,7 +17,7 @@ from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, Special
 from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve, start_of_grazing_curve
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import Outcome, OutcomeKind, Place, both_directions
+from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 from beamsim.structures.assembly import snubber_site
 
 SETTINGS = Settings(tolerance=1e-9)
@@ -168,15 +168,15 @@ def _follow(
         if not omega / BEYOND < at < omega * BEYOND:
             far = Outcome.of(
                 OutcomeKind.STOPPED, "left_range", f"a factor of {BEYOND:g} from where it started",
-                at=Place(at / (2 * np.pi), "Hz"),
+                at=Where(at / (2 * np.pi), "Hz"),
             )  # fmt: skip
             return points, far
         spent = budget.spent()
         if spent is None and len(points) >= MOST_POINTS:
             spent = too_many_points(MOST_POINTS)
         if spent is not None:
-            return points, second.shown(spent.but(place=Place(point.parameter)))
+            return points, second.shown(spent.but(place=Where(point.parameter)))
     outcome = branch.outcome
     if outcome is INTERRUPTED:
-        outcome = outcome.but(place=Place(points[-1].parameter))
+        outcome = outcome.but(place=Where(points[-1].parameter))
     return points, second.shown(outcome)

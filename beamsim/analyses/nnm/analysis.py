@@ -37,7 +37,7 @@ from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.reversible import linear_mode
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place, combined
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, combined
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.nnm import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
@@ -255,7 +255,7 @@ def _with_points(
         if missed:
             part = Outcome.of(
                 OutcomeKind.INCOMPLETE, "values_not_passed",
-                f"points at {quantity} were asked for that no branch passes:", at=Place(missed, unit),
+                f"points at {quantity} were asked for that no branch passes:", at=Where(missed, unit),
                 remedy="extend the range, or ask for values that the backbone passes (summary: start, end, jumps)",
             )  # fmt: skip
             outcome = outcome.but(part) if not outcome.complete else part.but(*((outcome,) if outcome.parts else ()))
@@ -306,7 +306,7 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
         outcome = Outcome.of(
             OutcomeKind.INCOMPLETE, "partly_near_expansion",
             "no exact motion was found near the expansion (tongues of internal resonance)",
-            at=Place(missed, "", "factors"),
+            at=Where(missed, "", "factors"),
         )  # fmt: skip
     spent = clock.process_time() - begin
     comparison = compare_expansion(system, path, modes_of(system, path, orbits, exact))

@@ -19,7 +19,7 @@ from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
 from beamsim.orbits.reversible import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.orbits.tongues import LEAST_SHARE
-from beamsim.outcomes import Outcome, OutcomeKind, Place
+from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.scenario import Scenario
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.structural import StructuralSystem
@@ -234,7 +234,7 @@ class ModePath:
     def ended(self, outcome: Outcome, last: BranchPoint) -> Outcome:
         """How a path ended, its parameter as people read it."""
         if outcome.code == INTERRUPTED.code:
-            outcome = outcome.but(place=Place(last.parameter))
+            outcome = outcome.but(place=Where(last.parameter))
         return self.shown_in(outcome)
 
     def shown_in(self, outcome: Outcome) -> Outcome:

@@ -41,7 +41,7 @@ from beamsim.orbits.phase_resonance import (
 )
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place, both_directions, together
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, both_directions, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
@@ -251,7 +251,7 @@ def hold_mode(
             OutcomeKind.INCOMPLETE, "no_phase_resonance",
             "the damping is too strong for a single harmonic force to sustain the mode, or an internal resonance is "
             "close: no forced motion at phase resonance was found near the prediction",
-            at=Place(missing, unit, "level"), remedy="try another level",
+            at=Where(missing, unit, "level"), remedy="try another level",
         )  # fmt: skip
     outcome = _balanced(outcome, motions, unit)
     return PhaseResonanceResult(
@@ -274,7 +274,7 @@ def _balanced(outcome: Outcome, motions: Sequence[ResonantMotion], unit: str) ->
         errors = np.append(np.zeros(0) if curve is None else curve, m.energy_error if m.found else 0.0)
         bad = ~(errors <= LARGEST_ERROR)
         if np.any(bad):
-            lost = unbalanced(float(errors.max()), int(bad.sum()), Place(m.level, unit, "level"))
+            lost = unbalanced(float(errors.max()), int(bad.sum()), Where(m.level, unit, "level"))
             parts.insert(0, lost)
     return together(parts) if parts else outcome
 

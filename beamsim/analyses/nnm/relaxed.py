@@ -14,7 +14,7 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
 from beamsim.orbits.reversible import BrakeOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.scenario.nnm import RelaxedMinimisationMethod
 from beamsim.typing import Floats
 
@@ -62,8 +62,8 @@ def compare_relaxed(
     return _compared(orbits, steps, exact[: len(steps)], settings, outcome, field, shooting_passages, shooting_time_s)
 
 
-def _place(step: RelaxedStep) -> Place:
-    return Place(step.factor, "", "stiffness factor")
+def _place(step: RelaxedStep) -> Where:
+    return Where(step.factor, "", "stiffness factor")
 
 
 def _why(step: RelaxedStep, settings: RelaxedMinimisationMethod) -> Outcome:

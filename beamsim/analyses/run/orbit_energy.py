@@ -22,7 +22,7 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.harmonic_motion import HarmonicMotion
 from beamsim.orbits.panels import gauss_panels
-from beamsim.outcomes import Outcome, OutcomeKind, Place
+from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.typing import Floats, Ints
 
 SAMPLES_A_HARMONIC = 8  # of the stored energy
@@ -83,10 +83,10 @@ def balanced(outcome: Outcome, branches: Sequence[MotionBranch], unit: str) -> O
         return outcome
     worst = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
     parts = () if outcome.complete else (outcome,)
-    return unbalanced(float(error[worst]), int(bad.sum()), Place(float(parameter[worst]), unit)).but(*parts)
+    return unbalanced(float(error[worst]), int(bad.sum()), Where(float(parameter[worst]), unit)).but(*parts)
 
 
-def unbalanced(error: float, points: int, at: Place) -> Outcome:
+def unbalanced(error: float, points: int, at: Where) -> Outcome:
     """The outcome of a branch whose energy balance is lost.
 
     Parameters

@@ -9,7 +9,7 @@ import numpy as np
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.flow.endings import not_finite
-from beamsim.outcomes import Outcome, OutcomeKind, Place, together
+from beamsim.outcomes import Outcome, OutcomeKind, Where, together
 from beamsim.typing import Bools, Floats
 
 
@@ -55,6 +55,6 @@ def _lost(curve: SweepCurve) -> Iterator[Outcome]:
         OutcomeKind.UNTRUSTED, "sweep_energy_not_balanced",
         f"sweeping {curve.direction}, the energy balance is wrong by {error.max():.2g} of the energy, from "
         f"{curve.frequency_hz[first]:.6g} Hz on by more than {LARGEST_ERROR:g}",
-        at=Place(curve.level, curve.level_unit, "level"), remedy="sweep a smaller range around it",
+        at=Where(curve.level, curve.level_unit, "level"), remedy="sweep a smaller range around it",
         error=float(error.max()), frequency=float(curve.frequency_hz[first]),
     )  # fmt: skip

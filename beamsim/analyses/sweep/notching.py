@@ -16,7 +16,7 @@ from beamsim.flow.swept_motion import SweptLoads
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile, power_of
 from beamsim.interrupts import never
-from beamsim.outcomes import Outcome, OutcomeKind, Place
+from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.scenario.limits import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
@@ -152,7 +152,7 @@ def not_held(curve: SweepCurve, limited: Sequence[Limited]) -> Outcome | None:
         OutcomeKind.INCOMPLETE, "notch_not_held",
         f"notching: {limited[row].name} is exceeded by up to {percent:.3g} % at {curve.frequency_hz[at]:.4g} Hz, where "
         f"{reason}; limits are exceeded",
-        at=Place([(float(part[0]), float(part[-1])) for part in parts], "Hz"),
+        at=Where([(float(part[0]), float(part[-1])) for part in parts], "Hz"),
         remedy="sweep more slowly, start further from the resonance or at a lower level, or raise the limit",
         limit=limited[row].name, percent=percent, frequency=float(curve.frequency_hz[at]),
     )  # fmt: skip

@@ -22,7 +22,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.interrupts import never
 from beamsim.orbits.lyapunov import largest_exponent
 from beamsim.orbits.steady import CycleStepper, Settled, settle
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Place
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SteppedSine
@@ -94,7 +94,7 @@ def step_level(
             try:
                 points.append(_point(stepper, motion, settings, float(f), amplitude, outputs))
             except ArithmeticError as error:
-                outcome = Outcome.of(OutcomeKind.STOPPED, "no_steady_state", str(error), at=Place(float(f), "Hz"))
+                outcome = Outcome.of(OutcomeKind.STOPPED, "no_steady_state", str(error), at=Where(float(f), "Hz"))
                 break
             done += 1
             if progress is not None:
