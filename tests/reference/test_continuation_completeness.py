@@ -233,7 +233,7 @@ def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):
     more = "side_branches: required, " if demanded else ""
     result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(96, 120, f"seek_at: 0, {more}{limit}"))
     assert result.complete is not demanded
-    assert (result.outcome.kind is OutcomeKind.STOPPED) is demanded
+    assert (result.outcome.kind is OutcomeKind.INCOMPLETE) is demanded
     assert f"raise sweep.{limit.partition(':')[0]}" in result.status
     assert demanded or result.outcome.all_of("side_branches_cut")
 
