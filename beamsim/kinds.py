@@ -20,7 +20,6 @@ class Kind(NamedTuple):
     analysis: str  # function of a scenario that computes it
     result: str  # its class
     figures: str  # function of a result: its matplotlib figures by name
-    commands: str = "beamsim.cli.app"  # module whose ``register`` adds the command
     texts: str = ""  # of entries of its table that are more than a number and a unit
     screen: str = ""  # function of a result: what is printed first, by default its table
 
@@ -38,7 +37,6 @@ KINDS = {
         "sweep", "a sweep of one design by `beamsim sweep`",
         analysis="beamsim.trust.checked:sweep",
         result="beamsim.analyses.sweep.result:SweepResult",
-        commands="beamsim.cli.sweep",
         texts="beamsim.cli.sweep_report:TEXTS",
         screen="beamsim.cli.screens:sweep_screen",
         figures="beamsim.plots.sweep:sweep_figures",
@@ -47,7 +45,6 @@ KINDS = {
         "sweep", "a continuation by `beamsim sweep`",
         analysis="beamsim.trust.checked:continuation",
         result="beamsim.analyses.continuation.result:ContinuationResult",
-        commands="beamsim.cli.sweep",
         texts="beamsim.cli.continuation_report:TEXTS",
         figures="beamsim.plots.continuation:continuation_figures",
     ),
@@ -55,7 +52,6 @@ KINDS = {
         "sweep", "a design study by `beamsim sweep`",
         analysis="beamsim.analyses.designs.analysis:design_study",
         result="beamsim.analyses.designs.result:DesignsResult",
-        commands="beamsim.cli.sweep",
         texts="beamsim.cli.designs_report:TEXTS",
         figures="beamsim.plots.designs:design_figures",
     ),
@@ -63,7 +59,6 @@ KINDS = {
         "identify-stiffness", "the result of `beamsim identify-stiffness`",
         analysis="beamsim.analyses.identify.analysis:identify_stiffness",
         result="beamsim.analyses.identify.result:IdentificationResult",
-        commands="beamsim.cli.identification",
         texts="beamsim.cli.identification_report:TEXTS",
         figures="beamsim.plots.identification:identification_figures",
     ),
@@ -71,7 +66,6 @@ KINDS = {
         "nnm", "the result of `beamsim nnm`",
         analysis="beamsim.trust.checked:nnm",
         result="beamsim.analyses.nnm.result:NormalModeResult",
-        commands="beamsim.cli.nnm",
         texts="beamsim.cli.nnm_report:TEXTS",
         figures="beamsim.plots.nnm:nnm_figures",
     ),
@@ -79,7 +73,6 @@ KINDS = {
         "compare", "the result of `beamsim compare`",
         analysis="beamsim.analyses.compare.analysis:compare",
         result="beamsim.analyses.compare.result:Comparison",
-        commands="beamsim.cli.identification",
         texts="beamsim.cli.comparison_report:TEXTS",
         figures="beamsim.plots.comparison:comparison_figures",
     ),
@@ -87,7 +80,6 @@ KINDS = {
         "compare-modes", "the result of `beamsim compare-modes`",
         analysis="beamsim.analyses.compare_modes.analysis:compare_modes",
         result="beamsim.analyses.compare_modes.result:ModeComparison",
-        commands="beamsim.cli.mode_comparison",
         texts="beamsim.cli.mode_comparison:TEXTS",
         figures="beamsim.plots.comparison:mode_comparison_figures",
     ),

@@ -1,24 +1,27 @@
 """The command line: load, call, save, print.
 
 Never here: computing, drawing, opening files.
-Begin with `app`, then `conclusion`: how a command ends, with which exit code; `beamsim.kinds` lists the results.
+Begin with `app`, which lists the commands. Modules named ``..._commands`` hold what these are given, the others what
+they do; `conclusion` is what all analyses share: how a command ends, with which exit code.
 """
 
 from __future__ import annotations
 
+import gc
+import logging
+import os
+import signal
+import sys
+import warnings
 from typing import Any
+
+from beamsim.errors import CacheWarning
 
 __all__ = ["main"]
 
 
 def main() -> None:
     """Entry point of ``beamsim``; raises `SystemExit` with one of `beamsim.errors.ExitCode`."""
-    import gc
-    import os
-    import signal
-    import sys
-    import warnings
-
     gc.set_threshold(500_000)  # modules being imported are no garbage; searching among them takes a tenth of a run
     # the matrices are small: more threads would make the linear algebra slower
     for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -43,8 +46,6 @@ def main() -> None:
 
 def show_notices() -> None:
     """Print on standard error what the package logs, one line each."""
-    import logging
-
     logger = logging.getLogger("beamsim")
     if not logger.handlers:
         handler = logging.StreamHandler()
@@ -62,11 +63,6 @@ def show_warning(
     line: str | None = None,
 ) -> None:
     """Print a warning of this package in one line, any other with its place in the source."""
-    import sys
-    import warnings
-
-    from beamsim.errors import CacheWarning
-
     place = warnings.formatwarning(message, category, filename, lineno, line)
     print(
         f"beamsim: warning: {message}" if issubclass(category, CacheWarning) else place.rstrip(),

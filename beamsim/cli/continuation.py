@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from beamsim.cli.conclusion import Reporting
-    from beamsim.scenario import Scenario
+from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
+from beamsim.analyses.continuation.overlay import with_overlay
+from beamsim.analyses.continuation.result import ContinuationResult
+from beamsim.cli.conclusion import concluded
+from beamsim.cli.interruption import Interruption
+from beamsim.cli.options import Reporting
+from beamsim.cli.preparation import located
+from beamsim.cli.progress import Progress
+from beamsim.scenario import Scenario
+from beamsim.store.results import open_sweep
+from beamsim.trust import checked
 
 
 def continue_motions(
@@ -16,32 +23,25 @@ def continue_motions(
 ) -> None:
     """Follow periodic motions, add the requested overlays, save and print.
 
+    Parameters
+    ----------
+    scenario : with a continuation.
+    target, reporting : as of `concluded`.
+    overlay : files of sweeps.
+    expansion : whether to compare with the multiple-scales expansion.
+
     Raises
     ------
-    ScenarioError, ResultFileError
-        Before the computation, if the scenario or a file cannot be used.
-    StoppedEarlyError
-        If the range was not covered, the result is not reliable, or after a signal; the partial result is saved.
-    LimitExceededError
-        With ``--check``.
+    BeamsimError
+        As `concluded`.
     """
-    from beamsim.cli.conclusion import concluded, located
-    from beamsim.cli.progress import progress_of
-    from beamsim.store.results import open_sweep
-
     stored = [(path, open_sweep(path)) for path in overlay]
-    bar = progress_of("following periodic motions", shown=reporting.progress)
-    with concluded("continuation", target, reporting) as computation, bar as progress:
-        from beamsim.trust.checked import continuation
 
-        result = continuation(scenario, progress, computation.stop)
+    def followed(progress: Progress, stop: Interruption) -> ContinuationResult:
+        result = checked.continuation(scenario, progress, stop)
         for path, sweep in stored:
-            from beamsim.analyses.continuation.overlay import with_overlay
-
             result = with_overlay(result, sweep, path.name)
-        if expansion and not result.outcome.interrupted:
-            from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
+        with located(scenario):
+            return with_forced_expansion(result) if expansion and not result.outcome.interrupted else result
 
-            with located(scenario):
-                result = with_forced_expansion(result)
-        computation.result = result
+    concluded("continuation", target, reporting, followed, "following periodic motions")

@@ -2,34 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from pathlib import Path
 from signal import SIGINT
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from beamsim.cli.conclusion import Reporting, conclude
+from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_designs
+from beamsim.analyses.designs.result import DesignsResult
+from beamsim.cli.conclusion import conclude
 from beamsim.cli.failures import say
 from beamsim.cli.interruption import interruptible
+from beamsim.cli.options import Reporting
 from beamsim.cli.progress import progress_of
 from beamsim.errors import ResultFileError, StoppedEarlyError
-
-if TYPE_CHECKING:
-    from beamsim.analyses.designs.plan import DesignPlan
-    from beamsim.analyses.designs.result import DesignsResult
-    from beamsim.scenario import Scenario
-
-
-@dataclass(frozen=True)
-class StudyOptions:
-    """How a study is computed."""
-
-    workers: int | None = None
-    scheduler: str | None = None
-    resume: bool = False
+from beamsim.scenario import Scenario
+from beamsim.store.journal import journal_path, opened_journal
+from beamsim.store.results import holds, open_result
+from beamsim.store.studies import stored_study
+from beamsim.version import __version__
 
 
-def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions, reporting: Reporting) -> None:
+def sweep_designs(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool, **options: Any) -> None:
     """Compute all cases (or the missing ones), save and print.
+
+    Parameters
+    ----------
+    scenario : with ``vary``.
+    target, reporting : as of `conclude`.
+    resume : whether to keep the cases that are computed already.
+    options : workers and scheduler, as of `stored_study`.
 
     Raises
     ------
@@ -40,26 +40,20 @@ def sweep_designs(scenario: Scenario, target: Path, options: StudyOptions, repor
     LimitExceededError
         With ``--check``.
     """
-    from beamsim.analyses.designs.plan import check_cases, plan_designs
-
     plan = plan_designs(scenario)
     check_cases(plan)
-    stored = _finished(plan, target) if options.resume else None
+    stored = _finished(plan, target) if resume else None
     if stored is None:
-        _compute(plan, target, options, reporting)
+        _compute(plan, target, reporting, resume, options)
         return
     if not reporting.quiet:
         say(f"beamsim: {target} is complete; there is nothing to compute")
     with interruptible() as interrupted:
-        conclude("designs", stored, target, replace(reporting, plots=False), interrupted)
+        conclude("designs", stored, target, reporting._replace(plots=False), interrupted)
 
 
 def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
     """The result in the file, if it is complete."""
-    from beamsim.store.journal import journal_path
-    from beamsim.store.results import holds, open_result
-    from beamsim.version import __version__
-
     if journal_path(target).exists() or not holds(target, "designs"):
         return None
     stored: Any = open_result(target, "designs")
@@ -68,11 +62,8 @@ def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
     return stored if same and stored.complete and dict(stored.limits) == limits else None
 
 
-def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: Reporting) -> None:
-    from beamsim.store.journal import journal_path, opened_journal
-    from beamsim.store.studies import stored_study
-
-    cases, resume = len(plan.cases), options.resume
+def _compute(plan: DesignPlan, target: Path, reporting: Reporting, resume: bool, options: dict[str, Any]) -> None:
+    cases = len(plan.cases)
     path = journal_path(target)
     with opened_journal(path, plan.fingerprint, resume=resume) as journal, interruptible() as interrupted:
         if journal.dropped:
@@ -81,10 +72,7 @@ def _compute(plan: DesignPlan, target: Path, options: StudyOptions, reporting: R
             say(f"beamsim: {len(journal.outcomes)} of {cases} cases are already computed")
         try:
             with progress_of(f"{cases} cases", shown=reporting.progress) as progress:
-                result = stored_study(
-                    plan, journal, target, workers=options.workers, scheduler=options.scheduler, progress=progress,
-                    stop=interrupted,
-                )  # fmt: skip
+                result = stored_study(plan, journal, target, progress=progress, stop=interrupted, **options)
             if len(journal.outcomes) < cases:
                 raise KeyboardInterrupt
         except BaseException as error:

@@ -1,9 +1,9 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options that several commands share, and what they say about the output."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -37,3 +37,27 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress report a
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print everything: the whole table and all notes.")]
 Check = Annotated[bool, typer.Option("--check", help="Exit with code 4 if a limit is exceeded.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+
+
+class Reporting(NamedTuple):
+    """Options of a command that control its output."""
+
+    plots: bool = True
+    json: bool = False
+    quiet: bool = False
+    check: bool = False  # whether exceeding a limit is an error
+    verbose: bool = False  # whether the whole table is printed
+
+    @property
+    def progress(self) -> bool:
+        """Whether the command says how far it is."""
+        return not self.quiet
+
+
+class Given(NamedTuple):
+    """What a command that computes is given: a case with its overrides, where to write, and what to print."""
+
+    case: Path
+    overrides: list[str] | None
+    output: Path | None
+    reporting: Reporting

@@ -1,88 +1,154 @@
-"""The command ``pad``."""
+"""What ``pad`` does: quantities as texts to numbers, numbers of a pad, and the section of a scenario."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-import typer
+from beamsim.analyses.pad.analysis import PadInput, PadNumbers
+from beamsim.analyses.pad.analysis import pad as designed
+from beamsim.cli.printing import print_json
+from beamsim.errors import Problem, ScenarioError
+from beamsim.plots.style import amount
+from beamsim.scenario import units
+from beamsim.scenario.quantities import FieldType, PositionType, Quantity, TextType, Whole
 
-from beamsim.cli.failures import guarded
-from beamsim.cli.options import Debug, Json
+_RATIO = replace(units.NUMBER, name="ratio")
+_READ: dict[str, Quantity] = {
+    "modulus": Quantity(units.PRESSURE, above=0.0),
+    "shape_factor": Quantity(_RATIO, minimum=0.0),
+    "area": Quantity(units.AREA, above=0.0),
+    "height": Quantity(units.LENGTH, above=0.0),
+    "factor": Quantity(_RATIO, above=0.0),
+    "bulk_modulus": Quantity(units.PRESSURE, above=0.0),
+    "stiffness": Quantity(units.STIFFNESS, above=0.0),
+    "contact_time": Quantity(units.TIME, above=0.0),
+    "restitution": Quantity(replace(_RATIO, example="0.6"), minimum=1e-6, maximum=1.0),
+    "dashpot": Quantity(units.DASHPOT, minimum=0.0),
+    "loss_factor": Quantity(_RATIO, minimum=0.0),
+    "frequency": Quantity(units.FREQUENCY, above=0.0),
+    "mass": Quantity(units.MASS, above=0.0),
+    "speed": Quantity(units.VELOCITY, above=0.0),
+}
+_OPTIONS = {"factor": "--kappa"}
+_WRITTEN: dict[str, FieldType] = {
+    "name": TextType(name=True),
+    "position": PositionType(replace(units.LENGTH, name="position", example="100 %"), minimum=0.0),
+    "on_mass": Whole(1),
+}
 
-if TYPE_CHECKING:
-    from beamsim.analyses.pad.analysis import PadNumbers
+
+_SHOWN = (
+    ("stiffness", "stiffness", "N/m"),
+    ("dashpot", "dashpot", "N s/m"),
+    ("Young's modulus", "modulus", "Pa"),
+    ("misfit of the curve", "misfit", "N"),
+    ("restitution of the measured loop", "loop_restitution", "1"),
+    ("damping ratio of the mass", "damping_ratio", "1"),
+    ("restitution", "restitution", "1"),
+    ("time in contact", "contact_time", "s"),
+    ("largest penetration", "penetration", "m"),
+    ("peak force", "peak_force", "N"),
+    ("largest strain", "strain", "1"),
+)
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("pad")(pad)
-
-
-def _quantity(name: str, text: str) -> Any:
-    return typer.Option(name, metavar="QUANTITY", help=text)
-
-
-@guarded
 def pad(
-    modulus: Annotated[str | None, _quantity("--modulus", "Young's modulus of the pad, e.g. '5 MPa'.")] = None,
-    shape_factor: Annotated[
-        str | None, _quantity("--shape-factor", "Loaded over free area of a pad whose faces are held; 0 by default.")
-    ] = None,
-    area: Annotated[str | None, _quantity("--area", "Loaded area, e.g. '4 cm^2'.")] = None,
-    height: Annotated[str | None, _quantity("--height", "Height, e.g. '6 mm'.")] = None,
-    factor: Annotated[str, _quantity("--kappa", "Factor of the shape factor: 1 soft rubber, 0.5 hard.")] = "1",
-    bulk_modulus: Annotated[
-        str | None, _quantity("--bulk-modulus", "Bulk modulus, for thin pads, e.g. '1.1 GPa'.")
-    ] = None,
-    curve: Annotated[Path | None, typer.Option("--curve", help="CSV file of force over deflection.")] = None,
-    segments: Annotated[
-        int, typer.Option("--segments", min=1, max=50, help="Number of straight lines fitted to the curve.")
-    ] = 5,
-    stiffness: Annotated[str | None, _quantity("--stiffness", "Stiffness, e.g. '150 kN/m'.")] = None,
-    contact_time: Annotated[str | None, _quantity("--contact-time", "Duration of the contact, e.g. '3 ms'.")] = None,
-    restitution: Annotated[str | None, _quantity("--restitution", "Coefficient of restitution of the mass.")] = None,
-    dashpot: Annotated[str | None, _quantity("--dashpot", "Dashpot, e.g. '12 N s/m'.")] = None,
-    loss_factor: Annotated[str | None, _quantity("--loss-factor", "Loss factor at --frequency.")] = None,
-    frequency: Annotated[str | None, _quantity("--frequency", "Frequency of the loss factor, e.g. '120 Hz'.")] = None,
-    mass: Annotated[str | None, _quantity("--mass", "Mass that the pad stops, e.g. '50 g'.")] = None,
-    speed: Annotated[str | None, _quantity("--speed", "Speed of the mass, e.g. '0.3 m/s'.")] = None,
-    no_tension: Annotated[
-        bool, typer.Option("--no-tension", help="Write law: no_tension, of a pad that never pulls.")
-    ] = False,
-    name: Annotated[str, typer.Option("--name", help="Name of the snubber.")] = "pad",
-    position: Annotated[str, _quantity("--position", "Where the snubber is on the beam.")] = "100 %",
-    on_mass: Annotated[
-        int | None, typer.Option("--on-mass", help="Number of the mass of a chain, instead of --position.")
-    ] = None,
-    json: Json = False,
-    debug: Debug = False,
+    texts: Mapping[str, str | None], snubber: Mapping[str, Any], curve: Path | None, segments: int, *, as_json: bool
 ) -> None:
-    """Find stiffness and damping of a snubber's pad. From a material, a measured curve or an impact; prints YAML."""
-    from beamsim.analyses.pad.analysis import PadInput
-    from beamsim.analyses.pad.analysis import pad as designed
-    from beamsim.cli.pad_numbers import check_found, check_written, read_numbers
-    from beamsim.cli.printing import print_json
+    """Find stiffness and damping of a pad, and print the section of a scenario.
 
-    texts = {
-        "modulus": modulus, "shape_factor": shape_factor, "area": area, "height": height, "factor": factor,
-        "bulk_modulus": bulk_modulus, "stiffness": stiffness, "contact_time": contact_time,
-        "restitution": restitution, "dashpot": dashpot, "loss_factor": loss_factor, "frequency": frequency,
-        "mass": mass, "speed": speed,
-    }  # fmt: skip
-    check_written({"name": name} | ({"position": position} if on_mass is None else {"on_mass": on_mass}))
-    numbers = read_numbers({key: text for key, text in texts.items() if text is not None})
-    result = designed(
-        PadInput(curve=curve, segments=segments, law="no_tension" if no_tension else "kelvin_voigt", **numbers)
-    )
-    check_found(result)
-    place = f"position: {position}" if on_mass is None else f"mass: {on_mass}"
-    lines = list(_snubber(result, name, place))
-    if json:
+    Parameters
+    ----------
+    texts : quantities as they were given, by name.
+    snubber : name, position, on_mass (instead of the position where it is a number) and law.
+    curve, segments : of a measured curve.
+    as_json : whether to print JSON.
+
+    Raises
+    ------
+    ScenarioError
+        With every text that is no such quantity, or if a scenario does not take what was found.
+    """
+    at = "position" if snubber["on_mass"] is None else "on_mass"
+    _check_written({"name": snubber["name"], at: snubber[at]})
+    numbers = _read_numbers({key: text for key, text in texts.items() if text is not None})
+    result = designed(PadInput(curve=curve, segments=segments, law=snubber["law"], **numbers))
+    _check_found(result)
+    place = f"{at.removeprefix('on_')}: {snubber[at]}"
+    lines = list(_snubber(result, snubber["name"], place))
+    if as_json:
         print_json({**vars(result), "snubber": "\n".join(lines) + "\n"})
         return
     print(*(f"# {line}" for line in _comments(result)), *lines, sep="\n")
+
+
+def _read_numbers(texts: Mapping[str, str]) -> dict[str, float]:
+    """Values in SI units by name.
+
+    Raises
+    ------
+    ScenarioError
+        With every text that is no such quantity.
+    """
+    numbers, problems = {}, []
+    for name, text in texts.items():
+        try:
+            numbers[name] = _READ[name].read(_number(text))
+        except units.UnitError as error:
+            problems.append(_problem(name, text, error))
+    if problems:
+        raise ScenarioError(problems)
+    return numbers
+
+
+def _check_written(texts: Mapping[str, str | int]) -> None:
+    """Check name and place of the snubber, which are written as they are.
+
+    Raises
+    ------
+    ScenarioError
+        With everything that a scenario does not take.
+    """
+    problems = []
+    for name, text in texts.items():
+        try:
+            _WRITTEN[name].read(_number(text) if name == "position" else text)
+        except units.UnitError as error:
+            problems.append(_problem(name, text, error))
+    if problems:
+        raise ScenarioError(problems)
+
+
+def _check_found(pad: PadNumbers) -> None:
+    """Check the stiffness and the dashpot that were found, which follow from numbers in range and may lie outside.
+
+    Raises
+    ------
+    ScenarioError
+        If a scenario does not take one of them.
+    """
+    for name, value in (("stiffness", pad.stiffness), ("dashpot", pad.dashpot)):
+        try:
+            _READ[name].read(value)
+        except units.UnitError as error:
+            found = Problem(f"the {name} found", f"= {value:g} {error.message}", "check the numbers and their units")
+            raise ScenarioError(found) from None
+
+
+def _problem(name: str, text: str | int, error: units.UnitError) -> Problem:
+    option = _OPTIONS.get(name, f"--{name.replace('_', '-')}")
+    return Problem(option, f"= {text} {error.message}", error.remedy)
+
+
+def _number(text: str | int) -> str | float:
+    """A bare number as such."""
+    try:
+        return float(text)
+    except ValueError:
+        return str(text)
 
 
 def _snubber(pad: PadNumbers, name: str, place: str) -> Iterator[str]:
@@ -102,25 +168,8 @@ def _snubber(pad: PadNumbers, name: str, place: str) -> Iterator[str]:
     yield f"    law: {pad.law}"
 
 
-_SHOWN = (
-    ("stiffness", "stiffness", "N/m"),
-    ("dashpot", "dashpot", "N s/m"),
-    ("Young's modulus", "modulus", "Pa"),
-    ("misfit of the curve", "misfit", "N"),
-    ("restitution of the measured loop", "loop_restitution", "1"),
-    ("damping ratio of the mass", "damping_ratio", "1"),
-    ("restitution", "restitution", "1"),
-    ("time in contact", "contact_time", "s"),
-    ("largest penetration", "penetration", "m"),
-    ("peak force", "peak_force", "N"),
-    ("largest strain", "strain", "1"),
-)
-
-
 def _comments(pad: PadNumbers) -> Iterator[str]:
     """What is known of the pad, a line each."""
-    from beamsim.plots.style import amount
-
     for label, name, unit in _SHOWN:
         value = getattr(pad, name)
         if value is not None:

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
+from json import dumps
 from pathlib import Path
 from typing import Any
+
+from beamsim.codecs import plain
 
 LEAST_WIDTH = 40  # of the texts of a table; narrower terminals wrap by themselves
 
 
 def print_json(values: Mapping[str, Any]) -> None:
     """One JSON object on standard output; non-finite numbers are null."""
-    from beamsim.codecs import plain
-
-    print(json.dumps(plain(values), ensure_ascii=False, allow_nan=False))
+    print(dumps(plain(values), ensure_ascii=False, allow_nan=False))
 
 
-def print_files(files: Sequence[Path], *, as_json: bool) -> None:
-    """Print the files written by a command, one per line."""
-    if as_json:
+def print_files(files: Sequence[Path], *, json: bool, quiet: bool = False) -> None:
+    """Print the files written by a command, one per line; as JSON also where it is quiet."""
+    if json:
         print_json({"files": [str(path) for path in files]})
-    else:
+    elif not quiet:
         print(*files, sep="\n")
 
 

@@ -1,49 +1,56 @@
-"""The commands ``check`` and ``export-structure``."""
+"""What ``check`` and ``export-structure`` do."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, cast
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple, cast
 
 import typer
 
-from beamsim.cli.failures import guarded
-from beamsim.cli.options import Case, Debug, Json, Output, Overrides
+from beamsim.analyses.check.analysis import FAILS
+from beamsim.analyses.check.analysis import check as checked
+from beamsim.cli.preparation import located, output_file
+from beamsim.cli.printing import print_json, print_table
+from beamsim.cli.progress import progress_of
+from beamsim.errors import ExitCode, MethodError, Problem, ScenarioError
+from beamsim.files import replacing
+from beamsim.matrix_files.formats import ENDINGS, FORMATS, write_matrices
+from beamsim.scenario import Scenario, load_scenario
+from beamsim.scenario.base import suggestion
+from beamsim.scenario.matrices import SYSTEMS, UnitSystem
+from beamsim.structures.assembly import acting_places, assemble, bodies_of
+from beamsim.structures.converted import in_units
+from beamsim.structures.dof_table import write_dof_table
+from beamsim.structures.exported import boundary_rows, craig_bampton, named_structure, row_at
+from beamsim.structures.named_matrices import NamedMatrices
 
-if TYPE_CHECKING:
-    from beamsim.scenario.matrices import UnitSystem
 
+def check(case: Path, overrides: Sequence[str], *, as_json: bool) -> None:
+    """Check the matrices of each body.
 
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.command("check")(check)
-    app.command("export-structure")(export_structure)
+    Parameters
+    ----------
+    case, overrides : as they were given.
+    as_json : whether to print JSON.
 
-
-@guarded
-def check(case: Case, set_: Overrides = None, json: Json = False, debug: Debug = False) -> None:
-    """Check the matrices of each body. Mass, rigid motions, symmetry, frequencies. Exit code 3 if a check fails."""
-    from beamsim.analyses.check.analysis import FAILS
-    from beamsim.analyses.check.analysis import check as check_bodies
-    from beamsim.cli.conclusion import located
-    from beamsim.cli.printing import print_json, print_table
-    from beamsim.cli.progress import progress_of
-    from beamsim.errors import ExitCode
-    from beamsim.scenario import load_scenario
-
-    scenario = load_scenario(case, set_ or ())
-    with located(scenario), progress_of(f"checking {case.name}", shown=not json):
-        bodies = check_bodies(scenario)
+    Raises
+    ------
+    ScenarioError
+        If the scenario is invalid.
+    typer.Exit
+        If a check fails.
+    """
+    scenario = load_scenario(case, overrides)
+    with located(scenario), progress_of(f"checking {case.name}", shown=not as_json):
+        bodies = checked(scenario)
     failed = [row.name for rows in bodies.values() for row in rows if row.verdict == FAILS]
-    if json:
-        print_json(
-            {
-                "bodies": {
-                    name: {row.name: {"value": row.value, "verdict": row.verdict} for row in rows}
-                    for name, rows in bodies.items()
-                },
-                "failed": failed,
-            }
-        )
+    if as_json:
+        found = {
+            name: {row.name: {"value": row.value, "verdict": row.verdict} for row in rows}
+            for name, rows in bodies.items()
+        }
+        print_json({"bodies": found, "failed": failed})
     else:
         for name, rows in bodies.items():
             print_table(name, [(row.name.replace("_", " "), f"{row.verdict:<6}{row.text}") for row in rows])
@@ -51,49 +58,101 @@ def check(case: Case, set_: Overrides = None, json: Json = False, debug: Debug =
         raise typer.Exit(ExitCode.NOT_CONVERGED)
 
 
-@guarded
-def export_structure(
-    case: Case,
-    set_: Overrides = None,
-    output: Output = None,
-    body: Annotated[str | None, typer.Option("--body", help="Write one body by itself, without its joints.")] = None,
-    modes: Annotated[
-        int | None,
-        typer.Option(
-            "--modes",
-            min=1,
-            help="Write a Craig-Bampton model with this many modes; its boundary is where something acts.",
-        ),
-    ] = None,
-    units: Annotated[
-        str, typer.Option("--units", help="Units of the files: SI, mm-t-s, mm-kg-ms, in-lbf-s, ... as in the scenario.")
-    ] = "SI",
-    binary: Annotated[bool, typer.Option("--binary", help="Write OP4 in binary instead of ASCII.")] = False,
-    json: Json = False,
-    debug: Debug = False,
-) -> None:
-    """Write the matrices of the structure. OP4 (default), MATLAB, MatrixMarket or NumPy files, and a table of nodes."""
-    from beamsim.cli.conclusion import located
-    from beamsim.cli.output import output_file
-    from beamsim.cli.printing import print_json
-    from beamsim.cli.progress import progress_of
-    from beamsim.cli.structure_export import exported
-    from beamsim.errors import Problem, ScenarioError
-    from beamsim.matrix_files.formats import ENDINGS, FORMATS
-    from beamsim.scenario import load_scenario
-    from beamsim.scenario.matrices import SYSTEMS
+class MatrixForm(NamedTuple):
+    """What of a structure is written, and how."""
 
-    if units not in SYSTEMS:
-        raise ScenarioError(Problem("--units", f"{units} is no system of units", f"give one of {', '.join(SYSTEMS)}"))
+    body: str | None = None  # by itself, without its joints; None for the whole structure
+    modes: int | None = None  # of a Craig-Bampton model, whose boundary is where something acts; None for all nodes
+    units: str = "SI"  # of matrices and coordinates
+    binary: bool = False
+
+
+def export(case: Path, overrides: Sequence[str], output: Path | None, form: MatrixForm, *, as_json: bool) -> None:
+    """Write the matrices of the structure.
+
+    Parameters
+    ----------
+    case, overrides, output : as they were given.
+    form : of what is written.
+    as_json : whether to print JSON.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario or an option is invalid.
+    """
+    if form.units not in SYSTEMS:
+        problem = Problem("--units", f"{form.units} is no system of units", f"give one of {', '.join(SYSTEMS)}")
+        raise ScenarioError(problem)
     if output is not None and output.suffix.lower() in {*FORMATS} - {*ENDINGS} and not output.is_dir():
         message = f"{output} is of a format that is read, not written"
         raise ScenarioError(Problem("-o", message, f"give a name that ends with {', '.join(ENDINGS)}"))
-    scenario = load_scenario(case, set_ or ())
+    scenario = load_scenario(case, overrides)
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
-    with located(scenario), progress_of(f"exporting the structure of {case.name}", shown=not json):
-        files, text = exported(scenario, body, target, binary=binary, modes=modes, units=cast("UnitSystem", units))
-    if json:
+    with located(scenario), progress_of(f"exporting the structure of {case.name}", shown=not as_json):
+        files, text = exported(scenario, target, form)
+    if as_json:
         print_json({"files": [str(file) for file in files], "body": text})
     else:
-        print(*files, sep="\n")
-        print(text)
+        print(*files, text, sep="\n")
+
+
+def exported(scenario: Scenario, target: Path, form: MatrixForm) -> tuple[list[Path], str]:
+    """Write matrices and table; the files, and the body as a scenario has it.
+
+    Parameters
+    ----------
+    scenario : of the structure.
+    target : file of the matrices; the table is written to the same folder.
+    form : of what is written.
+
+    Raises
+    ------
+    ScenarioError
+        If no body has this name, or there is no such Craig-Bampton model.
+    """
+    called, given, places = _matrices(scenario, form.body, form.modes)
+    given = in_units(given, SYSTEMS[cast("UnitSystem", form.units)])
+    matrices = {"mass": given.mass, "stiff": given.stiffness}
+    if given.damping is not None:
+        matrices["viscous"] = given.damping
+    written = write_matrices(target, matrices, binary=form.binary)
+    table = target.with_name(f"{target.stem}_dofs.csv")
+    with replacing(table) as temporary:
+        write_dof_table(temporary, given.table)
+    lines = ["bodies:", f"  {called}:", "    kind: matrices"]
+    for key, matrix in (("mass", "mass"), ("stiffness", "stiff"), ("viscous", "viscous")):
+        if matrix in written:
+            file = written[matrix]
+            named = f", name: {matrix}" if file == target else ""  # where it holds several
+            lines.append(f"    {key}: {{file: {file.name}{named}}}")
+    base = f"{{nodes: [{', '.join(map(str, given.base))}], direction: {given.direction}}}" if given.base else "free"
+    stated = [] if form.units == "SI" else [f"    units: {form.units}"]
+    lines += [f"    dofs: {table.name}", *stated, f"    base: {base}"]
+    lines += [f"# {label}: {place}" for label, place in places.items()]
+    return [*dict.fromkeys(written.values()), table], "\n".join(lines)
+
+
+def _matrices(scenario: Scenario, name: str | None, modes: int | None) -> tuple[str, NamedMatrices, dict[str, str]]:
+    """Name and matrices of one body, or of the structure, and how places on it are written now."""
+    bodies = {body.name: body for body in bodies_of(scenario)}
+    if name is not None and name not in bodies:
+        raise ScenarioError(f"--body {name} is an unknown body; {suggestion(name, bodies, 'the bodies are')}")
+    if name is None and len(bodies) == 1:
+        name = next(iter(bodies))
+    if name is not None and modes is None and scenario.all_bodies[name].is_read_from_files:
+        return name, bodies[name].named_matrices, {}  # whose nodes keep their numbers
+    structure = assemble(scenario) if name is None else bodies[name]
+    places = [place for place in acting_places(scenario) if name is None or place.body == name]
+    try:
+        given, to_named = named_structure(structure)
+        nodes = {}
+        for place in places:
+            row = row_at(structure, to_named, place)
+            node, direction = ("", "") if row is None else given.table.dofs[row]
+            nodes[place.label] = f"{{node: {node}, direction: {direction}}}" if row is not None else "between nodes"
+        if modes is not None:
+            given = craig_bampton(given, boundary_rows(structure, given, to_named, places), modes)
+        return name or "structure", given, nodes
+    except MethodError as error:
+        raise ScenarioError(f"{error.about} {error.message}; {error.remedy}") from None

@@ -1,4 +1,4 @@
-"""The command ``warmup``."""
+"""What ``warmup`` does."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import typer
-
-from beamsim.cli.failures import guarded
-from beamsim.cli.options import Debug, Json, Quiet
+from beamsim.cli.printing import print_json
+from beamsim.cli.progress import progress_of
+from beamsim.flow.compiled import cache_folder
+from beamsim.kinds import KINDS, named
+from beamsim.scenario import load_scenario, template
 
 # analyses of short forms of the templates: between them they call every kernel
 CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
@@ -21,16 +22,8 @@ CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
 )
 
 
-@guarded
-def warmup(quiet: Quiet = False, json: Json = False, debug: Debug = False) -> None:
-    """Compile the numerical kernels beforehand, for images and installers. Prints the folder where they are kept."""
-    from beamsim.cli.printing import print_json
-    from beamsim.cli.progress import progress_of
-    from beamsim.flow.compiled import cache_folder
-    from beamsim.kinds import KINDS, named
-    from beamsim.scenario import load_scenario, template
-
-    shown = not (quiet or json)
+def compile_kernels(*, shown: bool, as_json: bool) -> None:
+    """Compile every kernel, and print the folder where they are kept."""
     with progress_of("compiling the numerical kernels", shown=shown) as progress, TemporaryDirectory() as at:
         for done, (kind, name, changes) in enumerate(CASES):
             case = Path(at) / f"{name}.yaml"
@@ -38,12 +31,7 @@ def warmup(quiet: Quiet = False, json: Json = False, debug: Debug = False) -> No
             progress(done / len(CASES))
             named(KINDS[kind].analysis)(load_scenario(case, changes))
     folder = cache_folder()
-    if json:
+    if as_json:
         print_json({"folder": None if folder is None else str(folder)})
     else:
         print(folder or "compiled code cannot be kept here")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(warmup)

@@ -259,8 +259,8 @@ try:
     beamsim.cli.main()
 except SystemExit as end:
     assert not end.code, end.code
-heavy = ("numba", "h5py", "matplotlib", "rich", "scipy.optimize", "scipy.signal", "scipy.stats")
-heavy += ("beamsim.analyses", "beamsim.structures.plate", "beamsim.matrix_files.formats")
+heavy = ("numba", "matplotlib", "rich", "scipy.optimize", "scipy.signal", "scipy.stats")
+heavy += ("beamsim.analyses", "beamsim.structures.plate")
 print("loaded", [name for name in heavy if name in sys.modules])
 """
 

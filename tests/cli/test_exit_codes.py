@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from beamsim.cli.conclusion import EXIT_CODES, Reporting, conclude, exit_code
+from beamsim.cli.conclusion import EXIT_CODES, conclude, exit_code
 from beamsim.cli.interruption import Interruption
+from beamsim.cli.options import Reporting
 from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from tests.helpers.commands import invoke
@@ -62,7 +63,7 @@ def test_a_reader_that_leaves_early_is_no_damage_of_the_file(tmp_path, monkeypat
     (tmp_path / "sweep.h5").write_bytes(gzip.decompress(stored.read_bytes()))
     monkeypatch.setattr("beamsim.cli.failures.discard_output", lambda: None)
     for printer, more in (("print_table", []), ("print_json", ["--json"])):
-        monkeypatch.setattr(f"beamsim.cli.printing.{printer}", closed)
+        monkeypatch.setattr(f"beamsim.cli.stored.{printer}", closed)
         assert invoke("info", tmp_path / "sweep.h5", *more).exit_code == 141
 
 
@@ -74,6 +75,6 @@ def test_an_exception_has_its_code(raised, code, tmp_path, monkeypatch):
     def fail(*_):
         raise raised
 
-    monkeypatch.setattr("beamsim.cli.validation.schema_text", fail)
+    monkeypatch.setattr("beamsim.cli.cases.schema_text", fail)
     monkeypatch.setattr("beamsim.cli.failures.discard_output", lambda: None)
     assert invoke("schema").exit_code == code

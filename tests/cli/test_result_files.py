@@ -274,7 +274,7 @@ def test_files_that_cannot_be_read(command, files, tmp_path):
 @pytest.mark.parametrize("command", [("info",), ("plot",)])
 def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path, monkeypatch):
     """The first group or dataset that is taken away makes the file unreadable, never a traceback."""
-    monkeypatch.setattr("beamsim.plots.save.save_figures", lambda figures, *_: [])  # which takes longer than the rest
+    monkeypatch.setattr("beamsim.cli.stored.save_figures", lambda figures, *_: [])  # which takes longer than the rest
     data = files(name).read_bytes()
     with h5py.File(files(name)) as file:
         parts = [part for part in file if part not in ("summary",)]

@@ -1,0 +1,141 @@
+"""What ``validate``, ``schema`` and ``new`` do."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from beamsim.cli.failures import say
+from beamsim.cli.preparation import located, output_file, output_folder
+from beamsim.cli.printing import print_json
+from beamsim.errors import ScenarioError
+from beamsim.files import replacing
+from beamsim.kinds import TemplateKind
+from beamsim.scenario import Scenario, json_schema, load_scenario, template
+from beamsim.structures.assembly import summaries_of_files
+from beamsim.structures.file_summary import FileSummary
+from beamsim.system.build import build_system
+from beamsim.system.structural import StructuralSystem
+
+SCHEMA = "beamsim.schema.json"
+
+
+class Validated(NamedTuple):
+    """A valid case."""
+
+    scenario: Scenario
+    files: tuple[FileSummary, ...]  # of bodies that are read from files
+    warnings: tuple[str, ...]
+    system: StructuralSystem | None  # of a case with a run
+
+
+def validate(case: Path, overrides: Sequence[str], output: Path | None, *, sketch: bool, as_json: bool) -> None:
+    """Check a case, and draw its model if asked for.
+
+    Parameters
+    ----------
+    case, overrides, output : as they were given.
+    sketch : whether to draw the model.
+    as_json : whether to print JSON.
+
+    Raises
+    ------
+    ScenarioError
+        With every problem found.
+    ResultFileError
+        If the picture cannot be written.
+    """
+    folder = output_folder(output, case.stem) if sketch else None
+    files = []
+    try:
+        valid = _validated(case, overrides)
+        if folder is not None:
+            from beamsim.cli.html_report import draw_model  # and with it everything that draws
+
+            files = draw_model(valid.scenario, valid.system, folder, case.stem)
+    except ScenarioError as error:
+        if as_json:
+            print_json({"valid": False, "problems": [vars(problem) for problem in error.problems]})
+        raise
+    for warning in valid.warnings:
+        say(f"beamsim: warning: {warning}")
+    title = valid.scenario.title
+    if as_json:
+        drawn = {"files": [str(file) for file in files]} if sketch else {}
+        read = {"imported": {body.body: body.as_json for body in valid.files}} if valid.files else {}
+        print_json({"valid": True, "title": title, "warnings": list(valid.warnings), **read, **drawn})
+    else:
+        found = f"{case}: valid ({title})" if title else f"{case}: valid"
+        print(found, *(body.text for body in valid.files), *files, sep="\n")
+
+
+def _validated(case: Path, overrides: Sequence[str]) -> Validated:
+    """Load the case and, if it has a run, build its model; else read the matrices that it names.
+
+    Raises
+    ------
+    ScenarioError
+        With every problem found.
+    """
+    scenario = load_scenario(case, overrides)
+    if scenario.vary is not None:
+        from beamsim.analyses.designs.plan import check_cases, plan_designs  # and with it every analysis
+
+        check_cases(plan_designs(scenario))
+    if scenario.run is not None:
+        system = build_system(scenario)
+        return Validated(scenario, system.files, (*scenario.warnings, *system.warnings), system)
+    files: tuple[FileSummary, ...] = ()
+    if any(body.is_read_from_files for body in scenario.all_bodies.values()):
+        with located(scenario):
+            files = summaries_of_files(scenario)
+    remarks = (f"{each.body}: {remark}" for each in files for remark in each.remarks)
+    return Validated(scenario, files, (*scenario.warnings, *remarks), None)
+
+
+def schema_text() -> str:
+    """JSON Schema of scenario files."""
+    return json.dumps(json_schema(), indent=2, ensure_ascii=False)
+
+
+def write_schema(output: Path | None) -> None:
+    """Write the JSON Schema to a file; without one print it."""
+    if output is None:
+        print(schema_text())
+        return
+    with replacing(output_file(output, "beamsim.schema", ".json")) as temporary:
+        temporary.write_text(schema_text() + "\n", encoding="utf-8")
+
+
+def write_template(path: Path, kind: TemplateKind, *, force: bool, as_json: bool) -> None:
+    """Write a template and, beside it, the schema that its first line names.
+
+    The schema is that of this version, and is written in any case.
+
+    Parameters
+    ----------
+    path : of the scenario.
+    kind : of the template.
+    force : whether to replace an existing scenario.
+    as_json : whether to print JSON.
+
+    Raises
+    ------
+    ScenarioError
+        If the file exists.
+    ResultFileError
+        If it cannot be written.
+    """
+    if path.exists() and not force:
+        raise ScenarioError(f"{path} already exists; choose another name, or use --force to replace it")
+    schema = path.with_name(SCHEMA)
+    scenario = f"# yaml-language-server: $schema={SCHEMA}\n{template(kind.value)}"
+    for target, text in ((path, scenario), (schema, schema_text() + "\n")):
+        with replacing(target) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    if as_json:
+        print_json({"files": [str(path), str(schema)]})
+    else:
+        print(f"{path}: written; edit it and `beamsim {kind.command} {path}`")

@@ -1,0 +1,138 @@
+"""The commands that compare with measurements: ``identify-stiffness``, ``compare`` and ``compare-modes``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from beamsim.analyses.compare.analysis import compare
+from beamsim.analyses.compare.result import Comparison
+from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
+from beamsim.analyses.compare_modes.analysis import compare_modes
+from beamsim.analyses.compare_modes.result import ModeComparison
+from beamsim.analyses.identify.analysis import identify_stiffness
+from beamsim.cli.conclusion import concluded
+from beamsim.cli.options import Given
+from beamsim.cli.preparation import located, output_file, prepared
+from beamsim.errors import LimitExceededError, Problem, ScenarioError
+from beamsim.measurements.channels import history_named, read_tests
+from beamsim.scenario import load_scenario
+from beamsim.store.pairing import pair_channels
+from beamsim.store.results import kind_of, open_run, open_sweep
+from beamsim.store.shapes import read_shapes
+
+
+def identify(given: Given) -> None:
+    """Find stiffness and damping of stops from tests."""
+    scenario, target = prepared("identify-stiffness", given)
+    concluded(
+        "identify-stiffness", target, given.reporting,
+        lambda progress, stop: identify_stiffness(scenario, read_tests(scenario, given.case.parent), progress, stop),
+        f"identifying {given.case.name}",
+    )  # fmt: skip
+
+
+def compare_signals(
+    given: Given, measured: Path, pairing: Mapping[str, str | None],
+    of_runs: Mapping[str, Any], of_sweeps: Mapping[str, Any],
+) -> None:  # fmt: skip
+    """Compare the result of a run or of a sweep with measured signals.
+
+    Parameters
+    ----------
+    given : to the command, whose case is the file of a result.
+    measured : file of the measurement.
+    pairing : which channel belongs to which signal of the result, for `pair_channels`.
+    of_runs, of_sweeps : options for results of one and of the other kind.
+
+    Raises
+    ------
+    ScenarioError
+        Where an option does not apply to the kind of result, and as `concluded`.
+    """
+    path = given.case
+    target = output_file(given.output, f"{path.stem}_compare", ".h5", ".hdf5")
+    if kind_of(path) == "sweep":
+        sweep = open_sweep(path)
+        pairs = pair_channels(sweep, measured, **pairing)
+        name, chosen = of_sweeps["reference"], {key: of_sweeps[key] for key in ("curve", "detector")}
+
+        def compared(*_: object) -> Comparison:
+            excitation = None if name is None else history_named(measured, name, pairing["axis_unit"])
+            tracking = Tracking(of_sweeps["begin"], excitation, of_sweeps["cycles"])
+            return compare_sweep(sweep, pairs, tracking=tracking, **chosen)
+    else:
+        run = open_run(path)
+        pairs = pair_channels(run, measured, **pairing)
+        _refuse_of_sweeps({name: value for name, value in of_sweeps.items() if name != "cycles"})
+
+        def compared(*_: object) -> Comparison:
+            return compare(run, pairs, **of_runs)
+
+    concluded("compare", target, given.reporting, compared, f"comparing with {measured.name}")
+
+
+def _refuse_of_sweeps(options: Mapping[str, object]) -> None:
+    """Refuse options that the comparison of a run does not use.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    problems = [
+        Problem(f"--{name}", "belongs to sweeps, and this is a run", "leave it out, or give the result of a sweep")
+        for name, value in options.items()
+        if value is not None
+    ]
+    if problems:
+        raise ScenarioError(problems)
+
+
+def compare_shapes(
+    given: Given, measured: Path, contacts: Literal["open", "closed"], limits: Mapping[str, float | None]
+) -> None:
+    """Pair measured with computed modes.
+
+    Parameters
+    ----------
+    given : to the command.
+    measured : file of the shapes.
+    contacts : state in which the modes are computed.
+    limits : least_mac and most_difference (%), None for no limit.
+
+    Raises
+    ------
+    LimitExceededError
+        Where a pair exceeds a limit.
+    BeamsimError
+        As `concluded`.
+    """
+    scenario = load_scenario(given.case, given.overrides or ())
+    target = output_file(given.output, f"{given.case.stem}_modes", ".h5", ".hdf5")
+
+    def compared(*_: object) -> ModeComparison:
+        with located(scenario):
+            return compare_modes(scenario, read_shapes(measured, scenario), contacts=contacts)
+
+    result = concluded("compare-modes", target, given.reporting, compared, f"comparing with {measured.name}")
+    beyond = list(_beyond(result.summary["pairs"], **limits))
+    if beyond:
+        raise LimitExceededError("; ".join(beyond))
+
+
+def _beyond(
+    pairs: Sequence[Mapping[str, Any]], least_mac: float | None, most_difference: float | None
+) -> Iterator[str]:
+    """What exceeds the limits, mode by mode; a mode without partner exceeds both."""
+    for pair in pairs:
+        name = f"mode measured at {pair['measured_hz']:.4g} Hz"
+        if not pair["predicted"]:
+            if least_mac is not None or most_difference is not None:
+                yield f"{name}: no computed mode fits"
+            continue
+        if least_mac is not None and pair["mac"] < least_mac:
+            yield f"{name}: MAC {pair['mac']:.3f} is below {least_mac:g}"
+        percent = 100 * pair["difference"]
+        if most_difference is not None and abs(percent) > most_difference:
+            yield f"{name}: computed {pair['predicted_hz']:.4g} Hz, {percent:+.2f} %, over {most_difference:g} %"
