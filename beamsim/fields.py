@@ -33,15 +33,12 @@ import dataclasses
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from typing import Any, NamedTuple, TypeVar, dataclass_transform
-
-import numpy as np
 
 from beamsim.codecs import OUTCOME, Codec
 
 _DECLARED = "declared"
-_Value = TypeVar("_Value")
 _REQUIRED: Any = dataclasses.MISSING
 _SCALARS: dict[str, Callable[[Any], Any]] = {"float": float, "int": int, "bool": bool, "str": str}
 
@@ -215,6 +212,7 @@ class Members:
     having: str = ""  # attribute or dataset by which such a group is known
     order: Callable[[Mapping[str, Any], Any], Any] | None = None  # to sort by: of the fields read before and a member
     given: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    spread: str = ""  # several of a group, each told by a dataset whose name is this and its ``quantity``
     required: bool = False  # at least one
     unless: str = ""  # folder whose members may stand in their place
 
@@ -312,114 +310,6 @@ def ending(meaning: str, *, at: str = "", default: Any = _REQUIRED) -> Any:
     return _field(Attribute(unit="", meaning=meaning, name="status", at=at, codec=OUTCOME), default)
 
 
-class _Later:
-    """The value of a field that is computed when it is first read; copies of the result share it."""
-
-    def __init__(self, compute: Callable[[], Any]) -> None:
-        self._compute = compute
-
-    @cached_property
-    def value(self) -> Any:
-        """The value."""
-        return self._compute()
-
-
-def later(compute: Callable[[], _Value]) -> _Value:
-    """An array, or a `deferred` attribute, for a declared field, computed when the field is first read."""
-    return _Later(compute)  # type: ignore[return-value]
-
-
-class RowBlocks:
-    """A one-dimensional array that is computed or read in parts; sliced (with step 1) like an array.
-
-    Parameters
-    ----------
-    count : length of the array.
-    rows : its part between two indices.
-    whole : all of it, where that is cheaper than ``rows(0, count)``.
-    dtype : of its values.
-    block : number of values that are computed or read together; parts are best taken in multiples of it.
-    """
-
-    ndim = 1
-
-    def __init__(
-        self, count: int, rows: Callable[[int, int], Any], whole: Callable[[], Any] | None, dtype: type, block: int
-    ) -> None:
-        self.size, self.shape, self.dtype, self.block = count, (count,), np.dtype(dtype), block
-        self._rows, self._whole = rows, whole
-
-    def __len__(self) -> int:
-        return self.size
-
-    def __getitem__(self, part: slice) -> Any:
-        first, last, step = part.indices(self.size)
-        if step != 1:
-            raise IndexError("blocks of rows have no step")
-        return self._rows(first, max(first, last))
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        return np.asarray(self.value, dtype=dtype)
-
-    @cached_property
-    def value(self) -> Any:
-        """The whole array."""
-        return self._rows(0, self.size) if self._whole is None else self._whole()
-
-
-def by_rows(
-    count: int, rows: Callable[[int, int], _Value], *, block: int, whole: Callable[[], _Value] | None = None,
-    dtype: type = float,
-) -> _Value:  # fmt: skip
-    """An array for a declared field that can be taken in parts; see `RowBlocks` and `rows_of`."""
-    return RowBlocks(count, rows, whole, dtype, block)  # type: ignore[return-value]
-
-
-def rows_of(owner: Any, name: str) -> Any:
-    """A field to be sliced: an array, or `RowBlocks` whose parts are computed or read when they are asked for."""
-    value = vars(owner).get(name)
-    return value if isinstance(value, RowBlocks) else getattr(owner, name)
-
-
-def changed(owner: _Value, **changes: Any) -> _Value:
-    """As `dataclasses.replace`, but what is to be computed later is not computed."""
-    kept = {f.name: vars(owner)[f.name] for f in dataclasses.fields(owner) if f.init}  # type: ignore[arg-type]
-    return type(owner)(**{**kept, **changes})
-
-
-class _Deferred:
-    """Field of a class that may be given as `later`."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def __get__(self, owner: Any, cls: type | None = None) -> Any:
-        values = {} if owner is None else vars(owner)
-        if self.name not in values:
-            raise AttributeError(self.name)
-        if isinstance(values[self.name], (_Later, RowBlocks)):
-            values[self.name] = values[self.name].value
-        return values[self.name]
-
-    def __set__(self, owner: Any, value: Any) -> None:
-        vars(owner)[self.name] = value
-
-
-def _with_deferred(cls: Any) -> Any:
-    """A declared dataclass whose arrays and `deferred` attributes may be given as `later`; they are computed before it
-    is pickled."""
-    names = [f.name for f in dataclasses.fields(cls) if _may_wait(f.metadata.get(_DECLARED))]
-    for name in names:
-        setattr(cls, name, _Deferred(name))
-    if names:
-        cls.__getstate__ = lambda self: {name: getattr(self, name) for name in vars(self)}
-    return cls
-
-
-def _may_wait(declaration: Declaration | None) -> bool:
-    return isinstance(declaration, Dataset) and declaration.along != ()
-
-
 @dataclass_transform(
     frozen_default=True,
     field_specifiers=(
@@ -439,7 +329,7 @@ def declared(cls: Any = None, *, kw_only: bool = False, along: Along = ()) -> An
     if cls is None:
         return lambda made: declared(made, kw_only=kw_only, along=along)
     cls.__along__ = along
-    return _with_deferred(dataclass(frozen=True, kw_only=kw_only)(cls))
+    return dataclass(frozen=True, kw_only=kw_only)(cls)
 
 
 def stored(field: Any) -> Callable[[_Function], _Function]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from dataclasses import field
+from dataclasses import field, replace
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from matplotlib.figure import Figure
 
 from beamsim.codecs import JSON
-from beamsim.fields import Entry, attribute, changed, declared, ending, stored, summary_of
+from beamsim.fields import Entry, attribute, declared, ending, stored, summary_of
 from beamsim.kinds import kind_of_class, named
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import Scenario
@@ -108,13 +108,13 @@ class Result:
         KeyError
             If the summary does not declare a value.
         """
-        return changed(self, summary=summary_of(self, **computed))
+        return replace(self, summary=summary_of(self, **computed))
 
     def interrupted(self, during: str) -> Self:
         """The result, marked as incomplete because something was given up on request."""
         parts = () if self.outcome.complete else (self.outcome,)
         outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", f"during {during}", *parts)
-        return changed(self, outcome=outcome, summary={**self.summary, "status": outcome.text})
+        return replace(self, outcome=outcome, summary={**self.summary, "status": outcome.text})
 
     @property
     def status(self) -> str:

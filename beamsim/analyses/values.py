@@ -84,10 +84,15 @@ class Value(NamedTuple):
         """Whether it is the largest along all bodies, and not one for each name."""
         return self.section == "bodies"
 
-    def summary_entry(self) -> Entry:
-        """Its entry in the summary."""
+    @property
+    def followed(self) -> bool:
+        """Whether sweeps follow it in any case: what has a limit and a row in the table, at probes and snubbers."""
+        return bool(self.limit and self.label) and self.section in ALWAYS_THERE
+
+    def summary_entry(self, before: str = "") -> Entry:
+        """Its entry in the summary, with words before its meaning."""
         unit = "g" if self.entry.endswith("_g") else "" if self.section == "outputs" else self.unit
-        return Entry(self.entry, unit, self.meaning, self.label)
+        return Entry(self.entry, unit, before + self.meaning, self.label)
 
 
 VALUES = (
@@ -121,6 +126,7 @@ VALUES = (
           "largest bending stress at any time and place", "largest bending stress", "bending_stress"),
 )  # fmt: skip
 BY_ENTRY = {value.entry: value for value in VALUES}
+OUTPUT = BY_ENTRY["peak_output"]
 LIMITED = {value.limit: value for value in VALUES if value.limit}
 
 

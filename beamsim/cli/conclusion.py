@@ -16,12 +16,11 @@ from beamsim.cli.progress import Progress, progress_of
 from beamsim.cli.report import table_rows
 from beamsim.cli.screens import screen_text
 from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
-from beamsim.fields import RowBlocks
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import scale_for, shown_in
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import write_result
 
 _Result = TypeVar("_Result", bound=Result)
 Compute = Callable[[Progress, Interruption], _Result]
@@ -61,18 +60,18 @@ def concluded(
     with interruptible() as interrupted:
         with progress_of(label, shown=reporting.progress, afterwards=afterwards) as progress:
             computed = compute(progress, interrupted)
-        result = keep(kind, computed, target, reporting)
-        conclude(kind, result, target, reporting, interrupted)
-    return result
+        keep(computed, target, reporting)
+        conclude(kind, computed, target, reporting, interrupted)
+    return computed
 
 
-def keep(kind: str, result: _Result, target: Path, reporting: Reporting) -> _Result:
-    """Write the result file; returns the result to conclude with, of long histories as it is in the file.
+def keep(result: Result, target: Path, reporting: Reporting) -> None:
+    """Write the result file.
 
     Parameters
     ----------
-    kind, target, reporting : as of `concluded`.
     result : to be written.
+    target, reporting : as of `concluded`.
 
     Raises
     ------
@@ -81,7 +80,6 @@ def keep(kind: str, result: _Result, target: Path, reporting: Reporting) -> _Res
     """
     with progress_of(f"writing {target.name}", shown=reporting.progress):
         write_result(result, target)
-    return open_result(target, kind) if isinstance(vars(result).get("time"), RowBlocks) else result
 
 
 def conclude(kind: str, result: Result, target: Path, reporting: Reporting, interrupted: Interruption) -> None:

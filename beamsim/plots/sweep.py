@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from beamsim.analyses.compare.sweeps import peaks_of
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
+from beamsim.analyses.values import ACCELERATION, BY_ENTRY, DISPLACEMENT, FORCE, Value
 from beamsim.plots.bounds import limit_levels
 from beamsim.plots.drawing import (
     DARK,
@@ -125,16 +126,16 @@ def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 
     return ax
 
 
-def plot_acceleration(result: SweepResult, ax: Axes, level_index: int) -> Axes:
-    """Largest magnitude of every probe's absolute acceleration in each cycle."""
+def plot_peaks(result: SweepResult, ax: Axes, value: Value, level_index: int) -> Axes:
+    """Largest magnitude of a channel of every probe or snubber in each cycle."""
     drawn = [
-        _swept(f"{name}, {curve.direction}", curve, curve.acceleration[name].peak)
+        _swept(f"{name}, {curve.direction}", curve, envelope.peak)
         for curve in _of_level(result, level_index)
-        for name in curve.acceleration
+        for name, envelope in curve.envelopes(value.quantity).items()
     ]
-    limits = limit_levels(result.scenario.limits, "peak_acceleration")
+    limits = limit_levels(result.scenario.limits, value.limit)
     level = _level(result, _of_level(result, level_index)[0]).replace(", ", "\nat ")
-    draw_sweep(result, ax, (f"Peak absolute acceleration{level}", "m/s^2"), drawn, limits)
+    draw_sweep(result, ax, (f"Peak {value.quantity.replace('_', ' ')}{level}", value.unit), drawn, limits)
     return ax
 
 
@@ -396,8 +397,12 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
     for index in indices:
         draw(f"response_{index}", partial(plot_response, probe=probe, level_index=index))
     if last.acceleration:
-        plots = [plot_acceleration, *([plot_transmissibility] if has_transmissibility(result) else [])]
+        plots: list[Any] = [partial(plot_peaks, value=BY_ENTRY["peak_acceleration_g"])]
+        plots += [plot_transmissibility] if has_transmissibility(result) else []
         draw("acceleration", *(partial(plot, level_index=last.level_index) for plot in plots))
+    for value, _ in last.peaks():
+        if value.followed and value.key not in (DISPLACEMENT, ACCELERATION, FORCE):
+            draw(value.name, partial(plot_peaks, value=value, level_index=last.level_index))
     for index in result.histories:
         if has_spectrogram(result, probe, index):
             draw(f"spectrogram_{index}", partial(plot_spectrogram, probe=probe, level_index=index))

@@ -23,12 +23,10 @@ from beamsim.fields import (
     Key,
     Member,
     Members,
-    RowBlocks,
     Table,
     filled,
     is_array,
     members_of,
-    rows_of,
 )
 
 
@@ -52,7 +50,6 @@ class Item:
         return str(self.attributes.get("long_name", ""))
 
 
-ROWS_AT_ONCE = 2**18  # of a history that are held in memory
 Items = dict[str, Item]  # by path, the groups around an item before it; the root is "/"
 
 
@@ -124,7 +121,7 @@ class _Walk:
         """The declared fields of a dataclass."""
         here = _Here(path, (value, *owners), counters or path)
         for member in sorted(members_of(type(value)), key=_writing_rank):
-            of = rows_of(value, member.name)
+            of = getattr(value, member.name)
             if of is not None:
                 self._member(member, of, here)
 
@@ -284,9 +281,7 @@ def _key(item: Any) -> Any:
 
 
 def _array(value: Any) -> Any:
-    """An array, of objects where it holds text; long histories that are computed in parts stay so."""
-    if isinstance(value, RowBlocks) and value.size > ROWS_AT_ONCE:
-        return value
+    """An array, of objects where it holds text."""
     values = np.asarray(value)
     return values.astype(object) if values.dtype.kind == "U" or (isinstance(value, tuple) and not value) else values
 
@@ -381,10 +376,11 @@ class Reader:
 
     def _members(self, member: Member, declared: Members, here: _Here) -> Any:
         folder, kind = joined(here.path, declared.folder), int if member.type.startswith("dict[int") else str
-        members = []
-        for key, path in self._candidates(folder, declared):
-            given = self.fields(declared.of, path, (declared.given, *here.owners), key)
-            members.append((key, declared.of(**declared.given, **given)))
+        members = [
+            (key, declared.of(**given, **self.fields(declared.of, path, (given, *here.owners), key)))
+            for key, path in self._candidates(folder, declared)
+            for given in self._given(declared, path)
+        ]
         instead = declared.unless and joined(here.path, declared.unless) in self._children
         if not members and declared.required and not instead:
             raise KeyError(f"{folder} is missing")
@@ -394,6 +390,16 @@ class Reader:
         if declared.several:
             return tuple(item for _, item in members)
         return {declared.key(item) if declared.key else kind(key): item for key, item in members}
+
+    def _given(self, declared: Members, path: str) -> Iterator[Mapping[str, Any]]:
+        """What is known of each member that a group holds."""
+        if not declared.spread:
+            yield declared.given
+            return
+        for place in self._children.get(path, ()):
+            prefix, _, quantity = last(place).partition(declared.spread)
+            if not prefix and quantity and "units" in self.items[place].attributes:
+                yield {**declared.given, "quantity": quantity, "unit": str(self.items[place].attributes["units"])}
 
     def _candidates(self, folder: str, declared: Members) -> Iterator[tuple[Any, str]]:
         """Keys and paths of the members, in order."""

@@ -13,7 +13,6 @@ import h5py
 import numpy as np
 
 from beamsim.errors import ResultFileError
-from beamsim.fields import RowBlocks
 from beamsim.files import replacing
 from beamsim.measurements.hdf5_file import scale_along
 from beamsim.store.flat import Item, Items, last
@@ -35,11 +34,11 @@ def write_items(items: Items, path: Path | str) -> None:
     with replacing(path) as temporary:
         _reserve(temporary, sum(map(_size, items.values())))
         with h5py.File(temporary, "w", alignment_threshold=_ITEM_BYTES, alignment_interval=8) as file:  # for maps
-            blocks = [(_create(file, place, item), item.values) for place, item in items.items()]
+            for place, item in items.items():
+                _create(file, place, item)
             for place, item in items.items():
                 for k, axis in enumerate(item.axes):
                     file[place].dims[k].attach_scale(file[axis])
-            _fill([(dataset, values) for dataset, values in blocks if isinstance(values, RowBlocks)])
 
 
 def _size(item: Item) -> int:
@@ -67,13 +66,11 @@ def _reserve(path: Path, size: int) -> None:
                 raise
 
 
-def _create(file: h5py.File, place: str, item: Item) -> h5py.Group | h5py.Dataset:
-    """The group or dataset of an item."""
+def _create(file: h5py.File, place: str, item: Item) -> None:
+    """Make the group or dataset of an item."""
     values = item.values
     if values is None:
         owner = file.require_group(place)
-    elif isinstance(values, RowBlocks):
-        owner = file.create_dataset(place, (values.size,), np.uint8 if values.dtype == np.bool_ else values.dtype)
     else:
         array = np.asarray(values)
         if array.dtype.kind in "OU":
@@ -83,17 +80,6 @@ def _create(file: h5py.File, place: str, item: Item) -> h5py.Group | h5py.Datase
         owner.attrs[name] = value
     if item.scale:
         owner.make_scale(last(place))
-    return owner
-
-
-def _fill(histories: list[tuple[h5py.Dataset, RowBlocks]]) -> None:
-    """Write the parts of histories of equal length side by side."""
-    count = max((values.size for _, values in histories), default=0)
-    part = max((values.block for _, values in histories), default=1)
-    for begin in range(0, count, part):
-        rows = slice(begin, min(begin + part, count))
-        for dataset, values in histories:
-            dataset[rows] = values[rows]
 
 
 def read_items(file: h5py.File) -> Items:

@@ -9,9 +9,10 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from beamsim.fields import changed
+from beamsim.analyses.values import BY_ENTRY
 from beamsim.interrupts import Stop, never
 from beamsim.system.shared import SharedBuilds
 from beamsim.trust.convergence import COMPARISON, Convergence, keeps_all, solved_again, with_convergence
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 Progress = Callable[[float], None] | None
-OF_SWEEPS = ("peak_displacement_m", "peak_acceleration_g", "peak_force_n", "contact_share", "peak_output")
+OF_SWEEPS = ("contact_share", *BY_ENTRY)
 NOT_ASKED = "not asked for"
 FIRST_SHARE = 0.4  # of the time, that of the first model
 
@@ -64,7 +65,7 @@ def run(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> Ru
         return solution.result
     result = solution.result if stop() else checked_run(solution, shared, stop)
     result = result.interrupted(COMPARISON) if stop() else result
-    return changed(result, wall_time_s=clock.perf_counter() - begin)
+    return replace(result, wall_time_s=clock.perf_counter() - begin)
 
 
 def sweep(
@@ -94,11 +95,14 @@ def sweep(
     from beamsim.analyses.sweep.analysis import sweep as compute
 
     asked = scenario.sweep is not None and scenario.sweep.convergence != "off"
-    share = FIRST_SHARE if asked else 1.0
-    result = compute(scenario, _part(progress, 0.0, share), stop=stop, save=save, resume=resume)
-    if save is not None and asked and not result.outcome.cut_short:
-        save(result)
-    return _checked(result, asked, _of_sweep, lambda case: compute(case, _part(progress, share, 1.0), stop=stop), stop)
+
+    def first(done: Progress) -> SweepResult:
+        result = compute(scenario, done, stop=stop, save=save, resume=resume)
+        if save is not None and asked and not result.outcome.cut_short:
+            save(result)
+        return result
+
+    return _checked(first, partial(compute, stop=stop), asked, _of_sweep, progress, stop)
 
 
 def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> ContinuationResult:
@@ -118,11 +122,8 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
     from beamsim.analyses.continuation.analysis import continuation as compute
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
-    share = FIRST_SHARE if asked else 1.0
-    result = compute(scenario, _part(progress, 0.0, share), stop)
-    return _checked(
-        result, asked, _of_continuation, lambda case: compute(case, _part(progress, share, 1.0), stop), stop
-    )
+    again = partial(compute, stop=stop)
+    return _checked(partial(again, scenario), again, asked, _of_continuation, progress, stop)
 
 
 def nnm(
@@ -145,39 +146,47 @@ def nnm(
     from beamsim.analyses.nnm.analysis import nnm as compute
 
     asked = scenario.nnm is not None and scenario.nnm.convergence == "on"
-    share = FIRST_SHARE if asked else 1.0
-    result = compute(scenario, _part(progress, 0.0, share), compare, stop)
-    return _checked(result, asked, _of_mode, lambda case: compute(case, _part(progress, share, 1.0), (), stop), stop)
+    again = partial(compute, stop=stop)
+    return _checked(partial(again, scenario, compare=compare), again, asked, _of_mode, progress, stop)
 
 
 def _checked(
-    result: _Result, asked: bool, values: Callable[[_Result], Values], solve: Callable[[Scenario], _Result], stop: Stop
+    first: Callable[[Progress], _Result],
+    again: Callable[[Scenario, Progress], _Result],
+    asked: bool,
+    values: Callable[[_Result], Values],
+    progress: Progress,
+    stop: Stop,
 ) -> _Result:
-    """A result with its comparison, where it is asked for and nothing is missing of the result."""
+    """A result with its comparison, where it is asked for and nothing is missing of the result.
+
+    Parameters
+    ----------
+    first : computes the result.
+    again : the same of another case, without what is not compared.
+    asked : whether the comparison is asked for.
+    values : of a result, which are compared.
+    progress : called with the fraction of both that is done.
+    stop : asked whether to end.
+    """
+    share = FIRST_SHARE if asked else 1.0
+    result = first(_part(progress, 0.0, share))
     if not asked:
         return with_convergence(result, Convergence(reason=NOT_ASKED))
     if result.outcome.cut_short or stop():
         return result
     begin, wall = clock.process_time(), clock.perf_counter()
-    checked = _convergence(values, result, solve, stop)
+    checked = _convergence(values, result, lambda case: again(case, _part(progress, share, 1.0)), stop)
     if stop():
         return result.interrupted(COMPARISON)
-    checked = replace(checked, processor_time_s=clock.process_time() - begin)
-    result = with_convergence(result, checked)
-    return changed(result, wall_time_s=result.wall_time_s + clock.perf_counter() - wall)
+    result = with_convergence(result, replace(checked, processor_time_s=clock.process_time() - begin))
+    return replace(result, wall_time_s=result.wall_time_s + clock.perf_counter() - wall)
 
 
 def _convergence(
-    values: Callable[[_Result], Values], result: _Result, solve: Callable[[Scenario], _Result], stop: Callable[[], bool]
+    values: Callable[[_Result], Values], result: _Result, solve: Callable[[Scenario], _Result], stop: Stop
 ) -> Convergence:
-    """The changes of a result's values, each compared as it is.
-
-    Parameters
-    ----------
-    values : of a result.
-    result : whose values are reported.
-    solve, stop : as of `solved_again`.
-    """
+    """The changes of a result's values with a finer model."""
     modes = result.modes.kept_modes
     if keeps_all(result.scenario, modes):
         return Convergence(unchanged(values(result)))

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.errors import ScenarioError
-from beamsim.fields import changed, figure_in_words
+from beamsim.fields import figure_in_words
 from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.scenario import Scenario
 from beamsim.trust.divergence import DivergenceTimes
@@ -100,10 +100,10 @@ def solved_again(
 def with_convergence(result: _Result, checked: Convergence) -> _Result:
     """A result whose summary and outcome say which of its values do not converge."""
     summary = result.summary | checked.summary()
-    result = changed(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
+    result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
     outcome = _outcome(result, checked)
     summary = {**result.summary, "status": outcome.text}
-    return changed(result, outcome=outcome, summary=summary)
+    return replace(result, outcome=outcome, summary=summary)
 
 
 def _outcome(result: Result, checked: Convergence) -> Outcome:

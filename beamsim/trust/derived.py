@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 
+from beamsim.analyses.run.histories import Histories
 from beamsim.analyses.run.random_response import statistics_of
 from beamsim.analyses.run.records import Record, SampledRecord
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, RunResult, ShockResponse, Spectrum
@@ -21,7 +22,6 @@ from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, STANDARD_
 from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.scenario import Scenario
-from beamsim.system.channels import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.trust.values import Values
 from beamsim.typing import Floats
@@ -29,14 +29,6 @@ from beamsim.typing import Floats
 FEWEST_PERIODS = 8  # of the excitation, in a part whose lines are compared
 
 SpectrumKey = tuple[str, str]  # probe and quantity
-
-
-@dataclass(frozen=True)
-class OutputSamples:
-    """A motion from time stepping: output times (nt,) and, by section and quantity, (nt, k) values of channels."""
-
-    time: Floats
-    values: Mapping[Key, Floats]
 
 
 @dataclass(frozen=True)
@@ -87,7 +79,7 @@ class DerivedValues:
             figures["srs"] = _highest(self.shock)
         return figures
 
-    def again(self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int = 1) -> list[Values]:
+    def again(self, system: StructuralSystem, motion: Trajectory | Histories, parts: int = 1) -> list[Values]:
         """The figures of another motion, in equal parts of what is analysed."""
         of_parts = [
             _by_name({key: (*found_again(records[key], s), records[key].rms()) for key, s in self.spectra.items()})
@@ -102,13 +94,13 @@ class DerivedValues:
                 figures["srs"] = shock
         return of_parts
 
-    def _shock_response(self, system: StructuralSystem, motion: Trajectory | OutputSamples) -> ShockResponse:
+    def _shock_response(self, system: StructuralSystem, motion: Trajectory | Histories) -> ShockResponse:
         from beamsim.analyses.run.shock_response import shock_response
 
         assert self.scenario.run is not None
         assert self.scenario.run.srs is not None
-        if isinstance(motion, OutputSamples):
-            return shock_response(self.scenario.run.srs, system, (motion.time, motion.values[ACCELERATION]))
+        if isinstance(motion, Histories):
+            return shock_response(self.scenario.run.srs, system, (motion.time, motion.of(ACCELERATION)))
         return shock_response(self.scenario.run.srs, system, motion)
 
     def parts(self, most: int) -> int:
@@ -118,14 +110,14 @@ class DerivedValues:
         return min(most, max(int(periods / FEWEST_PERIODS), 1)) if np.isfinite(periods) else most
 
     def _records(
-        self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int
+        self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
     ) -> Iterator[Mapping[SpectrumKey, Record]]:
         s, channels = next(iter(self.spectra.values())), system.channels.of_keys(ACCELERATION, DISPLACEMENT)
         keys = [(channel.name, channel.quantity) for channel in channels.channels]
-        if isinstance(motion, OutputSamples):
+        if isinstance(motion, Histories):
             inside = motion.time >= s.start_s * (1 - 1e-12)
             rate = (motion.time.size - 1) / float(motion.time[-1] - motion.time[0])
-            samples = np.hstack([motion.values[key][inside] for key in channels.places])
+            samples = np.hstack([motion.of(key)[inside] for key in channels.places])
             yield {key: SampledRecord(motion.time[inside], x, rate) for key, x in zip(keys, samples.T, strict=True)}
             return
         span = s.start_s, min(s.start_s + s.duration_s, motion.end)
@@ -138,12 +130,12 @@ class DerivedValues:
             yield dict(zip(keys, pieces, strict=True))
 
     def _statistics(
-        self, system: StructuralSystem, motion: Trajectory | OutputSamples, parts: int
+        self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
     ) -> Iterator[dict[str, float]]:
         assert self.random is not None
         channels = system.channels.of_keys(ACCELERATION, DISPLACEMENT, FORCE)
-        if isinstance(motion, OutputSamples):
-            times, values = motion.time, np.hstack([motion.values[key] for key in channels.places])
+        if isinstance(motion, Histories):
+            times, values = motion.time, np.hstack([motion.of(key) for key in channels.places])
         else:
             times = self.times[self.times <= motion.end]
             values = Observed(motion.flow, channels).values(motion, times)

@@ -91,14 +91,15 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
 
 def _compared(result: RunResult, system: StructuralSystem, motion: RunMotion) -> Against:
     exact, stepped = result.summary, figures_of_motion(system, motion)
-    end = float(motion.histories.time[-1])
+    histories = motion.sampled()
+    end = float(histories.time[-1])
     ours, theirs = _events(result.events, float(result.time[-1])), _events(motion.events, end)
     diverged = min(divergence(ours, theirs), ours.end, theirs.end)
     count = int(np.searchsorted(result.time, diverged, side="right"))
     difference = 0.0
     for i, probe in enumerate(result.probes.values()):
         known = probe.displacement[:count]
-        apart = np.abs(motion.histories.values[DISPLACEMENT][: known.size, i] - known).max(initial=0.0)
+        apart = np.abs(histories.of(DISPLACEMENT)[: known.size, i] - known).max(initial=0.0)
         difference = max(difference, float(apart) / max(float(np.abs(probe.displacement).max()), 1e-300))
     return Against(
         method=motion.method,

@@ -26,12 +26,13 @@ from beamsim.analyses.run.analysis import Solution, motion_of, solved
 from beamsim.analyses.run.exact_motion import motion_in_stretches
 from beamsim.analyses.run.figures import deflection_size, extremes_of, motion_figures, static_figures
 from beamsim.analyses.run.filtered_motion import FilteredMotion, filtered
+from beamsim.analyses.run.histories import Histories
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult
 from beamsim.analyses.run.summary import figures_of_motion, spectral_lines
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, searched
-from beamsim.fields import changed
 from beamsim.flow.channels import Observed
+from beamsim.flow.trajectory import Trajectory
 from beamsim.interrupts import Stop
 from beamsim.scenario import Run, Scenario
 from beamsim.scenario.run import OrbitStart
@@ -39,7 +40,7 @@ from beamsim.system.build import build_system
 from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.trust.convergence import Convergence, keeps_all, solved_again, with_convergence
-from beamsim.trust.derived import DerivedValues, OutputSamples, SpectrumKey, line_changes
+from beamsim.trust.derived import DerivedValues, SpectrumKey, line_changes
 from beamsim.trust.divergence import LONGER, ContactEvents, DivergenceTimes, divergence, sensitivity
 from beamsim.trust.values import Changes, Values, compared, doubtful, larger, named, relative_changes, unchanged
 
@@ -107,9 +108,9 @@ class Model:
         return {**values, "contact_share": {name: share * end / self.events.end for name, share in shares.items()}}
 
     @property
-    def sampled(self) -> OutputSamples:
-        """A motion from time stepping at its output times."""
-        return OutputSamples(self.motion.histories.time, self.motion.histories.values)
+    def sampled(self) -> Trajectory | Histories:
+        """The motion in closed form, or that from time stepping at its output times."""
+        return self.motion.trajectory or self.motion.sampled()
 
 
 def checked_run(solution: Solution, shared: SharedBuilds, stop: Stop) -> RunResult:
@@ -191,13 +192,13 @@ def _compared_models(
         before = relative_changes([early], [second.until(diverged)], whole=first.values)
         changes = larger(before, relative_changes(windows, later))
         scatter = relative_changes(windows, later, scatter=True)
-        one, other = (derived.again(m.system, m.motion.trajectory or m.sampled, parts) for m in (first, second))
+        one, other = (derived.again(m.system, m.sampled, parts) for m in (first, second))
         changes |= relative_changes(one, other)
         if parts > 1:
             scatter |= _with_lines(derived, relative_changes(one, other, scatter=True))[0]
     else:
         changes = relative_changes([first.values], [second.values])
-        again = derived.again(second.system, second.motion.trajectory or second.sampled)
+        again = derived.again(second.system, second.sampled)
         changes |= relative_changes([derived.reported()], again)
     changes, lines = _with_lines(derived, changes)
     for entry, quantity in (("rms_displacement_m", "displacement"), ("rms_acceleration_g", MAIN_QUANTITY)):
@@ -270,7 +271,7 @@ def _of_first_part(solution: Solution, compared_s: float, shared: SharedBuilds, 
     part = solved(scenario.model_copy(update={"excitation": same, "run": shorter}), None, stop, shared)
     if not part.motion.outcome.complete:
         return Convergence(reason=part.motion.outcome.text)
-    part = part._replace(result=changed(part.result, random=None, srs=None))
+    part = part._replace(result=replace(part.result, random=None, srs=None))
     checked = replace(convergence_of(part, shared, stop), compared_s=compared_s, lines={})
     whole, times = Model(settings, solution.system, solution.motion), checked.sensitivity
     if not times.sensitive:
@@ -325,15 +326,15 @@ def with_histories(result: RunResult, checked: Convergence) -> RunResult:
         return of | {f"{field}_after_parting": f"{entry}.{name}" in checked.after for field, entry in entries.items()}
 
     def marked(histories: Mapping[str, Any], **entries: str) -> dict[str, Any]:
-        return {name: changed(history, **marks(name, **entries)) for name, history in histories.items()}
+        return {name: replace(history, **marks(name, **entries)) for name, history in histories.items()}
 
     spectra = {}
     for key, s in result.spectra.items():
         rms = "rms_acceleration_g" if key[1] == MAIN_QUANTITY else "rms_displacement_m"
         sizes = checked.lines.get(key, [None] * len(s.lines))
         lines = tuple(replace(line, relative_change=x) for line, x in zip(s.lines, sizes, strict=True))
-        spectra[key] = changed(s, rms_change=changes.get(f"{rms}.{key[0]}"), lines=lines)
-    return changed(
+        spectra[key] = replace(s, rms_change=changes.get(f"{rms}.{key[0]}"), lines=lines)
+    return replace(
         result,
         probes=marked(result.probes, displacement="peak_displacement_m", acceleration="peak_acceleration_g"),
         snubbers=marked(result.snubbers, force="peak_force_n"),

@@ -1,11 +1,11 @@
 """Random structures of every awkward kind: the energy balance closes and the work stays bounded."""
 
 import numpy as np
+from balance import energy_history
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from beamsim.analyses.run.energy import energy_history
 from beamsim.flow.contact_state import state_matrices
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from beamsim.analyses.run.analysis import run
+import beamsim
 from beamsim.scenario import load_scenario
 from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.modes import natural_modes
@@ -257,11 +257,11 @@ run: {duration: 0.1 s, sample_rate: 1 kHz, convergence: "off"}
 
 def test_results_of_a_reduction_without_a_useful_bound_are_not_trusted():
     """The mode kept is that of the light mass; what the base's motion does to the heavy one is left out."""
-    result = run(load_scenario(WEAK))
+    result = beamsim.run(load_scenario(WEAK))
     assert result.modes.reduction_bound > 0.1
     assert result.outcome.code == "reduction_not_accurate"
     assert not result.outcome.trusted
-    whole = run(load_scenario(WEAK, ["reduction={modes: 2}"]))
+    whole = beamsim.run(load_scenario(WEAK, ["reduction={modes: 2}"]))
     assert whole.modes.reduction_bound == 0.0
     assert whole.outcome.complete
 

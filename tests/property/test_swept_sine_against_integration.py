@@ -83,7 +83,7 @@ class Swept:
         parts = [
             record_cycles(
                 s.motion, s.edge, self.output_of(s.motion.flow), orders, SinePhase.of_windows(s.windows)
-            ).first(s.reached)
+            ).some(slice(s.reached))
             for s in self.stretches
         ]
         self.record = CycleRecord.joined(parts)

@@ -132,12 +132,12 @@ def test_sweeps_do_not_take_breakpoints_for_snubbers(kind):
     same = load_scenario(CASE, {**asked, "chain": data, "probes": probes})
     curve, other = (sweep(case).curves["up_0"] for case in (bent, same))
     assert list(curve.force) == ["snubber_1", "stop"]
-    assert set(curve.limited) == {"gap snubber_1", "gap stop"}
+    assert set(curve.peak_gap) == {"snubber_1", "stop"}
     for group in ("displacement", "acceleration", "force"):
         for name, envelope in getattr(curve, group).items():
             np.testing.assert_allclose(envelope.peak, getattr(other, group)[name].peak, rtol=1e-6, atol=1e-9)
-    for name, values in curve.limited.items():
-        np.testing.assert_allclose(values, other.limited[name], rtol=1e-6, atol=1e-9)
+    for name, values in curve.peak_gap.items():
+        np.testing.assert_allclose(values, other.peak_gap[name], rtol=1e-6, atol=1e-9)
     assert curve.bent.any()
     assert not other.bent.any()  # its breakpoints are snubbers
 

@@ -5,18 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from balance import energy_history, energy_of_segments
 
 import beamsim
-from beamsim.analyses.run.energy import (
-    LARGEST_ERROR,
-    LEAST_SEGMENTS,
-    EnergyBalance,
-    energy_history,
-    energy_of_segments,
-)
+from beamsim.analyses.run.energy import LARGEST_ERROR, LEAST_SEGMENTS, EnergyBalance
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.sweep.analysis import sweep_system
+from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.swept_sine import sweep_level
 from beamsim.cli.conclusion import exit_code
 from beamsim.flow import stretches
@@ -101,10 +97,10 @@ def test_a_sweep_that_is_not_finite_has_an_outcome():
         CASE.with_name("sweep_up_down.yaml"), ["sweep.from=60 Hz", "sweep.to=70 Hz", "sweep.rate=20 oct/min"]
     )
     system = sweep_system(scenario)
-    whole = sweep_level(system, scenario.sweep, scenario.excitation, 1.0, 0)
+    whole = sweep_level(SweepLevel(system, scenario.sweep, scenario.excitation, 1.0, 0))
     assert whole.work.outcome.complete
     lost = replace(system, initial_state=np.nan * system.initial_state)
-    record = sweep_level(lost, scenario.sweep, scenario.excitation, 1.0, 0)
+    record = sweep_level(SweepLevel(lost, scenario.sweep, scenario.excitation, 1.0, 0))
     assert record.work.outcome.code == "not_finite"
     assert record.curves == ()
 

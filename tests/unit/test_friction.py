@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from balance import energy_history, energy_of_segments
 from sampling import slow_after
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import beamsim
-from beamsim.analyses.run.energy import energy_history, energy_of_segments
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import friction_law
 from beamsim.errors import ScenarioError

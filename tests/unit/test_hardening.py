@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from balance import energy_history
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.analyses.run.energy import energy_history
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.hardening import LOADING, hardening_law
 from beamsim.contacts.laws import kelvin_voigt

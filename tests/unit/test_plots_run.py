@@ -2,6 +2,7 @@
 
 import math
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from matplotlib.figure import Figure
 from sampling import slow_after
 
 import beamsim
-from beamsim.fields import changed
 from beamsim.plots import run as plots
 from beamsim.plots.drawing import thinned
 from beamsim.plots.run import run_figures
@@ -67,8 +67,8 @@ def test_force_over_penetration_has_loops_where_a_stop_loses_energy_alone(fabric
     result = fabricated_run()
     for damping, is_line in ((0.0, True), (1.0, False)):
         axes = Figure().subplots()
-        stops = {name: changed(snubber, dashpot=damping) for name, snubber in result.snubbers.items()}
-        plots.plot_force_deflection(changed(result, snubbers=stops), axes)
+        stops = {name: replace(snubber, dashpot=damping) for name, snubber in result.snubbers.items()}
+        plots.plot_force_deflection(replace(result, snubbers=stops), axes)
         penetration = axes.lines[0].get_xdata()
         steps = np.diff(penetration[np.isfinite(penetration)])
         assert steps.size > 10

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from balance import energy_history, energy_of_segments
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.analyses.run.energy import energy_history, energy_of_segments
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.contacts.contacts import Contacts

@@ -7,7 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import beamsim
 from beamsim.analyses.gapping import transfer
 from beamsim.analyses.run.linear_prediction import linear_structures
-from beamsim.analyses.run.random_response import LEVELS, cross_density, crossing_rates, rms_interval
+from beamsim.analyses.run.random_response import LEVELS, crossing_rates, rms_interval
 from beamsim.cli.report import table_rows
 from beamsim.inputs.random_input import noise
 from beamsim.plots.run import run_figures
@@ -140,15 +140,6 @@ def test_a_measured_shock_that_ends_before_the_densities_begin_is_drawn(tmp_path
     (density,) = figure.axes  # there is no transmissibility of an input that is over
     assert density.get_yscale() == "log"
     assert density.lines[0].get_label() == "input (over before)"
-
-
-@pytest.mark.parametrize(("count", "length"), [(1000, 117), (1001, 118)])
-def test_cross_density_is_that_of_scipy(count, length):
-    from scipy.signal import csd
-
-    x, y = np.random.default_rng(5).normal(size=(2, count))
-    _, expected = csd(x, y, 50.0, nperseg=length, detrend="constant")
-    np.testing.assert_allclose(cross_density(x, y, 50.0, length), expected, atol=1e-14 * np.abs(expected).max())
 
 
 def oscillator_deviations(stiffness: float, dashpot: float) -> tuple[float, float]:

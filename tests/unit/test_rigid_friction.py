@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from balance import energy_history, energy_of_segments
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.analyses.run.energy import energy_history, energy_of_segments
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import rigid_friction_law
 from beamsim.errors import ScenarioError

@@ -108,20 +108,13 @@ def sweep_responses(result: SweepResult) -> Responses:
     for curve in result.curves.values():
         for name, envelope in curve.displacement.items():
             highest = int(np.argmax(envelope.peak))
-            values[f"{curve.name}/probes/{name}/peak_displacement"] = float(envelope.peak[highest])
             values[f"{curve.name}/probes/{name}/resonance_frequency"] = float(curve.frequency_hz[highest])
-        for name, envelope in curve.acceleration.items():
-            values[f"{curve.name}/probes/{name}/peak_acceleration"] = float(envelope.peak.max())
-        for name, envelope in curve.force.items():
-            values[f"{curve.name}/snubbers/{name}/peak_force"] = float(envelope.peak.max())
-        for name, output in curve.outputs.items():
-            values[f"{curve.name}/outputs/{name}/peak_output"] = float(output.peak.max())
+        for value, of in curve.peaks():
+            for name, peaks in of.items():
+                place = value.name if value.single else f"{value.section}/{name}/{value.name}"
+                values[f"{curve.name}/{place}"] = float(peaks.max())
         for name, share in curve.contact_share.items():
             values[f"{curve.name}/snubbers/{name}/contact_share"] = float(curve.weights @ share)
-        for name, reached in curve.limited.items():
-            quantity, _, snubber = name.partition(" ")
-            place = f"snubbers/{snubber}/largest_gap" if quantity == "gap" else quantity
-            values[f"{curve.name}/{place}"] = float(reached.max())
         for name, count in curve.contacts.items():
             values[f"{curve.name}/snubbers/{name}/contacts"] = float(np.sum(count))
     modes = result.modes

@@ -4,33 +4,34 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from beamsim.analyses.deflections import deflection_warnings
 from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.figures import by_name
+from beamsim.analyses.run.histories import Histories
 from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of
 from beamsim.analyses.run.jumps import jump_warnings
 from beamsim.analyses.run.motion import (
     RunMotion,
     bodies_of_run,
     contact_instant,
-    histories_of,
+    history_fields,
     output_times,
     pull_warnings,
     spectra_of,
 )
 from beamsim.analyses.run.orbit_start import built_at_orbit
-from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.run.result import RandomResponse, RunResult, ShockResponse
 from beamsim.analyses.run.spectra import coverage_notes
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
-from beamsim.analyses.run.summary import resting, spectral_lines, summary_of_run
+from beamsim.analyses.run.summary import figures_of_parts, resting, summary_of_run
 from beamsim.analyses.table_reach import compressed_beyond_tables
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, PENETRATION, STRESS, largest
 from beamsim.errors import Problem, ScenarioError
-from beamsim.fields import changed
-from beamsim.interrupts import Stop, never
+from beamsim.interrupts import Stop
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
@@ -39,7 +40,7 @@ from beamsim.system.structural import StructuralSystem
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
-    from beamsim.scenario.run import ShockSpectrumSettings, StressLife
+    from beamsim.scenario.run import ShockSpectrumSettings
 
 
 class Solution(NamedTuple):
@@ -49,11 +50,6 @@ class Solution(NamedTuple):
     system: StructuralSystem
     motion: RunMotion
     result: RunResult
-
-
-def run(scenario: Scenario, progress: Callable[[float], None] | None = None, stop: Stop = never) -> RunResult:
-    """The result of a run; parameters and errors as of `solved`."""
-    return solved(scenario, progress, stop, SharedBuilds()).result
 
 
 def motion_of(
@@ -92,7 +88,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     else:
         system = build_system(scenario, shared)
     motion = motion_of(scenario, system, progress, stop)
-    derived = _Derived(stop)
+    derived, histories = _Derived(stop), motion.sampled()
     spectra = spectra_of(scenario, system, motion) if derived.goes_on("the spectra") else {}
     probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes[DISPLACEMENT])
     snubbers = [snubber.name for snubber in system.snubbers]
@@ -105,57 +101,43 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         base_unit="rad" if getattr(scenario.excitation, "rotates", False) else "m",
         events=motion.events,
         spectra=spectra,
-        **histories_of(scenario, system, motion),
+        **history_fields(scenario, system, motion, histories),
         **bodies_of_run(scenario, system, motion),
         modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,
-        warnings=(
-            *scenario.warnings,
-            *system.warnings,
-            *motion.warnings,
-            *pull_warnings(system, motion),
-            *compressed_beyond_tables(scenario, compression),
-            *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
-            *coverage_notes(system, spectra, closed_form=motion.trajectory is not None),
-        ),
     )
+    fields: dict[str, Any] = {}
+    warnings = [
+        *scenario.warnings,
+        *system.warnings,
+        *motion.warnings,
+        *pull_warnings(system, motion),
+        *compressed_beyond_tables(scenario, compression),
+        *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
+        *coverage_notes(system, spectra, closed_form=motion.trajectory is not None),
+    ]
     if scenario.excitation.kind in ("random", "sampled") and derived.goes_on("densities and statistics"):
-        result = _with_statistics(result, system)
-    if settings.impacts is not None:
-        result = _with_impacts(result, motion)
+        fields["random"] = _statistics(result, system)
+    if motion.impacts is not None:
+        fields["impacts"] = motion.impacts.statistics(stationary=scenario.excitation.kind == "random")
     if settings.fatigue is not None and system.stress is not None and derived.goes_on("the damage of stress"):
-        result = _with_fatigue(result, system, motion, settings.fatigue)
-    summary = summary_of_run(scenario, system, motion, spectra, stop)
-    jumps = jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
-    result = changed(result, warnings=(*result.warnings, *jumps))
-    spectra = {key: changed(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
-    result = changed(result, spectra=spectra)
-    if crushed := {s.name: s.residual_crush for s in result.snubbers.values() if s.residual_crush is not None}:
-        summary["residual_crush_m"] = crushed
-    plates = (body.peak_von_mises_stress for body in result.bodies.values())
-    if of_plates := [float(stress.max()) for stress in plates if stress is not None]:
-        summary["largest_von_mises_stress_pa"] = max(of_plates)
-    if result.friction:
-        summary["friction"] = {name: contact.summary() for name, contact in result.friction.items()}
-    if result.impacts is not None:
-        summary |= {"impacts": result.impacts.summary(), "impacts_total": result.impacts.total()}
-    if result.fatigue:
-        summary["fatigue"] = {name: body.summary() for name, body in result.fatigue.items()}
-    if result.random is not None:
-        summary["random"] = result.random.summary()
-        if prediction := result.random.prediction():
-            summary["random_linear"] = prediction
-    if settings.srs is not None and derived.goes_on("shock response spectra"):
-        result = _with_shock_response(result, system, motion, settings.srs)
-        if result.srs is not None:
-            summary["srs"] = result.srs.summary()
-    if derived.left_out and result.complete:
-        result = changed(
-            result, outcome=Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", f"before {', '.join(derived.left_out)}")
+        fields["fatigue"] = fatigue_of(
+            system, motion.parts, motion.marched.end, largest(motion.extremes[STRESS]), settings.fatigue
         )
-    result = result.with_summary(spectral_lines=spectral_lines(result.spectra), **summary)
-    result = changed(result, wall_time_s=clock.perf_counter() - begin)
+        warnings += fatigue_doubts(fields["fatigue"], settings.fatigue)
+    summary = summary_of_run(scenario, system, motion, spectra, stop)
+    warnings += jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
+    fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
+    if settings.srs is not None and derived.goes_on("shock response spectra"):
+        fields["srs"], notes = _shock_response(system, motion, histories, settings.srs)
+        warnings += notes
+    if derived.left_out and result.complete:
+        before = f"before {', '.join(derived.left_out)}"
+        fields["outcome"] = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", before)
+    result = replace(result, **fields, warnings=tuple(warnings))
+    result = result.with_summary(**summary, **figures_of_parts(result))
+    result = replace(result, wall_time_s=clock.perf_counter() - begin)
     return Solution(scenario, system, motion, result)
 
 
@@ -178,47 +160,30 @@ class _Derived:
         return not self.left_out
 
 
-def _with_impacts(result: RunResult, motion: RunMotion) -> RunResult:
-    """Add statistics of impacts."""
-    assert motion.impacts is not None
-    stationary = result.scenario.excitation.kind == "random"
-    return changed(result, impacts=motion.impacts.statistics(stationary=stationary))
-
-
-def _with_fatigue(result: RunResult, system: StructuralSystem, motion: RunMotion, settings: StressLife) -> RunResult:
-    """Add the damage of stress."""
-    assert motion.trajectory is not None
-    of_bodies = fatigue_of(system, motion.parts, motion.trajectory.end, largest(motion.extremes[STRESS]), settings)
-    return changed(result, fatigue=of_bodies, warnings=(*result.warnings, *fatigue_doubts(of_bodies, settings)))
-
-
-def _with_statistics(result: RunResult, system: StructuralSystem) -> RunResult:
-    """Add densities, statistics and transmissibilities."""
+def _statistics(result: RunResult, system: StructuralSystem) -> RandomResponse | None:
+    """Densities, statistics and transmissibilities."""
     from beamsim.analyses.run.linear_prediction import linear_structures
     from beamsim.analyses.run.random_response import random_response
 
     force = None if system.base_acceleration is not None else system.forcing.signal[0](result.time)
     stationary = result.scenario.excitation.kind == "random"
     predicted = linear_structures(result.scenario, system)
-    return changed(result, random=random_response(result, force, stationary=stationary, predicted=predicted))
+    return random_response(result, force, stationary=stationary, predicted=predicted)
 
 
-def _with_shock_response(
-    result: RunResult, system: StructuralSystem, motion: RunMotion, settings: ShockSpectrumSettings
-) -> RunResult:
-    """Add shock response spectra."""
+def _shock_response(
+    system: StructuralSystem, motion: RunMotion, histories: Histories, settings: ShockSpectrumSettings
+) -> tuple[ShockResponse, list[str]]:
+    """Shock response spectra, and what to say of them."""
     from beamsim.analyses.run.shock_response import SAMPLES_A_PERIOD, shock_response
 
-    warnings = result.warnings
     if motion.trajectory is not None:
-        shock = shock_response(settings, system, motion.trajectory)
-    else:
-        time = motion.histories.time
-        shock = shock_response(settings, system, (time, motion.histories.values[ACCELERATION]))
-        if (time.size - 1) / time[-1] < SAMPLES_A_PERIOD * settings.to:
-            warnings += (
-                f"shock response spectra of a time-stepped motion are those of its samples: raise "
-                f"run.sample_rate to {SAMPLES_A_PERIOD * settings.to:g} Hz or more for run.srs up to "
-                f"{settings.to:g} Hz",
-            )
-    return changed(result, srs=shock, warnings=warnings)
+        return shock_response(settings, system, motion.trajectory), []
+    time, least = histories.time, SAMPLES_A_PERIOD * settings.to
+    shock = shock_response(settings, system, (time, histories.of(ACCELERATION)))
+    if (time.size - 1) / time[-1] >= least:
+        return shock, []
+    return shock, [
+        f"shock response spectra of a time-stepped motion are those of its samples: raise run.sample_rate to "
+        f"{least:g} Hz or more for run.srs up to {settings.to:g} Hz"
+    ]

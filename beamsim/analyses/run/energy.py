@@ -41,19 +41,17 @@ def stored_energy(flow: ExactFlow, y: Floats, penetration: Floats, phases: Ints)
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energies at some times, and how far they are from balance."""
+    """How far energies are from balance."""
 
-    history: EnergyHistory
     error: float  # largest imbalance over max(stored energy, integral of |power in|); 0 for a motionless structure
     lost_at: float | None  # s, from when on it is larger than `LARGEST_ERROR`
-    exchanged: float = np.nan  # J, integral of the loads' power without its sign
 
     @classmethod
     def of(cls, times: Floats, history: EnergyHistory, exchanged: float) -> EnergyBalance:
         """Compare the energies; ``exchanged`` is the integral of the loads' power without its sign, J."""
         sums = BalanceOfStretches()
         sums.add(times, history, exchanged)
-        return sums.result(history)
+        return sums.result()
 
     def checked(self, outcome: Outcome, remedy: str = "") -> Outcome:
         """The outcome of the motion, which is not to be trusted where the balance is lost."""
@@ -99,25 +97,19 @@ class BalanceOfStretches:
     def _scale(self) -> float:
         return max(self._largest_stored, self._exchanged)
 
-    def result(self, history: EnergyHistory | None = None) -> EnergyBalance:
-        """That of all stretches; ``history`` are energies to keep with it."""
-        history = EnergyHistory(*np.zeros((3, 0))) if history is None else history
+    def result(self) -> EnergyBalance:
+        """That of all stretches."""
         scale = self._scale
         if scale == 0.0:
-            return EnergyBalance(history, 0.0, None, self._exchanged)
+            return EnergyBalance(0.0, None)
         allowed = min(LARGEST_ERROR * scale, np.finfo(float).max)
         lost = (when for size, when in self._worst if when is not None and not size <= allowed)
         worst = float(np.max([size for size, _ in self._worst]))
-        return EnergyBalance(history, worst / scale, next(lost, None), self._exchanged)
+        return EnergyBalance(worst / scale, next(lost, None))
 
 
-def energy_history(trajectory: Trajectory, times: Floats) -> EnergyBalance:
-    """Energies at the output times and their balance."""
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite shows in the balance
-        return EnergyBalance.of(*_sampled_energies(trajectory, times))
-
-
-def _sampled_energies(trajectory: Trajectory, times: Floats) -> tuple[Floats, EnergyHistory, float]:
+def sampled_energies(trajectory: Trajectory, times: Floats) -> tuple[Floats, EnergyHistory, float]:
+    """Times, energies there, and what is exchanged, by a sum over the times, J."""
     left, right, weight = factors = power_factors(trajectory.flow)
     history = energies(trajectory, times, factors, float(trajectory.time[0]))
     power = (trajectory.sample(times, left) * trajectory.sample(times, right)) @ weight[:, 1]
@@ -144,12 +136,6 @@ def energies(
     return EnergyHistory(work_in=integral[:, 1], dissipated=dissipated, stored=stored)
 
 
-def energy_of_segments(trajectory: Trajectory) -> EnergyBalance:
-    """The balance of a motion by the energies of `energies_of_segments`."""
-    times, history, exchanged = energies_of_segments(trajectory)
-    return EnergyBalance.of(times, history, exchanged)
-
-
 def energies_of_segments(trajectory: Trajectory) -> tuple[Floats, EnergyHistory, float]:
     """Energies where the segments begin, and at the end; with the times, and what is exchanged, segment by segment.
 
@@ -159,7 +145,7 @@ def energies_of_segments(trajectory: Trajectory) -> tuple[Floats, EnergyHistory,
     with np.errstate(over="ignore", invalid="ignore"):
         if trajectory.time.size < LEAST_SEGMENTS:
             begin = float(trajectory.time[0])
-            return _sampled_energies(trajectory, begin + (trajectory.end - begin) * FEW_TIMES)
+            return sampled_energies(trajectory, begin + (trajectory.end - begin) * FEW_TIMES)
         integrals = trajectory.segment_integrals(*power_factors(flow))
         sums = np.vstack([np.zeros(2), np.cumsum(integrals, axis=0)])
         events = np.cumsum(trajectory.event_losses().sum(axis=1))

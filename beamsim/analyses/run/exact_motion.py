@@ -8,12 +8,11 @@ from functools import partial
 import numpy as np
 
 from beamsim.analyses.run.friction import friction_contacts
-from beamsim.analyses.run.histories import COMPONENTS, ExactHistories
+from beamsim.analyses.run.histories import COMPONENTS, histories_of, largest_von_mises, reached
 from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, memory_of, with_limit
-from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.outputs import MOTION_SHARE, events_in_memory, exact_flow, pieces_of
 from beamsim.analyses.run.result import Work
-from beamsim.analyses.run.stretches import ROUND_OFF, RunFigures
+from beamsim.analyses.run.stretches import StretchFigures
 from beamsim.analyses.values import DISPLACEMENT, STRESS
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
@@ -79,7 +78,7 @@ def _refuse_what_needs_all(system: StructuralSystem, settings: Run) -> None:
 def exact_motion_of(
     system: StructuralSystem,
     settings: Run,
-    times: OutputTimes,
+    times: Floats,
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
 ) -> RunMotion:
@@ -88,7 +87,7 @@ def exact_motion_of(
     Parameters
     ----------
     system, settings : of the run.
-    times : at which it is asked for.
+    times : (nt,) s, at which it is asked for.
     progress, stop : see `beamsim.flow.transient.simulate`.
 
     Raises
@@ -99,20 +98,17 @@ def exact_motion_of(
     motion, limit = motion_in_stretches(system, settings, progress=progress, stop=stop)
     if not motion.one_stretch:
         _refuse_what_needs_all(system, settings)
-    figures = RunFigures(system, settings, motion.flow, times)
+    figures = StretchFigures.of_run(system, settings, motion.flow, times)
     for stretch in motion.stretches():
         figures.add(stretch)
-    if motion.end * (1.0 + ROUND_OFF) < times.last:
-        times = times.until(motion.end)
-    sampled = Observed(motion.flow, system.channels.without(STRESS))
-    histories, balance = ExactHistories(motion, sampled, times), figures.balance.result()
+    balance = figures.balance.result()
     extremes = figures.extremes
     of_first_probe = np.array([extremes[DISPLACEMENT][k][0] for k in (1, 3)])
     order = np.argsort(of_first_probe)
     return RunMotion(
         method="exact",
         outcome=balance.checked(with_limit(motion.outcome, limit)),
-        histories=histories,
+        sampled=lambda: histories_of(motion, system.channels.without(STRESS), times),
         balance=balance,
         events=events_of(system, motion),
         marched=motion,
@@ -132,7 +128,7 @@ def exact_motion_of(
         low_passed=None if figures.low_passed is None else figures.low_passed.reached,
         trajectory=_analysed(motion, settings),
         parts=motion.again,
-        von_mises=partial(_von_mises, system, motion, histories),
+        von_mises=partial(_von_mises, system, motion, times),
         impacts=figures.impacts,
         memory=memory_of(motion.flow, settings),
         compared_s=None if motion.one_stretch else COMPARED_SHARE * _kept_s(motion, settings),
@@ -167,14 +163,14 @@ def _forgotten(motion: MotionInStretches, settings: Run) -> str:
     return kept
 
 
-def _von_mises(system: StructuralSystem, motion: MotionInStretches, histories: ExactHistories) -> dict[str, Floats]:
+def _von_mises(system: StructuralSystem, motion: MotionInStretches, times: Floats) -> dict[str, Floats]:
     """(nx,) largest von Mises stress at the surface of every plate at its stations, of the samples, Pa."""
     plates = {body.body for body in system.bodies if body.moments == COMPONENTS}
     stress = system.stress
     if stress is None or not plates:
         return {}
-    observed = Observed(motion.flow, system.channels.of_keys(STRESS))
+    observed, times = Observed(motion.flow, system.channels.of_keys(STRESS)), reached(motion, times)
     parts = {
         part.body if len(stress.stations.parts) > 1 else stress.bodies[0]: part.stations for part in stress.stations
     }
-    return {name: histories.von_mises(observed, parts[name]) for name in plates & set(parts)}
+    return {name: largest_von_mises(motion, times, observed, parts[name]) for name in plates & set(parts)}

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,18 +30,6 @@ PEAK_ERROR = 1e-5  # relative, of the largest peak; steps are shortened where th
 SHORTEST = 1 / 8  # of the steps
 AT_ONCE = 2**14  # steps
 NEAREST_POLE = 1e-6  # relative distance of an exponent from a pole of the filter, which loses as many digits
-
-
-class FilteredMotion(Protocol):
-    """k outputs of a motion behind a filter."""
-
-    def at(self, times: Floats) -> Floats:
-        """(nt, k) at increasing times."""
-        ...
-
-    def extremes(self, begin: float, end: float) -> Extreme:
-        """Lowest and highest values between two times, and when."""
-        ...
 
 
 def filtered(
@@ -198,6 +186,10 @@ class FilteredSegments:
             out.append([x + y for x, y in zip(np.split(forced, 1 + slopes, axis=1), fading, strict=True)])
             first = last
         return [np.concatenate(column) for column in zip(*out, strict=True)]
+
+
+FilteredMotion = FilteredPanels | FilteredSegments
+"""k outputs of a motion behind a filter: ``at`` times, and ``extremes`` between two."""
 
 
 def _near_poles(trajectory: Trajectory, poles: Complexes) -> bool:

@@ -84,28 +84,8 @@ class ImpactRecord:
 
 
 @dataclass(frozen=True)
-class _Contacts:
-    """The contacts at one snubber in order of time, from closing to opening, arrays (n,)."""
-
-    begin: Floats  # s
-    end: Floats  # s
-    contact_time: Floats  # s
-    peak_force: Floats  # N
-    peak_time: Floats  # s
-    impulse: Floats  # N s
-    square: Floats  # N^2 s, integral of the squared force
-    begin_speed: Floats  # m/s, rate of penetration
-    end_speed: Floats  # m/s
-    energy_lost: Floats  # J, until the next contact begins
-    forces: tuple[Floats, ...]  # N, at the ends and the turning points of each
-    lost_before: float  # J, since a contact in an earlier part
-    goes_on: bool  # the first one began in an earlier part, or before the motion
-    lasts: bool  # the last one does not end in this part
-
-
-@dataclass(frozen=True)
 class _Impacts:
-    """The impacts at one snubber in order of time, arrays (n,); see `Impacts`."""
+    """Impacts, or contacts from closing to opening, at one snubber in order of time, arrays (n,); see `Impacts`."""
 
     begin: Floats
     end: Floats
@@ -123,6 +103,17 @@ class _Impacts:
     def taken(self, which: Bools) -> _Impacts:
         """Some of them."""
         return _Impacts(*(values[which] for values in vars(self).values()))
+
+
+@dataclass(frozen=True)
+class _Contacts:
+    """The contacts at one snubber."""
+
+    rows: _Impacts
+    forces: tuple[Floats, ...]  # N, at the ends and the turning points of each
+    lost_before: float  # J, since a contact in an earlier part
+    goes_on: bool  # the first one began in an earlier part, or before the motion
+    lasts: bool  # the last one does not end in this part
 
 
 def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
@@ -145,72 +136,59 @@ def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
     peak, peak_time = _largest(owner, force, count)
     speeds = _penetration_rates(trajectory, contact, np.concatenate([start, end]))
     forces = tuple(reversals(values) for values in np.split(force.value, np.flatnonzero(np.diff(owner)) + 1)[:count])
-    return _Contacts(
-        start, end, summed(trajectory.length, touching), peak, peak_time, summed(impulse, since),
-        summed(square, since), speeds[:count], speeds[count:], summed(lost, since), forces,
-        float(lost[~since].sum()), bool(touching[0]) and not _closes_at_start(trajectory, contact), bool(touching[-1]),
+    rows = _Impacts(
+        start, end, summed(trajectory.length, touching), np.ones(count, dtype=np.int64), peak, peak_time,
+        summed(impulse, since), summed(square, since), speeds[:count], -speeds[count:], summed(lost, since),
+        np.zeros(count, dtype=bool),
     )  # fmt: skip
+    goes_on = bool(touching[0]) and not _closes_at_start(trajectory, contact)
+    return _Contacts(rows, forces, float(lost[~since].sum()), goes_on, bool(touching[-1]))
 
 
 def _joined(parts: list[_Contacts]) -> _Contacts:
     """The contacts of all parts in a row; one that goes on in the next part is one contact."""
-    begin, end, contact_time, peak_force, peak_time, impulse, square, begin_speed, end_speed, energy_lost = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS
-    )
-    starts = np.cumsum([0, *(part.begin.size for part in parts)])[:-1]  # number of the first contact of each part
-    goes_on = np.zeros(begin.size, dtype=bool)
+    rows = _Impacts(*map(np.concatenate, zip(*(vars(part.rows).values() for part in parts), strict=True)))
+    starts = np.cumsum([0, *(part.rows.begin.size for part in parts)])[:-1]  # number of the first contact of each part
+    goes_on = np.zeros(rows.begin.size, dtype=bool)
     for number, before, part in zip(starts[1:], parts[:-1], parts[1:], strict=True):
         if before.lasts and part.goes_on:
             goes_on[number] = True
         if number:
-            energy_lost[number - 1] += part.lost_before
+            rows.energy_lost[number - 1] += part.lost_before
     forces = tuple(force for part in parts for force in part.forces)
-    whole = _Contacts(
-        begin, end, contact_time, peak_force, peak_time, impulse, square, begin_speed, end_speed, energy_lost, forces,
-        0.0, parts[0].goes_on, parts[-1].lasts,
-    )  # fmt: skip
-    return _merged(whole, ~goes_on)
+    whole = _merged(_Contacts(rows, forces, 0.0, parts[0].goes_on, parts[-1].lasts), ~goes_on)
+    return replace(whole, rows=replace(whole.rows, contacts=np.ones_like(whole.rows.contacts)))
 
 
 def _merged(contacts: _Contacts, begins: Bools) -> _Contacts:
     """The contacts, each with those that follow it up to the next that ``begins`` (n,) a new one."""
-    first = np.flatnonzero(begins)
-    last = np.append(first[1:], contacts.begin.size) - 1 if first.size else first
+    rows, first = contacts.rows, np.flatnonzero(begins)
+    last = np.append(first[1:], rows.begin.size) - 1 if first.size else first
     owner = np.cumsum(begins) - 1
 
-    def summed(values: Floats) -> Floats:
+    def summed(values: Floats | Ints) -> Floats:
         return np.asarray(np.bincount(owner, values, minlength=first.size), dtype=float)
 
-    peaks = _largest(owner, TurningPoints(owner, contacts.peak_time, contacts.peak_force), first.size)
-    return replace(
-        contacts, begin=contacts.begin[first], end=contacts.end[last], contact_time=summed(contacts.contact_time),
-        peak_force=peaks[0], peak_time=peaks[1], impulse=summed(contacts.impulse), square=summed(contacts.square),
-        begin_speed=contacts.begin_speed[first], end_speed=contacts.end_speed[last],
-        energy_lost=summed(contacts.energy_lost),
-        forces=tuple(np.concatenate(contacts.forces[i : j + 1]) for i, j in zip(first, last, strict=True)),
+    peaks = _largest(owner, TurningPoints(owner, rows.peak_time, rows.peak_force), first.size)
+    merged = _Impacts(
+        rows.begin[first], rows.end[last], summed(rows.contact_time), summed(rows.contacts).astype(np.int64), *peaks,
+        summed(rows.impulse), summed(rows.square), rows.approach_speed[first], rows.separation_speed[last],
+        summed(rows.energy_lost), rows.cut[first],
     )  # fmt: skip
-
-
-_COLUMNS = tuple(field.name for field in fields(_Contacts))[:10]
+    forces = tuple(np.concatenate(contacts.forces[i : j + 1]) for i, j in zip(first, last, strict=True))
+    return replace(contacts, rows=merged, forces=forces)
 
 
 def _impacts(contacts: _Contacts, minimum_rest: float) -> _Impacts:
     """Contacts that follow each other within the minimum rest time are one impact."""
-    count = contacts.begin.size
-    rest = np.append(np.inf, contacts.begin[1:] - contacts.end[:-1])[:count]
-    begins = (rest >= minimum_rest) | (minimum_rest == 0.0)
-    impacts = _merged(contacts, begins)
-    approach, separation = impacts.begin_speed, -impacts.end_speed
-    cut = np.zeros(impacts.begin.size, dtype=bool)
+    begin, end = contacts.rows.begin, contacts.rows.end
+    rest = np.append(np.inf, begin[1:] - end[:-1])[: begin.size]
+    impacts = _merged(contacts, (rest >= minimum_rest) | (minimum_rest == 0.0)).rows
     if contacts.goes_on:
-        approach[0], cut[0] = np.nan, True
+        impacts.approach_speed[0], impacts.cut[0] = np.nan, True
     if contacts.lasts:
-        separation[-1], cut[-1] = np.nan, True
-    number = np.diff(np.append(np.flatnonzero(begins), count))
-    return _Impacts(
-        impacts.begin, impacts.end, impacts.contact_time, number, impacts.peak_force, impacts.peak_time,
-        impacts.impulse, impacts.square, approach, separation, impacts.energy_lost, cut,
-    )  # fmt: skip
+        impacts.separation_speed[-1], impacts.cut[-1] = np.nan, True
+    return impacts
 
 
 def _closes_at_start(trajectory: Trajectory, contact: int) -> bool:

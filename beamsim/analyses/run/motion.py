@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from beamsim.analyses.run.energy import EnergyBalance
 from beamsim.analyses.run.friction import friction_contacts, sliding_figures
 from beamsim.analyses.run.histories import Histories
 from beamsim.analyses.run.impacts import ImpactRecord
-from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.run.result import (
     ONLY_BEAM,
     BodyResult,
@@ -29,7 +27,7 @@ from beamsim.analyses.run.result import (
     Work,
 )
 from beamsim.analyses.run.spectra import spectra_of_motion, spectra_of_samples
-from beamsim.analyses.values import FORCE, STRESS, Extremes, largest, largest_pulls
+from beamsim.analyses.values import DISPLACEMENT, FORCE, STRESS, Extremes, largest, largest_pulls
 from beamsim.contacts.hardening import residual_crush
 from beamsim.contacts.springs import FRICTION
 from beamsim.flow.endings import EVENT_LIMIT
@@ -39,7 +37,6 @@ from beamsim.flow.stretches import MotionInStretches
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Run, Scenario
-from beamsim.system.channels import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
@@ -47,29 +44,31 @@ MOST_SAMPLES = 50_000_000
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 
 
-def histories_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[str, Any]:
+def history_fields(
+    scenario: Scenario, system: StructuralSystem, motion: RunMotion, histories: Histories
+) -> dict[str, Any]:
     """Everything at the output times, as fields of the result."""
     return {
-        "time": motion.histories.signal(lambda time: time),
-        "probes": _probes(system, motion),
-        "snubbers": _snubbers(system, motion),
-        "springs": _springs(system, motion),
-        "friction": _friction(scenario, system, motion),
-        "outputs": _outputs(system, motion),
-        "base_acceleration": motion.histories.signal(partial(_signal, system.base_acceleration)),
-        "base_displacement": motion.histories.signal(partial(_signal, system.base_displacement)),
-        "energy": motion.histories.energies(),
+        "time": histories.time,
+        "probes": _probes(system, motion, histories),
+        "snubbers": _snubbers(system, motion, histories),
+        "springs": _springs(system, histories),
+        "friction": _friction(scenario, system, motion, histories),
+        "outputs": _outputs(system, histories),
+        "base_acceleration": _signal(system.base_acceleration, histories.time),
+        "base_displacement": _signal(system.base_displacement, histories.time),
+        "energy": histories.energy,
     }
 
 
 @dataclass(frozen=True)
 class RunMotion:
-    """The motion at the output times, from the closed form or from time stepping."""
+    """The motion of a run, from the closed form or from time stepping."""
 
     method: str
     marched: MotionInStretches | ReferenceTrajectory
     outcome: Outcome
-    histories: Histories
+    sampled: Callable[[], Histories]  # what it is at the output times
     balance: EnergyBalance
     events: EventLog
     breakpoints: int  # of piecewise-linear springs that were passed, the start left out
@@ -88,16 +87,12 @@ class RunMotion:
     compared_s: float | None = None  # s, first part that is compared with a finer model, where not all is kept
     warnings: tuple[str, ...] = ()
 
-    def column(self, section: str, quantity: str, index: int) -> Floats:
-        """(nt,) one channel of those that are alike, computed when it is read."""
-        return self.histories.history(lambda time, values: values[section, quantity][:, index])
 
-
-def output_times(scenario: Scenario) -> OutputTimes:
-    """The times at which the motion of a run is asked for."""
+def output_times(scenario: Scenario) -> Floats:
+    """(nt,) s, the times at which the motion of a run is asked for."""
     assert scenario.run is not None
     rate = scenario.sample_rate
-    return OutputTimes(rate, int(np.floor(scenario.run.duration * rate * (1 + 1e-12))) + 1)
+    return np.asarray(np.arange(int(np.floor(scenario.run.duration * rate * (1 + 1e-12))) + 1) / rate)
 
 
 def memory_of(flow: ExactFlow, settings: Run) -> dict[str, int]:
@@ -132,31 +127,25 @@ def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
     return np.zeros(times.size) if signal is None else signal(times)
 
 
-def _probes(system: StructuralSystem, motion: RunMotion) -> dict[str, ProbeHistory]:
+def _probes(system: StructuralSystem, motion: RunMotion, histories: Histories) -> dict[str, ProbeHistory]:
     """History of every probe."""
-
-    def absolute(i: int, time: Floats, values: Mapping[Key, Floats]) -> Floats:
-        carried = system.carried[i] * _signal(system.base_displacement, time)
-        return np.asarray(values["probes", "displacement"][:, i] + carried)
-
+    base, displacement = _signal(system.base_displacement, histories.time), histories.of(DISPLACEMENT)
     return {
         probe.name: ProbeHistory(
             name=probe.name,
             position=probe.position,
             across=probe.across,
-            displacement=motion.column("probes", "displacement", i),
-            absolute_displacement=motion.histories.history(partial(absolute, i)),
-            velocity=motion.column("probes", "velocity", i),
-            absolute_acceleration=motion.column("probes", "absolute_acceleration", i),
-            low_passed_acceleration=None
-            if motion.low_passed is None
-            else motion.histories.kept(motion.low_passed[:, i]),
+            displacement=displacement[:, i],
+            absolute_displacement=displacement[:, i] + system.carried[i] * base,
+            velocity=histories.column("probes", "velocity", i),
+            absolute_acceleration=histories.column("probes", "absolute_acceleration", i),
+            low_passed_acceleration=None if motion.low_passed is None else motion.low_passed[:, i],
         )
         for i, probe in enumerate(system.probes)
     }
 
 
-def _snubbers(system: StructuralSystem, motion: RunMotion) -> dict[str, SnubberHistory]:
+def _snubbers(system: StructuralSystem, motion: RunMotion, histories: Histories) -> dict[str, SnubberHistory]:
     """History of every snubber."""
     crushed = _crushed(system, motion)
     return {
@@ -173,11 +162,11 @@ def _snubbers(system: StructuralSystem, motion: RunMotion) -> dict[str, SnubberH
             stiffness_ratio=s.stiffness_ratio,
             table_misfit=s.table_misfit,
             residual_crush=crushed.get(j),
-            force=motion.column("snubbers", "force", j),
-            penetration=motion.column("snubbers", "penetration", j),
-            closed=motion.histories.closed(j),
-            displacement=motion.column("snubbers", "displacement", j),
-            velocity=motion.column("snubbers", "velocity", j),
+            force=histories.column("snubbers", "force", j),
+            penetration=histories.column("snubbers", "penetration", j),
+            closed=histories.touching[:, j],
+            displacement=histories.column("snubbers", "displacement", j),
+            velocity=histories.column("snubbers", "velocity", j),
         )
         for j, s in enumerate(system.snubbers)
     }
@@ -198,16 +187,18 @@ def _crushed(system: StructuralSystem, motion: RunMotion) -> dict[int, float]:
     }
 
 
-def _springs(system: StructuralSystem, motion: RunMotion) -> dict[str, SpringHistory]:
+def _springs(system: StructuralSystem, histories: Histories) -> dict[str, SpringHistory]:
     return {
         s.name: SpringHistory(
-            s.name, s.kind, s.masses, motion.column("springs", "stretch", i), motion.column("springs", "force", i)
+            s.name, s.kind, s.masses, histories.column("springs", "stretch", i), histories.column("springs", "force", i)
         )
         for i, s in enumerate(spring for spring in system.springs if spring.kind != FRICTION)
     }
 
 
-def _friction(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[str, FrictionHistory]:
+def _friction(
+    scenario: Scenario, system: StructuralSystem, motion: RunMotion, histories: Histories
+) -> dict[str, FrictionHistory]:
     contacts, number = scenario.friction, friction_contacts(system)
     figures: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
     if contacts and motion.trajectory is not None:
@@ -221,9 +212,9 @@ def _friction(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -
             sliding_force=c.sliding_force,
             stiffness=c.stiffness or np.inf,
             start_force=c.start_force,
-            displacement=motion.column("friction", "stretch", i),
-            force=motion.column("friction", "force", i),
-            stuck=motion.histories.closed(int(j)),
+            displacement=histories.column("friction", "stretch", i),
+            force=histories.column("friction", "force", i),
+            stuck=histories.touching[:, j],
             **{"sliding_share": 1.0 - float(motion.contact_share[j]), **of_contact},
         )
         for i, (c, j, of_contact) in enumerate(zip(contacts, number, figures, strict=True))
@@ -242,15 +233,15 @@ def contact_instant(system: StructuralSystem, motion: RunMotion) -> ContactInsta
     return ContactInstant(float(times[at]), system.snubbers[at].name, float(forces[at]), coordinates)
 
 
-def _outputs(system: StructuralSystem, motion: RunMotion) -> dict[str, OutputHistory]:
+def _outputs(system: StructuralSystem, histories: Histories) -> dict[str, OutputHistory]:
     """The outputs that the run asks for, in its order."""
     met: Counter[str] = Counter()
-    histories = {}
+    outputs = {}
     for output in system.outputs:
-        value = motion.column("outputs", output.quantity, met[output.quantity])
-        histories[output.name] = OutputHistory(output.name, output.quantity, output.unit, output.at, value)
+        value = histories.column("outputs", output.quantity, met[output.quantity])
+        outputs[output.name] = OutputHistory(output.name, output.quantity, output.unit, output.at, value)
         met[output.quantity] += 1
-    return histories
+    return outputs
 
 
 def events_of(system: StructuralSystem, trajectory: MotionInStretches | ReferenceTrajectory) -> EventLog:
@@ -297,5 +288,5 @@ def bodies_of_run(scenario: Scenario, system: StructuralSystem, motion: RunMotio
 def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
     """Spectra of every probe and snubber: from the closed form, or of samples."""
     if motion.trajectory is None or motion.trajectory.end <= 0.0:
-        return spectra_of_samples(scenario, system, motion.histories.time, motion.histories.values)
+        return spectra_of_samples(scenario, system, motion.sampled())
     return spectra_of_motion(scenario, system, motion.trajectory)

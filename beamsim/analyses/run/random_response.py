@@ -15,23 +15,19 @@ amplitudes of this one are random or fixed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.analyses.run.intervals import CONFIDENCE, SKIPPED
 from beamsim.analyses.run.linear_prediction import LinearStructures
-from beamsim.analyses.run.result import RandomResponse, RunResult, SignalStatistics
-from beamsim.fields import later, rows_of
+from beamsim.analyses.run.result import MAIN_QUANTITY, RandomResponse, RunResult, SignalStatistics
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.typing import Complexes, Floats
 
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
 LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
-HISTORIES_SHARE = 0.2  # of the memory of a run, for the histories that are analysed
 
 
 def random_response(
@@ -49,12 +45,12 @@ def random_response(
     stationary : whether the input is a process of which the run is a sample, so that its figures have an interval.
     predicted : the linear structures with all snubbers open and with all closed.
     """
-    times = rows_of(result, "time")
+    times = result.time
     first = int(SKIPPED * times.size)
     count = times.size - first
     if count < LEAST_SAMPLES:
         return None
-    rate = (times.size - 1) / float(times[times.size - 1 : times.size][0] - times[:1][0])
+    rate = (times.size - 1) / float(times[-1] - times[0])
     length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
 
     frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
@@ -65,89 +61,61 @@ def random_response(
     def density(x: Floats) -> Floats:
         return cross_density(x, x, rate, length).real
 
-    def statistics(signal: _Observed, x: Floats) -> SignalStatistics:
+    def statistics(signal: _Observed) -> SignalStatistics:
+        x = signal.x
         figures: dict[str, Any] = statistics_of(x, rate) | (rms_interval(x) if stationary else {})
         return SignalStatistics(
             name=signal.name, quantity=signal.quantity, unit=signal.unit, density=density(x),
             crossings_hz=crossing_rates(x, rate), **figures, **linear.get((signal.name, signal.quantity), {}),
         )  # fmt: skip
 
-    assert result.scenario.run is not None
-    memory = HISTORIES_SHARE * result.scenario.run.memory
     takes = getattr(result.scenario.excitation, "takes", ("acceleration" if force is None else "force",))
-    entered = _Observed("input", takes[0], amplitude_unit(takes[0]), result, "base_acceleration")
-    given = next(x for _, x in _histories([entered], first, times.size, memory)) if force is None else force[first:]
+    given = (result.base_acceleration if force is None else force)[first:]
     sxx = density(given)
-    felt = "absolute_acceleration" if force is None else "displacement"
-    signals, transmissibility, coherence = [statistics(entered, given)], {}, {}
-    for signal, x in _histories(_observed(result), first, times.size, memory):
-        signals.append(statistics(signal, x))
-        if signal.field == felt and signal.owner is result.probes.get(signal.name):
-            cross = cross_density(given, x, rate, length)
+    felt = MAIN_QUANTITY if force is None else "displacement"
+    entered = _Observed("input", takes[0], amplitude_unit(takes[0]), given)
+    signals, transmissibility, coherence = [statistics(entered)], {}, {}
+    for number, signal in enumerate(_observed(result, first)):
+        signals.append(statistics(signal))
+        if signal.quantity == felt and number < 2 * len(result.probes):
+            cross = cross_density(given, signal.x, rate, length)
             with np.errstate(divide="ignore", invalid="ignore"):
                 transmissibility[signal.name] = np.asarray(cross / sxx)
                 coherence[signal.name] = np.asarray(np.abs(cross) ** 2 / (sxx * signals[-1].density))
-    return RandomResponse(
-        float(times[first : first + 1][0]), frequency, tuple(signals), transmissibility, coherence, LEVELS
-    )
+    return RandomResponse(float(times[first]), frequency, tuple(signals), transmissibility, coherence, LEVELS)
 
 
 def _linear_fields(predicted: LinearStructures, frequency: Floats) -> dict[tuple[str, str], dict[str, Any]]:
-    """By name and quantity what `SignalStatistics` has of the linear structures; densities once they are read."""
-    both = cache(lambda: predicted.densities(frequency))
+    """By name and quantity what `SignalStatistics` has of the linear structures."""
+    density_open, density_closed = predicted.densities(frequency)
     return {
         of: {
             "linear_open": predicted.of_open[of],
             "linear_closed": predicted.of_closed[of],
-            "density_open": later(partial(_one, both, 0, of)),
-            "density_closed": later(partial(_one, both, 1, of)),
+            "density_open": density_open[of],
+            "density_closed": density_closed[of],
         }
         for of in predicted.of_open
     }
 
 
-def _one(densities: Callable[[], tuple[dict[tuple[str, str], Floats], ...]], which: int, of: tuple[str, str]) -> Floats:
-    return densities()[which][of]
-
-
 class _Observed(NamedTuple):
-    """A history of a result."""
+    """A history of a result, without its first part."""
 
     name: str
     quantity: str
     unit: str
-    owner: Any
-    field: str
+    x: Floats  # (nt,)
 
 
-def _observed(result: RunResult) -> list[_Observed]:
+def _observed(result: RunResult, first: int) -> list[_Observed]:
+    """The responses from sample ``first`` on."""
     signals = []
     for probe in result.probes.values():
-        signals.append(_Observed(probe.name, "absolute_acceleration", "m/s^2", probe, "absolute_acceleration"))
-        signals.append(_Observed(probe.name, "displacement", "m", probe, "displacement"))
-    signals += [_Observed(s.name, "force", "N", s, "force") for s in result.snubbers.values()]
-    return signals + [_Observed(o.name, o.quantity, o.unit, o, "value") for o in result.outputs.values()]
-
-
-def _histories(
-    observed: Sequence[_Observed], first: int, last: int, memory: float
-) -> Iterator[tuple[_Observed, Floats]]:
-    """Each history from sample ``first`` to ``last``; as many at once, from one pass, as fit into ``memory``, bytes."""
-    if 8.0 * last * len(observed) <= memory:
-        for signal in observed:
-            yield signal, getattr(signal.owner, signal.field)[first:]
-        return
-    at_once = max(int(memory / (8.0 * (last - first))), 1)
-    for begin in range(0, len(observed), at_once):
-        some = observed[begin : begin + at_once]
-        blocks = [rows_of(signal.owner, signal.field) for signal in some]
-        values = np.empty((len(some), last - first))
-        size = max(getattr(block, "block", 1) for block in blocks)  # which all share
-        for number in range(first // size, -(-last // size)):
-            row, end = max(number * size, first), min((number + 1) * size, last)
-            for value, block in zip(values, blocks, strict=True):
-                value[row - first : end - first] = block[row:end]
-        yield from zip(some, values, strict=True)
+        signals.append(_Observed(probe.name, MAIN_QUANTITY, "m/s^2", probe.absolute_acceleration[first:]))
+        signals.append(_Observed(probe.name, "displacement", "m", probe.displacement[first:]))
+    signals += [_Observed(s.name, "force", "N", s.force[first:]) for s in result.snubbers.values()]
+    return signals + [_Observed(o.name, o.quantity, o.unit, o.value[first:]) for o in result.outputs.values()]
 
 
 def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
@@ -155,17 +123,9 @@ def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
 
     Segments of a ``length`` overlap by half, lose their means and are seen through a Hann window.
     """
-    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
-    total = np.zeros(length // 2 + 1, dtype=complex)
-    starts = range(0, x.size - length + 1, length - length // 2)
-    for start in starts:
-        a, b = (np.fft.rfft(window * (part - part.mean())) for part in (z[start : start + length] for z in (x, y)))
-        total += a.conj() * b
-    total *= 2.0 / (len(starts) * rate * (window @ window))
-    total[0] *= 0.5
-    if length % 2 == 0:
-        total[-1] *= 0.5
-    return total
+    from scipy.signal import csd
+
+    return np.asarray(csd(x, y, rate, "hann", length, length // 2, detrend="constant")[1], dtype=complex)
 
 
 def statistics_of(x: Floats, rate: float) -> dict[str, float]:

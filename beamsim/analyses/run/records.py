@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Protocol
 
 import numpy as np
 
@@ -20,34 +19,6 @@ from beamsim.typing import Complexes, Floats
 
 MOST_TERMS = 5_000_000  # segments x basis functions x frequencies, above which a projection takes the samples
 RECTANGULAR = Window("rectangular")
-
-
-class Record(Protocol):
-    """The part of a signal that is analysed."""
-
-    @property
-    def time(self) -> Floats:
-        """(N,) s, equally spaced."""
-
-    @property
-    def x(self) -> Floats:
-        """(N,) samples, unit of the signal."""
-
-    @property
-    def rate(self) -> float:
-        """Samples per second."""
-
-    def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
-        """Mean and complex amplitudes of sinusoids, see `project`."""
-
-    def halves(self) -> tuple[Record, Record]:
-        """The first and the second half."""
-
-    def band(self, lines: int) -> int:
-        """How many of the lines from 0 to half the rate belong to the spectrum."""
-
-    def rms(self) -> float:
-        """Root mean square, mean included."""
 
 
 @dataclass(frozen=True)
@@ -81,12 +52,12 @@ class _NormalEquations:
 class SampledRecord:
     """Equally spaced samples."""
 
-    time: Floats
-    x: Floats
-    rate: float
+    time: Floats  # (N,) s
+    x: Floats  # (N,) unit of the signal
+    rate: float  # samples per second
 
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
-        """By sums over the samples."""
+        """Mean and complex amplitudes of sinusoids, see `project`: by sums over the samples."""
         weight = None if window is None else window.values(np.arange(self.x.size) / self.x.size)
         return project(self.time, self.x, frequency_hz, weight)
 
@@ -99,11 +70,11 @@ class SampledRecord:
         return replace(self, time=self.time[part], x=self.x[part])
 
     def band(self, lines: int) -> int:
-        """All lines."""
+        """How many of the lines from 0 to half the rate belong to the spectrum: all."""
         return lines
 
     def rms(self) -> float:
-        """Of the samples."""
+        """Root mean square of the samples, mean included."""
         size = float(np.abs(self.x).max(initial=0.0))  # a motion without bound has squares beyond all numbers
         return size * float(np.sqrt(np.mean((self.x / size) ** 2))) if size else 0.0
 
@@ -116,7 +87,7 @@ class MotionRecord:
     ----------
     part : outputs on the part that is analysed, of which this is number ``column``.
     begin, duration : s, of that part.
-    time, x, rate : samples that divide the duration, see `Record`.
+    time, x, rate : samples that divide the duration, see `SampledRecord`.
     highest_hz : end of the spectrum.
     """
 
@@ -134,7 +105,7 @@ class MotionRecord:
         return SampledRecord(self.time, self.x, self.rate)
 
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
-        """By integrals; by sums over the samples where a motion has very many pieces (a sampled input)."""
+        """The same by integrals; by sums over the samples where a motion has very many pieces (a sampled input)."""
         window = window or RECTANGULAR
         frequencies = (2 * window.cosines.size - 1) * (1 + np.size(frequency_hz))
         if self.part.segments * self.part.table.shape[1] * frequencies > MOST_TERMS:
@@ -166,6 +137,10 @@ class MotionRecord:
         if not self.part.motion.exponentials:
             return self._sampled.rms()
         return float(np.sqrt(max(self.part.mean_squares[self.column], 0.0)))
+
+
+Record = SampledRecord | MotionRecord
+"""The part of a signal that is analysed."""
 
 
 @lru_cache(maxsize=4)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from beamsim.analyses.run.histories import Histories
 from beamsim.analyses.run.records import MotionRecord
 from beamsim.analyses.run.result import Spectrum
 from beamsim.analyses.run.spectrum import spectrum, spectrum_of
@@ -14,7 +15,7 @@ from beamsim.flow.channels import Observed
 from beamsim.flow.fourier import MotionPart
 from beamsim.flow.trajectory import Trajectory
 from beamsim.scenario import Scenario, SpectrumSettings
-from beamsim.system.channels import ChannelSet, Key
+from beamsim.system.channels import ChannelSet
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
@@ -33,22 +34,27 @@ def spectral(system: StructuralSystem) -> ChannelSet:
 
 
 def spectra_of_samples(
-    scenario: Scenario, system: StructuralSystem, time: Floats, values: Mapping[Key, Floats]
+    scenario: Scenario, system: StructuralSystem, histories: Histories
 ) -> dict[tuple[str, str], Spectrum]:
     """Spectra of a motion that is known at the output times alone.
 
     Parameters
     ----------
     scenario, system : what was asked for, and of what.
-    time : (nt,) s.
-    values : (nt, k) by section and quantity of the channels.
+    histories : there.
     """
     assert scenario.run is not None
     channels = spectral(system)
-    samples = np.hstack([values[key] for key in channels.places])
+    samples = np.hstack([histories.of(key) for key in channels.places])
     return {
         (channel.name, channel.quantity): spectrum(
-            time, x, scenario.run.spectrum, system.excitation_frequency_hz, channel.name, channel.quantity, channel.unit
+            histories.time,
+            x,
+            scenario.run.spectrum,
+            system.excitation_frequency_hz,
+            channel.name,
+            channel.quantity,
+            channel.unit,
         )
         for channel, x in zip(channels.channels, samples.T, strict=True)
     }

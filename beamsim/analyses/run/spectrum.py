@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
 from beamsim.analyses.run.records import Record, SampledRecord
 from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.run.windows import Window
-from beamsim.fields import later
 from beamsim.scenario import SpectrumSettings
 from beamsim.typing import Floats
 
@@ -140,19 +139,15 @@ def spectrum_of(
     shape, x, rate = Window.named(window), record.x, record.rate
     peak = float(np.max(np.abs(x)))
     kept = record.band(x.size // 2 + 1)
-
-    @cache
-    def amplitude() -> Floats:
-        return _windowed_amplitude(x, shape)[:kept]
-
+    amplitude = _windowed_amplitude(x, shape)[:kept]
     lines = _lines(record, excitation_hz, peak, shape.one_sided, residual_hz, chosen_hz) if np.isfinite(peak) else ()
     return Spectrum(
         probe=probe,
         quantity=quantity,
         unit=unit,
-        frequency_hz=later(lambda: np.arange(kept) * rate / x.size),
-        amplitude=later(amplitude),
-        amplitude_db=later(lambda: amplitude_db(amplitude(), peak)),
+        frequency_hz=np.arange(kept) * rate / x.size,
+        amplitude=amplitude,
+        amplitude_db=amplitude_db(amplitude, peak),
         excitation_hz=excitation_hz,
         window=window,
         start_s=float(record.time[0]),
@@ -314,7 +309,7 @@ def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) ->
         low, high = (
             (j - reach, j + reach + 1) if not window.one_sided else (min(j - reach, j // 2), max(j + reach, 2 * j))
         )
-        floor = _lower_quartile(amplitude[max(1, low) : high])
+        floor = float(np.percentile(amplitude[max(1, low) : high], 25.0))
         if amplitude[j] < (_OVER_FLOOR if not window.one_sided else _OVER_SKIRTS) * floor:
             continue
         frequency = float((j + _parabola_top(amplitude[j - 1 : j + 2])) * bin_hz)
@@ -324,14 +319,6 @@ def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) ->
         if len(candidates) == min(_MOST_LINES, (x.size - 1) // 4):
             break
     return list(candidates.values())
-
-
-def _lower_quartile(values: Floats) -> float:
-    """As `numpy.percentile`, without what that does for arrays of any shape."""
-    position = 0.25 * (values.size - 1)
-    k = int(position)
-    low, high = np.partition(values, (k, min(k + 1, values.size - 1)))[[k, min(k + 1, values.size - 1)]]
-    return float(low + (high - low) * (position - k))
 
 
 def _parabola_top(around: Floats) -> float:

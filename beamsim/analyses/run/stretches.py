@@ -7,9 +7,9 @@ import numpy as np
 from beamsim.analyses.run.energy import BalanceOfStretches, energies_of_segments
 from beamsim.analyses.run.figures import extremes_of
 from beamsim.analyses.run.filtered_motion import filtered
+from beamsim.analyses.run.histories import reached
 from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.low_pass import LowPassFilter
-from beamsim.analyses.run.output_times import OutputTimes
 from beamsim.analyses.values import ACCELERATION, Extreme, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.contact_state import OutputOf
@@ -20,8 +20,6 @@ from beamsim.system.channels import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
-ROUND_OFF = 1e-12  # relative, of the last output time
-
 
 class StretchFigures:
     """Peaks and energy balance of a motion that is given stretch by stretch.
@@ -29,51 +27,43 @@ class StretchFigures:
     Parameters
     ----------
     observed : channels whose extremes are searched for.
+    impacts : record that the stretches are added to.
+    low_passed : the filter that they are led through; the extremes of accelerations are those behind it.
     """
 
-    def __init__(self, observed: Observed) -> None:
-        self.observed = observed
+    def __init__(
+        self, observed: Observed, impacts: ImpactRecord | None = None, low_passed: LowPassed | None = None
+    ) -> None:
+        self.observed, self.impacts, self.low_passed = observed, impacts, low_passed
         self.balance, self.extremes = BalanceOfStretches(), dict[Key, Extreme]()
+
+    @classmethod
+    def of_run(cls, system: StructuralSystem, settings: Run, flow: ExactFlow, times: Floats) -> StretchFigures:
+        """Those that a run reports.
+
+        Parameters
+        ----------
+        system, settings : of the run.
+        flow : of the motion.
+        times : (nt,) s, all output times.
+        """
+        channels, low_passed = searched(system.channels), None
+        if settings.low_pass is not None:
+            channels, accelerations = channels.without(ACCELERATION), system.channels.of_keys(ACCELERATION)
+            low_passed = LowPassed(Observed(flow, accelerations).linear, settings.low_pass, times, len(system.probes))
+        impacts = None if settings.impacts is None else ImpactRecord(system, settings.impacts)
+        return cls(Observed(flow, channels), impacts, low_passed)
 
     def add(self, stretch: Trajectory) -> None:
         """Include the next stretch."""
         balance = energies_of_segments(stretch)
-        found = self.found(stretch)
-        self.balance.add(*balance)
-        self.extremes = {name: outer(self.extremes.get(name), each) for name, each in found.items()}
-
-    def found(self, stretch: Trajectory) -> dict[Key, Extreme]:
-        """Extremes of a stretch."""
-        return extremes_of(stretch, self.observed) if self.observed.channels.channels else {}
-
-
-class RunFigures(StretchFigures):
-    """The values of a run: also accelerations behind a filter, and impacts.
-
-    Parameters
-    ----------
-    system, settings : of the run.
-    flow : of the motion.
-    times : all output times.
-    """
-
-    def __init__(self, system: StructuralSystem, settings: Run, flow: ExactFlow, times: OutputTimes) -> None:
-        channels = searched(system.channels)
-        super().__init__(Observed(flow, channels if settings.low_pass is None else channels.without(ACCELERATION)))
-        self.low_passed: LowPassed | None = None
-        self.impacts = None if settings.impacts is None else ImpactRecord(system, settings.impacts)
-        if settings.low_pass is not None:
-            acceleration = Observed(flow, system.channels.of_keys(ACCELERATION)).linear
-            self.low_passed = LowPassed(acceleration, settings.low_pass, times, len(system.probes))
-
-    def found(self, stretch: Trajectory) -> dict[Key, Extreme]:
-        """Extremes of a stretch, which is included in the impacts and led through the filter."""
-        found = super().found(stretch)
+        found = extremes_of(stretch, self.observed) if self.observed.channels.channels else {}
         if self.impacts is not None:
             self.impacts.add(stretch)
         if self.low_passed is not None:
             found[ACCELERATION] = self.low_passed.add(stretch)
-        return found
+        self.balance.add(*balance)
+        self.extremes = {name: outer(self.extremes.get(name), each) for name, each in found.items()}
 
 
 class LowPassed:
@@ -83,19 +73,19 @@ class LowPassed:
     ----------
     output_of : accelerations of the probes.
     frequency_hz : of the filter.
-    times : all output times.
+    times : (nt,) s, all output times.
     probes : number of accelerations.
     """
 
-    def __init__(self, output_of: OutputOf, frequency_hz: float, times: OutputTimes, probes: int) -> None:
+    def __init__(self, output_of: OutputOf, frequency_hz: float, times: Floats, probes: int) -> None:
         self._output_of, self._frequency_hz, self._times = output_of, frequency_hz, times
         self._through, self._begin, self._reached = LowPassFilter(frequency_hz, probes), 0.0, 0
         self.values = np.empty((times.size, probes))
 
     def add(self, stretch: Trajectory) -> Extreme:
         """Go on through the next stretch, and return its lowest and highest values."""
-        upto = max(self._times.until(stretch.end * (1.0 + ROUND_OFF)).size, self._reached)
-        times = np.minimum(self._times.rows(self._reached, upto), stretch.end)
+        upto = max(reached(stretch, self._times).size, self._reached)
+        times = np.minimum(self._times[self._reached : upto], stretch.end)
         behind = filtered(stretch, self._output_of, self._frequency_hz, times, self._through)
         self.values[self._reached : upto] = behind.at(times)
         begin, self._begin, self._reached = self._begin, stretch.end, upto

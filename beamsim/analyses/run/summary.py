@@ -13,7 +13,7 @@ from beamsim.analyses.limits import margins
 from beamsim.analyses.run.figures import by_name, deflection_size, motion_figures, peak_times, static_figures
 from beamsim.analyses.run.gapping import gapping_of_run
 from beamsim.analyses.run.motion import RunMotion
-from beamsim.analyses.run.result import MAIN_QUANTITY, Spectrum
+from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult, Spectrum
 from beamsim.analyses.values import STANDARD_GRAVITY, STRESS, largest
 from beamsim.contacts.springs import FRICTION
 from beamsim.scenario import Scenario
@@ -45,6 +45,25 @@ def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str
         for s in spectra.values()
         for line in s.lines
     ]
+
+
+def figures_of_parts(result: RunResult) -> dict[str, Any]:
+    """Entries of the summary that repeat parts of a result; None where it has none."""
+    von_mises = [body.peak_von_mises_stress for body in result.bodies.values()]
+    crushed = {s.name: s.residual_crush for s in result.snubbers.values() if s.residual_crush is not None}
+    impacts, random = result.impacts, result.random
+    return {
+        "residual_crush_m": crushed or None,
+        "largest_von_mises_stress_pa": max((float(x.max()) for x in von_mises if x is not None), default=None),
+        "friction": {name: contact.summary() for name, contact in result.friction.items()} or None,
+        "impacts": None if impacts is None else impacts.summary(),
+        "impacts_total": None if impacts is None else impacts.total(),
+        "fatigue": {name: body.summary() for name, body in result.fatigue.items()} or None,
+        "random": None if random is None else random.summary(),
+        "random_linear": None if random is None else random.prediction() or None,
+        "srs": None if result.srs is None else result.srs.summary(),
+        "spectral_lines": spectral_lines(result.spectra),
+    }
 
 
 def summary_of_run(

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.deflections import deflection_warnings
-from beamsim.analyses.gapping import gapping, static_penetration
+from beamsim.analyses.gapping import contact_levels, gapping, static_penetration, transfer
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.reduction import reduction_checked
-from beamsim.analyses.sweep.linear_response import linear_curve
 from beamsim.analyses.sweep.notching import with_limited_outputs
-from beamsim.analyses.sweep.outputs import LevelRun
+from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import (
     LevelWork,
@@ -26,8 +25,10 @@ from beamsim.analyses.sweep.result import (
     SweepResult,
     SweepWork,
 )
+from beamsim.analyses.sweep.stepped import step_level
+from beamsim.analyses.sweep.swept_sine import sweep_level
 from beamsim.analyses.table_reach import forces_beyond_tables
-from beamsim.analyses.values import STANDARD_GRAVITY
+from beamsim.analyses.values import OUTPUT, VALUES
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.profile_file import read_profile
@@ -41,6 +42,7 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import ModeTable, StructuralSystem
 
 SAVED_EVERY_S = 1.0  # between two partial results
+LINEAR_POINTS = 2000  # of the curve without snubbers
 
 
 def sweep(
@@ -91,24 +93,8 @@ def sweep(
         if resume is not None and done.takes_over(index, resume):
             continue
         report = None if progress is None else _part(progress, index, len(levels))
-        if isinstance(settings, SweptSine):
-            from beamsim.analyses.sweep.swept_sine import sweep_level
-
-            run = sweep_level(
-                system,
-                settings,
-                excitation,
-                level,
-                index,
-                report,
-                limited,
-                stop,
-                scenario.base_force or BASE_FORCE.name,
-            )
-        else:
-            from beamsim.analyses.sweep.stepped import step_level
-
-            run = step_level(system, settings, excitation, level, index, report, limited, stop)
+        one = SweepLevel(system, settings, excitation, level, index, limited, scenario.base_force or BASE_FORCE.name)
+        run = (sweep_level if isinstance(settings, SweptSine) else step_level)(one, report, stop)
         done.add(index, run)
         if stop():
             break
@@ -172,7 +158,7 @@ class _LevelsDone:
         """The result of these levels."""
         scenario, settings, system, curves = self.scenario, self.settings, self.system, self.curves
         logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
-        linear = linear_curve(system, settings.from_, settings.to, logarithmic)
+        linear = _linear_curve(system, settings.from_, settings.to, logarithmic)
         correction = self.base_correction()
         return SweepResult(
             scenario=scenario,
@@ -218,6 +204,20 @@ def sweep_system(scenario: Scenario) -> StructuralSystem:
     return build_system(with_limited_outputs(scenario.model_copy(update=changed)))
 
 
+def _linear_curve(system: StructuralSystem, low_hz: float, high_hz: float, logarithmic: bool) -> LinearCurve:
+    """The steady response without snubbers between two frequencies; the resonances are among its points."""
+    between = np.geomspace if logarithmic else np.linspace
+    frequency, resonances = between(low_hz, high_hz, LINEAR_POINTS), system.modes.open_frequencies_hz
+    frequency = np.unique(np.append(frequency, resonances[(resonances > low_hz) & (resonances < high_hz)]))
+    q = transfer(system, frequency)
+    omega2 = (2 * np.pi * frequency) ** 2
+    displacement = {probe.name: q @ probe.shape for probe in system.probes}
+    acceleration = {
+        name: carried - omega2 * w for carried, (name, w) in zip(system.carried, displacement.items(), strict=True)
+    }
+    return LinearCurve(frequency, displacement, acceleration, contact_levels(system, frequency))
+
+
 def _settings(scenario: Scenario) -> SweptSine | SteppedSine:
     """The section of the sweep, with the table of the file that it names."""
     settings = scenario.sweep
@@ -261,20 +261,8 @@ def _peaks(curve: SweepCurve, modes: ModeTable) -> Iterator[ResponsePeak]:
 def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
     """What does not repeat a field of the result."""
 
-    def largest(values: str, unit: float = 1.0) -> dict[str, dict[str, float]]:
-        return {
-            curve.name: {
-                key: float(np.nanmax(envelope.peak, initial=0.0)) / unit
-                for key, envelope in getattr(curve, values).items()
-            }
-            for curve in curves.values()
-        }
-
     return {
-        "peak_displacement_m": largest("displacement"),
-        "peak_acceleration_g": largest("acceleration", STANDARD_GRAVITY),
-        "peak_force_n": largest("force"),
-        **_outputs(curves),
+        **_largest(curves),
         "contact_share": {
             curve.name: {key: float(curve.weights @ share) for key, share in curve.contact_share.items()}
             for curve in curves.values()
@@ -299,16 +287,19 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
     }  # fmt: skip
 
 
-def _outputs(curves: dict[str, SweepCurve]) -> dict[str, Any]:
-    """The largest magnitude of each output by curve, and their units, for the summary."""
+def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
+    """The largest values of every curve by name, and units of the outputs, for the summary."""
     units = {name: output.unit for curve in curves.values() for name, output in curve.outputs.items()}
-    if not units:
-        return {}
-    peaks = {
-        curve.name: {name: float(np.max(output.peak, initial=0.0)) for name, output in curve.outputs.items()}
-        for curve in curves.values()
+    entries: dict[str, Any] = {
+        value.entry: {name: {} for name in curves} for value in VALUES if value.followed or (units and value is OUTPUT)
     }
-    return {"peak_output": peaks, "output_unit": units}
+    for curve in curves.values():
+        for value, of in curve.peaks():
+            if value.entry in entries:
+                entries[value.entry][curve.name] = {
+                    name: float(np.nanmax(x, initial=0.0)) / value.scale for name, x in of.items()
+                }
+    return entries | ({"output_unit": units} if units else {})
 
 
 def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, Any]:
@@ -366,21 +357,10 @@ def _margins(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
         return {}
     largest: dict[str, tuple[float, str]] = {}
     for curve in curves.values():
-        sources: dict[str, Mapping[str, Any]] = {
-            "peak_force": curve.force,
-            "peak_displacement": curve.displacement,
-            "peak_acceleration": curve.acceleration,
-            **{OF_OUTPUTS + name: {"": output} for name, output in curve.outputs.items()},
-        }
-        for limit, envelopes in sources.items():
-            for name, envelope in envelopes.items():
-                k = int(np.nanargmax(envelope.peak))
-                at = f"{name}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}".removeprefix(", ")
-                value_and_place = float(envelope.peak[k]), at
-                largest[limit] = max(largest.get(limit, (-1.0, "")), value_and_place)
-        for name, values in curve.limited.items():
-            limit, _, snubber = name.partition(" ")
-            k = int(np.nanargmax(values))
-            at = f"{snubber}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}".removeprefix(", ")
-            largest[limit] = max(largest.get(limit, (-1.0, "")), (float(values[k]), at))
+        for value, of in curve.peaks():
+            for name, x in of.items():
+                limit, place = (value.limit, name) if value.limit else (OF_OUTPUTS + name, "")
+                k = int(np.nanargmax(x))
+                at = f"{place}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}".removeprefix(", ")
+                largest[limit] = max(largest.get(limit, (-1.0, "")), (float(x[k]), at))
     return margins_of(scenario.limits, largest)

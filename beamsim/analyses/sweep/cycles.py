@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from typing import Any
 
@@ -91,6 +91,8 @@ class CycleRecord:
     imbalance: Floats  # (C,) J, dissipated energy and change of the stored one, less the work in
     energy: Floats  # (C,) J, largest kinetic and strain energy of the structure where segments end
     pressing: Floats  # (C, 2, p) sums of the force that presses a contact that begins to slide, N, and of its square
+    duration: Floats  # (C,) s
+    cycles: Ints  # (C,) that a row stands for
 
     @property
     def count(self) -> int:
@@ -102,9 +104,32 @@ class CycleRecord:
         """Those of cycles that follow each other."""
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
-    def first(self, count: int) -> CycleRecord:
-        """Those of the first cycles."""
-        return CycleRecord(*(getattr(self, f.name)[:count] for f in fields(self)))
+    def some(self, which: Ints | slice) -> CycleRecord:
+        """Those of some of the cycles."""
+        return CycleRecord(*(getattr(self, f.name)[which] for f in fields(self)))
+
+    def merged(self) -> CycleRecord:
+        """One row for all of them."""
+        weight = self.duration / self.duration.sum()
+        return CycleRecord(
+            high=self.high.max(axis=0, keepdims=True),
+            low=self.low.min(axis=0, keepdims=True),
+            mean_square=weight[None] @ self.mean_square,
+            harmonic=np.asarray(np.tensordot(weight[None], self.harmonic, 1)),
+            contact_share=weight[None] @ self.contact_share,
+            closings=self.closings.sum(axis=0, keepdims=True),
+            imbalance=self.imbalance.sum(keepdims=True),
+            energy=self.energy.max(keepdims=True),
+            pressing=self.pressing.sum(axis=0, keepdims=True),
+            duration=self.duration.sum(keepdims=True),
+            cycles=self.cycles.sum(keepdims=True),
+        )
+
+    def with_rest_in_last(self) -> CycleRecord:
+        """Without the last row, which is not a whole cycle: the one before takes it up, but for its harmonics."""
+        whole = CycleRecord.joined([self.some(slice(-2)), self.some(slice(-2, None)).merged()])
+        harmonic = np.concatenate([whole.harmonic[:, :, :1], self.harmonic[:-1, :, 1:]], axis=2)
+        return replace(whole, harmonic=harmonic, cycles=self.cycles[:-1])
 
     def tracked(self, orders: Sequence[float]) -> Complexes:
         """(R, C, K) complex amplitudes of the R orders: projections over the fewest whole cycles that they repeat in.
@@ -174,6 +199,8 @@ def record_cycles(
         imbalance=summed(imbalance),
         energy=_largest_energy(motion, cycle, count),
         pressing=summed(_pressing_where_sliding_begins(motion)),
+        duration=np.diff(edge),
+        cycles=np.ones(count, dtype=np.int64),
     )  # fmt: skip
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamsim.analyses.run.friction import friction_contacts, sliding_speeds
+from beamsim.analyses.sweep.cycles import CycleRecord
 from beamsim.analyses.sweep.peaks import bent
 from beamsim.analyses.sweep.result import (
     CycleImpacts,
@@ -28,6 +28,8 @@ from beamsim.contacts.springs import FRICTION
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
+from beamsim.scenario.excitation import Sine
+from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.channels import Channel, ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
@@ -43,40 +45,43 @@ class LevelRun:
 
 
 @dataclass(frozen=True)
-class CycleValues:
-    """Values of K outputs at C frequencies; R orders, m contacts."""
+class SweepLevel:
+    """One level of a sweep.
 
-    high: Floats  # (C, K)
-    low: Floats  # (C, K)
-    mean_square: Floats  # (C, K)
-    mean: Floats  # (C, K)
-    harmonics: Complexes  # (R, C, K) zero to peak
-    contact_share: Floats  # (C, m)
-    closings: Ints  # (C, m)
-    period: Floats  # (C,) s, of the time that each covers: a cycle
-    pressing: Floats | None = None  # (C, 2, p) per cycle, see `beamsim.flow.slide_starts`; where something snaps
-    cycles: Ints | int = 1  # (C,) over which the values are taken at each frequency
+    Parameters
+    ----------
+    system : that is swept.
+    settings, excitation : of the scenario.
+    value : of the excitation; with a profile the factor applied to it.
+    index : number of the level.
+    limited : names of the limits.
+    base_force : name of the output that is the force of the base, if that is limited.
+    """
 
-    def with_rest_in_last(self) -> CycleValues:
-        """Without the last row, which is not a whole cycle: the one before takes it up, but for its harmonics."""
-        *_, one, rest = self.period
-        weight = np.array([one, rest]) / (one + rest)
+    system: StructuralSystem
+    settings: SweptSine | SteppedSine
+    excitation: Sine
+    value: float
+    index: int
+    limited: Collection[str] = ()
+    base_force: str = ""
 
-        def merged(values: NDArray[Any], last: NDArray[Any]) -> NDArray[Any]:
-            return np.concatenate([values[:-2], last[None]])
+    @property
+    def quantity(self) -> str:
+        """What is prescribed."""
+        return self.excitation.quantity or "acceleration"
 
-        return replace(
-            self,
-            high=merged(self.high, self.high[-2:].max(axis=0)),
-            low=merged(self.low, self.low[-2:].min(axis=0)),
-            mean_square=merged(self.mean_square, weight @ self.mean_square[-2:]),
-            mean=merged(self.mean, weight @ self.mean[-2:]),
-            harmonics=self.harmonics[:, :-1],
-            contact_share=merged(self.contact_share, weight @ self.contact_share[-2:]),
-            closings=merged(self.closings, self.closings[-2:].sum(axis=0)),
-            pressing=None if self.pressing is None else merged(self.pressing, self.pressing[-2:].sum(axis=0)),
-            period=merged(self.period, np.asarray(one + rest)),
-        )
+    @cached_property
+    def outputs(self) -> SweepOutputs:
+        """What is looked at."""
+        return SweepOutputs(self.system, self.settings.accelerations, self.limited, self.settings.impacts)
+
+    def curve(self, record: CycleRecord, direction: str, **fields: Any) -> SweepCurve:
+        """The curve of one way; ``fields`` are those of `SweepCurve` that follow from neither."""
+        return self.outputs.curve(
+            record, name=f"{direction}_{self.index}", direction=direction, level_index=self.index, level=self.value,
+            quantity=self.quantity, orders=np.array(self.settings.tracked_orders), **fields,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -98,20 +103,15 @@ class SweepOutputs:
     limited: Collection[str] = ()
     with_impacts: bool = False
 
-    @property
-    def snaps(self) -> bool:
-        """Whether the sliding asked for has contacts that lose energy at once where it begins, by a snubber's force."""
-        laws = [self._contacts.laws[j] for j in self._contacts.pressed]
-        return self.with_impacts and any(law.arrays.event_loss[STICK].any() for law in laws)
-
     @cached_property
     def channels(self) -> ChannelSet:
         """Those whose extremes, means and harmonics are asked for."""
-        asked = {DISPLACEMENT: True, FORCE: True, ACCELERATION: self.with_accelerations}
-        asked |= {LIMITED[name].key: True for name in ("gap", "bending_stress") if name in self.limited}
+        asked = {value.key for name, value in LIMITED.items() if value.followed or name in self.limited}
+        if not self.with_accelerations:
+            asked.discard(ACCELERATION)
 
         def wanted(channel: Channel) -> bool:
-            return asked.get(channel.key, False) or (channel.section == "outputs" and not channel.squared)
+            return channel.key in asked or (channel.section == "outputs" and not channel.squared)
 
         return self.system.channels.only(wanted)
 
@@ -154,65 +154,65 @@ class SweepOutputs:
 
     def column(self, section: str, item: str, quantity: str) -> int:
         """Column of a probe's displacement or acceleration, of a snubber's force, or of an output."""
-        keys = {"acceleration": ACCELERATION, "displacement": DISPLACEMENT, "force": FORCE}
-        if section != "outputs":
-            return self._named(keys[quantity])[item]
-        output = next(each for each in self.system.outputs if each.name == item)
-        return self._named(output.key)[item]
+        quantity = {"acceleration": ACCELERATION[1]}.get(quantity, quantity)
+        return next(
+            column
+            for channel, column in self.channels.located
+            if (channel.section, channel.name) == (section, item) and quantity in ("", channel.quantity)
+        )
 
-    def curve(self, values: CycleValues, **fields: Any) -> SweepCurve:
-        """The curve of these values; ``fields`` are the other fields of `SweepCurve`."""
+    def curve(self, record: CycleRecord, **fields: Any) -> SweepCurve:
+        """The curve of these values of cycles; ``fields`` are the other fields of `SweepCurve`."""
         force = self._named(FORCE)
 
         def numbers(k: int) -> tuple[Floats, Floats, Floats, Floats, Complexes]:
-            rms = np.sqrt(np.maximum(values.mean_square[:, k], 0.0))
-            return values.high[:, k], values.low[:, k], rms, values.mean[:, k], values.harmonics[:, :, k]
+            rms, harmonic = np.sqrt(np.maximum(record.mean_square[:, k], 0.0)), record.harmonic[:, k]
+            return record.high[:, k], record.low[:, k], rms, harmonic[:, 0].real, harmonic[:, 1:].T
 
-        def envelopes(key: Key, unit: str) -> dict[str, Envelope]:
-            return {name: Envelope(key[1], unit, *numbers(k)) for name, k in self._named(key).items()}
+        def envelopes(section: str) -> tuple[Envelope, ...]:
+            of = [(c, k) for c, k in self.channels.located if c.section == section and c.key != PENETRATION]
+            of.sort(key=lambda located: located[0].quantity)
+            return tuple(Envelope(c.name, c.quantity, c.unit, *numbers(k)) for c, k in of)
 
-        outputs = [channel for channel in self.channels.channels if channel.section == "outputs"]
         return SweepCurve(
-            displacement=envelopes(DISPLACEMENT, "m"),
-            acceleration=envelopes(ACCELERATION, "m/s^2"),
-            force=envelopes(FORCE, "N"),
-            contact_share={name: values.contact_share[:, k] for k, name in enumerate(force)},
-            contacts={name: values.closings[:, k] for k, name in enumerate(force)},
-            bent=bent(values.contact_share[:, len(force) :]),
-            impacts=self._impacts(values),
-            sliding=self._sliding(values),
+            probes=envelopes("probes"),
+            snubbers=envelopes("snubbers"),
+            contact_share={name: record.contact_share[:, k] for k, name in enumerate(force)},
+            contacts={name: record.closings[:, k] for k, name in enumerate(force)},
+            bent=bent(record.contact_share[:, len(force) :]),
+            impacts=self._impacts(record),
+            sliding=self._sliding(record),
             outputs={
-                each.name: OutputEnvelope(
-                    each.name, each.quantity, each.unit, each.at, *numbers(self._named(each.key)[each.name])
-                )
-                for each in outputs
+                c.name: OutputEnvelope(c.name, c.quantity, c.unit, c.at, *numbers(k))
+                for c, k in self.channels.located
+                if c.section == "outputs"
             },
-            **self._of_limits(values),
+            **self._of_limits(record),
             **fields,
         )
 
-    def _impacts(self, values: CycleValues) -> dict[str, CycleImpacts]:
+    def _impacts(self, record: CycleRecord) -> dict[str, CycleImpacts]:
         """Impacts by snubber, from rates in contact and from outputs whose squares are the power lost."""
         if not self.with_impacts:
             return {}
         force = self._named(FORCE)
         first, count = self._groups()["impacts"].start, len(force)
-        period, out = values.period, {}
+        period, out = record.duration / record.cycles, {}
         for k, (name, column) in enumerate(force.items()):
             lossy = first + count + np.flatnonzero(loss_owner(self._contacts) == k)
-            per_cycle = values.closings[:, k] / values.cycles
+            per_cycle = record.closings[:, k] / record.cycles
             with np.errstate(divide="ignore", invalid="ignore"):
-                time = np.where(per_cycle > 0, values.contact_share[:, k] * period / per_cycle, np.nan)
+                time = np.where(per_cycle > 0, record.contact_share[:, k] * period / per_cycle, np.nan)
             out[name] = CycleImpacts(
                 per_cycle=per_cycle,
                 contact_time=time,
-                impulse=values.mean[:, column] * period,
-                energy_lost=np.maximum(values.mean_square[:, lossy].sum(axis=1), 0.0) * period,
-                penetration_rate=values.high[:, first + k],
+                impulse=record.harmonic[:, column, 0].real * period,
+                energy_lost=np.maximum(record.mean_square[:, lossy].sum(axis=1), 0.0) * period,
+                penetration_rate=record.high[:, first + k],
             )
         return out
 
-    def _sliding(self, values: CycleValues) -> dict[str, CycleSliding]:
+    def _sliding(self, record: CycleRecord) -> dict[str, CycleSliding]:
         """Sliding by friction contact, from mean speeds of sliding and from how often it ends.
 
         Under the force of a snubber from the mean of that force times the speed, and from that force where sliding
@@ -222,25 +222,22 @@ class SweepOutputs:
             return {}
         columns, which, contacts = self._groups()["sliding"], friction_contacts(self.system), self._contacts
         springs = [spring for spring in self.system.springs if spring.kind == FRICTION]
-        of_wear = values.mean_square[:, self._groups()["wear"]]
+        period, of_wear = record.duration / record.cycles, record.mean_square[:, self._groups()["wear"]]
         wear = dict(zip(contacts.pressed.tolist(), (of_wear[:, ::2] - of_wear[:, 1::2]).T, strict=True))
-        pressing = values.pressing
-        if pressing is None:
-            pressing = np.zeros((values.period.size, 2, contacts.pressed.size))
-        begun = dict(zip(contacts.pressed.tolist(), np.moveaxis(pressing, 2, 0), strict=True))
+        begun = dict(zip(contacts.pressed.tolist(), record.pressing.T / record.cycles, strict=True))
         out = {}
         for column, j, spring in zip(range(columns.start, columns.stop), which.tolist(), springs, strict=True):
             name, normal, law = spring.name, spring.normal_force, contacts.laws[j]
             sliding, begins, (loss, pressed_loss) = sliding_limit(law), snap(law), law.arrays.event_loss[STICK, 0]
-            slides = values.closings[:, j] / values.cycles
-            moved = values.mean[:, column] * values.period
+            slides = record.closings[:, j] / record.cycles
+            moved = record.harmonic[:, column, 0].real * period
             if normal is None:  # numbers are those of a unit of the force
-                force, square = begun[j].T
+                force, square = begun[j]
                 out[name] = CycleSliding(
                     per_cycle=slides,
                     distance=moved + begins * force,
-                    energy_lost=sliding * wear[j] * values.period + pressed_loss * square,
-                    wear_power=wear[j] + begins * square / values.period,
+                    energy_lost=sliding * wear[j] * period + pressed_loss * square,
+                    wear_power=wear[j] + begins * square / period,
                 )
                 continue
             distance = moved + slides * begins
@@ -248,7 +245,7 @@ class SweepOutputs:
                 per_cycle=slides,
                 distance=distance,
                 energy_lost=sliding * moved + slides * loss,
-                wear_power=normal * distance / values.period,
+                wear_power=normal * distance / period,
             )
         return out
 
@@ -256,14 +253,14 @@ class SweepOutputs:
     def _contacts(self) -> Contacts:
         return self.system.dynamics.contacts
 
-    def _of_limits(self, values: CycleValues) -> dict[str, Any]:
+    def _of_limits(self, record: CycleRecord) -> dict[str, Any]:
         """Fields of a curve that are computed for limits only."""
         gaps, stress = self._named(PENETRATION), self.channels.places.get(STRESS)
         fields: dict[str, Any] = {}
         if "gap" in self.limited:
-            fields["peak_gap"] = {name: -values.low[:, k] for name, k in gaps.items()}
+            fields["peak_gap"] = {name: -record.low[:, k] for name, k in gaps.items()}
         if stress is not None:
-            extremes = np.abs(values.high[:, stress]), np.abs(values.low[:, stress])
+            extremes = np.abs(record.high[:, stress]), np.abs(record.low[:, stress])
             fields["peak_bending_stress"] = np.maximum(*extremes).max(axis=1)
         return fields
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from beamsim.analyses.gapping import ContactLevels
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
+from beamsim.analyses.values import LIMITED, OUTPUT, PENETRATION, STRESS, VALUES, Value
 from beamsim.fields import (
     Counter,
     Entry,
@@ -40,9 +41,10 @@ _SECTION = ("poincare_frequency_hz", "probe")
 
 @declared(along=_FREQUENCY)
 class Envelope:
-    """One quantity at one place, cycle by cycle (or frequency by frequency)."""
+    """One channel of a probe or snubber, cycle by cycle (or frequency by frequency)."""
 
-    quantity: str  # "displacement", "absolute_acceleration" or "force"
+    name: str = key("name of the probe or snubber")
+    quantity: str  # "displacement", "absolute_acceleration", "force", ...
     unit: str
     maximum: Floats = dataset("{unit}", "largest {quantity:words} of a cycle", name="max_{quantity}")
     minimum: Floats = dataset("{unit}", "smallest {quantity:words} of a cycle", name="min_{quantity}")
@@ -203,6 +205,10 @@ class Notching:
         return {"limits": limits, "ranges": [{**vars(part)} for part in self.ranges], "points": self.frequency_hz.size}
 
 
+def _envelope_rank(_: Mapping[str, Any], envelope: Envelope) -> str:
+    return envelope.quantity
+
+
 @declared(along=_FREQUENCY)
 class SweepCurve:
     """One way through the frequencies at one level."""
@@ -218,14 +224,8 @@ class SweepCurve:
         "{excitation_unit}", "amplitude of the base's acceleration or of the force, zero to peak"
     )
     orders: Floats = axis("1", "order: frequency over excitation frequency", name="order")  # (R,)
-    displacement: dict[str, Envelope] = named("probes", Envelope, given={"quantity": "displacement", "unit": "m"})
-    acceleration: dict[str, Envelope] = named(  # empty where not asked for
-        "probes",
-        Envelope,
-        given={"quantity": "absolute_acceleration", "unit": "m/s^2"},
-        having="peak_absolute_acceleration",
-    )
-    force: dict[str, Envelope] = named("snubbers", Envelope, given={"quantity": "force", "unit": "N"})
+    probes: tuple[Envelope, ...] = named("probes", Envelope, several=True, spread="max_", order=_envelope_rank)
+    snubbers: tuple[Envelope, ...] = named("snubbers", Envelope, several=True, spread="max_", order=_envelope_rank)
     contact_share: dict[str, Floats] = per_snubber("1", "share of the cycle's time in contact")
     contacts: dict[str, Ints] = per_snubber("1", "number of closings")
     energy_error: Floats | None = dataset(
@@ -251,13 +251,41 @@ class SweepCurve:
     notching: Notching | None = group("notching", Notching, default=None)  # where sweep.notch_to asks for it
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
+    def envelopes(self, quantity: str) -> dict[str, Envelope]:
+        """A quantity of the probes or snubbers in every cycle, by name; empty where the sweep does not follow it."""
+        return {each.name: each for each in (*self.probes, *self.snubbers) if each.quantity == quantity}
+
+    @property
+    def displacement(self) -> dict[str, Envelope]:
+        """That of the probes relative to the base."""
+        return self.envelopes("displacement")
+
+    @property
+    def acceleration(self) -> dict[str, Envelope]:
+        """The absolute one of the probes."""
+        return self.envelopes("absolute_acceleration")
+
+    @property
+    def force(self) -> dict[str, Envelope]:
+        """That of the snubbers."""
+        return self.envelopes("force")
+
     def envelope_of(self, section: str, item: str, quantity: str) -> Envelope | OutputEnvelope:
         """A probe's displacement or acceleration, a snubber's force, or an output, in every cycle."""
-        if section == "outputs":
-            return self.outputs[item]
-        return {"displacement": self.displacement, "acceleration": self.acceleration, "force": self.force}[quantity][
-            item
-        ]
+        return self.outputs[item] if section == "outputs" else getattr(self, quantity)[item]
+
+    def peaks(self) -> Iterator[tuple[Value, dict[str, Floats]]]:
+        """The values that have limits, and outputs, each with the largest (C,) of every cycle by name."""
+        for value in (*LIMITED.values(), OUTPUT):
+            of: dict[str, Floats] = {name: each.peak for name, each in self.envelopes(value.quantity).items()}
+            if value is OUTPUT:
+                of = {name: output.peak for name, output in self.outputs.items()}
+            elif value.key == PENETRATION:
+                of = self.peak_gap
+            elif value.key == STRESS and self.peak_bending_stress is not None:
+                of = {"": self.peak_bending_stress}
+            if of:
+                yield value, of
 
     @property
     def excitation_unit(self) -> str:
@@ -271,12 +299,6 @@ class SweepCurve:
             return np.full(self.time.size, 1.0 / max(self.time.size, 1))
         duration = np.diff(self.time, append=self.time[-1] + 1.0 / self.frequency_hz[-1])
         return np.asarray(duration / duration.sum())
-
-    @property
-    def limited(self) -> dict[str, Floats]:
-        """(C,) largest values of each cycle, of the quantities computed only for limits: stress and "gap <snubber>"."""
-        gaps = {f"gap {name}": values for name, values in self.peak_gap.items()}
-        return gaps if self.peak_bending_stress is None else {**gaps, "bending_stress": self.peak_bending_stress}
 
 
 @declared(along=_FREQUENCY)
@@ -354,14 +376,10 @@ _SUMMARY = (
     Entry("events", of="work.events"),
     Entry("truncation", of="truncation"),
     *CorrectionSize.ENTRIES,
-    Entry("peak_displacement_m", "m", "by curve, largest magnitude of a probe's relative displacement",
-             "peak displacement"),
-    Entry("peak_acceleration_g", "g", "by curve, largest magnitude of a probe's absolute acceleration",
-             "peak acceleration"),
-    Entry("peak_force_n", "N", "by curve, largest contact force of a snubber", "peak contact force"),
+    *(value.summary_entry("by curve, ") for value in VALUES if value.followed),
     Entry("contact_share", "1", "by curve, share of its time in contact of a snubber; of a stepped sweep the mean over "
              "the frequencies", "time in contact"),
-    Entry("peak_output", "", "by curve, largest magnitude of an output, in its output_unit", "outputs"),
+    OUTPUT.summary_entry("by curve, "),
     Entry("output_unit", "", "units of the outputs"),
     Entry("notches", "", "by curve, the limits of sweep.notch_to with the largest values, and the ranges in which each "
              "governs", "notches"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
 from beamsim.analyses.sweep.energy import balanced, energy_errors
-from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
+from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Motion
@@ -23,7 +23,6 @@ from beamsim.interrupts import never
 from beamsim.orbits.lyapunov import largest_exponent
 from beamsim.orbits.steady import CycleStepper, Settled, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
-from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.equations import Forcing
@@ -54,22 +53,16 @@ def frequencies_of(settings: SteppedSine) -> Floats:
 
 
 def step_level(
-    system: StructuralSystem,
-    settings: SteppedSine,
-    excitation: Sine,
-    level: float,
-    level_index: int,
-    progress: Callable[[float], None] | None = None,
-    limited: Collection[str] = (),
-    stop: Callable[[], bool] = never,
+    one: SweepLevel, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] = never
 ) -> LevelRun:
     """Step through the frequencies at one level, in all directions."""
-    begin = clock.process_time()
+    begin, system, settings, level = clock.process_time(), one.system, one.settings, one.value
+    assert isinstance(settings, SteppedSine)
     up = frequencies_of(settings)
     sequences = {"up": [("up", up)], "down": [("down", up[::-1])], "both": [("up", up), ("down", up[::-1])]}
     directions = sequences[settings.direction]
-    quantity = excitation.quantity or "acceleration"
-    phase = excitation.phase + phase_of_acceleration(quantity, level)
+    quantity = one.quantity
+    phase = one.excitation.phase + phase_of_acceleration(quantity, level)
     total = sum(f.size for _, f in directions)
 
     def under(f: float) -> tuple[Forcing, tuple[Signal, ...], float]:
@@ -80,7 +73,6 @@ def step_level(
     flow = ExactFlow(system.dynamics, forcing, period, observers)
     motion, _ = start(flow, system.initial_state)
     stepper = CycleStepper(flow, period)
-    outputs = SweepOutputs(system, settings.accelerations, limited, settings.impacts)
     curves, outcome, done = [], COMPLETE, 0
     for direction, frequencies in directions:
         points: list[_Point] = []
@@ -92,7 +84,7 @@ def step_level(
             stepper.use(stepper.flow.under(forcing, observers, period), period, motion)
             amplitude = acceleration_amplitude(abs(level), quantity, float(f))
             try:
-                points.append(_point(stepper, motion, settings, float(f), amplitude, outputs))
+                points.append(_point(stepper, motion, settings, float(f), amplitude, one.outputs))
             except ArithmeticError as error:
                 outcome = Outcome.of(OutcomeKind.STOPPED, "no_steady_state", str(error), at=Where(float(f), "Hz"))
                 break
@@ -100,7 +92,7 @@ def step_level(
             if progress is not None:
                 progress(done / total)
         if points:
-            curves.append(_curve(outputs, settings, quantity, level, level_index, direction, points))
+            curves.append(_curve(one, direction, points))
         if not outcome.complete:
             break
     work = SweepWork(
@@ -169,33 +161,12 @@ def _point(
     return _Point(frequency, amplitude, settled, kind, exponent, measured, section)
 
 
-def _curve(
-    outputs: SweepOutputs,
-    settings: SteppedSine,
-    quantity: str,
-    level: float,
-    level_index: int,
-    direction: str,
-    points: list[_Point],
-) -> SweepCurve:
-    probes, n = outputs.system.probes, outputs.system.dynamics.size
-    harmonic = np.array([p.measured.harmonic.mean(axis=0) for p in points])  # (C, K, 1 + R)
-    values = CycleValues(
-        high=np.array([p.measured.high.max(axis=0) for p in points]),
-        low=np.array([p.measured.low.min(axis=0) for p in points]),
-        mean_square=np.array([p.measured.mean_square.mean(axis=0) for p in points]),
-        mean=harmonic[:, :, 0].real,
-        harmonics=np.ascontiguousarray(np.moveaxis(harmonic[:, :, 1:], 2, 0)),
-        contact_share=np.array([p.measured.contact_share.mean(axis=0) for p in points]),
-        closings=np.array([p.measured.closings.sum(axis=0) for p in points]),
-        pressing=np.array([p.measured.pressing.mean(axis=0) for p in points]) if outputs.snaps else None,
-        period=np.array([1.0 / p.frequency_hz for p in points]),
-        cycles=np.array([p.measured.closings.shape[0] for p in points], dtype=np.int64),
-    )
+def _curve(one: SweepLevel, direction: str, points: list[_Point]) -> SweepCurve:
+    probes, n = one.system.probes, one.system.dynamics.size
     frequency = np.array([p.frequency_hz for p in points])
     shapes = np.array([p.shape for p in probes]).reshape(-1, n)
     section = np.concatenate([p.section for p in points])
-    elapsed = np.cumsum([0.0] + [(p.settled.cycles + p.measured.high.shape[0]) / p.frequency_hz for p in points])
+    elapsed = np.cumsum([0.0] + [(p.settled.cycles + p.measured.count) / p.frequency_hz for p in points])
     steady = SteadyStates(
         kind=tuple(p.kind for p in points),
         period_cycles=np.array([p.settled.period for p in points], dtype=np.int64),
@@ -207,10 +178,9 @@ def _curve(
         poincare_displacement=section[:, :n] @ shapes.T,
         poincare_velocity=section[:, n : 2 * n] @ shapes.T,
     )
-    return outputs.curve(
-        values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
-        level_unit=level_unit(quantity), quantity=quantity, frequency_hz=frequency, time=elapsed[:-1],
-        excitation_amplitude=np.array([p.amplitude for p in points]), orders=np.array(settings.tracked_orders),
-        steady=steady,
+    return one.curve(
+        CycleRecord.joined([p.measured.merged() for p in points]), direction,
+        level_unit=level_unit(one.quantity), frequency_hz=frequency, time=elapsed[:-1],
+        excitation_amplitude=np.array([p.amplitude for p in points]), steady=steady,
         energy_error=np.array([energy_errors(p.measured.imbalance, p.measured.energy).max() for p in points]),
     )  # fmt: skip

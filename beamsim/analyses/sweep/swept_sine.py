@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
 from beamsim.analyses.sweep.energy import balanced, energy_errors
 from beamsim.analyses.sweep.notching import Limited, compared, limited_of, not_held, notched_level, profile_through
-from beamsim.analyses.sweep.outputs import CycleValues, LevelRun, SweepOutputs
+from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, SweepWork
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.swept_motion import SweptLoads, SweptMotion
@@ -80,30 +80,19 @@ def swept_loads(system: StructuralSystem) -> SweptLoads:
 
 
 def sweep_level(
-    system: StructuralSystem,
-    settings: SweptSine,
-    excitation: Sine,
-    level: float,
-    level_index: int,
-    progress: Callable[[float], None] | None = None,
-    limited: Collection[str] = (),
-    stop: Callable[[], bool] = never,
-    base_force: str = "",
+    one: SweepLevel, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] = never
 ) -> LevelRun:
-    """Sweep at one level in all directions; each direction starts from the final motion of the previous one.
-
-    ``base_force`` is the name of the output that is the force of the base, if that is limited.
-    """
+    """Sweep at one level in all directions; each direction starts from the final motion of the previous one."""
+    system, settings, outputs = one.system, one.settings, one.outputs
+    assert isinstance(settings, SweptSine)
     legs = legs_of(settings)
-    profile = profile_of(settings, excitation, level)
-    quantity = excitation.quantity or "acceleration"
-    phase = excitation.phase + phase_of_acceleration(quantity, level, settings.profile)
-    outputs = SweepOutputs(system, settings.accelerations, limited, settings.impacts)
+    profile = profile_of(settings, one.excitation, one.value)
+    phase = one.excitation.phase + phase_of_acceleration(one.quantity, one.value, settings.profile)
     notching: Notching | None = None
     notch_limits: tuple[Limited, ...] = ()
     if settings.notch_to is not None:
-        notch_limits = limited_of(settings.notch_to, outputs, base_force)
-        notching = _notching(outputs, notch_limits, settings, quantity, legs[0], profile, phase, progress, stop)
+        notch_limits = limited_of(settings.notch_to, outputs, one.base_force)
+        notching = _notching(one, notch_limits, legs[0], profile, phase, progress, stop)
         profile = profile_through(notching)
         progress = None if progress is None else partial(_second_part, progress)
     corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
@@ -120,13 +109,11 @@ def sweep_level(
         if stretch.reached:
             phases = SinePhase.of_windows(stretch.windows)
             record = record_cycles(stretch.motion, stretch.edge, output_of, orders, phases, outputs.searched)
-            parts.append(record.first(stretch.reached))
+            parts.append(record.some(slice(stretch.reached)))
         sampled = sum(values.shape[0] for values in samples)
         here = times[sampled : int(np.searchsorted(times, march.end * (1 + 1e-12), side="right"))]
         samples.append(stretch.motion.sample(here - float(windows.edge[stretch.first]), output_of))
-    curves = () if not parts else _curves(
-        outputs, settings, quantity, level, level_index, profile, windows, CycleRecord.joined(parts)
-    )  # fmt: skip
+    curves = _curves(one, profile, windows, CycleRecord.joined(parts)) if parts else ()
     history = None
     if rate is not None:
         values = np.concatenate(samples)
@@ -145,14 +132,12 @@ def sweep_level(
         curves = tuple(replace(curve, notching=compared(notching, notch_limits, curve)) for curve in curves)
         missed = [out for curve in curves if (out := not_held(curve, notch_limits)) is not None]
         outcome = together([missed[0], *(() if outcome.complete else (outcome,))]) if missed else outcome
-    return LevelRun(curves, LevelWork(float(level), outcome, windows.truncation, work, correction), history)
+    return LevelRun(curves, LevelWork(float(one.value), outcome, windows.truncation, work, correction), history)
 
 
 def _notching(
-    outputs: SweepOutputs,
+    one: SweepLevel,
     limits: Sequence[Limited],
-    settings: SweptSine,
-    quantity: str,
     leg: Leg,
     profile: Profile,
     phase: float,
@@ -160,11 +145,13 @@ def _notching(
     stop: Callable[[], bool],
 ) -> Notching:
     """The level of a leg that keeps the limits, in the quantity with which the sweep begins."""
-    system, of_base = outputs.system, outputs.system.base_acceleration is not None
+    system, settings, quantity = one.system, one.settings, one.quantity
+    assert isinstance(settings, SweptSine)
+    of_base = system.base_acceleration is not None
     if settings.profile:
         quantity = settings.profile[0].quantity or ("acceleration" if power_of(quantity) else quantity)
     return notched_level(
-        swept_loads(system), outputs, limits, leg, profile, quantity=quantity, phase=phase, of_base=of_base,
+        swept_loads(system), one.outputs, limits, leg, profile, quantity=quantity, phase=phase, of_base=of_base,
         progress=None if progress is None else lambda part: progress(CONTROL * part), stop=stop,
     )  # fmt: skip
 
@@ -173,41 +160,25 @@ def _second_part(progress: Callable[[float], None], part: float) -> None:
     progress(CONTROL + (1.0 - CONTROL) * part)
 
 
-def _curves(
-    outputs: SweepOutputs,
-    settings: SweptSine,
-    quantity: str,
-    level: float,
-    level_index: int,
-    profile: Profile,
-    windows: SweepWindows,
-    record: CycleRecord,
-) -> tuple[SweepCurve, ...]:
+def _curves(one: SweepLevel, profile: Profile, windows: SweepWindows, record: CycleRecord) -> tuple[SweepCurve, ...]:
     """The curves of the legs that were reached."""
-    tracked = record.tracked((0.0, *settings.tracked_orders))
-    period = np.diff(windows.edge)
+    settings = one.settings
+    assert isinstance(settings, SweptSine)
+    tracked = replace(record, harmonic=np.moveaxis(record.tracked((0.0, *settings.tracked_orders)), 0, 2))
     curves = []
     for index, leg in enumerate(legs_of(settings)):
-        direction = "up" if leg.last_hz > leg.first_hz else "down"
         computed = np.flatnonzero(windows.cycle_leg[: record.count] == index)
         complete = (computed < windows.cycles - 1) | windows.complete
         cycles = computed[complete]
         if not cycles.size:
             continue
-        values = CycleValues(
-            record.high[computed], record.low[computed], record.mean_square[computed], tracked[0, computed].real,
-            tracked[1:, computed], record.contact_share[computed], record.closings[computed], period[computed],
-            record.pressing[computed] if outputs.snaps else None,
-        )  # fmt: skip
-        if not complete[-1]:
-            values = values.with_rest_in_last()
+        of_leg = tracked.some(computed)
         frequency = windows.frequency_hz[cycles]
-        curve = outputs.curve(
-            values, name=f"{direction}_{level_index}", direction=direction, level_index=level_index, level=level,
-            level_unit="" if settings.profile else level_unit(quantity), quantity=quantity, frequency_hz=frequency,
+        curve = one.curve(
+            of_leg if complete[-1] else of_leg.with_rest_in_last(), "up" if leg.last_hz > leg.first_hz else "down",
+            level_unit="" if settings.profile else level_unit(one.quantity), frequency_hz=frequency,
             time=windows.edge[cycles], excitation_amplitude=profile(frequency),
-            orders=np.array(settings.tracked_orders),
-            energy_error=energy_errors(record.imbalance[computed], record.energy[computed], complete),
+            energy_error=energy_errors(of_leg.imbalance, of_leg.energy, complete),
         )  # fmt: skip
         curves.append(curve)
     return tuple(curves)

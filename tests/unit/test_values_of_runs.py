@@ -1,4 +1,4 @@
-"""A run computes its summary; curves and histories follow when they are read or written."""
+"""Values of runs are those of their histories, and of each channel alone."""
 
 from pathlib import Path
 

@@ -1,0 +1,30 @@
+"""Energies of a motion in closed form, and their balance."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from beamsim.analyses.run.energy import EnergyBalance, energies_of_segments, sampled_energies
+from beamsim.analyses.run.result import EnergyHistory
+
+
+class Balance(NamedTuple):
+    """Energies, and the largest imbalance relative to them."""
+
+    history: EnergyHistory
+    error: float
+
+
+def energy_history(trajectory, times):
+    """At some times."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _balance(*sampled_energies(trajectory, times))
+
+
+def energy_of_segments(trajectory):
+    """At the ends of segments."""
+    return _balance(*energies_of_segments(trajectory))
+
+
+def _balance(times, history, exchanged):
+    return Balance(history, EnergyBalance.of(times, history, exchanged).error)
