@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from beamsim.errors import Problem
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, fail, path_parts, path_text, problem, refused, suggestion, unknown
+from beamsim.scenario.base import Path, fail, path_parts, path_text, problem, refused, unknown
 from beamsim.scenario.body import Located
 from beamsim.scenario.designs import Sobol, Vary, Zipped
 from beamsim.scenario.excitation import Excitation, Forces, Harmonic, sine_problems
@@ -119,10 +119,10 @@ def notch_problems(scenario: ScenarioParts, limits: Mapping[str, float]) -> Prob
         "outputs": list(outputs),
     }
     for name, limit in limits.items():
-        path = path_text(("sweep", "notch_to", name))
+        path: Path = ("sweep", "notch_to", name)
         of = limited_quantity(name, scenario.base_force or BASE_FORCE.name)
         if of is None:
-            yield Problem(
+            yield problem(
                 path,
                 "names nothing that can be limited",
                 "write for example probes.tip.acceleration, snubbers.tip.force, base.force or outputs.gauge",
@@ -130,27 +130,25 @@ def notch_problems(scenario: ScenarioParts, limits: Mapping[str, float]) -> Prob
             continue
         dimension: units.Dimension | None = units.FORCE
         if name != "base.force":
+            yield from unknown(path, of.item, of.section.removesuffix("s"), names[of.section])
             if of.item not in names[of.section]:
-                known = names[of.section]
-                remedy = suggestion(of.item, known, f"the {of.section} are") if known else f"there are no {of.section}"
-                yield Problem(path, f"limits {of.item}, which is none of the {of.section}", remedy)
                 continue
             if of.section == "outputs":
                 if outputs[of.item].kind in ("kinetic_energy", "strain_energy"):
-                    yield Problem(path, "is an energy, which sweeps do not follow", "limit another quantity")
+                    yield problem(path, "is an energy, which sweeps do not follow", "limit another quantity")
                     continue
                 dimension = output_dimension(outputs[of.item], scenario.all_bodies, scenario.default_body)
             else:
                 dimension = QUANTITIES_OF[of.section][of.quantity]
         elif BASE_FORCE.name in outputs and scenario.base_force is None:
-            yield Problem(path, f"needs the name {BASE_FORCE.name}, which another output has", "rename that output")
+            yield problem(path, f"needs the name {BASE_FORCE.name}, which another output has", "rename that output")
             continue
         yield from unit_problems(
             path, limit, dimension, "" if dimension is None else f"which is none of {dimension.name}"
         )
 
 
-def unit_problems(path: str, limit: float, dimension: units.Dimension | None, but: str) -> Problems:
+def unit_problems(path: Path, limit: float, dimension: units.Dimension | None, but: str) -> Problems:
     """A limit in a unit of something else.
 
     Parameters
@@ -162,9 +160,9 @@ def unit_problems(path: str, limit: float, dimension: units.Dimension | None, bu
     """
     said = meant(limit)
     if dimension is None and said is not None:
-        yield Problem(path, "has a unit, and the output has one of its own", "give a plain number in that unit")
+        yield problem(path, "has a unit, and the output has one of its own", "give a plain number in that unit")
     elif dimension is not None and said not in (None, unit_of_dimension(dimension)):
-        yield Problem(path, f"is in {said or 'no unit'}, {but}", f"write {dimension.example}")
+        yield problem(path, f"is in {said or 'no unit'}, {but}", f"write {dimension.example}")
 
 
 def _swept_supports(excitation: Harmonic | Forces) -> Problems:

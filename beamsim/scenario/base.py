@@ -248,6 +248,13 @@ def plain(value: object) -> Any:
     return float(value) if isinstance(value, float) else str(value)
 
 
+def words_of(annotation: Any) -> tuple[str, ...]:
+    """Words that an annotation, or a member of a union in it, allows."""
+    if get_origin(annotation) is Literal:
+        return tuple(map(str, get_args(annotation)))
+    return tuple(word for member in get_args(annotation) for word in words_of(member))
+
+
 def kind_of(value: Any) -> Any:
     """The kind of a raw value or of a part of a scenario, None without one."""
     return value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)

@@ -59,6 +59,11 @@ class Body(Schema):
     """Whether it has modes that are left out unless they are asked for."""
 
     @property
+    def called(self) -> str:
+        """What it is, in messages."""
+        return "imported matrices" if self.is_read_from_files else f"a {self.body_kind}"
+
+    @property
     def mode_count(self) -> int | None:
         """Number of modes there are; None where that is for the mesh to say."""
         return None
@@ -179,9 +184,8 @@ class Body(Schema):
 
     def _misplaced(self, where: Path, at: Path, of: str) -> Problem:
         """That a place is named as on bodies of another kind."""
-        what = "imported matrices" if self.is_read_from_files else f"a {self.body_kind}"
         this = "the structure" if len(where) == 1 else path_text(where)
-        return problem(at, f"applies to {of}, but {this} is {what}", self.how_to_place)
+        return problem(at, f"applies to {of}, but {this} is {self.called}", self.how_to_place)
 
     def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
         """What is wrong with a position at which a mode shape was measured."""
@@ -192,16 +196,19 @@ class Body(Schema):
         return self
 
     def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
-        """Why no snubber can move to a position of the body, where `at` names it."""
-        yield from self.position_problems(where, at, position, "")
+        """Why no snubber can move to a position of the body, written at ``at``; by default that it is no beam."""
+        message = f"= position moves along a beam, but the structure is {self.called}"
+        yield problem((*at[:-1], "kind"), message, "follow gap or stiffness, or vary the place in a study")
 
     def power_of_start(self, index: int) -> int:
         """Power of x whose coefficient is the number of a displacement or velocity to start from."""
         return index
 
     def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
-        """What is wrong with the numbers of a displacement or velocity to start from."""
-        yield from ()
+        """What is wrong with the numbers of a displacement or velocity to start from; by default that there are any."""
+        if numbers:
+            remedy = "start from rest, the static equilibrium, a mode, or a released force"
+            yield problem(at, f"gives a shape of a beam or chain, but the structure is {self.called}", remedy)
 
     def factor_problems(self, where: Path, key: str, largest: float) -> Iterator[Problem]:
         """Springs that a stiffness factor up to ``largest`` would give a negative slope."""

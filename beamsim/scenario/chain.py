@@ -110,14 +110,6 @@ class Chain(Body):
             remedy = f"masses are numbered from 1 to {self.count}"
             yield problem(at, f"= {position:g} is not the number of a mass", remedy)
 
-    def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
-        """Snubbers do not move between masses."""
-        yield problem(
-            (*at[:-1], "kind"),
-            "= position applies to a beam, but the structure is a chain",
-            "follow gap or stiffness",
-        )
-
     def power_of_start(self, index: int) -> int:
         """None: each mass has its own displacement."""
         return 0

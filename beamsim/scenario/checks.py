@@ -69,11 +69,12 @@ def _bodies(scenario: ScenarioParts) -> Problems:
 
 def _directions(scenario: ScenarioParts) -> Problems:
     """The base and gravity move points of every body."""
-    direction, gravity = getattr(scenario.excitation, "direction", None), scenario.gravity
+    direction = getattr(scenario.excitation, "direction", None)
+    gravity = scenario.gravity if isinstance(scenario.gravity, tuple) else ()
     if direction is not None:
         yield from _base_moves(scenario, ("excitation", "direction"), direction, f"= {direction}")
-    for k, axis in enumerate("xyz" if isinstance(gravity, tuple) else ""):
-        if gravity[k] != 0:  # type: ignore[index]
+    for k, (axis, component) in enumerate(zip("xyz", gravity, strict=False)):
+        if component != 0:
             yield from _base_moves(scenario, ("gravity", k), axis, f"acts along {axis}, which")
 
 
@@ -182,8 +183,7 @@ def _distributed(scenario: ScenarioParts, path: Path, load: DistributedLoad) -> 
             "chain": "list forces on its masses: excitation: {kind: forces, forces: [...]}",
             "matrices": "list forces at its nodes: excitation: {kind: forces, forces: [...]}",
         }[body.body_kind]
-        what = "imported matrices" if body.body_kind == "matrices" else f"a {body.body_kind}"
-        yield problem((*path, key), f"belongs to a {load.acts_on}, but {path_text(where)} is {what}", remedy)
+        yield problem((*path, key), f"belongs to a {load.acts_on}, but {path_text(where)} is {body.called}", remedy)
         return
     if load.ends is not None:
         for index, end in enumerate(load.ends):
@@ -539,8 +539,8 @@ def _limits(scenario: ScenarioParts) -> Problems:
             yield Problem(f"limits.{name}", "limits the snubbers, and there are none", "add a snubber, or leave it out")
     outputs = {output.name: output for _, output in scenario.requested_outputs}
     for name, limit in (limits.outputs or {}).items():
-        path = path_text(("limits", "outputs", name))
-        yield from unknown(("limits", "outputs", name), name, "output", outputs, "list it in outputs")
+        path: Path = ("limits", "outputs", name)
+        yield from unknown(path, name, "output", outputs, "list it in outputs")
         if name not in outputs:
             continue
         dimension = output_dimension(outputs[name], scenario.all_bodies, scenario.default_body)

@@ -41,8 +41,9 @@ class Shape(Schema):
 
     @property
     def two_dimensional(self) -> bool | None:
-        """Whether it is a shape for a plate; None where it is one for both beams and plates."""
-        return None
+        """Whether it is a shape for a plate, with a list for each step in x; None where it is one for beams as well."""
+        numbers = getattr(self, "values", getattr(self, "coefficients", None))
+        return None if numbers is None else _is_grid(numbers)
 
 
 class UniformShape(Shape):
@@ -66,11 +67,6 @@ class LinearShape(Shape):
         if any(len(row) != 2 for row in rows) or (_is_grid(self.values) and len(rows) != 2):
             raise fail("must be two numbers, or two lists of two", "write [0, 1] or [[0, 0], [1, 1]]", ("values",))
 
-    @property
-    def two_dimensional(self) -> bool:
-        """With values at four corners."""
-        return _is_grid(self.values)
-
 
 class PolynomialShape(Shape):
     """A polynomial in the share s of the loaded part, 0 at its left end and 1 at its right end."""
@@ -80,11 +76,6 @@ class PolynomialShape(Shape):
     coefficients: Numbers
     """Of 1, s, s^2, ...; on a plate a list for each power of s = x share, of the coefficients of 1, t, t^2, ...,
     where t is the y share."""
-
-    @property
-    def two_dimensional(self) -> bool:
-        """With powers of both shares."""
-        return _is_grid(self.coefficients)
 
 
 HalfWaves = Annotated[tuple[Count, ...], Field(min_length=1, max_length=2)]
@@ -144,11 +135,6 @@ class TableShape(Shape):
             key: tuple(body.metres(each, axis) for each in positions)
             for axis, (key, positions) in enumerate((("x", self.x), ("y", self.y))) if positions is not None
         })  # fmt: skip
-
-    @property
-    def two_dimensional(self) -> bool:
-        """With positions in two directions."""
-        return self.y is not None
 
 
 AnyShape = Annotated[

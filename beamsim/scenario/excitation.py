@@ -199,7 +199,8 @@ class Span(Schema, Generic[Number]):
 
     def demand_inside(self, values: Sequence[float], at: Path) -> None:
         """Refuse values of a list at a path that lie outside the range."""
-        low, high = sorted((float(self.from_), float(self.to)))  # type: ignore[arg-type]
+        ends: Any = (self.from_, self.to)
+        low, high = sorted(map(float, ends))
         for k, value in enumerate(values):
             if not low <= value <= high:
                 raise fail(f"= {value:g} lies outside the range", f"give a value from {low:g} to {high:g}", (*at, k))

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, Schema, Variants, fail, problem
+from beamsim.scenario.base import Path, Schema, Variants, fail
 from beamsim.scenario.body import Body
 from beamsim.scenario.damping import ChainDamping
 from beamsim.scenario.place import NodeDirection, NodeNumber
@@ -192,10 +192,3 @@ class MatricesBody(Body):
     def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
         """None: which nodes there are is in the files."""
         yield from ()
-
-    def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
-        """Its fields have no short form."""
-        if numbers:
-            yield problem(at, "gives a shape, which imported matrices do not take",
-                "start from rest, the static equilibrium, a mode, or a released force",
-            )  # fmt: skip

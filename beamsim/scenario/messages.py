@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from beamsim.scenario.base import Path, Schema, descriptions, single_line, tag_of
+from beamsim.scenario.base import Path, Schema, descriptions, single_line, tag_of, words_of
 from beamsim.scenario.quantities import FieldType
 
 MOST_HOMES = 3  # sections that a remedy names
@@ -74,7 +74,7 @@ def describe(root: type[Schema], error: ErrorDetails) -> tuple[Path, str, str]:
         case "union_tag_invalid" | "union_tag_not_found":
             return _kind(path, value, field)
         case "literal_error":
-            choices = _choices(field, location)
+            choices = list(words_of(field.annotation)) if field is not None else []
             return path, shown + "is not one of " + ", ".join(choices), _did_you_mean(value, choices)
         case "model_type" | "model_attributes_type" | "dict_type":
             keys = ", ".join(_class_at(schema, field, location).keys())
@@ -151,18 +151,3 @@ def _kind(path: Path, value: Any, field: FieldInfo | None) -> tuple[Path, str, s
         return path, "has no kind", "give kind: " + ", ".join(kinds[:-1]) + " or " + kinds[-1]
     message = f"= {single_line(value['kind'])} is not one of " + ", ".join(kinds)
     return (*path, "kind"), message, _did_you_mean(value["kind"], kinds)
-
-
-def _choices(field: FieldInfo | None, location: Path) -> list[str]:
-    choices: list[str] = []
-
-    def collect(annotation: Any) -> None:
-        if get_origin(annotation) is Literal:
-            choices.extend(str(choice) for choice in get_args(annotation))
-        for argument in get_args(annotation):
-            if get_origin(annotation) is not Literal:
-                collect(argument)
-
-    if field is not None:
-        collect(field.annotation)
-    return choices

@@ -8,12 +8,23 @@ A path is written as in overrides, ``beam.point_masses[0].mass``; ``[*]`` means 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, get_args
 
 from pydantic_core import PydanticCustomError
 
 from beamsim.errors import ScenarioError
-from beamsim.scenario.base import Path, Schema, counted, fail, path_parts, path_text, refused, single_line, suggestion
+from beamsim.scenario.base import (
+    Path,
+    Schema,
+    counted,
+    fail,
+    path_parts,
+    path_text,
+    refused,
+    single_line,
+    suggestion,
+    words_of,
+)
 from beamsim.scenario.body import Body
 from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.quantities import FieldType, LevelValue, Share, meant
@@ -162,19 +173,12 @@ def choices_at(scenario: ScenarioParts, place: Path) -> tuple[str, ...]:
     """The words that the field at a place may hold (supports); none for a number."""
     if not isinstance(place[-1], str) or not isinstance(value_at(scenario, place), str):
         return ()
-    words = _words(_field(value_at(scenario, place[:-1]), place[-1]).annotation)
+    words = words_of(_field(value_at(scenario, place[:-1]), place[-1]).annotation)
     return words if len(words) > 1 else ()
 
 
 def _field(owner: Schema, key: str) -> Any:
     return type(owner).model_fields[type(owner).keys()[key]]
-
-
-def _words(annotation: Any) -> tuple[str, ...]:
-    """Words of an annotation, or of the members of a union."""
-    if get_origin(annotation) is Literal:
-        return tuple(get_args(annotation))
-    return tuple(word for member in get_args(annotation) for word in _words(member))
 
 
 def field_type_at(scenario: ScenarioParts, place: Path) -> FieldType | None:

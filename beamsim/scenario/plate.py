@@ -287,23 +287,6 @@ class PlateBody(Body):
         """Measured mode shapes have one coordinate."""
         yield problem(at, "is one coordinate, and the structure is a plate", "give measured frequencies without shapes")
 
-    def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
-        """Snubbers do not move on a plate."""
-        yield problem(
-            (*at[:-1], "kind"),
-            "= position moves along a beam, but the structure is a plate",
-            "follow gap or stiffness, or vary at.position[0] in a sweep of designs",
-        )
-
-    def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
-        """Polynomials have one variable."""
-        if numbers:
-            yield problem(
-                at,
-                "gives a polynomial along a beam, but the structure is a plate",
-                "start from a mode, a released force or the static equilibrium",
-            )
-
     def point_force_doubts(self, where: Path, position: Where) -> Iterator[str]:
         """Stress has no limit under a point force, other than at a free corner."""
         if not self.gives_stress or not isinstance(position, tuple) or self.holds(position):

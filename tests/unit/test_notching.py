@@ -148,11 +148,15 @@ def test_limits_that_impacts_exceed_are_an_outcome():
 @pytest.mark.parametrize(
     ("settings", "path", "words"),
     [
-        ({"notch_to": {"probes.thirdd.acceleration": "2 g"}}, "sweep.notch_to[probes.thirdd.acceleration]", "none of"),
+        (
+            {"notch_to": {"probes.thirdd.acceleration": "2 g"}},
+            "sweep.notch_to[probes.thirdd.acceleration]",
+            "an unknown probe",
+        ),
         ({"notch_to": {"second": "2 g"}}, "sweep.notch_to.second", "can be limited"),
         ({"notch_to": {"base.force": "2 g"}}, "sweep.notch_to[base.force]", "none of force"),
         ({"notch_to": {"base.force": "0 N"}}, "sweep.notch_to[base.force]", "positive"),
-        ({"notch_to": {"outputs.gauge": 3}}, "sweep.notch_to[outputs.gauge]", "none of the outputs"),
+        ({"notch_to": {"outputs.gauge": 3}}, "sweep.notch_to[outputs.gauge]", "an unknown output"),
         ({"notch_to": {}}, "sweep.notch_to", "limits nothing"),
         ({"direction": "both"}, "sweep.notch_to", "one direction"),
         ({"accelerations": False}, "sweep.notch_to", "accelerations = false"),
