@@ -213,7 +213,7 @@ def test_a_study_of_continuations(tmp_path):
         (BEAM, f"sweep={{{GAP}, method: harmonic_balance}}", "not the gap"),
         (BEAM, f"sweep={{{GAP}, overlay: {{rate: 1 Hz/s}}}}", "in gap"),
         (BEAM, f"sweep={{{SHORT}, follow_folds_in: {{kind: level, from: 3 g, to: 4 g}}}}", "widen"),
-        (CHAIN, "sweep={kind: continuation, continue_in: {kind: position, from: 0.1, to: 0.3}}", "applies to a beam"),
+        (CHAIN, "sweep={kind: continuation, continue_in: {kind: position, from: 0.1, to: 0.3}}", "moves along a beam"),
         (CHAIN, "chain.snubbers=[]", None),
     ],
 )  # fmt: skip
