@@ -25,8 +25,11 @@ ELSEWHERE = (
     "one_sided_", "prestressed_", "backlash_", "point_force_",  # tests/reference/test_thesis_cases.py
     "ms_", "nnm_forced_mode_",  # tests/reference/test_multiple_scales_thesis.py
     "vibeams sweep",  # tests/reference/test_vibeams.py
+    "nnm_chain_mass_", "nnm_thesis_mode_",  # docs/site_pages/validation.py, and docs/site_pages/gallery.py:
+    "chain_two_dof", "continuation_60_120hz", "crushed_stop", "identify_snubber", "nnm_first", "plate_panel",
+    "random_vibration", "shock_panel", "snubber_rubber", "two_panels run",
 )  # fmt: skip
-"""Beginnings of config and command, of those that other tests compute as a whole."""
+"""Beginnings of config and command, of those that other tests or the documents compute as a whole."""
 
 
 def asked(path):
