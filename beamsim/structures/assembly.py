@@ -147,7 +147,7 @@ def _check_places(scenario: Scenario, bodies: Sequence[BodyStructure]) -> None:
         acts = path[0] != "probes" and "outputs" not in path[:2]
         problem = known[site.body].place_problem(site, acts)
         if problem is not None:
-            problems.append(Problem(path_text((*path, problem[0])), *problem[1:]))
+            problems.append(Problem(path_text((*path, *problem[0].split("."))), *problem[1:]))
     if problems:
         raise ScenarioError(problems)
 
