@@ -98,16 +98,7 @@ class VariationalFlow(PeriodicFlow):
 
     def motion(self, passage: Passage) -> Trajectory:
         """The motion of a passage, of which every output is known in closed form."""
-        for phases in passage.phases:
-            self.exact.state_index(phases)
-        number = {phases.tobytes(): k for k, phases in enumerate(self.exact.visited)}
-        state = np.array([number[phases.tobytes()] for phases in passage.phases], dtype=np.int64)
-        log = Log(
-            passage.time, passage.length, state, np.zeros_like(state), passage.y, passage.event_time,
-            passage.event_contact, passage.event_phase,
-        )  # fmt: skip
-        end = float(passage.time[0] + passage.duration)
-        return Trajectory(self.exact, end, *log, passage.end, 0, COMPLETE)
+        return motion_on(self.exact, passage)
 
     @property
     def fastest(self) -> float:
@@ -133,6 +124,20 @@ class VariationalFlow(PeriodicFlow):
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state at increasing times within a passage."""
         return self.motion(passage).states_at(times)
+
+
+def motion_on(exact: ExactFlow, passage: Passage) -> Trajectory:
+    """The motion of a passage on a flow of the same system under the same loads, whose outputs are asked for."""
+    for phases in passage.phases:
+        exact.state_index(phases)
+    number = {phases.tobytes(): k for k, phases in enumerate(exact.visited)}
+    state = np.array([number[phases.tobytes()] for phases in passage.phases], dtype=np.int64)
+    log = Log(
+        passage.time, passage.length, state, np.zeros_like(state), passage.y, passage.event_time,
+        passage.event_contact, passage.event_phase,
+    )  # fmt: skip
+    end = float(passage.time[0] + passage.duration)
+    return Trajectory(exact, end, *log, passage.end, 0, COMPLETE)
 
 
 def floquet_multipliers(monodromy: Floats) -> Complexes:

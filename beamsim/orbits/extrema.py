@@ -45,11 +45,37 @@ def extrema_of(
     if isinstance(flow, VariationalFlow):
         output = rows(flow.exact)
         return flow.motion(passage).extrema(lambda _: output, edges, squares=squares)
-    pieces = np.unique(np.concatenate([edges, np.linspace(0.0, passage.duration, PIECES + 1), passage.event_time]))
-    length = np.diff(pieces)
-    times = pieces[:-1, None] + 0.5 * length[:, None] * (1.0 + chebyshev.chebpts2(NODES + 1))
-    at_points = values(times.ravel(), flow.states_at(passage, times.ravel()))
-    waves = polynomials(at_points.reshape(*times.shape, -1), pieces[:-1], length)
+    return polynomial_extrema(
+        lambda times, _: values(times, flow.states_at(passage, times)), edges, passage.event_time, squares=squares
+    )
+
+
+def polynomial_extrema(
+    values: Callable[[Floats, Floats], Floats],
+    edges: Floats,
+    breaks: Floats,
+    pieces: int = PIECES,
+    squares: Ints | None = None,
+) -> Extrema:
+    """Extremes of K outputs that are smooth, and so polynomials on short pieces, between events.
+
+    Parameters
+    ----------
+    values : the outputs (nt, K) at times (nt,), s, that do not decrease; with each comes a time inside its piece.
+    edges : (W + 1,) s, increasing, between each two of which the extremes are asked for.
+    breaks : s, of the events.
+    pieces : least number.
+    squares : as of `extrema_of`.
+
+    Returns
+    -------
+    Smallest and largest values (W, K) and their times.
+    """
+    ends = np.unique(np.concatenate([edges, np.linspace(edges[0], edges[-1], pieces + 1), breaks]))
+    length = np.diff(ends)
+    times = ends[:-1, None] + 0.5 * length[:, None] * (1.0 + chebyshev.chebpts2(NODES + 1))
+    at_points = values(times.ravel(), np.repeat(ends[:-1] + 0.5 * length, NODES + 1))
+    waves = polynomials(at_points.reshape(*times.shape, -1), ends[:-1], length)
     search = Search.of(at_points.shape[1], edges.size - 1, squares=squares)
-    search.add([replace(waves, window=np.searchsorted(edges, pieces[:-1], side="right") - 1)])
+    search.add([replace(waves, window=np.searchsorted(edges, ends[:-1], side="right") - 1)])
     return search.extrema()

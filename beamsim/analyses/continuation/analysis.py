@@ -22,9 +22,8 @@ from beamsim.analyses.continuation.branches import (
     side_reach,
     trace_range,
 )
-from beamsim.analyses.continuation.closed_form import measured_orbit
 from beamsim.analyses.continuation.coexisting import SeekingShootingTracer, SeekingTracer, coexisting_branches
-from beamsim.analyses.continuation.motion import MeasuredMotion, measure, measured, sampled_motion
+from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
 from beamsim.analyses.continuation.paths import FollowedParameter, ResponseModel, level_unit, response_model
 from beamsim.analyses.continuation.refinement import ReportedMaximum, cut, with_maxima, with_points_at
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
@@ -32,12 +31,12 @@ from beamsim.analyses.continuation.side_branches import leavings, side_branches
 from beamsim.analyses.deflections import deflection_warnings
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.reduction import reduction_checked
-from beamsim.analyses.run.orbit_energy import balance_error, balanced, energy_error, largest_error
+from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.analyses.values import ACCELERATION, BY_ENTRY, DISPLACEMENT, FORCE, LIMITED, PENETRATION, STRESS, Value
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
-from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, BranchPoint, OrbitBranch, SpecialPoint
+from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch, SpecialPoint
 from beamsim.orbits.shooting import STABLE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.scenario import Scenario
@@ -290,21 +289,10 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
     settings, limits = model.scenario.sweep, model.scenario.limits
     assert isinstance(settings, Continuation)
     channels = measured(system, () if limits is None else limits.given)
-    by_balance = not hasattr(problem, "flow")
-
-    def measured_motion(point: BranchPoint) -> MeasuredMotion:
-        driving = system, model.loads, model.base, model.signals
-        if not by_balance:
-            motion = measured_orbit(*driving, problem, point, channels, settings.stored_harmonics)
-            error = energy_error(problem.flow_at(point.parameter)[0], point.data)
-        else:
-            omega, driven = problem.at(point.parameter)
-            sampled = sampled_motion(point.data, model.loads, omega, driven)
-            motion = measure(*driving, sampled, channels, settings.stored_harmonics)
-            error = balance_error(problem, point)
-        return replace(motion, energy_error=error)
-
-    traced, motions = with_maxima(traced, measured_motion, _reported_maxima(model, channels), stop)
+    measurement = Measurement(system, model.excitation, channels, settings.stored_harmonics)
+    traced, motions = with_maxima(
+        traced, lambda point: measurement.of(problem, point), _reported_maxima(model, channels), stop
+    )
     spectra = [problem.multipliers(point) for point in traced.points]
     n = system.dynamics.size
     states = np.array([orbit.state for orbit in traced.orbits])
@@ -322,7 +310,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         return {name: table[:, k] for k, name in enumerate(of)}
 
     from_balance = None
-    if by_balance:
+    if isinstance(settings.method, HarmonicBalance):
         from beamsim.analyses.continuation.balance import neglected
 
         from_balance = neglected(traced)

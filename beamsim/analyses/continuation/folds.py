@@ -8,8 +8,7 @@ import numpy as np
 
 from beamsim.analyses.branch import FoldBranch
 from beamsim.analyses.continuation.branches import Budget
-from beamsim.analyses.continuation.closed_form import measured_orbit
-from beamsim.analyses.continuation.motion import measured
+from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import FollowedParameter, ResponseModel
 from beamsim.analyses.values import DISPLACEMENT
 from beamsim.interrupts import until
@@ -119,15 +118,14 @@ def _curve(
     points = [*halves[1][::-1][:-1], *halves[0]] if len(halves) == 2 else halves[0] if halves else []
     outcome = both_directions(outcomes[-1], outcomes[0])
     names = [p.name for p in model.system.probes]
-    channels = measured(model.system)
-    peak, displacements = np.empty((len(points), len(names))), channels.places[DISPLACEMENT]
+    measurement = Measurement(model.system, model.excitation, model.system.channels.of_keys(DISPLACEMENT))
+    peak = np.empty((len(points), len(names)))
     parameter = np.array([second.outward(p.parameter) for p in points])
     for k, point in enumerate(points):
         local = _at(model, orbits, path, point, level)
         orbit = BranchPoint(point.u[:-1], point.tangent[:-1], point.scale[:-1], point.residual, point.orientation,
                             point.iterations, point.data)  # fmt: skip
-        cycles = measured_orbit(model.system, model.loads, model.base, model.signals, local, orbit, channels)
-        peak[k] = np.maximum(np.abs(cycles.high), np.abs(cycles.low))[displacements]
+        peak[k] = measurement.of(local, orbit).peak
     n = model.system.dynamics.size
     states = np.array([p.u[:-2] for p in points]).reshape(len(points), orbits.flow.size)
     return FoldBranch(

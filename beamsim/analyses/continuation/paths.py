@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.continuation.contact_rates import MovedContact
-from beamsim.analyses.continuation.motion import DrivenSignals
+from beamsim.analyses.continuation.motion import sine_of
 from beamsim.contacts.contacts import Contacts
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import ContactDirection, PeriodicForcing
@@ -16,13 +16,12 @@ from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.profiles import power_of
-from beamsim.inputs.signal import Signal
 from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.analysis_checks import snubber_index
-from beamsim.scenario.excitation import Forces, Harmonic
+from beamsim.scenario.excitation import Forces, Harmonic, Sine
 from beamsim.scenario.quantities import FACTOR
 from beamsim.scenario.quantities import level_unit as unit_of
 from beamsim.scenario.sweep import Continuation, PositionPath, SnubberPath
@@ -30,7 +29,6 @@ from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Complexes, Floats
 
 
 @dataclass(frozen=True)
@@ -91,12 +89,16 @@ class ResponseModel:
     scenario: Scenario
     system: StructuralSystem
     loads: PeriodicForcing
-    base: DrivenSignals | None  # its acceleration, m/s^2
-    signals: DrivenSignals  # of the loads
     followed: FollowedParameter
     second: FollowedParameter | None  # what folds are followed in
     frequency_hz: float  # of the excitation, where it is held
     levels: tuple[float, ...]
+
+    @property
+    def excitation(self) -> Sine:
+        """What drives the motions."""
+        assert isinstance(self.scenario.excitation, Harmonic | Forces)
+        return self.scenario.excitation
 
     def flow(self, frequency_hz: float, level: float) -> PeriodicFlow:
         """A flow with its derivatives; of cubic springs by series.
@@ -182,8 +184,6 @@ def response_model(scenario: Scenario) -> ResponseModel:
         scenario,
         system,
         loads,
-        base_acceleration(forced, system),
-        DrivenSignals(*load_signals(forced, system), 2 * np.pi * highest),
         _followed(scenario, system, "sweep.continue_in", parameter, shape_at),
         None if second is None else _followed(scenario, system, "sweep.follow_folds_in", second, shape_at),
         excitation.frequency,
@@ -241,11 +241,6 @@ def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, 
     return FollowedParameter(kind, first, last, "N/m" if kind == "stiffness" else "m", snubber.name, moved)
 
 
-def _phasor(signal: Signal) -> complex:
-    """A of ``Re(A e^{i omega t})``."""
-    return complex(sum(c for nu, c in zip(signal.exponent, signal.coefficient[0, :, 0], strict=True) if nu != 0))
-
-
 def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicForcing:
     """The loads of a scenario with harmonic excitation, as functions of frequency, for a level of one.
 
@@ -253,39 +248,17 @@ def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicFo
     """
     excitation = scenario.excitation
     assert isinstance(excitation, Harmonic | Forces)
-    omega, level = 2 * np.pi * excitation.frequency, excitation.level
-    n = system.dynamics.size
-    held = power_of(str(excitation.quantity))
-    phasor, powers = load_signals(scenario, system)
-    force = [load.astype(complex) * of for load, of in zip(system.forcing.load, phasor, strict=True)]
-    power = powers.tolist()
-    base, base_power = [0j] * len(force), [0.0] * len(force)
-    if system.forcing.base_displacement is not None:
-        force.append(np.zeros(n, dtype=complex))
-        power.append(0.0)
-        base.append(_phasor(system.forcing.base_displacement) / level)
-        base_power.append(held - 2.0)
-    return PeriodicForcing(
-        np.ones(len(force), dtype=np.int64), np.array(force).reshape(len(force), n), np.array(power), np.array(base),
-        np.array(base_power), omega,
-    )  # fmt: skip
-
-
-def load_signals(scenario: Scenario, system: StructuralSystem) -> tuple[Complexes, Floats]:
-    """(L,) phasors of the loads' signals for a level of one, and the powers of the frequency that they grow with."""
-    excitation = scenario.excitation
-    assert isinstance(excitation, Harmonic | Forces)
     assert system.sine is not None
-    phasor = np.array([_phasor(signal) / excitation.level for signal in system.forcing.signal], dtype=complex)
-    return phasor, power_of(str(excitation.quantity)) + system.sine.power.astype(float)
-
-
-def base_acceleration(scenario: Scenario, system: StructuralSystem) -> DrivenSignals | None:
-    """The base's own acceleration as a function of frequency, for a level of one; None where it is at rest."""
-    excitation = scenario.excitation
-    assert isinstance(excitation, Harmonic | Forces)
-    if system.base_acceleration is None:
-        return None
-    held = power_of(str(excitation.quantity))
-    phasor = np.array([_phasor(system.base_acceleration) / excitation.level])
-    return DrivenSignals(phasor, np.array([held]), 2 * np.pi * excitation.frequency)
+    omega, held = 2 * np.pi * excitation.frequency, power_of(str(excitation.quantity))
+    sine = sine_of(excitation, omega, 1.0)
+    force = system.forcing.load * (sine * system.sine.at(np.array([omega]))[0])[:, None]
+    moves = system.forcing.base_displacement is not None
+    count, base = force.shape[0], int(moves)  # the base moves with a load of its own, which is no force
+    return PeriodicForcing(
+        np.ones(count + base, dtype=np.int64),
+        np.pad(force, ((0, base), (0, 0))),
+        np.append(held + system.sine.power, np.zeros(base)),
+        np.append(np.zeros(count), np.full(base, -sine / omega**2)),
+        np.append(np.zeros(count), np.full(base, held - 2.0)),
+        omega,
+    )
