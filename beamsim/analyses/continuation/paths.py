@@ -107,11 +107,8 @@ class ResponseModel:
         ------
         ScenarioError : where snubbers and cubic springs do not go together.
         """
-        omega = 2 * np.pi * frequency_hz
-        if self.system.cubic.count == 0:
-            return VariationalFlow(self.system.dynamics, self.loads, omega, level)
         try:
-            return SmoothFlow(self.system.dynamics, self.loads, omega, level, springs=self.system.cubic)
+            return periodic_flow(self.system, self.loads, 2 * np.pi * frequency_hz, level)
         except ValueError as error:
             raise ScenarioError(
                 Problem("chain.snubbers", f"cannot be followed: {error}", "use method: harmonic_balance")
@@ -141,6 +138,24 @@ class ResponseModel:
             return ForcedOrbits(self.flow(self.frequency_hz, f.first), "level")
         flow = self.flow(self.frequency_hz, level)
         return ForcedOrbits(flow, f.path(flow))
+
+
+def periodic_flow(system: StructuralSystem, loads: PeriodicForcing, omega: float, level: float) -> PeriodicFlow:
+    """A flow with its derivatives, of cubic springs by series.
+
+    Parameters
+    ----------
+    system : whose motions are followed.
+    loads : at rad/s ``omega``, and times ``level``.
+    omega, level : of the excitation.
+
+    Raises
+    ------
+    ValueError : where snubbers and cubic springs do not go together.
+    """
+    if system.cubic.count == 0:
+        return VariationalFlow(system.dynamics, loads, omega, level)
+    return SmoothFlow(system.dynamics, loads, omega, level, springs=system.cubic)
 
 
 def response_model(scenario: Scenario) -> ResponseModel:

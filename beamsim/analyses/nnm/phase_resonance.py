@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.paths import level_unit, periodic_forcing
+from beamsim.analyses.continuation.branches import Half, joined
+from beamsim.analyses.continuation.motion import Measurement
+from beamsim.analyses.continuation.paths import level_unit, periodic_flow, periodic_forcing
 from beamsim.analyses.nnm.paths import refuse_phase_resonance
 from beamsim.analyses.nnm.result import (
     HeldMotion,
@@ -24,12 +26,10 @@ from beamsim.analyses.nnm.result import (
     ResponseAboutResonance,
 )
 from beamsim.analyses.run.energy import LARGEST_ERROR
-from beamsim.analyses.run.orbit_energy import energy_error, unbalanced
+from beamsim.analyses.run.orbit_energy import unbalanced
+from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import PeriodicForcing
-from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.flow.smooth_flow import SmoothFlow
-from beamsim.flow.variational import VariationalFlow
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import CLOSED_CURVE, Settings, follow_orbits, locate, solve_at
@@ -41,7 +41,7 @@ from beamsim.orbits.phase_resonance import (
 )
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, both_directions, together
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
@@ -97,6 +97,7 @@ class _Levels:
     orbits: BrakeOrbits
     points: Sequence[BranchPoint]
     damped: StructuralSystem
+    excitation: Harmonic
     loads: PeriodicForcing
     mode: int  # from 0
     factor: float  # of the nonlinear springs where the backbone ended
@@ -133,17 +134,17 @@ class _Levels:
         share = float(self.orbits.share(q, factor)[self.mode])
         return _BackboneMotion(flow, whole, float(point.data.energy), share, force)
 
+    def measurement(self, excitation: Harmonic | None) -> Measurement:
+        """Of the probes' displacements: of free motions where nothing excites them."""
+        return Measurement(self.damped, excitation, self.damped.channels.of_keys(DISPLACEMENT))
+
+    def by_probe(self, values: Floats) -> dict[str, Any]:
+        """Values (..., probes) by the name of the probe."""
+        return {p.name: values[..., k] for k, p in enumerate(self.damped.probes)}
+
     def amplitudes(self, motion: _BackboneMotion) -> dict[str, float]:
         """Largest deflection of a period at each probe."""
-        times = motion.whole.duration * np.arange(SAMPLES) / SAMPLES
-        return self.largest(motion.states(times))
-
-    def largest(self, states: Floats) -> dict[str, float]:
-        """Largest deflection at each probe, of states over a period at equal steps."""
-        n = self.damped.dynamics.size
-        return {
-            p.name: max(_peak(states[:, :n] @ p.shape), _peak(-states[:, :n] @ p.shape)) for p in self.damped.probes
-        }
+        return self.by_probe(motion.scale * self.measurement(None).of_passage(motion.flow, motion.whole).peak)
 
     def at(self, target: float, measure: Callable[[_BackboneMotion], float]) -> _BackboneMotion | None:
         """The motion with this level (or amplitude); None where the backbone has none.
@@ -186,15 +187,10 @@ class _Levels:
 
     def problem(self, level: float, omega: float, factor: float | None = None) -> ForcedOrbits:
         """Shooting for the damped structure under a level (with its springs where the backbone ended by default)."""
-        system, factor = self.damped.dynamics, self.factor if factor is None else factor
-        weaker = replace(system, contacts=system.contacts.scaled(factor))
-        flow: PeriodicFlow
-        if self.damped.cubic.count:
-            springs = replace(self.damped.cubic, stiffness=factor * self.damped.cubic.stiffness)
-            flow = SmoothFlow(weaker, self.loads, omega, level, springs=springs)
-        else:
-            flow = VariationalFlow(weaker, self.loads, omega, level)
-        return ForcedOrbits(flow)
+        system, factor = self.damped, self.factor if factor is None else factor
+        dynamics = replace(system.dynamics, contacts=system.dynamics.contacts.scaled(factor))
+        cubic = replace(system.cubic, stiffness=factor * system.cubic.stiffness)
+        return ForcedOrbits(periodic_flow(replace(system, dynamics=dynamics, cubic=cubic), self.loads, omega, level))
 
 
 def hold_mode(
@@ -227,7 +223,7 @@ def hold_mode(
     damped = build_system(scenario.model_copy(update={"run": None}), assessed=False)
     factor = orbits.split(points[-1].u)[2]
     loads, unit = periodic_forcing(scenario, damped), level_unit(scenario)
-    held = _Levels(orbits, points, damped, loads, settings.mode - 1, factor, alike, unit)
+    held = _Levels(orbits, points, damped, excitation, loads, settings.mode - 1, factor, alike, unit)
     levels = [float(level) for level in section.levels] or [excitation.level]
     predicted, probe = _predicted(held, levels)
     motions = []
@@ -339,7 +335,8 @@ def _resonance(
         )  # fmt: skip
     orbit = problem.orbit(point)
     cosine = quadrature(problem, point)[0]
-    amplitude = _forced_amplitudes(held, problem, point)
+    motion_found = held.measurement(held.excitation).of(problem, point)
+    amplitude = held.by_probe(motion_found.peak)
     balanced = held.at(amplitude[probe], lambda m: held.amplitudes(m)[probe])
     return ResonantMotion(
         **predicted,
@@ -351,7 +348,7 @@ def _resonance(
         floquet_multipliers=orbit.multipliers,
         residual=orbit.residual,
         quadrature=cosine,
-        energy_error=energy_error(*problem.cycle(point)),
+        energy_error=motion_found.energy_error,
         curve=_curve(held, problem, point, span),
     )
 
@@ -403,32 +400,25 @@ def _by_way_of_factors(held: _Levels, problem: ForcedOrbits, level: float) -> Br
     return None
 
 
-def _forced_amplitudes(held: _Levels, problem: ForcedOrbits, point: BranchPoint) -> dict[str, float]:
-    flow, passage = problem.cycle(point)
-    return held.largest(flow.states_at(passage, passage.duration * np.arange(SAMPLES) / SAMPLES))
-
-
 def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseAboutResonance:
     """The response on both sides of a resonance."""
     low, high = (1.0 - span) * point.parameter, (1.0 + span) * point.parameter
-    down: list[BranchPoint] = []
-    up: list[BranchPoint] = []
-    outcomes = []
-    first = point.towards(-1.0)
-    for side, start in ((down, first), (up, first.reversed())):
+    first = point.towards(1.0)
+    halves: list[Half] = []
+    for start in (first, first.reversed()):
         branch = follow_orbits(problem, start, low, high, Settings(most_points=MOST_POINTS))
-        side += list(branch)
-        outcomes.append(branch.outcome.shown(lambda omega: omega / (2 * np.pi), "Hz"))
+        points = list(branch)
+        halves.append((points, branch.outcome.shown(lambda omega: omega / (2 * np.pi), "Hz"), []))
         if branch.outcome.code == CLOSED_CURVE:
             break
-    points = [*reversed(down), *up[1:]]
-    rows = [_forced_amplitudes(held, problem, p) for p in points]
+    followed, measurement = joined(problem, halves), held.measurement(held.excitation)
+    motions = [measurement.of(problem, p) for p in followed.points]
     return ResponseAboutResonance(
-        outcome=COMPLETE if all(o.complete for o in outcomes) else both_directions(outcomes[0], outcomes[-1]),
-        frequency_hz=np.array([p.parameter for p in points]) / (2 * np.pi),
-        peak_displacement={name: np.array([row[name] for row in rows]) for name in rows[0]},
-        stable=np.array([problem.orbit(p).stable for p in points]),
-        energy_error=np.array([energy_error(*problem.cycle(p)) for p in points]),
+        outcome=COMPLETE if all(outcome.complete for _, outcome, _ in halves) else followed.outcome,
+        frequency_hz=followed.values / (2 * np.pi),
+        peak_displacement=held.by_probe(np.array([m.peak for m in motions])),
+        stable=np.array([orbit.stable for orbit in followed.orbits]),
+        energy_error=np.array([m.energy_error for m in motions]),
     )
 
 
@@ -476,11 +466,3 @@ def _lines(x: Floats) -> Floats:
     c = np.abs(np.fft.rfft(x)) * (2.0 / x.size)
     c[0] *= 0.5
     return np.asarray(c)
-
-
-def _peak(x: Floats) -> float:
-    """The largest value of periodic samples, by the parabola through the three about it."""
-    k = int(np.argmax(x))
-    a, b, c = x[k - 1], x[k], x[(k + 1) % x.size]
-    bend = a - 2 * b + c
-    return float(b) if bend >= 0 else float(b - (c - a) ** 2 / (8 * bend))
