@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from beamsim.fields import (
@@ -19,6 +22,7 @@ from beamsim.fields import (
     stored,
     table,
 )
+from beamsim.orbits.branch import SpecialPoint
 from beamsim.outcomes import Outcome
 from beamsim.typing import Bools, Complexes, Floats
 
@@ -36,6 +40,31 @@ class SpecialPointResult:
     frequency_hz: float = dataset("Hz", "frequency")
     snubber: str = dataset("1", "snubber that grazes", default="")
     time_s: float = dataset("s", "time in the period of a grazing", default=np.nan)
+
+
+def special_result(
+    special: SpecialPoint, value: float, frequency_hz: float, contact_names: Sequence[str]
+) -> SpecialPointResult:
+    """A special point in SI numbers.
+
+    Parameters
+    ----------
+    special : as it was located.
+    value : of the parameter, as people read it.
+    frequency_hz : of the motion, Hz.
+    contact_names : (m,) of the system's contacts.
+    """
+    name = contact_names[special.contact] if special.contact >= 0 else ""
+    return SpecialPointResult(special.kind, value, frequency_hz, name, special.time)
+
+
+def of_states(states: Floats, n: int) -> dict[str, Any]:
+    """The fields of a branch that hold states (np, N) of n coordinates."""
+    return {
+        "coordinates": states[:, :n],
+        "coordinate_velocities": states[:, n : 2 * n],
+        "internal_states": states[:, 2 * n :] if states.shape[1] > 2 * n else None,
+    }
 
 
 @declared(along=("time",))

@@ -10,10 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import FoldBranch, OutputExtremes, ResponseBranch, SpecialPointResult
+from beamsim.analyses.branch import (
+    FoldBranch,
+    OutputExtremes,
+    ResponseBranch,
+    SpecialPointResult,
+    of_states,
+    special_result,
+)
 from beamsim.analyses.continuation.branches import (
     COVERED,
     Budget,
+    Tracer,
+    coexisting_branches,
     coincides,
     covered,
     missing,
@@ -22,12 +31,12 @@ from beamsim.analyses.continuation.branches import (
     side_reach,
     trace_range,
 )
-from beamsim.analyses.continuation.coexisting import SeekingShootingTracer, SeekingTracer, coexisting_branches
 from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
 from beamsim.analyses.continuation.paths import FollowedParameter, ResponseModel, level_unit, response_model
-from beamsim.analyses.continuation.refinement import ReportedMaximum, cut, with_maxima, with_points_at
+from beamsim.analyses.continuation.refinement import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
 from beamsim.analyses.continuation.side_branches import leavings, side_branches
+from beamsim.analyses.continuation.tracers import ShootingTracer, balance_tracer, neglected
 from beamsim.analyses.deflections import deflection_warnings
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.reduction import reduction_checked
@@ -153,18 +162,11 @@ def _trace(
     f = model.followed
     first, last = f.inward(f.first), f.inward(f.last)
     reach = reach_of(first, last, beyond=f.moved is None)
-    tracer: SeekingTracer
+    tracer: Tracer
     if isinstance(settings.method, HarmonicBalance):
-        from beamsim.analyses.continuation.balance import balance_tracer
-
         tracer = balance_tracer(model, settings.method.harmonics, level, reach)
     else:
-        tracer = SeekingShootingTracer(
-            model.orbits(level),
-            lambda x: model.orbits_at(float(f.outward(x)), level),
-            reach,
-            lambda x: model.orbits_in_level(float(f.outward(x)), level),
-        )
+        tracer = ShootingTracer(model.orbits(level), lambda x: model.flow_at(float(f.outward(x)), level), reach)
     branches = trace_range(tracer, first, last, budget, report)
     if not branches and budget.spent() is not INTERRUPTED:
         at = "sweep.from" if settings.continue_in is None else "sweep.continue_in.from"
@@ -186,6 +188,7 @@ def _trace(
         if not isinstance(settings.method, HarmonicBalance):
             branches += side_branches(branches, beside, settings.longest_period, budget)
     values_at = [f.inward(float(value)) for value in settings.parameter.points_at]
+    wanted = [Wanted(f.kind, value, lambda point: point.parameter, value) for value in values_at]
     pieces: list[OrbitBranch] = []
     for branch in branches:
         for piece in cut(branch, min(first, last), max(first, last)):
@@ -193,7 +196,7 @@ def _trace(
             alike = [other for other in pieces if other.problem.multiple == piece.problem.multiple]
             if len(piece.points) > 4 or not all(coincides(point, alike) for point in piece.points):
                 pieces.append(piece)
-    return [with_points_at(piece, values_at) for piece in pieces]
+    return [with_points_at(piece, wanted)[0] for piece in pieces]
 
 
 def _outcome(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, level: float | None) -> Outcome:
@@ -294,8 +297,6 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         traced, lambda point: measurement.of(problem, point), _reported_maxima(model, channels), stop
     )
     spectra = [problem.multipliers(point) for point in traced.points]
-    n = system.dynamics.size
-    states = np.array([orbit.state for orbit in traced.orbits])
     count = min((mu.size for mu in spectra), default=0)
     multipliers = np.array([mu[:count] for mu in spectra])
     unknown = traced.values
@@ -311,8 +312,6 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
 
     from_balance = None
     if isinstance(settings.method, HarmonicBalance):
-        from beamsim.analyses.continuation.balance import neglected
-
         from_balance = neglected(traced)
     return ResponseBranch(
         level=float("nan") if f.kind == "level" else level,
@@ -328,9 +327,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         stable=np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE,
         floquet_multipliers=multipliers,
         residual=np.array([p.residual for p in traced.points]),
-        coordinates=states[:, :n],
-        coordinate_velocities=states[:, n : 2 * n],
-        internal_states=states[:, 2 * n :] if states.shape[1] > 2 * n else None,
+        **of_states(np.array([orbit.state for orbit in traced.orbits]), system.dynamics.size),
         special=tuple(_event(model, s) for s in traced.special),
         parameter=parameter,
         unit=f.unit,
@@ -372,11 +369,8 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
 def _event(model: ResponseModel, special: SpecialPoint) -> SpecialPointResult:
     f = model.followed
     value = float(f.outward(special.parameter))
-    names = model.system.contact_names
-    return SpecialPointResult(
-        special.kind, value, value if f.kind == "frequency" else model.frequency_hz,
-        names[special.contact] if special.contact >= 0 else "", special.time,
-    )  # fmt: skip
+    frequency = value if f.kind == "frequency" else model.frequency_hz
+    return special_result(special, value, frequency, model.system.contact_names)
 
 
 def _summary(

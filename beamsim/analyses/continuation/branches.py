@@ -8,7 +8,7 @@ then in the middle of the longest stretch that is left. A branch that runs into 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Protocol
@@ -28,9 +28,7 @@ from beamsim.orbits.branch import (
     too_many_points,
     with_failed_searches,
 )
-from beamsim.orbits.continuation import Branch, Settings, follow_orbits, interpolated, solve_at
-from beamsim.orbits.shooting import ForcedOrbits, find_orbit
-from beamsim.orbits.special_points import special_points
+from beamsim.orbits.continuation import Branch, Settings, interpolated
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 
 BACK_TO_PERIOD = "back_to_period"
@@ -45,7 +43,6 @@ SIDE_EXCURSION = 0.1  # the same for branches that leave others, as a share of t
 COVERED = 1e-3  # of the range: stretches shorter than this count as covered
 COINCIDES = 2e-3  # distance from a known branch, against the motion, within which a motion belongs to it
 AT_END = 1e-9  # relative distance in the parameter at which a motion is beside the end of a branch
-SETTLED = (50, 250)  # periods of the transients before a motion is looked for
 
 
 @dataclass
@@ -128,6 +125,9 @@ class Tracer(Protocol):
     def begin(self, value: float, forward: float) -> BranchPoint | None:
         """A motion at a value, its tangent pointing forward; stable if one can be reached."""
 
+    def sought(self, value: float) -> Iterator[BranchPoint | None]:
+        """Motions at a value beside those that are followed, with repetitions; None where one was sought in vain."""
+
     def branch(self, start: BranchPoint, settings: Settings) -> Branch:
         """The continuation of a motion."""
 
@@ -150,42 +150,6 @@ def side_reach(first: float, last: float, reach: tuple[float, float]) -> tuple[f
     low, high = sorted((first, last))
     beyond = SIDE_EXCURSION * (high - low)
     return max(low - beyond, reach[0]), min(high + beyond, reach[1])
-
-
-@dataclass(frozen=True)
-class ShootingTracer:
-    """By shooting.
-
-    Parameters
-    ----------
-    problem : along the parameter.
-    at : the system at one value of the parameter, to find a first motion with.
-    reach : values that a branch must not leave.
-    """
-
-    problem: ForcedOrbits
-    at: Callable[[float], ForcedOrbits]
-    reach: tuple[float, float]
-
-    def begin(self, value: float, forward: float) -> BranchPoint | None:
-        """A motion at a value: a stable one if a transient reaches it."""
-        try:
-            orbit = first_orbit(self.at(value))
-        except ArithmeticError:
-            return None
-        if orbit is None:
-            return None
-        return solve_at(self.problem, np.append(orbit.u[:-1], value), Settings(iterations=25), value, forward)
-
-    def branch(self, start: BranchPoint, settings: Settings) -> Branch:
-        """The continuation of a motion."""
-        return follow_orbits(self.problem, start, *self.reach, settings)
-
-    def special(
-        self, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch]
-    ) -> list[SpecialPoint]:
-        """Special points between two neighbours."""
-        return special_points(self.problem, a, b, settings, failed)
 
 
 def progress_that_grows(report: Report | None) -> Report:
@@ -275,26 +239,30 @@ def _next(gaps: list[tuple[float, float]], tried: list[float], last: float) -> f
     return 0.5 * (a + b)
 
 
-def first_orbit(local: ForcedOrbits) -> BranchPoint | None:
-    """A motion to begin with: from the linear response, or a stable one that a transient from rest reaches."""
-    try:
-        orbit_of_linear = find_orbit(local)
-    except ArithmeticError:
-        orbit_of_linear = None
-    if orbit_of_linear is not None and local.orbit(orbit_of_linear).stable:
-        return orbit_of_linear
-    flow, period = local.flow, 2 * np.pi / local.omega
-    z = np.zeros(flow.size)
-    try:
-        for periods in SETTLED:
-            for _ in range(periods):
-                z = flow.carry(z, period).end
-            orbit = solve_at(local, np.append(z, local.value), Settings(iterations=25), local.value)
-            if orbit is not None and local.orbit(orbit).stable:
-                return orbit
-    except ArithmeticError:
-        pass
-    return orbit_of_linear
+def coexisting_branches(
+    tracer: Tracer, values: list[float], known: list[OrbitBranch], budget: Budget
+) -> list[OrbitBranch]:
+    """Branches that pass none of the known ones.
+
+    Parameters
+    ----------
+    tracer : along the parameter.
+    values : of the parameter, at which motions are sought.
+    known : branches so far.
+    budget : points and time that may be spent.
+    """
+    branches: list[OrbitBranch] = []
+    for value in values:
+        if budget.stop():
+            return branches
+        for start in until(tracer.sought(value), budget.stop):
+            if not budget.allows_another(len(known) + len(branches)):
+                return branches
+            if start is None or coincides(start, [*known, *branches]):
+                continue
+            halves = [follow(tracer, start, direction, budget, [*known, *branches]) for direction in (1.0, -1.0)]
+            branches.append(joined(tracer.problem, halves))
+    return branches
 
 
 def follow(
@@ -308,30 +276,48 @@ def follow(
     """Points, outcome and special points in one direction from a start, up to a known branch."""
     if direction < 0:
         start = replace(start, tangent=-start.tangent, orientation=-start.orientation)
-    close = 0
-
-    def joins(point: BranchPoint) -> Outcome | None:
-        nonlocal close
-        if tell is not None:
-            tell(point.parameter)
-        close = close + 1 if coincides(point, known) else 0
-        return on_known_branch(point) if close == 2 else None
-
     most = min(budget.branch_points, budget.left)
     limit = "sweep.most_branch_points" if most == budget.branch_points else "sweep.most_points"
-    return walk(tracer.branch(start, Settings(most_points=most)), tracer.special, budget, limit, joins)
+    return walk(
+        tracer.branch(start, Settings(most_points=most)), tracer.special, budget, limit, joining(known, tell=tell)
+    )
+
+
+def joining(
+    known: list[OrbitBranch], *, leaves: bool = False, tell: Report | None = None
+) -> Callable[[BranchPoint], Outcome | None]:
+    """A test of whether a branch has run into a known one.
+
+    Parameters
+    ----------
+    known : branches.
+    leaves : whether it begins on one of them, and ends where it comes to one again.
+    tell : called with the parameter of every point.
+    """
+    apart, close = not leaves, 0
+
+    def joins(point: BranchPoint) -> Outcome | None:
+        nonlocal apart, close
+        if tell is not None:
+            tell(point.parameter)
+        together = coincides(point, known)
+        apart = apart or not together
+        close = close + 1 if apart and together else 0
+        return on_known_branch(point) if close == 2 else None
+
+    return joins
 
 
 def walk(
     branch: Branch,
-    special_between: SpecialBetween,
+    special_between: SpecialBetween | None,
     budget: Budget,
     limit: str,
     ends: Callable[[BranchPoint], Outcome | None],
 ) -> Half:
     """The points of a branch with the special ones among them, until it ends by itself, by a test or by the budget.
 
-    ``limit`` is the setting behind the branch's own number of points.
+    ``limit`` is the setting behind the branch's own number of points, empty where that is no setting.
     """
     points: list[BranchPoint] = []
     special: list[SpecialPoint] = []
@@ -343,7 +329,7 @@ def walk(
         outcome = ends(point)
         if outcome is not None and outcome.code == BACK_TO_PERIOD:
             break
-        if points:
+        if points and special_between is not None:
             between = along(points[-1], point, special_between(points[-1], point, branch.settings, failed))
             special += between
             points += [s.point for s in between]
@@ -356,7 +342,7 @@ def walk(
             budget.cut(spent)
             break
     outcome = outcome or branch.outcome
-    if outcome.code == POINT_LIMIT and not outcome.remedy:
+    if limit and outcome.code == POINT_LIMIT and not outcome.remedy:
         outcome = limited(outcome, limit)
         budget.cut(outcome)
     if points:

@@ -6,21 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import FoldBranch
-from beamsim.analyses.continuation.branches import Budget
+from beamsim.analyses.branch import FoldBranch, of_states
+from beamsim.analyses.continuation.branches import Budget, walk
 from beamsim.analyses.continuation.motion import Measurement
-from beamsim.analyses.continuation.paths import FollowedParameter, ResponseModel
+from beamsim.analyses.continuation.paths import ResponseModel
 from beamsim.analyses.values import DISPLACEMENT
-from beamsim.interrupts import until
-from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, SpecialPoint, too_many_points
+from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve, start_of_grazing_curve
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 from beamsim.structures.assembly import snubber_site
 
-SETTINGS = Settings(tolerance=1e-9)
-MOST_POINTS = 600  # of one curve, in each direction
+SETTINGS = Settings(tolerance=1e-9, most_points=600)  # of one curve, in each direction
 CORNER = 1e-5  # relative distance in frequency within which a fold lies on a grazing
 SAME = 1e-6  # relative distance within which a fold lies on a curve that is known
 BEYOND = 3.0  # how far the frequency may leave the range it was found in, as a ratio
@@ -92,6 +90,16 @@ def _curve(
     present = _present(model, level)
     path: Any = "level" if second.kind == "level" else second.path(orbits.flow)
     low, high = sorted((second.inward(second.first), second.inward(second.last)))
+
+    def within(point: BranchPoint) -> Outcome | None:
+        at = float(point.u[-2])
+        if fold.parameter / BEYOND < at < fold.parameter * BEYOND:
+            return None
+        return Outcome.of(
+            OutcomeKind.STOPPED, "left_range", f"a factor of {BEYOND:g} from where it started",
+            at=Where(at / (2 * np.pi), "Hz"),
+        )  # fmt: skip
+
     halves: list[list[BranchPoint]] = []
     outcomes: list[Outcome] = []
     for direction in (1.0, -1.0):
@@ -112,9 +120,9 @@ def _curve(
             )
             continue
         curve, start = begun
-        points, outcome = _follow(Branch(curve, start, low, high, SETTINGS), fold.parameter, budget, second)
+        points, outcome, _ = walk(Branch(curve, start, low, high, SETTINGS), None, budget, "", within)
         halves.append(points)
-        outcomes.append(outcome)
+        outcomes.append(second.shown(outcome))
     points = [*halves[1][::-1][:-1], *halves[0]] if len(halves) == 2 else halves[0] if halves else []
     outcome = both_directions(outcomes[-1], outcomes[0])
     names = [p.name for p in model.system.probes]
@@ -126,7 +134,6 @@ def _curve(
         orbit = BranchPoint(point.u[:-1], point.tangent[:-1], point.scale[:-1], point.residual, point.orientation,
                             point.iterations, point.data)  # fmt: skip
         peak[k] = measurement.of(local, orbit).peak
-    n = model.system.dynamics.size
     states = np.array([p.u[:-2] for p in points]).reshape(len(points), orbits.flow.size)
     return FoldBranch(
         touching="" if touching is None else model.system.contact_names[touching.contact],
@@ -140,9 +147,7 @@ def _curve(
         parameter_meaning=f"second parameter: {second.kind} {second.snubber}".strip(),
         peak_displacement={name: peak[:, j] for j, name in enumerate(names)},
         residual=np.array([p.residual for p in points]),
-        coordinates=states[:, :n],
-        coordinate_velocities=states[:, n : 2 * n],
-        internal_states=states[:, 2 * n :] if states.shape[1] > 2 * n else None,
+        **of_states(states, model.system.dynamics.size),
     )
 
 
@@ -153,28 +158,3 @@ def _at(model: ResponseModel, orbits: ForcedOrbits, path: Any, point: BranchPoin
     else:
         flow, held = path(point.parameter)[0], level
     return ForcedOrbits(flow.under(level=held))
-
-
-def _follow(
-    branch: Branch, omega: float, budget: Budget, second: FollowedParameter
-) -> tuple[list[BranchPoint], Outcome]:
-    points: list[BranchPoint] = []
-    for point in until(branch, budget.stop):
-        points.append(point)
-        budget.used += 1
-        at = float(point.u[-2])
-        if not omega / BEYOND < at < omega * BEYOND:
-            far = Outcome.of(
-                OutcomeKind.STOPPED, "left_range", f"a factor of {BEYOND:g} from where it started",
-                at=Where(at / (2 * np.pi), "Hz"),
-            )  # fmt: skip
-            return points, far
-        spent = budget.spent()
-        if spent is None and len(points) >= MOST_POINTS:
-            spent = too_many_points(MOST_POINTS)
-        if spent is not None:
-            return points, second.shown(spent.but(place=Where(point.parameter)))
-    outcome = branch.outcome
-    if outcome is INTERRUPTED:
-        outcome = outcome.but(place=Where(points[-1].parameter))
-    return points, second.shown(outcome)

@@ -114,20 +114,12 @@ class ResponseModel:
                 Problem("chain.snubbers", f"cannot be followed: {error}", "use method: harmonic_balance")
             ) from error
 
-    def orbits_at(self, value: float, level: float) -> ForcedOrbits:
-        """Shooting at one value of the parameter, with the frequency as unknown: to find a first motion with."""
+    def flow_at(self, value: float, level: float) -> PeriodicFlow:
+        """The flow at one value of the parameter."""
         f = self.followed
-        if f.kind == "frequency":
-            return ForcedOrbits(self.flow(value, level))
-        if f.kind == "level":
-            return ForcedOrbits(self.flow(self.frequency_hz, value))
-        flow, _ = f.path(self.flow(self.frequency_hz, level))(f.inward(value))
-        return ForcedOrbits(flow)
-
-    def orbits_in_level(self, value: float, level: float) -> ForcedOrbits:
-        """Shooting at one value of the parameter, with the level as unknown."""
-        flow = self.orbits_at(value, level).flow
-        return ForcedOrbits(flow, "level")
+        if f.moved is not None:
+            return f.path(self.flow(self.frequency_hz, level))(f.inward(value))[0]
+        return self.flow(value, level) if f.kind == "frequency" else self.flow(self.frequency_hz, value)
 
     def orbits(self, level: float) -> ForcedOrbits:
         """Shooting along the parameter."""

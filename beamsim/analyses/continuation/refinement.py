@@ -3,8 +3,8 @@ for, and at the maxima of the continuous curve."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -13,12 +13,13 @@ import numpy as np
 from beamsim.analyses.continuation.motion import MeasuredMotion
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end
-from beamsim.orbits.continuation import Settings, at_parameter, between
+from beamsim.orbits.continuation import Settings, at_parameter, between, locate
 
 EDGE = 1e-12  # of the range, by which a point may lie beyond its end
 SHARE = 1e-4  # of a step, to which a maximum is located: its height is then good to the square of this
 GOLDEN = 0.5 * (3.0 - np.sqrt(5.0))
 MOST_PLACES = 40  # evaluated in the search for a maximum
+SAME_VALUE = 1e-12  # relative difference from a value within which a stored point has it
 SAME_HEIGHT = 1e-10  # relative difference below which a stored point is the maximum
 
 SETTINGS = Settings()
@@ -30,6 +31,23 @@ class ReportedMaximum(NamedTuple):
 
     of: Callable[[MeasuredMotion], float]
     stable_only: bool
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A value at which a point of a branch is asked for."""
+
+    quantity: str
+    value: float  # as it was asked for
+    of: Callable[[BranchPoint], float]
+    parameter: float | None = None  # that of the branch there, where the quantity is what is followed
+
+    def between(self, problem: Any, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
+        """The motion between two neighbours that has the value: exactly where it is followed, else to round-off."""
+        settings = Settings(iterations=15)
+        if self.parameter is not None:
+            return at_parameter(problem, a, b, self.parameter, settings)
+        return locate(problem, a, b, lambda p: self.of(p) / self.value - 1.0, settings)
 
 
 def cut(branch: OrbitBranch, low: float, high: float) -> list[OrbitBranch]:
@@ -63,16 +81,33 @@ def _edge(problem: Any, inner: BranchPoint, outer: BranchPoint, edge: float) -> 
     return [] if point is None else [point]
 
 
-def with_points_at(branch: OrbitBranch, values: Sequence[float]) -> OrbitBranch:
-    """The branch with a point wherever it passes one of the parameter's values."""
-    points = [branch.points[0]]
-    for a, b in pairwise(branch.points):
-        passed = [v for v in values if min(a.parameter, b.parameter) < v < max(a.parameter, b.parameter)]
-        for value in sorted(passed, reverse=b.parameter < a.parameter):
-            point = at_parameter(branch.problem, a, b, value, SETTINGS)
-            points += [] if point is None else [point]
-        points.append(b)
-    return replace(branch, points=tuple(points))
+def with_points_at(
+    branch: OrbitBranch, wanted: Sequence[Wanted], gaps: Collection[float] = ()
+) -> tuple[OrbitBranch, list[tuple[Wanted, BranchPoint]]]:
+    """The branch with a point wherever it passes a value that is wanted, and these points.
+
+    Parameters
+    ----------
+    branch : of shooting or balance.
+    wanted : values.
+    gaps : parameters of points that a jump follows; nothing is interpolated across it.
+    """
+    passed: list[tuple[Wanted, BranchPoint]] = []
+    points: list[BranchPoint] = []
+    for a, b in pairwise([*branch.points, branch.points[-1]]):
+        points.append(a)
+        between: list[tuple[Wanted, BranchPoint]] = []
+        for each in wanted:
+            if abs(each.of(a) - each.value) < SAME_VALUE * abs(each.value):
+                passed.append((each, a))
+            elif b is not a and a.parameter not in gaps and (each.of(a) - each.value) * (each.of(b) - each.value) < 0:
+                point = each.between(branch.problem, a, b)
+                between += [] if point is None else [(each, point)]
+        chord = (b.u - a.u) / a.scale
+        between.sort(key=lambda found: float(((found[1].u - a.u) / a.scale) @ chord))
+        passed += between
+        points += [point for _, point in between]
+    return replace(branch, points=tuple(points)), passed
 
 
 def with_maxima(

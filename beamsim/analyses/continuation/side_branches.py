@@ -12,7 +12,7 @@ from beamsim.analyses.continuation.branches import (
     Half,
     coincides,
     joined,
-    on_known_branch,
+    joining,
     walk,
 )
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
@@ -124,7 +124,6 @@ def _followed(
     limit = "sweep.most_side_points" if most == budget.side_points else "sweep.most_points"
     branch = follow_orbits(problem, start, *reach, Settings(most_points=most))
     last: Floats | None = None
-    apart, close = False, 0
 
     def halves_alike(point: BranchPoint) -> Outcome | None:
         """Beyond such a motion every one comes again, half its period later; or a step went over to those it left."""
@@ -135,16 +134,9 @@ def _followed(
         last = unlike
         return None
 
-    def joins(point: BranchPoint) -> Outcome | None:
-        nonlocal apart, close
-        together = coincides(point, known)
-        apart = apart or not together
-        close = close + 1 if apart and together else 0
-        return on_known_branch(point) if close == 2 else None
-
     half: Half = walk(
         branch, lambda a, b, settings, failed: special_points(problem, a, b, settings, failed), budget, limit,
-        joins if known else halves_alike,
+        joining(known, leaves=True) if known else halves_alike,
     )  # fmt: skip
     return joined(problem, [half])
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.branch import ModeBranch, SpecialPointResult
+from beamsim.analyses.continuation.refinement import Wanted, with_points_at
 from beamsim.analyses.nnm.full_period import FullPeriodBranches, follow_full_period
 from beamsim.analyses.nnm.multiple_scales import (
     compare_expansion,
@@ -20,7 +21,6 @@ from beamsim.analyses.nnm.multiple_scales import (
 from beamsim.analyses.nnm.orbits import branch_result, mode_shape, orbit_motion, special_points
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath, alike, mode_path
 from beamsim.analyses.nnm.phase_resonance import hold_mode
-from beamsim.analyses.nnm.points_at import RequestedPoint, with_requested_points
 from beamsim.analyses.nnm.relaxed import compare_relaxed
 from beamsim.analyses.nnm.result import (
     ExpansionComparison,
@@ -34,7 +34,7 @@ from beamsim.analyses.run.orbit_energy import balanced
 from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
-from beamsim.orbits.branch import OrbitBranch, with_failed_searches
+from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.reversible import linear_mode
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, combined
@@ -45,6 +45,7 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
 Progress = Callable[[float], None]
+RequestedPoint = tuple[int, Wanted, BranchPoint]  # number of its branch, what was asked for, and the point
 
 COMPARISONS = ("multiple_scales", "relaxed_minimisation")
 
@@ -157,7 +158,7 @@ class _MethodResults:
     relaxed: RelaxedComparison | None = None
     relaxing: bool = False  # whether relaxed minimisation is the method and not a comparison
     left_out: list[str] = field(default_factory=list)  # steps that an interruption has left out
-    requested: list[tuple[int, RequestedPoint]] = field(default_factory=list)  # with their branch
+    requested: list[RequestedPoint] = field(default_factory=list)
 
     def goes_on(self, to: str, stop: Stop) -> bool:
         """Whether to go on; the step is recorded as left out where not."""
@@ -233,7 +234,7 @@ def _followed(
 
 def _with_points(
     scenario: Scenario, job: ModePath, followed: ModeBranches
-) -> tuple[ModeBranches, list[tuple[int, RequestedPoint]]]:
+) -> tuple[ModeBranches, list[RequestedPoint]]:
     """The branches with points at the energies and frequencies asked for; the outcome names what none passes."""
     settings = scenario.nnm
     assert settings is not None
@@ -241,21 +242,29 @@ def _with_points(
         return followed, []
     inside = {jump.start for jump in followed.jumps}
     gaps = {p.parameter for p in followed.backbone.points if job.shown(p.parameter) in inside}
+    problem = followed.problem
+    numbers: dict[str, Callable[[BranchPoint], float]] = {
+        "energy": lambda p: float(p.data.energy), "frequency": lambda p: 1.0 / problem.split(p.u)[1],
+    }  # fmt: skip
+    wanted: list[Wanted] = []
+    for quantity, values in (("energy", settings.energies), ("frequency", settings.frequencies)):
+        followed_here = quantity == problem.parameter
+        for value in values:
+            inward = float(np.log(value) if quantity == "energy" else 2 * np.pi * value)
+            wanted.append(Wanted(quantity, float(value), numbers[quantity], inward if followed_here else None))
     branches: list[OrbitBranch] = []
-    requested: list[tuple[int, RequestedPoint]] = []
+    requested: list[RequestedPoint] = []
     for index, branch in enumerate((followed.backbone, *followed.tongues)):
-        jumped = gaps if index == 0 else ()
-        more, passed = with_requested_points(branch, settings.energies, settings.frequencies, jumped)
+        more, passed = with_points_at(branch, wanted, gaps if index == 0 else ())
         branches.append(more)
-        requested += [(index, point) for point in passed]
+        requested += [(index, each, point) for each, point in passed]
     outcome = branches[0].outcome
-    for quantity, values, unit in (("energies", settings.energies, "J"), ("frequencies", settings.frequencies, "Hz")):
-        known = {point.value for _, point in requested if (point.quantity == "energy") == (quantity == "energies")}
-        missed = [float(value) for value in values if float(value) not in known]
+    for quantity, plural, unit in (("energy", "energies", "J"), ("frequency", "frequencies", "Hz")):
+        missed = [w.value for w in wanted if w.quantity == quantity and all(w is not each for _, each, _ in requested)]
         if missed:
             part = Outcome.of(
                 OutcomeKind.INCOMPLETE, "values_not_passed",
-                f"points at {quantity} were asked for that no branch passes:", at=Where(missed, unit),
+                f"points at {plural} were asked for that no branch passes:", at=Where(missed, unit),
                 remedy="extend the range, or ask for values that the backbone passes (summary: start, end, jumps)",
             )  # fmt: skip
             outcome = outcome.but(part) if not outcome.complete else part.but(*((outcome,) if outcome.parts else ()))
@@ -267,9 +276,9 @@ def _requested(result: NormalModeResult, work: _MethodResults) -> list[dict[str,
     """The points that were asked for, as plain values."""
     rows = []
     followed = (work.followed.backbone, *work.followed.tongues)
-    for index, asked in work.requested:
+    for index, asked, passed in work.requested:
         branch = result.branches[index]
-        k = next(i for i, point in enumerate(followed[index].points) if point is asked.point)
+        k = next(i for i, point in enumerate(followed[index].points) if point is passed)
         if k < branch.parameter.size:  # a full-period path that ended early lacks it
             rows.append(
                 {

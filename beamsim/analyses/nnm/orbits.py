@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import ModeBranch, OrbitMotion, SpecialPointResult
+from beamsim.analyses.branch import ModeBranch, OrbitMotion, SpecialPointResult, of_states, special_result
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import UNITS
 from beamsim.analyses.run.orbit_energy import energy_error
+from beamsim.flow.passage import Passage
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import Settings
@@ -23,7 +25,7 @@ from beamsim.typing import Floats
 SAMPLES = 1024  # of a period, in the stored motion
 HARMONICS = 20
 PERIODS = 50  # of the spectrum, as in the thesis
-RATE = 512  # samples a period of the spectrum
+RATE = 512  # samples a period of what is carried on
 
 
 def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
@@ -73,8 +75,7 @@ def branch_result(
         share=np.array([share[job.mode] for share in shares]),
         residual=np.array([orbit.residual for orbit in orbits]),
         energy_error=np.array([energy_error(p.data.flow, p.data.passage) for p in branch.points]),
-        coordinates=states[:, :n],
-        coordinate_velocities=states[:, n:],
+        **of_states(states, n),
         least_kinetic=least,
         initial_displacement=states[:, :n] @ system.deflection.T,
         stable=np.array([orbit.stable for orbit in orbits]),
@@ -102,10 +103,7 @@ def special_points(
             return tuple(special), failed, True
         for located in special_between(orbits, a, b, settings, failed):
             period = orbits.split(located.point.u)[1]
-            name = names[located.contact] if located.contact >= 0 else ""
-            special.append(
-                SpecialPointResult(located.kind, job.shown(located.parameter), 1.0 / period, name, located.time)
-            )
+            special.append(special_result(located, job.shown(located.parameter), 1.0 / period, names))
     return tuple(special), failed, False
 
 
@@ -129,7 +127,10 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
         c = 2.0 * np.fft.rfft(q[:-1] @ shape)[: HARMONICS + 1] / SAMPLES
         c[0] *= 0.5
         harmonics[name] = c
-    frequency, lines, drift = _spectrum(flow, start, period, PERIODS, probes, n)
+    over, last = carried(flow, start, period, PERIODS)
+    w = np.concatenate([np.maximum(np.sqrt(flow.system.stiffness), 0.2 * np.pi / period), np.ones(n)])
+    off = np.linalg.norm(w * (last.end - start)[: 2 * n]) / np.linalg.norm(w * start[: 2 * n])
+    record = over.reshape(PERIODS * RATE, -1)[:, :n]
     return OrbitMotion(
         time=time,
         displacement={name: q @ shape for name, shape in probes.items()},
@@ -138,31 +139,46 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
         stations=q @ system.deflection.T,
         harmonics=harmonics,
         periods=PERIODS,
-        spectrum_frequency_hz=frequency,
-        spectrum=lines,
-        drift=drift,
+        spectrum_frequency_hz=line_frequencies(period, PERIODS),
+        spectrum={name: amplitudes_of_lines(record @ shape) for name, shape in probes.items()},
+        drift=float(off),
     )
 
 
-def _spectrum(
-    flow: Any, start: Floats, period: float, periods: int, probes: dict[str, Floats], n: int
-) -> tuple[Floats, dict[str, Floats], float]:
-    """Frequencies, amplitudes (zero to peak) and the drift of the state, relative, over so many periods."""
+def carried(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> tuple[Floats, Passage]:
+    """A motion carried on from period to period, without being put back on what it began on.
+
+    Parameters
+    ----------
+    flow : of the system.
+    start : (N,) state.
+    period : s.
+    periods : P, number of them.
+
+    Returns
+    -------
+    states : (P, RATE, N) at equal steps.
+    last : the last period.
+
+    Raises
+    ------
+    ArithmeticError : where contacts chatter, or the motion grows beyond all numbers.
+    """
     times = period * np.arange(RATE) / RATE
-    history = {name: np.empty(periods * RATE) for name in probes}
-    z = start.copy()
+    states, passage = [], flow.carry(start, period)
     for k in range(periods):
-        passage = flow.carry(z, period)
-        q = flow.states_at(passage, times)[:, :n]
-        for name, shape in probes.items():
-            history[name][k * RATE : (k + 1) * RATE] = q @ shape
-        z = passage.end.copy()
-    lines = {}
-    for name, x in history.items():
-        a = 2.0 * np.abs(np.fft.rfft(x)) / x.size
-        a[0] *= 0.5
-        lines[name] = a
-    frequency = np.arange(periods * RATE // 2 + 1) / (periods * period)
-    w = np.concatenate([np.maximum(np.sqrt(flow.system.stiffness), 0.2 * np.pi / period), np.ones(n)])
-    off = np.linalg.norm(w * (z - start)[: 2 * n]) / np.linalg.norm(w * start[: 2 * n])
-    return frequency, lines, float(off)
+        passage = flow.carry(passage.end, period) if k else passage
+        states.append(flow.states_at(passage, times))
+    return np.array(states), passage
+
+
+def line_frequencies(period: float, periods: int) -> Floats:
+    """(nf,) Hz, of the lines of what is carried over some periods."""
+    return np.arange(periods * RATE // 2 + 1) / (periods * period)
+
+
+def amplitudes_of_lines(x: Floats) -> Floats:
+    """(nf,) amplitudes, zero to peak, of the lines of a record (nt,) of whole periods."""
+    c = np.abs(np.fft.rfft(x)) * (2.0 / x.size)
+    c[0] *= 0.5
+    return np.asarray(c)

@@ -17,6 +17,7 @@ import numpy as np
 from beamsim.analyses.continuation.branches import Half, joined
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import level_unit, periodic_flow, periodic_forcing
+from beamsim.analyses.nnm.orbits import RATE, amplitudes_of_lines, carried, line_frequencies
 from beamsim.analyses.nnm.paths import refuse_phase_resonance
 from beamsim.analyses.nnm.result import (
     HeldMotion,
@@ -48,7 +49,6 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
-SAMPLES = 512  # of a period
 MOST_POINTS = 600  # of a response curve, on either side
 HALVINGS = 4  # of a step of the backbone, in search of a level
 SCALED_POINTS = 25  # of a backbone whose motions are all alike
@@ -427,42 +427,28 @@ def _carried(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, peri
     flow = problem.flow.under(motion.force.omega, motion.level)
     system = held.damped.dynamics
     n, T = system.size, motion.whole.duration
-    times = T * np.arange(SAMPLES) / SAMPLES
-    mode = motion.states(times)
+    mode = motion.states(T * np.arange(RATE) / RATE)
     weight = np.concatenate([np.sqrt(system.stiffness), np.ones(n)])
     size = float(np.sqrt(2.0 * motion.energy))
-    z = np.zeros(flow.size)
-    z[: 2 * n] = mode[0]
-    states = np.empty((periods, SAMPLES, 2 * n))
-    for k in range(periods):
-        try:
-            passage = flow.carry(z, T)
-        except ArithmeticError:
-            return None
-        states[k] = flow.states_at(passage, times)
-        z = passage.end
-    departure = np.linalg.norm((states - mode) * weight, axis=2).max(axis=1) / size
+    start = np.zeros(flow.size)
+    start[: 2 * n] = mode[0]
+    try:
+        states, last = carried(flow, start, T, periods)
+    except ArithmeticError:
+        return None
+    departure = np.linalg.norm((states[..., : 2 * n] - mode) * weight, axis=2).max(axis=1) / size
     # the mode is at rest where its own clock shows 0 and half a period
     rest = np.sort((np.array([0.0, 0.5 * T]) - motion.force.shift) % T)
     field = held.damped.deflection
-    last = flow.states_at(passage, rest)
-    count = periods * SAMPLES
-    whole = states.reshape(count, 2 * n)[:, :n]
+    whole = states.reshape(periods * RATE, -1)[:, :n]
     displacement = {p.name: whole @ p.shape for p in held.damped.probes}
     return HeldMotion(
-        time=np.arange(count) * (T / SAMPLES),
+        time=np.arange(periods * RATE) * (T / RATE),
         displacement=displacement,
-        frequency_hz=np.arange(count // 2 + 1) / (periods * T),
-        amplitude={name: _lines(x) for name, x in displacement.items()},
+        frequency_hz=line_frequencies(T, periods),
+        amplitude={name: amplitudes_of_lines(x) for name, x in displacement.items()},
         departure=departure,
         instants=(periods - 1) * T + rest,
-        shapes=last[:, :n] @ field.T,
+        shapes=flow.states_at(last, rest)[:, :n] @ field.T,
         mode_shapes=motion.states(rest)[:, :n] @ field.T,
     )
-
-
-def _lines(x: Floats) -> Floats:
-    """Amplitudes of the lines of a record of whole periods."""
-    c = np.abs(np.fft.rfft(x)) * (2.0 / x.size)
-    c[0] *= 0.5
-    return np.asarray(c)
