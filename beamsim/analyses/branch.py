@@ -138,12 +138,12 @@ class BranchResult:
     unit: str = attribute("", "unit of the parameter", name="units", at="parameter")
     parameter_meaning: str = attribute("", "what the parameter is", name="long_name", at="parameter")
     residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion")
-    coordinates: Floats = dataset(  # None in files of earlier versions, as their velocities
+    coordinates: Floats = dataset(
         "kg^0.5 m", "coordinates at phase zero of the excitation; of a free motion at its slowest instant",
-        along=_COORDINATES, default=None,
+        along=_COORDINATES,
     )  # fmt: skip
     coordinate_velocities: Floats = dataset(
-        "kg^0.5 m/s", "their velocities then; of a brake orbit zero", along=_COORDINATES, default=None
+        "kg^0.5 m/s", "their velocities then; of a brake orbit zero", along=_COORDINATES
     )
     internal_states: Floats | None = dataset(
         "m", "internal states of the contacts then", default=None,
@@ -179,10 +179,8 @@ class MotionBranch(BranchResult):
     special: tuple[SpecialPointResult, ...] = table(
         "special_points", SpecialPointResult, Counter("event", "number of the special point")
     )
-    energy_error: Floats | None = dataset(
-        "1",
-        "imbalance of the energies over a period, relative to the energy; of harmonic balance not its truncation",
-        default=None,
+    energy_error: Floats = dataset(
+        "1", "imbalance of the energies over a period, relative to the energy; of harmonic balance not its truncation"
     )
 
 
@@ -257,7 +255,3 @@ class ModeBranch(MotionBranch):
         "1", "from half-period shooting: largest of period and state, relative", default=None
     )
     motion: OrbitMotion | None = group("motion", OrbitMotion, default=None)  # of the point shown in the plots
-
-    def __post_init__(self) -> None:
-        if self.kind == "never_at_rest":  # name in old files
-            object.__setattr__(self, "kind", "non_brake")

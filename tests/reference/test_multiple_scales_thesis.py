@@ -110,8 +110,6 @@ def test_scenario():
     damped = build_system(load_scenario(chain(5) | {"chain": case["chain"] | {"dashpots": [0.1] * 7}}))
     with pytest.raises(ValueError, match="without damping"):
         expansion_path(damped, 1)
-    with pytest.raises(ValueError, match="other factors"):
-        compare_expansion(structure(chain(5)), expansion_path(structure(chain(5)), 4, factors=[0.1]), c.exact)
 
 
 # Configs of chapter 4: factor asked for, frequency to first order and exactly there (nan: no exact motion is near), Hz

@@ -14,17 +14,8 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.snubbers import dashpot_from_ratio
+from beamsim.flow.passage import ContactDirection
 from beamsim.typing import Floats
-
-
-@dataclass(frozen=True)
-class ContactRates:
-    """Derivatives of the contacts' numbers by a parameter."""
-
-    stiffness: Floats  # (m,)
-    dashpot: Floats  # (m,)
-    gap: Floats  # (m,)
-    shape: Floats  # (m, n)
 
 
 @dataclass(frozen=True)
@@ -50,7 +41,7 @@ class MovedContact:
     rigid: int = 0
     shape_at: Callable[[float], tuple[Floats, Floats]] | None = None
 
-    def __call__(self, value: float) -> tuple[Contacts, ContactRates]:
+    def __call__(self, value: float) -> tuple[Contacts, ContactDirection]:
         """The contacts at a value of the parameter, and their derivatives by it.
 
         Raises
@@ -61,7 +52,7 @@ class MovedContact:
         c, i = self.contacts, self.index
         shape, gap = c.shape.copy(), c.gap.copy()
         stiffness, dashpot = c.laws[i].stiffness, c.laws[i].dashpot  # of slow motions
-        rates = ContactRates(*(np.zeros_like(a) for a in (gap, gap, gap, shape)))
+        rates = ContactDirection(np.zeros_like(gap), np.zeros_like(gap), np.zeros_like(gap), np.zeros_like(shape))
         if self.quantity == "gap":
             gap[i], rates.gap[i] = value, 1.0
         elif self.quantity == "stiffness":

@@ -16,7 +16,6 @@ from beamsim.analyses.nnm.multiple_scales import (
     compare_expansion,
     exact_points,
     expansion_path,
-    modes_of,
 )
 from beamsim.analyses.nnm.orbits import branch_result, mode_shape, orbit_motion, special_points
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath, alike, mode_path
@@ -226,9 +225,7 @@ def _followed(
         )
     if "multiple_scales" in compare and work.goes_on("the expansion", stop):
         path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
-        work.expansion = compare_expansion(
-            system, path, modes_of(system, path, *exact_points(system, path, work.followed))
-        )
+        work.expansion = compare_expansion(system, path, exact_points(system, path, work.followed))
     return work
 
 
@@ -318,7 +315,7 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
             at=Where(missed, "", "factors"),
         )  # fmt: skip
     spent = clock.process_time() - begin
-    comparison = compare_expansion(system, path, modes_of(system, path, orbits, exact))
+    comparison = compare_expansion(system, path, (orbits, exact))
     backbone = OrbitBranch(orbits, points, outcome, kind="backbone")
     return _MethodResults(ModeBranches(backbone), spent, expansion=comparison)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
+
+ExactPoints = tuple[BrakeOrbits, list[BranchPoint | None]]  # shooting, and its motions
 
 ORDERS = (0, 1, 2)
 BEYOND_THE_MODES = 1.5
@@ -132,9 +135,7 @@ def expansion_path(
     )
 
 
-def exact_points(
-    structure: StructuralSystem, path: ExpansionPath, branches: ModeBranches | None = None
-) -> tuple[BrakeOrbits, list[BranchPoint | None]]:
+def exact_points(structure: StructuralSystem, path: ExpansionPath, branches: ModeBranches | None = None) -> ExactPoints:
     """The exact motion at each factor of an expansion: that of a backbone, or by shooting from the expansion itself.
 
     Without a motion of the backbone it must be close to the expansion. None where Newton's method ends on another
@@ -161,13 +162,10 @@ def exact_points(
     return orbits, points
 
 
-def modes_of(
-    structure: StructuralSystem, path: ExpansionPath, orbits: BrakeOrbits, points: list[BranchPoint | None]
-) -> ExactModes:
+def _modes_of(structure: StructuralSystem, orbits: BrakeOrbits, points: Sequence[BranchPoint | None]) -> ExactModes:
     """Exact motions beside an expansion, as a table."""
-    count = path.factor.size
-    frequency, residual = np.full(count, np.nan), np.full(count, np.nan)
-    shape = np.full((count, orbits.n), np.nan)
+    frequency, residual = np.full((2, len(points)), np.nan)
+    shape = np.full((len(points), orbits.n), np.nan)
     for i, point in enumerate(points):
         if point is not None:
             orbit = orbits.orbit(point)
@@ -176,16 +174,16 @@ def modes_of(
 
 
 def compare_expansion(
-    structure: StructuralSystem, path: ExpansionPath, exact: ExactModes | None = None
+    structure: StructuralSystem, path: ExpansionPath, exact: ExactPoints | None = None
 ) -> ExpansionComparison:
     """Differences from the exact motion and the orders in which they vanish with the factor.
 
-    ``exact`` may come from a stored backbone with the same energy and factors (default: found from the
-    expansion).
+    Parameters
+    ----------
+    structure, path : the expansion.
+    exact : as of `exact_points`; by default found from the expansion.
     """
-    modes = modes_of(structure, path, *exact_points(structure, path)) if exact is None else exact
-    if modes.frequency_hz.shape != path.factor.shape:
-        raise ValueError("the exact motions belong to other factors than the expansion")
+    modes = _modes_of(structure, *(exact_points(structure, path) if exact is None else exact))
     weight = np.sqrt(structure.dynamics.stiffness)
     frequency = np.abs(path.frequency_hz / modes.frequency_hz[:, None] - 1.0)
     size = np.linalg.norm(modes.coordinates * weight, axis=1)

@@ -266,23 +266,6 @@ def _reporting(
         yield point
 
 
-def refuse_phase_resonance(parameter: str, *, alike: bool) -> None:
-    """Refuse a backbone along which the structure changes, unless its motions are alike at every amplitude.
-
-    Raises
-    ------
-    ScenarioError
-    """
-    if parameter == "stiffness_factor" and not alike:
-        raise ScenarioError(
-            Problem(
-                "nnm.phase_resonance",
-                "needs the motions of one structure, and continue_in: stiffness_factor changes its springs",
-                "use continue_in: {kind: energy, from: 1 uJ, to: 1 J}",
-            )
-        )
-
-
 def flexible_mode(system: StructuralSystem, mode: int) -> int:
     """Index of mode ``mode`` (from 1), if it exists, vibrates, and nonlinear springs act on the structure.
 
@@ -362,8 +345,14 @@ def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
     mode = flexible_mode(system, settings.mode)
     contacts = system.dynamics.contacts.split()
     parameter = settings.continue_in
-    if settings.phase_resonance is not None:
-        refuse_phase_resonance(parameter.kind, alike=alike(system))
+    if settings.phase_resonance is not None and parameter.kind == "stiffness_factor" and not alike(system):
+        raise ScenarioError(
+            Problem(
+                "nnm.phase_resonance",
+                "needs the motions of one structure, and continue_in: stiffness_factor changes its springs",
+                "use continue_in: {kind: energy, from: 1 uJ, to: 1 J}",
+            )
+        )
     if parameter.kind != "stiffness_factor" and alike(system):
         raise ScenarioError(
             Problem(

@@ -18,7 +18,6 @@ from beamsim.analyses.continuation.branches import Half, joined
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import level_unit, periodic_flow, periodic_forcing
 from beamsim.analyses.nnm.orbits import RATE, amplitudes_of_lines, carried, line_frequencies
-from beamsim.analyses.nnm.paths import refuse_phase_resonance
 from beamsim.analyses.nnm.result import (
     HeldMotion,
     PhaseResonanceResult,
@@ -219,7 +218,6 @@ def hold_mode(
     assert isinstance(excitation, Harmonic)
     section = settings.phase_resonance
     assert section is not None
-    refuse_phase_resonance(settings.continue_in.kind, alike=alike)
     damped = build_system(scenario.model_copy(update={"run": None}), assessed=False)
     factor = orbits.split(points[-1].u)[2]
     loads, unit = periodic_forcing(scenario, damped), level_unit(scenario)
