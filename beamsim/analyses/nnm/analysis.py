@@ -102,15 +102,16 @@ def nnm(
     system = conservative_system(scenario)
     job = mode_path(scenario, system)
     work = _followed(scenario, system, job, compare, progress, stop)
-    followed, full = work.followed, work.full_period
+    followed = work.followed
     special, failed, given_up = special_points(system, job, followed, stop)
     if given_up and not followed.backbone.outcome.interrupted:
         work.left_out.append("the search for special points")
-    branches = _branches(system, job, followed, full, special)
+    branches = _branches(system, job, work, special)
     shown, point = _shown(branches)
     branch = branches[shown]
     state = np.concatenate([branch.coordinates[point], branch.coordinate_velocities[point]])
-    motion = orbit_motion(system, work.flow_of(shown, point), state, 1.0 / float(branch.frequency_hz[point]))
+    flow = work.orbit_branches[shown].points[point].data.flow
+    motion = orbit_motion(system, flow, state, 1.0 / float(branch.frequency_hz[point]))
     branches = (*branches[:shown], replace(branch, motion=motion), *branches[shown + 1 :])
     resonance = None
     if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance", stop):
@@ -166,12 +167,12 @@ class _MethodResults:
             return False
         return True
 
-    def flow_of(self, branch: int, point: int) -> Any:
-        """The flow of a point of the result's branches."""
-        branches = [self.followed.backbone, *self.followed.tongues]
-        if self.full_period is not None:
-            branches = [self.full_period.backbone, *self.followed.tongues, *self.full_period.non_brake]
-        return branches[branch].points[point].data.flow
+    @property
+    def orbit_branches(self) -> list[OrbitBranch]:
+        """The branches of the result as they were followed."""
+        if self.full_period is None:
+            return [self.followed.backbone, *self.followed.tongues]
+        return [self.full_period.backbone, *self.followed.tongues, *self.full_period.non_brake]
 
 
 def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
@@ -321,25 +322,21 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
 
 
 def _branches(
-    system: StructuralSystem,
-    job: ModePath,
-    followed: ModeBranches,
-    full: FullPeriodBranches | None,
-    special: tuple[SpecialPointResult, ...],
+    system: StructuralSystem, job: ModePath, work: _MethodResults, special: tuple[SpecialPointResult, ...]
 ) -> tuple[ModeBranch, ...]:
-    brake = followed.problem
-    if full is None:
-        backbone = branch_result(system, job, brake, followed.backbone, special=special)
-    else:
-        special += tuple(
+    brake, full = work.followed.problem, work.full_period
+    of_backbone: dict[str, Any] = {"special": special}
+    if full is not None:
+        breakings = (
             SpecialPointResult("symmetry_breaking", job.shown(b.parameter), 1.0 / brake.split(b.point.u)[1])
             for b in full.breakings
         )
-        backbone = branch_result(
-            system, job, brake, full.backbone, special=special, half_period_difference=full.differences
-        )
-    others = (*followed.tongues, *(() if full is None else full.non_brake))
-    return backbone, *(branch_result(system, job, brake, branch) for branch in others)
+        of_backbone = {"special": (*special, *breakings), "half_period_difference": full.differences}
+    backbone, *others = work.orbit_branches
+    return (
+        branch_result(system, job, brake, backbone, **of_backbone),
+        *(branch_result(system, job, brake, branch) for branch in others),
+    )
 
 
 def _shown(branches: tuple[ModeBranch, ...]) -> tuple[int, int]:

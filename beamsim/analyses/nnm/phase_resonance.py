@@ -67,7 +67,13 @@ class _BackboneMotion:
     energy: float
     share: float  # of the energy in the mode asked for, at rest
     force: Appropriation
+    measurement: Measurement
     scale: float = 1.0
+
+    @cached_property
+    def peak(self) -> Floats:
+        """(probes,) m, largest deflections of a period at a scale of one."""
+        return self.measurement.of_passage(self.flow, self.whole).peak
 
     @property
     def level(self) -> float:
@@ -131,11 +137,17 @@ class _Levels:
             )
         q, _, factor, _ = self.orbits.split(point.u)
         share = float(self.orbits.share(q, factor)[self.mode])
-        return _BackboneMotion(flow, whole, float(point.data.energy), share, force)
+        return _BackboneMotion(flow, whole, float(point.data.energy), share, force, self.free)
 
-    def measurement(self, excitation: Harmonic | None) -> Measurement:
-        """Of the probes' displacements: of free motions where nothing excites them."""
-        return Measurement(self.damped, excitation, self.damped.channels.of_keys(DISPLACEMENT))
+    @cached_property
+    def free(self) -> Measurement:
+        """Of the probes' displacements in free motions."""
+        return Measurement(self.damped, None, self.damped.channels.of_keys(DISPLACEMENT))
+
+    @cached_property
+    def forced(self) -> Measurement:
+        """The same in forced motions."""
+        return Measurement(self.damped, self.excitation, self.free.channels)
 
     def by_probe(self, values: Floats) -> dict[str, Any]:
         """Values (..., probes) by the name of the probe."""
@@ -143,7 +155,7 @@ class _Levels:
 
     def amplitudes(self, motion: _BackboneMotion) -> dict[str, float]:
         """Largest deflection of a period at each probe."""
-        return self.by_probe(motion.scale * self.measurement(None).of_passage(motion.flow, motion.whole).peak)
+        return self.by_probe(motion.scale * motion.peak)
 
     def at(self, target: float, measure: Callable[[_BackboneMotion], float]) -> _BackboneMotion | None:
         """The motion with this level (or amplitude); None where the backbone has none.
@@ -333,7 +345,7 @@ def _resonance(
         )  # fmt: skip
     orbit = problem.orbit(point)
     cosine = quadrature(problem, point)[0]
-    motion_found = held.measurement(held.excitation).of(problem, point)
+    motion_found = held.forced.of(problem, point)
     amplitude = held.by_probe(motion_found.peak)
     balanced = held.at(amplitude[probe], lambda m: held.amplitudes(m)[probe])
     return ResonantMotion(
@@ -409,8 +421,8 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
         halves.append((points, branch.outcome.shown(lambda omega: omega / (2 * np.pi), "Hz"), []))
         if branch.outcome.code == CLOSED_CURVE:
             break
-    followed, measurement = joined(problem, halves), held.measurement(held.excitation)
-    motions = [measurement.of(problem, p) for p in followed.points]
+    followed = joined(problem, halves)
+    motions = [held.forced.of(problem, p) for p in followed.points]
     return ResponseAboutResonance(
         outcome=COMPLETE if all(outcome.complete for _, outcome, _ in halves) else followed.outcome,
         frequency_hz=followed.values / (2 * np.pi),
