@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.orbit_energy import balance_error, energy_error
-from beamsim.analyses.run.stepped_outputs import SteppedChannels
+from beamsim.analyses.run.stepped_motion import SteppedChannels
 from beamsim.analyses.sweep.stepped import harmonic_loads
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED
 from beamsim.flow.channels import Observed, outputs_of
@@ -153,7 +153,7 @@ class Measurement:
 
         def values(times: Floats, inside: Floats) -> Floats:
             segment = np.clip(np.searchsorted(edges, inside, side="right") - 1, 0, phases.shape[0] - 1)
-            return known.values(times, states(times), phases[segment])
+            return known.of_states(times, states(times), phases[segment])
 
         found = polynomial_extrema(values, edges[[0, -1]], edges, pieces).window(0)
         even = np.arange(SAMPLES) * (edges[-1] / SAMPLES)

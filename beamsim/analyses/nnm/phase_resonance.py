@@ -149,9 +149,9 @@ class _Levels:
         """The same in forced motions."""
         return Measurement(self.damped, self.excitation, self.free.channels)
 
-    def by_probe(self, values: Floats) -> dict[str, Any]:
-        """Values (..., probes) by the name of the probe."""
-        return {p.name: values[..., k] for k, p in enumerate(self.damped.probes)}
+    def by_probe(self, peak: Floats) -> dict[str, float]:
+        """Values (probes,) by the name of the probe."""
+        return dict(zip((p.name for p in self.damped.probes), peak.tolist(), strict=True))
 
     def amplitudes(self, motion: _BackboneMotion) -> dict[str, float]:
         """Largest deflection of a period at each probe."""
@@ -426,7 +426,7 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
     return ResponseAboutResonance(
         outcome=COMPLETE if all(outcome.complete for _, outcome, _ in halves) else followed.outcome,
         frequency_hz=followed.values / (2 * np.pi),
-        peak_displacement=held.by_probe(np.array([m.peak for m in motions])),
+        peak_displacement={p.name: np.array([m.peak[k] for m in motions]) for k, p in enumerate(held.damped.probes)},
         stable=np.array([orbit.stable for orbit in followed.orbits]),
         energy_error=np.array([m.energy_error for m in motions]),
     )
