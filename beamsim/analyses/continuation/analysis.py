@@ -31,7 +31,9 @@ from beamsim.analyses.continuation.branches import (
     side_reach,
     trace_range,
 )
+from beamsim.analyses.continuation.folds import follow_folds
 from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
+from beamsim.analyses.continuation.overlay import swept_overlay
 from beamsim.analyses.continuation.paths import FollowedParameter, ResponseModel, level_unit, response_model
 from beamsim.analyses.continuation.refinement import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
@@ -100,8 +102,6 @@ def continuation(
             break
         outcomes.append(_outcome(model, traced, budget, level if len(levels) > 1 else None))
         if model.second is not None:
-            from beamsim.analyses.continuation.folds import follow_folds
-
             folds += follow_folds(model, traced, level, budget)
         branches += [_response(model, branch, level, stop) for branch in traced]
     if not branches:
@@ -114,8 +114,6 @@ def continuation(
     interrupted = stop()
     missing = [f"level {level:.4g} {scenario.level_unit}" for level in levels[len(outcomes) :]]
     if settings.overlay is not None:
-        from beamsim.analyses.continuation.overlay import swept_overlay
-
         part = _part(grown, curves_share, SHARE_OF_OVERLAY)
         overlay = None if interrupted else swept_overlay(scenario, part, stop)
         if overlay is None:
@@ -270,18 +268,16 @@ def _combined(outcomes: Sequence[Outcome]) -> Outcome:
 
 def _trusted(outcome: Outcome, branches: list[ResponseBranch], largest: float, f: FollowedParameter) -> Outcome:
     """The outcome, with a word on neglected harmonics where they are worth more than allowed."""
-    worst = max(
-        ((float(b.neglected_harmonics[k]), float(b.parameter[k])) for b in branches
-         if b.neglected_harmonics is not None and b.neglected_harmonics.size
-         for k in [int(np.argmax(b.neglected_harmonics))]), default=(0.0, 0.0),
-    )  # fmt: skip
-    if worst[0] <= largest:
+    error = np.concatenate([b.neglected_harmonics for b in branches if b.neglected_harmonics is not None])
+    worst = int(np.argmax(error))
+    if error[worst] <= largest:
         return outcome
+    parameter = float(np.concatenate([b.parameter for b in branches])[worst])
     doubt = Outcome.of(
         OutcomeKind.UNTRUSTED, "harmonics_neglected",
-        f"the neglected harmonics amount to {100 * worst[0]:.3g} % of the motion (sweep.method.largest_error = "
+        f"the neglected harmonics amount to {100 * error[worst]:.3g} % of the motion (sweep.method.largest_error = "
         f"{100 * largest:g} %)",
-        at=Where(worst[1], f.unit), remedy="use more harmonics, or the shooting method",
+        at=Where(parameter, f.unit), remedy="use more harmonics, or the shooting method",
     )  # fmt: skip
     return doubt.but(*outcome.parts) if outcome.code == COMPLETE.code else outcome.but(doubt)
 

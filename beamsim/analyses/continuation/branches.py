@@ -110,11 +110,6 @@ def limited(outcome: Outcome, limit: str) -> Outcome:
     return outcome.but(remedy=f"raise {limit}", numbers={**outcome.numbers, "limit": limit})
 
 
-def on_known_branch(point: BranchPoint) -> Outcome:
-    """The outcome of a branch that ends on another one."""
-    return Outcome.of(OutcomeKind.COMPLETE, "joined_branch", "joined another branch", at=point.parameter)
-
-
 class Tracer(Protocol):
     """A way to find and follow motions: shooting, or harmonic balance."""
 
@@ -303,7 +298,9 @@ def joining(
         together = coincides(point, known)
         apart = apart or not together
         close = close + 1 if apart and together else 0
-        return on_known_branch(point) if close == 2 else None
+        if close < 2:
+            return None
+        return Outcome.of(OutcomeKind.COMPLETE, "joined_branch", "joined another branch", at=point.parameter)
 
     return joins
 
