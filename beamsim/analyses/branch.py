@@ -138,12 +138,12 @@ class BranchResult:
     unit: str = attribute("", "unit of the parameter", name="units", at="parameter")
     parameter_meaning: str = attribute("", "what the parameter is", name="long_name", at="parameter")
     residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion")
-    coordinates: Floats = dataset(
+    coordinates: Floats = dataset(  # None in files of earlier versions, as their velocities
         "kg^0.5 m", "coordinates at phase zero of the excitation; of a free motion at its slowest instant",
-        along=_COORDINATES,
+        along=_COORDINATES, default=None,
     )  # fmt: skip
     coordinate_velocities: Floats = dataset(
-        "kg^0.5 m/s", "their velocities then; of a brake orbit zero", along=_COORDINATES
+        "kg^0.5 m/s", "their velocities then; of a brake orbit zero", along=_COORDINATES, default=None
     )
     internal_states: Floats | None = dataset(
         "m", "internal states of the contacts then", default=None,
@@ -179,8 +179,10 @@ class MotionBranch(BranchResult):
     special: tuple[SpecialPointResult, ...] = table(
         "special_points", SpecialPointResult, Counter("event", "number of the special point")
     )
-    energy_error: Floats = dataset(
-        "1", "imbalance of the energies over a period, relative to the energy; of harmonic balance not its truncation"
+    energy_error: Floats | None = dataset(
+        "1",
+        "imbalance of the energies over a period, relative to the energy; of harmonic balance not its truncation",
+        default=None,
     )
 
 

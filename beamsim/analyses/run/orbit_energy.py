@@ -73,8 +73,11 @@ def balance_error(problem: ForcedBalance, point: BranchPoint) -> float:
 
 def balanced(outcome: Outcome, branches: Sequence[MotionBranch], unit: str) -> Outcome:
     """The outcome of branches, whose points are not to be trusted where the balance is lost."""
-    error = np.concatenate([b.energy_error for b in branches])
-    parameter = np.concatenate([b.parameter for b in branches])
+    checked = [b for b in branches if b.energy_error is not None]
+    if not checked:
+        return outcome
+    error = np.concatenate([b.energy_error for b in checked if b.energy_error is not None])
+    parameter = np.concatenate([b.parameter for b in checked])
     bad = ~(error <= LARGEST_ERROR)
     if not np.any(bad):
         return outcome
@@ -106,7 +109,7 @@ def unbalanced(error: float, points: int, at: Where) -> Outcome:
 
 def largest_error(branches: Sequence[MotionBranch]) -> float | None:
     """Of all points; None where none was looked at."""
-    errors = [float(b.energy_error.max()) for b in branches if b.energy_error.size]
+    errors = [float(b.energy_error.max()) for b in branches if b.energy_error is not None and b.energy_error.size]
     return max(errors, default=None)
 
 
