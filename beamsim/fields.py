@@ -191,30 +191,23 @@ class Group:
 
     path: str
     of: Any  # its class
-    given: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # fields of it that are not stored
 
 
 @dataclass(frozen=True, kw_only=True)
 class Members:
-    """Dataclasses, each in a group of its own: a mapping, or with ``several`` a tuple."""
+    """Dataclasses, each in a group of its own: a mapping or a tuple.
+
+    An attribute of the group around them, called as the field, lists their keys in order.
+    """
 
     folder: str
     of: Any  # their class
-    several: bool = False
     pattern: str = "{}"  # name of a member's group, with {} for its key
     called: str = ""  # the same for people, where the key's own name does not say it
-    parts: Callable[[Any], tuple[str, ...]] | None = None  # of a member: the way to its group, instead of the pattern
-    key: Callable[[Any], Any] | None = None  # of a member: its key, instead of the name of its group
+    by: tuple[str, ...] = ()  # fields of a tuple's member that are its key, instead of its `key` field or its number
+    way: Callable[[Any], tuple[str, ...]] | None = None  # of a key: the groups to it, instead of the pattern
     start: int = 0  # of the numbers of a tuple's members
     labelled: bool = False  # with attributes ``name`` and ``index``
-    indexed: bool = False  # with the attribute ``index``
-    listed: str = ""  # attribute of the folder with the names in order, where links do not tell them
-    having: str = ""  # attribute or dataset by which such a group is known
-    order: Callable[[Mapping[str, Any], Any], Any] | None = None  # to sort by: of the fields read before and a member
-    given: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    spread: str = ""  # several of a group, each told by a dataset whose name is this and its ``quantity``
-    required: bool = False  # at least one
-    unless: str = ""  # folder whose members may stand in their place
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -288,15 +281,8 @@ def named(folder: str, of: Any, *, default: Any = _REQUIRED, default_factory: An
     return _field(Members(folder=folder, of=of, labelled=True, **options), default, default_factory)
 
 
-def numbered(folder: str, of: Any, *, default: Any = _REQUIRED, **options: Any) -> Any:
-    """A tuple of dataclasses, ``<folder>/<n>`` with n from ``start``; see `Members`."""
-    return _field(Members(folder=folder, of=of, several=True, **options), default)
-
-
-def keyed(
-    of: Any, *, folder: str = "", default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
-) -> Any:
-    """Dataclasses in groups named after their keys; for a tuple, after the field that is a `key`. See `Members`."""
+def members(folder: str, of: Any, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any) -> Any:
+    """A dataclass for each key of a mapping or member of a tuple, ``<folder>/<key>``; see `Members`."""
     return _field(Members(folder=folder, of=of, **options), default, default_factory)
 
 
@@ -313,7 +299,7 @@ def ending(meaning: str, *, at: str = "", default: Any = _REQUIRED) -> Any:
 @dataclass_transform(
     frozen_default=True,
     field_specifiers=(
-        dataset, axis, per_probe, per_snubber, attribute, ending, key, group, named, numbered, keyed, table,
+        dataset, axis, per_probe, per_snubber, attribute, ending, key, group, named, members, table,
         dataclasses.field,
     ),
 )  # fmt: skip
@@ -394,6 +380,11 @@ def _placed(declaration: Declaration, owner: Any) -> Declaration:
     if isinstance(declaration, Dataset) and declaration.along is None:
         return dataclasses.replace(declaration, along=() if declaration.scale else vars(owner)["__along__"])
     return declaration
+
+
+def key_of(cls: Any) -> str:
+    """The field of a dataclass that is its `key`; empty where it has none."""
+    return next((member.name for member in members_of(cls) if isinstance(member.declaration, Key)), "")
 
 
 def is_array(cls: Any) -> bool:

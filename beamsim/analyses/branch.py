@@ -208,7 +208,7 @@ class ResponseBranch(MotionBranch):
     peak_bending_stress: Floats | None = dataset(
         "Pa", "largest bending stress along the beam in a period", default=None
     )
-    outputs: dict[str, OutputExtremes] = named("outputs", OutputExtremes, having="maximum", default_factory=dict)
+    outputs: dict[str, OutputExtremes] = named("outputs", OutputExtremes, default_factory=dict)
     neglected_harmonics: Floats | None = dataset(
         "1", "size of the neglected harmonics relative to the motion", default=None
     )

@@ -69,6 +69,4 @@ def _peak(items: Items, summary: Mapping[str, Any], place: str) -> float | None:
     curve, peaks = parent(folder), summary.get("peak_displacement_m")
     if peaks is not None:
         return (peaks if curve == "/" else peaks.get(last(curve), {})).get(probe)  # type: ignore[no-any-return]
-    if items[curve].attributes.get("period_multiple") != 1:  # files of earlier versions: only those count
-        return None
     return max((peak["value_m"] for peak in summary.get("peaks", ()) if peak["probe"] == probe), default=None)

@@ -19,13 +19,13 @@ from beamsim.fields import (
     Counter,
     Dataset,
     Group,
-    Key,
     Member,
     Members,
     Table,
     described,
     filled,
     is_array,
+    key_of,
     members_of,
 )
 from beamsim.kinds import KINDS, named
@@ -142,9 +142,8 @@ def _rows(member: Member, on: str) -> Iterator[Row]:
         case Group(path="") as d:
             for below in members_of(d.of):
                 yield from _rows(below, "")
-        case Members(listed=listed) as d if listed:
-            called = d.called.strip("<>")
-            yield Row(listed, "", f"attribute of {d.folder}", f"each {called} by name, in order, JSON list")
+        case Members() as d:
+            yield Row(member.name, "", "attribute", f"the keys of {_place(member, d)} in order, JSON list")
         case Table() as d:
             columns = members_of(d.of)
             axis = d.rows.name if d.rows else next(c.stored_name for c in columns if c.declaration.scale)
@@ -163,13 +162,17 @@ def _inner(member: Member, path: str, given: Mapping[str, Any]) -> Iterator[tupl
                 yield from _inner(below, path, given)
         case Group() as d:
             on = {"link": d.path} if is_array(d.of) else {}
-            yield d.of, joined(path, d.path), {**d.given, **on}
+            yield d.of, joined(path, d.path), on
         case Members() as d:
-            key = next((m.name for m in members_of(d.of) if isinstance(m.declaration, Key)), "")
-            numbered = d.several or member.type.startswith("dict[int")
-            name = "<name>" if d.labelled else f"<{key or ('n' if numbered else 'name')}>"
-            place = "/".join(filter(None, (d.folder, d.called or d.pattern.replace("{}", name))))
-            yield d.of, joined(path, place), {**d.given, **({"link": d.called} if is_array(d.of) else {})}
+            on = {"link": d.called} if is_array(d.of) else {}
+            yield d.of, joined(path, _place(member, d)), on
+
+
+def _place(member: Member, declared: Members) -> str:
+    """Path of the groups of a field, with the keys in angle brackets."""
+    key = key_of(declared.of)
+    name = "<name>" if declared.labelled else f"<{key or ('name' if member.type.startswith('dict[str') else 'n')}>"
+    return "/".join(filter(None, (declared.folder, declared.called or declared.pattern.replace("{}", name))))
 
 
 def _parts(name: str, declared: Dataset, member: Member) -> Iterator[tuple[str, str, str]]:

@@ -6,13 +6,13 @@ The declarations of its fields (`beamsim.fields`) say where each of its numbers 
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from beamsim.codecs import JSON
 from beamsim.fields import (
     Along,
     Attribute,
@@ -26,6 +26,7 @@ from beamsim.fields import (
     Table,
     filled,
     is_array,
+    key_of,
     members_of,
 )
 
@@ -146,34 +147,29 @@ class _Walk:
                 self.item(path)
                 self.add(value, path, here.owners)
             case Members() as declared:
-                self._members(declared, value, here)
+                self._members(member, declared, value, here)
             case Table() as declared:
                 self._table(declared, value, here)
 
-    def _members(self, declared: Members, value: Any, here: _Here) -> None:
+    def _members(self, member: Member, declared: Members, value: Any, here: _Here) -> None:
         folder = joined(here.path, declared.folder)
-        pairs = list(value.items()) if isinstance(value, Mapping) else [(_key(item), item) for item in value]
-        for index, (key, item) in enumerate(pairs):
+        pairs = list(value.items()) if isinstance(value, Mapping) else _with_keys(declared, value)
+        labels = list(dict.fromkeys(key[0] if isinstance(key, tuple) else key for key, _ in pairs))
+        for key, item in pairs:
             if declared.labelled:
-                home = self._labelled(folder, key, index)
+                label = key[0] if isinstance(key, tuple) else key
+                home = self._labelled(folder, label, labels.index(label))
             else:
-                called = declared.pattern.format(key if key is not None else declared.start + index)
-                parts = (
-                    declared.parts(item) if declared.parts else called.split("/") if is_array(declared.of) else [called]
-                )
-                home = joined(folder, "/".join(map(group_name, parts)))
+                home = joined(folder, _way(declared, key))
                 self.item(home)
-                if declared.indexed:
-                    self.items[home].attributes["index"] = index
             self.add(item, home, here.owners, folder if is_array(declared.of) else "")
-        if declared.listed and pairs:
-            self.items[folder].attributes[declared.listed] = json.dumps([key for key, _ in pairs], ensure_ascii=False)
+        self.item(here.path).attributes[member.name] = json.dumps([key for key, _ in pairs], ensure_ascii=False)
 
     def _labelled(self, folder: str, name: str, index: int) -> str:
-        """The group ``<folder>/<name>``; a new one gets its attributes, among them the body if there are several."""
+        """The group ``<folder>/<name>`` with its attributes, among them the body if there are several."""
         path = joined(folder, group_name(name))
-        if path not in self.items:
-            home = self.item(path)
+        home = self.item(path)
+        if "index" not in home.attributes:
             home.attributes |= {"name": name, "index": index}
             body = self.scenario.bodies_of_places.get(last(folder), {}).get(name) if self.scenario else None
             if body:
@@ -275,9 +271,24 @@ def _writing_rank(member: Member) -> int:
     return 2 if isinstance(member.declaration, Attribute) else 1
 
 
-def _key(item: Any) -> Any:
-    """Key of a member of a tuple; None if members are numbered."""
-    return next((getattr(item, m.name) for m in members_of(type(item)) if isinstance(m.declaration, Key)), None)
+def _with_keys(declared: Members, items: Sequence[Any]) -> list[tuple[Any, Any]]:
+    """The members of a tuple with their keys."""
+    own = key_of(declared.of)
+    if declared.by:
+        return [(tuple(getattr(item, name) for name in declared.by), item) for item in items]
+    return [(getattr(item, own) if own else number, item) for number, item in enumerate(items, declared.start)]
+
+
+def _way(declared: Members, key: Any) -> str:
+    """The path of a member in its folder."""
+    if declared.way is not None:
+        parts = declared.way(key)
+    elif isinstance(key, tuple):
+        parts = tuple(map(str, key[:1] if declared.labelled else key))
+    else:
+        called = declared.pattern.format(key)
+        parts = tuple(called.split("/")) if is_array(declared.of) else (called,)
+    return "/".join(map(group_name, parts))
 
 
 def _array(value: Any) -> Any:
@@ -307,10 +318,11 @@ class Reader:
 
     def __init__(self, items: Items) -> None:
         self.items = items
-        self._children: dict[str, list[str]] = {}
-        for path in items:
-            if path != "/":
-                self._children.setdefault(parent(path), []).append(path)
+        self._labelled: dict[str, list[tuple[int, str, str]]] = {}  # by folder index, name and path
+        for path, item in items.items():
+            if "index" in item.attributes:
+                label = int(item.attributes["index"]), str(item.attributes["name"]), path
+                self._labelled.setdefault(parent(path), []).append(label)
 
     def fields(self, cls: Any, path: str = "/", owners: tuple[Any, ...] = (), key: Any = None) -> dict[str, Any]:
         """The declared fields of a class, by name.
@@ -356,8 +368,7 @@ class Reader:
                 path = joined(here.path, declared.path)
                 if path not in self.items:
                     raise Missing(f"{path} is missing")
-                owners = (declared.given, *here.owners)
-                return declared.of(**declared.given, **self.fields(declared.of, path, owners, key))
+                return declared.of(**self.fields(declared.of, path, here.owners, key))
             case Members() as declared:
                 return self._members(member, declared, here)
             case Table() as declared:
@@ -367,80 +378,31 @@ class Reader:
     def _per_name(self, member: Member, declared: Dataset, here: _Here) -> dict[str, Any]:
         values: dict[str, Any] = {}
         name = member.stored_name
-        for home in sorted(self._groups(joined(here.path, declared.per or "")), key=self._index):
+        for _, key, home in sorted(self._labelled.get(joined(here.path, declared.per or ""), ())):
             if member.scalar is not None:
-                values[self._name(home)] = _of_type(self.items[home].attributes[name], member)
+                values[key] = _of_type(self.items[home].attributes[name], member)
             elif joined(home, name) in self.items or joined(home, f"{name}_real") in self.items:
-                values[self._name(home)] = self._array(member, declared, joined(home, name))
+                values[key] = self._array(member, declared, joined(home, name))
         return values
 
     def _members(self, member: Member, declared: Members, here: _Here) -> Any:
-        folder, kind = joined(here.path, declared.folder), int if member.type.startswith("dict[int") else str
-        members = [
-            (key, declared.of(**given, **self.fields(declared.of, path, (given, *here.owners), key)))
-            for key, path in self._candidates(folder, declared)
-            for given in self._given(declared, path)
-        ]
-        instead = declared.unless and joined(here.path, declared.unless) in self._children
-        if not members and declared.required and not instead:
-            raise KeyError(f"{folder} is missing")
-        if declared.order is not None:
-            fields, order = here.owners[0], declared.order
-            members.sort(key=lambda entry: order(fields, entry[1]))
-        if declared.several:
-            return tuple(item for _, item in members)
-        return {declared.key(item) if declared.key else kind(key): item for key, item in members}
-
-    def _given(self, declared: Members, path: str) -> Iterator[Mapping[str, Any]]:
-        """What is known of each member that a group holds."""
-        if not declared.spread:
-            yield declared.given
-            return
-        for place in self._children.get(path, ()):
-            prefix, _, quantity = last(place).partition(declared.spread)
-            if not prefix and quantity and "units" in self.items[place].attributes:
-                yield {**declared.given, "quantity": quantity, "unit": str(self.items[place].attributes["units"])}
-
-    def _candidates(self, folder: str, declared: Members) -> Iterator[tuple[Any, str]]:
-        """Keys and paths of the members, in order."""
-        if declared.listed:
-            names = json.loads(self.items[folder].attributes.get(declared.listed, "[]")) if folder in self.items else []
-            for name in names:
-                yield name, joined(folder, "/".join(map(group_name, name.split("/"))))
-            return
-        pattern = re.compile(re.escape(declared.pattern).replace(r"\{\}", "(.+)"))
-        found = []
-        for path in self._below(folder) if declared.parts else self._children.get(folder, ()):
-            match, item = pattern.fullmatch(last(path)), self.items[path]
-            known = declared.having in item.attributes or joined(path, declared.having) in self.items
-            if match and (known if declared.having else item.values is None):
-                found.append((match[1], path))
-        if declared.labelled or is_array(declared.of):
-            found = [(self._name(path), path) for _, path in found]
-        if declared.labelled or declared.indexed:
-            found.sort(key=lambda entry: self._index(entry[1]))
-        else:
-            found.sort(key=lambda entry: (int(entry[0]), "") if entry[0].isdigit() else (-1, entry[0]))
-        yield from found
-
-    def _groups(self, folder: str) -> list[str]:
-        return [path for path in self._children.get(folder, ()) if self.items[path].values is None]
-
-    def _below(self, folder: str) -> Iterator[str]:
-        for path in self._groups(folder):
-            yield path
-            yield from self._below(path)
-
-    def _index(self, path: str) -> int:
-        """Index of a group in its folder; without one, the smallest index of the groups in it."""
-        if "index" in self.items[path].attributes:
-            return int(self.items[path].attributes["index"])
-        return min((self._index(inner) for inner in self._groups(path)), default=0)
-
-    def _name(self, path: str) -> str:
-        """Name of an item; its link may be spelt differently."""
-        named = [place for place in (path, *self._groups(path)) if "name" in self.items[place].attributes]
-        return str(self.items[named[0]].attributes["name"]) if named else last(path)
+        listed = self.items[here.path].attributes.get(member.name)
+        if listed is None:
+            raise Missing(f"{joined(here.path, member.name)} is missing")
+        keys, members = JSON.read("", {"": listed}), {}
+        if not isinstance(keys, tuple):
+            raise ValueError(f"{joined(here.path, member.name)} is no list")
+        stored = {each.name for each in members_of(declared.of)}
+        for key in keys:
+            path = joined(joined(here.path, declared.folder), _way(declared, key))
+            if path not in self.items:
+                raise KeyError(f"{path} is missing")
+            known = dict(zip(declared.by, key, strict=True)) if declared.by else {}
+            given = {name: value for name, value in known.items() if name not in stored}
+            own = known.get(key_of(declared.of), key)
+            fields = self.fields(declared.of, path, (given, *here.owners), own)
+            members[key] = declared.of(**given, **fields)
+        return members if member.type.startswith("dict") else tuple(members.values())
 
     def _table(self, declared: Table, home: str) -> tuple[Any, ...]:
         if home not in self.items:
@@ -451,7 +413,7 @@ class Reader:
         for column in members_of(declared.of):
             item = self.items.get(joined(home, column.stored_name))
             if column.derived or (item is None and column.default is not None):
-                continue  # not in files written before the field was added
+                continue
             if item is None or np.ndim(item.values) == 0:
                 raise KeyError(f"{joined(home, column.stored_name)} is missing")
             columns[column.name] = [_of_type(value, column) for value in item.values]

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.scenario.input_files import Record
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 JSON_ENCODED = "json_encoded"
 
 

@@ -31,6 +31,14 @@ ROOT_ATTRIBUTES = (
     "wall_time_s",
     "warnings",
     "provenance",
+    "probes",
+    "snubbers",
+    "spectra",
+    "springs",
+    "friction",
+    "outputs",
+    "named_bodies",
+    "fatigue",
 )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import Spectrum
-from beamsim.fields import Counter, Entry, attribute, axis, dataset, declared, group, numbered, stored, table
+from beamsim.fields import Counter, Entry, attribute, axis, dataset, declared, group, members, stored, table
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 _ORDER = ("order",)
@@ -148,8 +148,6 @@ class Comparison(Result):
         Entry("sweeps", "", "by channel of a sweep: place, quantity, curve, FRAC, and its peaks", "channels"),
     )  # fmt: skip
 
-    channels: tuple[ChannelComparison, ...] = numbered(
-        "channels", ChannelComparison, start=1, required=True, unless="sweeps", default=()
-    )
-    sweeps: tuple[SweptComparison, ...] = numbered("sweeps", SweptComparison, start=1, default=())
+    channels: tuple[ChannelComparison, ...] = members("channels", ChannelComparison, start=1, default=())
+    sweeps: tuple[SweptComparison, ...] = members("sweeps", SweptComparison, start=1, default=())
     assurance: Assurance | None = group("assurance", Assurance, default=None)  # of two channels of a sweep or more

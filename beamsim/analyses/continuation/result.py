@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from beamsim.analyses.branch import FoldBranch, ResponseBranch
@@ -18,8 +15,7 @@ from beamsim.fields import (
     dataset,
     declared,
     group,
-    keyed,
-    numbered,
+    members,
     per_probe,
     stored,
 )
@@ -36,11 +32,6 @@ class OverlayCurve(SweepCurve):
 
     source: str = attribute("", "file it comes from; empty where it was computed with the curve", default="")
     title: str = attribute("", "title of its scenario", default="")
-
-
-def _overlay_rank(_: Mapping[str, Any], curve: OverlayCurve) -> tuple[int, bool]:
-    """Up before down, by the number at the end of the name."""
-    return int(curve.name.rpartition("_")[2]), curve.direction == "down"
 
 
 @declared(along=_POINT)
@@ -106,22 +97,20 @@ class ContinuationResult(Result):
 
     SUMMARY = _SUMMARY
 
-    branches: tuple[ResponseBranch, ...] = numbered("branches", ResponseBranch, indexed=True, required=True)
+    branches: tuple[ResponseBranch, ...] = members("branches", ResponseBranch)
     modes: ModeTable = group("modes", ModeTable)
     parameter: str = attribute("", "what is followed: frequency, level, gap, stiffness or position")
     unit: str = attribute("", "its unit")
     snubber: str = attribute("", "snubber whose number is followed", default="")
     level_unit: str = attribute("", "unit of the branches' levels", default="")
     method: str = attribute("", "shooting or harmonic_balance", default="shooting")
-    fold_curves: tuple[FoldBranch, ...] = numbered("fold_curves", FoldBranch, indexed=True, default=())
+    fold_curves: tuple[FoldBranch, ...] = members("fold_curves", FoldBranch, default=())
     second_parameter: str = attribute("", "what folds are followed in; empty where they are not", default="")
     second_unit: str = attribute("", "its unit", default="")
     second_snubber: str = attribute("", "snubber whose number that is", default="")
-    overlay: dict[str, OverlayCurve] = keyed(OverlayCurve, having="source", order=_overlay_rank, default_factory=dict)
+    overlay: dict[str, OverlayCurve] = members("", OverlayCurve, default_factory=dict)
     # for weak springs, where it was asked for
-    expansion: tuple[ForcedExpansionComparison, ...] = numbered(
-        "multiple_scales", ForcedExpansionComparison, indexed=True, default=()
-    )
+    expansion: tuple[ForcedExpansionComparison, ...] = members("multiple_scales", ForcedExpansionComparison, default=())
 
     @property
     @stored(axis("1", "number of the coordinate"))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from beamsim.analyses.result import Result
 from beamsim.codecs import JSON, as_text
-from beamsim.fields import Axes, Counter, Entry, attribute, axis, dataset, declared, key, keyed, numbered, stored
+from beamsim.fields import Axes, Counter, Entry, attribute, axis, dataset, declared, key, members, stored
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.varied import Value
 from beamsim.typing import Bools, Floats, Ints
@@ -201,15 +201,11 @@ class DesignsResult(Result):
 
     analysis: str = attribute("", "what was done with each case: run, or the kind of sweep", at=_GROUP)
     kind: str = attribute("", "grid, zip, latin_hypercube, sobol, or draws of an ensemble", at=_GROUP)
-    coordinates: tuple[Coordinate, ...] = keyed(
-        Coordinate, folder=_GROUP, several=True, called="<parameter>", listed="paths"
-    )
+    coordinates: tuple[Coordinate, ...] = members(_GROUP, Coordinate, called="<parameter>")
     # the design's shape
     solved: Bools = dataset("1", "whether the case has responses", name=f"{_GROUP}/solved", flags=("missing", "solved"))
-    responses: dict[str, Response] = keyed(Response, folder=_GROUP, called="<response>", listed="responses")
-    margins: dict[str, Response] = keyed(
-        Response, folder=f"{_GROUP}/margins", called="<limit>", having="name"
-    )  # limit / value - 1
+    responses: dict[str, Response] = members(_GROUP, Response, called="<response>")
+    margins: dict[str, Response] = members(f"{_GROUP}/margins", Response, called="<limit>")  # limit / value - 1
     limits: dict[str, float] = attribute("", "limits by name, in SI units, JSON object", codec=JSON, at=_GROUP)
     failures: tuple[CaseFailure, ...] = attribute(
         "", "cases that failed: number from 0, values of the parameters, and why; JSON list", codec=FAILURES,
@@ -223,19 +219,18 @@ class DesignsResult(Result):
         flags=("failing", "passing"),
         default=None,
     )
-    sensitivity: tuple[SobolIndices, ...] = numbered(
+    sensitivity: tuple[SobolIndices, ...] = members(
         f"{_GROUP}/sensitivity", SobolIndices, default=()
     )  # of a Sobol' sample
     # the design's shape; None without limits or tolerances
     passing_share: Floats | None = dataset(
         "1", "share of the realisations that meet every limit", name=f"{_GROUP}/passing_share", default=None
     )
-    tolerances: tuple[Tolerance, ...] = keyed(
-        Tolerance, folder=f"{_GROUP}/tolerances", several=True, called="<number with a tolerance>", listed="paths",
-        default=(),
-    )  # fmt: skip
-    realised: dict[str, RealisedResponse] = keyed(
-        RealisedResponse, folder=f"{_GROUP}/realisations", called="<response>", listed="responses", default_factory=dict
+    tolerances: tuple[Tolerance, ...] = members(
+        f"{_GROUP}/tolerances", Tolerance, called="<number with a tolerance>", default=()
+    )
+    realised: dict[str, RealisedResponse] = members(
+        f"{_GROUP}/realisations", RealisedResponse, called="<response>", default_factory=dict
     )
     fingerprint: str = attribute("", "hash of all that the responses depend on", at=_GROUP, default="")
 

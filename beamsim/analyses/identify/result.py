@@ -18,8 +18,7 @@ from beamsim.fields import (
     ending,
     group,
     key,
-    keyed,
-    numbered,
+    members,
     stored,
     table,
 )
@@ -190,7 +189,7 @@ class ModelUpdate:
     after: FrequencyTable = group("frequencies_after", FrequencyTable)
     misfit_before: float = attribute("1", "chi squared with the scenario's values, priors included")
     misfit_after: float = attribute("1", "chi squared with the identified values, priors included")
-    profiles: tuple[ProfileLikelihood, ...] = numbered("profiles", ProfileLikelihood, start=1)
+    profiles: tuple[ProfileLikelihood, ...] = members("profiles", ProfileLikelihood, start=1)
     evaluations: int = attribute("1", "eigenvalue problems solved")
     scenario: Scenario = attribute("", "the scenario with the identified parameters, YAML", codec=SCENARIO)
     warnings: tuple[str, ...] = ()  # stored with those of the result
@@ -231,13 +230,13 @@ class NonlinearEstimate:
 
     parameters: tuple[ParameterEstimate, ...] = table("", ParameterEstimate)
     correlation: Floats = dataset("1", "correlation of the parameters' logarithms", along=("parameter", "parameter"))
-    tests: tuple[TestFit, ...] = numbered("tests", TestFit, start=1)
+    tests: tuple[TestFit, ...] = members("tests", TestFit, start=1)
     misfit_before: float = attribute("1", "chi squared with the scenario's values")
     misfit: float = attribute("1", "chi squared with the estimated values")
     degrees_of_freedom: int = attribute("1", "measured numbers minus parameters")
     starts: int = attribute("1", "starting points of the search")
     starts_agreeing: int = attribute("1", "starting points that ended in the best minimum")
-    profiles: tuple[ProfileLikelihood, ...] = numbered("profiles", ProfileLikelihood, start=1)
+    profiles: tuple[ProfileLikelihood, ...] = members("profiles", ProfileLikelihood, start=1)
     responses: int = attribute("1", "periodic responses computed")
     processor_time_s: float = attribute("s", "processor time")
     coverage: float = attribute("1", "probability of the intervals")
@@ -307,7 +306,7 @@ class IdentificationResult(Result):
     with_snubber: FrequencyTable | None = group("modes", FrequencyTable, default=None)
     without_snubber: FrequencyTable = group("modes_without", FrequencyTable)
     sensitivities: tuple[Sensitivity, ...] = table("sensitivity", Sensitivity, empty=False)
-    curves: tuple[FrequencyCurve, ...] = keyed(FrequencyCurve, pattern="mode_{}", folder="curves", several=True)
+    curves: tuple[FrequencyCurve, ...] = members("curves", FrequencyCurve, pattern="mode_{}")
     profile: ProfileLikelihood | None = group("profile", ProfileLikelihood, default=None)  # of the stiffness
     update: ModelUpdate | None = group("update", ModelUpdate, default=None)
     mac: Floats | None = dataset(

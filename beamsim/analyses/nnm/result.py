@@ -15,7 +15,7 @@ from beamsim.fields import (
     declared,
     ending,
     group,
-    numbered,
+    members,
     per_probe,
     stored,
     table,
@@ -125,7 +125,7 @@ class PhaseResonanceResult:
     # no gap, no load
     scales: bool = attribute("", "whether the level is proportional to the amplitude at a constant frequency")
     predicted: PredictedLevels = group("predicted", PredictedLevels)
-    motions: tuple[ResonantMotion, ...] = numbered("levels", ResonantMotion, indexed=True)
+    motions: tuple[ResonantMotion, ...] = members("levels", ResonantMotion)
 
     @property
     def status(self) -> str:
@@ -299,7 +299,7 @@ class NormalModeResult(Result):
     parameter: str = attribute("", "stiffness_factor, energy or frequency", name="continued_in")
     method: str = attribute("", "shooting, full_period, multiple_scales or relaxed_minimisation")
     stations: Stations = group("", Stations)  # before what is along them
-    branches: tuple[ModeBranch, ...] = numbered("branches", ModeBranch, required=True)  # the backbone first
+    branches: tuple[ModeBranch, ...] = members("branches", ModeBranch)  # the backbone first
     jumps: tuple[BranchJump, ...] = table("jumps", BranchJump, Counter("jump", "number of the jump"))
     linear_shape: Floats = dataset(
         "m", "linear mode with the largest deflection of the motion that is drawn", along=("position",)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from beamsim.fields import (
     declared,
     group,
     key,
-    keyed,
+    members,
     named,
     stored,
     table,
@@ -320,13 +319,11 @@ class RandomResponse:
 
     start_s: float = attribute("s", "what comes before is left out")
     frequency_hz: Floats = axis("Hz", "frequency")
-    recorded: tuple[SignalStatistics, ...] = keyed(
+    recorded: tuple[SignalStatistics, ...] = members(
+        "",
         SignalStatistics,
-        parts=lambda signal: (signal.name, signal.quantity),
-        having="density",
-        indexed=True,
+        by=("name", "quantity"),
         called="<name>/<quantity>",
-        several=True,
     )  # the input first
     # by probe: of the absolute acceleration, of the displacement where a force drives the structure
     transmissibility: dict[str, Complexes] = dataset("{transmissibility_unit}", "response over input (H1)", per="")
@@ -388,13 +385,11 @@ class ShockResponse:
 
     quality: float = attribute("1", "quality factor Q of the oscillators")
     frequency_hz: Floats = axis("Hz", "natural frequency of the oscillator")
-    signals: tuple[ShockSpectrum, ...] = keyed(
+    signals: tuple[ShockSpectrum, ...] = members(
+        "",
         ShockSpectrum,
-        parts=lambda signal: (signal.name, signal.quantity),
-        having="maximax",
-        indexed=True,
+        by=("name", "quantity"),
         called="<name>/<quantity>",
-        several=True,
     )  # the input first
 
     def summary(self) -> dict[str, dict[str, float]]:
@@ -435,14 +430,10 @@ class Against:
     )
 
 
-def _spectrum_group(spectrum: Spectrum) -> tuple[str, ...]:
-    return (spectrum.probe,) if spectrum.quantity == MAIN_QUANTITY else (spectrum.probe, spectrum.quantity)
-
-
-def _spectrum_rank(result: Mapping[str, Any], spectrum: Spectrum) -> tuple[int, str]:
-    """Spectra in the order of the probes, then of the outputs."""
-    names = [*result["probes"], *result.get("outputs", ())]
-    return (names.index(spectrum.probe) if spectrum.probe in names else len(names), spectrum.quantity)
+def _spectrum_group(key: tuple[str, str]) -> tuple[str, ...]:
+    """Groups of the spectrum of a probe or output and quantity."""
+    name, quantity = key
+    return (name,) if quantity == MAIN_QUANTITY else (name, quantity)
 
 
 _SUMMARY = (
@@ -516,11 +507,9 @@ class RunResult(Result):
     base_acceleration: Floats = dataset("{base_unit}/s^2", "acceleration of the base", name="base/acceleration")
     base_displacement: Floats = dataset("{base_unit}", "displacement of the base", name="base/displacement")
     events: EventLog = group("events", EventLog)
-    spectra: dict[tuple[str, str], Spectrum] = keyed(Spectrum,   # by probe or output and quantity
-        folder="spectra", parts=_spectrum_group, called="<probe>[/displacement]",
-        having="window", key=lambda s: (s.probe, s.quantity),
-        order=_spectrum_rank,
-    )  # fmt: skip
+    spectra: dict[tuple[str, str], Spectrum] = members(  # by probe or output and quantity
+        "spectra", Spectrum, way=_spectrum_group, called="<probe>[/displacement]"
+    )
     only_body: BodyResult | None = group("beam", BodyResult, default=None)  # of a scenario with one beam
     energy: EnergyHistory = group("energy", EnergyHistory)
     modes: ModeTable = group("modes", ModeTable)

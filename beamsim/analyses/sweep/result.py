@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from beamsim.fields import (
     ending,
     group,
     key,
-    keyed,
+    members,
     named,
     per_probe,
     per_snubber,
@@ -205,10 +205,6 @@ class Notching:
         return {"limits": limits, "ranges": [{**vars(part)} for part in self.ranges], "points": self.frequency_hz.size}
 
 
-def _envelope_rank(_: Mapping[str, Any], envelope: Envelope) -> str:
-    return envelope.quantity
-
-
 @declared(along=_FREQUENCY)
 class SweepCurve:
     """One way through the frequencies at one level."""
@@ -224,8 +220,8 @@ class SweepCurve:
         "{excitation_unit}", "amplitude of the base's acceleration or of the force, zero to peak"
     )
     orders: Floats = axis("1", "order: frequency over excitation frequency", name="order")  # (R,)
-    probes: tuple[Envelope, ...] = named("probes", Envelope, several=True, spread="max_", order=_envelope_rank)
-    snubbers: tuple[Envelope, ...] = named("snubbers", Envelope, several=True, spread="max_", order=_envelope_rank)
+    probes: tuple[Envelope, ...] = named("probes", Envelope, by=("name", "quantity", "unit"))
+    snubbers: tuple[Envelope, ...] = named("snubbers", Envelope, by=("name", "quantity", "unit"))
     contact_share: dict[str, Floats] = per_snubber("1", "share of the cycle's time in contact")
     contacts: dict[str, Ints] = per_snubber("1", "number of closings")
     energy_error: Floats | None = dataset(
@@ -242,12 +238,12 @@ class SweepCurve:
         "Pa", "largest bending stress along the beam in the cycle", default=None
     )
     impacts: dict[str, CycleImpacts] = named(  # where sweep.impacts asks for them
-        "snubbers", CycleImpacts, having="impacts_per_cycle", default_factory=dict
+        "snubbers", CycleImpacts, default_factory=dict
     )
     sliding: dict[str, CycleSliding] = named(  # likewise
-        "friction", CycleSliding, having="slides_per_cycle", default_factory=dict
+        "friction", CycleSliding, default_factory=dict
     )
-    outputs: dict[str, OutputEnvelope] = named("outputs", OutputEnvelope, having="maximum", default_factory=dict)
+    outputs: dict[str, OutputEnvelope] = named("outputs", OutputEnvelope, default_factory=dict)
     notching: Notching | None = group("notching", Notching, default=None)  # where sweep.notch_to asks for it
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
@@ -362,11 +358,6 @@ class LevelWork:
     )  # of a base that is swept
 
 
-def _curve_rank(_: Mapping[str, Any], curve: SweepCurve) -> tuple[int, bool]:
-    """Curves by level, up before down."""
-    return (curve.level_index, curve.direction == "down")
-
-
 _SUMMARY = (
     STATUS,
     GAPPING,
@@ -401,18 +392,16 @@ class SweepResult(Result):
     SUMMARY = _SUMMARY
 
     kind: str = attribute("", "swept_sine or stepped")
-    curves: dict[str, SweepCurve] = keyed(
-        SweepCurve, called="<direction>_<level index>", having="level_index", order=_curve_rank
-    )
+    curves: dict[str, SweepCurve] = members("", SweepCurve, called="<direction>_<level index>")
     linear: LinearCurve = group("linear", LinearCurve)
     peaks: tuple[ResponsePeak, ...] = table("peaks", ResponsePeak, Counter("peak", "number of the peak"))
     modes: ModeTable = group("modes", ModeTable)
     work: SweepWork = group("work", SweepWork)
-    levels: dict[int, LevelWork] = keyed(
-        LevelWork, pattern="level_{}", having="truncation", default_factory=dict
+    levels: dict[int, LevelWork] = members(
+        "", LevelWork, pattern="level_{}", default_factory=dict
     )  # that were computed
-    histories: dict[int, SweepHistory] = keyed(
-        SweepHistory, pattern="level_{}", having="time", default_factory=dict
+    histories: dict[int, SweepHistory] = members(
+        "", SweepHistory, pattern="level_{}", default_factory=dict
     )  # by level index
     truncation: float = attribute(
         "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude", default=0.0
