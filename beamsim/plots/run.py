@@ -175,7 +175,7 @@ def spectra(result: RunResult, quantity: str = "absolute_acceleration") -> Chart
     across: Axis = ("Frequency", HERTZ) if unit == 1.0 else ("Frequency / excitation frequency", "")
     if result.scenario.excitation.kind == "random" and shown:  # a record may hold tones, which are lines
         count = max(int(np.searchsorted(curves[0].x, _end_of_spectra(shown))) // MOST_BANDS, 1)
-        across = (f"{across[0]}, bands of {count * float(np.diff(curves[0].x[:2])[0]):.2g} Hz,", across[1])
+        across = (f"Frequency in bands of {count * float(np.diff(curves[0].x[:2])[0]):.2g} Hz", HERTZ)
         curves = [Curve(c.label, *_in_bands(c.x, c.y, count)) for c in curves]
     return Chart(across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""), curves, of="probes")
 
