@@ -205,7 +205,7 @@ def test_a_study_of_continuations(tmp_path):
         (BEAM, "sweep={kind: continuation, continue_in: {kind: position, from: 0.1, to: 0.3}}", "beyond beam.length"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: position, from: 0, to: 0.2}}", "cannot deflect"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: level, from: 0 g, to: 2 g}}", "must be positive"),
-        (BEAM, "sweep={kind: continuation, continue_in: {kind: level, from: 1 N, to: 2 N}}", "a unit of force"),
+        (BEAM, "sweep={kind: continuation, continue_in: {kind: level, from: 1 N, to: 2 N}}", "a level of force"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: stiffness, from: 0, to: 1}}", "must be positive"),
         (BEAM, "sweep={kind: continuation, continue_in: {kind: colour}}", "is not one of frequency, level, gap"),
         (BEAM, "sweep={kind: continuation, from: 20, to: 30, levels: [0 g]}", "sweep.levels[0] = 0 excites nothing"),

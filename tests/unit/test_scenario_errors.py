@@ -285,7 +285,7 @@ def test_everything_at_once_in_the_order_of_the_file():
             "sweep.to = 20 Hz equals the start of the sweep",
         ),
         ("sweep={kind: swept_sine, from: 40, to: 20, rate: 2 Hz/s}", "sweep.to = 20 Hz lies below sweep.from = 40 Hz"),
-        ("sweep={kind: continuation, from: 5, to: 9, levels: [1 N]}", "sweep.levels[0] is given in a unit of force"),
+        ("sweep={kind: continuation, from: 5, to: 9, levels: [1 N]}", "sweep.levels[0] is a level of force"),
         (
             "identify_stiffness={snubber: tp, measured_with: [3]}",
             "identify_stiffness.snubber = tp is an unknown snubber; did you mean tip?",

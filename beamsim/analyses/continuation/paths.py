@@ -20,7 +20,7 @@ from beamsim.orbits.paths import ContactPath
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
-from beamsim.scenario.analysis_checks import snubber_index
+from beamsim.scenario.checks import snubber_index
 from beamsim.scenario.excitation import Forces, Harmonic, Sine
 from beamsim.scenario.quantities import FACTOR
 from beamsim.scenario.quantities import level_unit as unit_of
