@@ -10,6 +10,7 @@ from shipped import PATHS, shipped
 
 import beamsim
 from beamsim.analyses.designs.analysis import design_study
+from beamsim.analyses.designs.cases import Case
 from beamsim.analyses.designs.plan import plan_designs, plan_draws
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario, load_scenario
@@ -301,7 +302,7 @@ def test_studies_vary_the_case_of_the_edited_file(case):
             continue  # no number that a study can vary
         expected = outcome(partial(load_scenario, text, {path: as_written(value, old)}), *NOT_OF_A_CASE)
         if isinstance(expected, dict):
-            found = outcome(lambda p=plan, v=value: p.study.scenario((v,)), *NOT_OF_A_CASE)
+            found = outcome(lambda p=plan, v=value: p.study.scenario(Case(0, (v,))), *NOT_OF_A_CASE)
             assert differences(found, expected) == [], path
             count += 1
     assert count > 5
@@ -343,8 +344,8 @@ def test_defaults_follow(excitation, path, value):
     scenario = load_scenario(text)
     unit = plan_draws(scenario, {path: [value]}).coordinates[0].unit
     edited = load_scenario(text, {path: f"{value!r} {unit}"})
-    assert plan_draws(scenario, {path: [value]}).study.scenario((value,)).excitation == edited.excitation
-    assert plan_draws(scenario, {path: [value]}).study.scenario((value,)).sample_rate == edited.sample_rate
+    assert plan_draws(scenario, {path: [value]}).study.scenario(Case(0, (value,))).excitation == edited.excitation
+    assert plan_draws(scenario, {path: [value]}).study.scenario(Case(0, (value,))).sample_rate == edited.sample_rate
 
 
 def test_the_stiffness_of_a_plate_in_shear_follows():
@@ -354,7 +355,7 @@ def test_the_stiffness_of_a_plate_in_shear_follows():
     text = text.replace(",\n  {name: s, kind: stress, at: {position: [20 %, 30 %]}}", "")
     scenario = load_scenario(text)
     path = "bodies.panel.bending_stiffness.dx"
-    drawn = plan_draws(scenario, {path: [100.0]}).study.scenario((100.0,))
+    drawn = plan_draws(scenario, {path: [100.0]}).study.scenario(Case(0, (100.0,)))
     assert drawn.bodies == load_scenario(text, {path: 100.0}).bodies
     twist = [case.bodies["panel"].bending_stiffness.dxy for case in (scenario, drawn)]
     assert twist[1] == pytest.approx(twist[0] * 2**0.5 * (1 - 0.3 * 0.4**0.5) / (1 - 0.3 * 0.8**0.5), rel=1e-12)
@@ -391,7 +392,7 @@ def test_sections_changed_in_python_are_kept():
     scenario = load_scenario(text_of("beam", "percent"))
     run = scenario.run.model_copy(update={"duration": 0.2})
     changed = scenario.model_copy(update={"run": run, "friction": ()})
-    drawn = plan_draws(changed, {"beam.length": [0.3]}).study.scenario((0.3,))
+    drawn = plan_draws(changed, {"beam.length": [0.3]}).study.scenario(Case(0, (0.3,)))
     assert drawn.run.duration == 0.2
     assert drawn.friction == ()
     assert value_at(drawn, ("snubbers", 0, "position")) == 0.3
