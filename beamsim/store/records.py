@@ -57,7 +57,9 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
 
     stations = _stations(result)
     heights = _heights(stations)
-    nodes, upside_down = _stored_nodes(items, heights) if "/base" in items else _nodes(result.scenario, heights)
+    nodes, upside_down = _nodes(result.scenario, heights)
+    if "/base" in items:
+        nodes["base", "base"] = (0.0, 0.0, 0.0)
     placed = _placed(stations, heights)
     nodes |= _at_nodes(result.scenario, stations, placed)
     first = _first_free(stations)
@@ -228,21 +230,6 @@ def _nodes(scenario: Scenario, heights: dict[str, float]) -> tuple[dict[tuple[st
         for each in scenario.located_snubbers
     }
     return {**probes, **snubbers}, {s.name for s in scenario.all_snubbers if getattr(s, "side", "") == "above"}
-
-
-def _stored_nodes(items: Items, heights: dict[str, float]) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:
-    """The same for a run, whose file contains the positions, with the base."""
-    nodes: dict[tuple[str, str], Coordinates] = {}
-    upside_down = set()
-    for folder, kind in (("probes", "probe"), ("snubbers", "snubber")):
-        groups = [item.attributes for path, item in items.items() if parent(path) == f"/{folder}"]
-        for about in sorted(groups, key=lambda about: int(about["index"])):
-            across = float(np.nan_to_num(about.get("across", 0.0)))
-            height = heights.get(str(about.get("body", "")), 0.0)
-            nodes[kind, str(about["name"])] = (float(about["position"]), across, height)
-            if about.get("side") == "above":
-                upside_down.add(str(about["name"]))
-    return {**nodes, ("base", "base"): (0.0, 0.0, 0.0)}, upside_down
 
 
 def _kind_of_place(path: str, quantity: str) -> str:

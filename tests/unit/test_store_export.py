@@ -1,5 +1,6 @@
 """Exports: what other programs find in the files."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,14 @@ def export_run(result, target, form):
 
 def test_uff_is_read_back_by_pyuff(fabricated_run, tmp_path):
     pyuff = pytest.importorskip("pyuff")
+    stops = [
+        {"name": name, "position": x, "side": side, "stiffness": 151100.0}
+        for name, x, side in (("stop", 0.27, "below"), ("top", 0.135, "above"))
+    ]
+    probes = [{"name": "tip", "position": 0.27}, {"name": "middle", "position": 0.135}]
+    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", {"snubbers": stops, "probes": probes})
     result = fabricated_run(snubbers=("stop", "top"), rate=9_000.0)  # an increment of 1/9000 s needs more than 6 digits
+    result = dataclasses.replace(result, scenario=scenario)
     (path,) = export_run(result, tmp_path / "case.uff", "uff")
     file = pyuff.UFF(str(path))
     kinds = file.get_set_types().tolist()
@@ -56,10 +64,13 @@ def test_uff_is_read_back_by_pyuff(fabricated_run, tmp_path):
 
 def test_uff_is_ascii_where_that_is_exact(fabricated_run, tmp_path):
     pyuff = pytest.importorskip("pyuff")
-    result = fabricated_run(probes=("Spitze über 80 Zeichen " + 80 * "x",))
+    name = "Spitze über 80 Zeichen " + 80 * "x"
+    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", {"probes": [{"name": name, "position": 0.27}]})
+    result = dataclasses.replace(fabricated_run(probes=(name,)), scenario=scenario)
     (path,) = export_run(result, tmp_path / "case.uff", "uff")
     assert path.read_bytes().isascii()
-    function = next(each for each in pyuff.UFF(str(path)).read_sets() if each["type"] == 58)
+    functions = [each for each in pyuff.UFF(str(path)).read_sets() if each["type"] == 58]
+    function = next(each for each in functions if each["id1"].startswith("Spitze ?ber 80 Zeichen"))
     np.testing.assert_allclose(function["x"], result.time, atol=1e-15)
 
 
