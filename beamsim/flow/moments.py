@@ -98,24 +98,33 @@ class SegmentOutputs:
         coefficient = np.concatenate([0.5 * self.coefficient, 0.5 * self.coefficient.conj()], axis=1)
         return SegmentOutputs(exponent, np.tile(self.power, 2), coefficient)
 
-    def product_integrals(self, other: SegmentOutputs, segment: Ints, tau: Floats) -> Floats:
-        """Integrals of products of outputs from the starts of segments on.
+    def product_integrals(self, other: SegmentOutputs, segment: Ints, tau: Floats, weight: Floats) -> Floats:
+        """Integrals of sums of products of outputs from the starts of segments on.
 
         Parameters
         ----------
         other : the right factors, sums of the same functions.
         segment : (n,) which of the segments.
-        tau : (n,) s, times after their starts; equal ones share their moments.
+        tau : (n,) s, times after their starts.
+        weight : (K, Q) of the products in the sums.
 
         Returns
         -------
-        (n, K) integrals.
+        (n, Q) integrals.
         """
         acting = np.asarray(self.coefficient.any(axis=(0, 2)) | other.coefficient.any(axis=(0, 2)))
         left, right = self._some(acting), other._some(acting).with_conjugates()  # what rests may grow without bound
-        times, which = np.unique(tau, return_inverse=True)
-        of_left = _pair_moments(left, right, times)[which] @ right.coefficient[segment]
-        return np.asarray(np.einsum("nbk,nbk->nk", left.coefficient[segment], of_left).real)
+        forms = np.einsum("sbk,kq,sdk->sqbd", left.coefficient, weight, right.coefficient, optimize=True)
+        rate, power, by_ends = _pairs(left, right, tau)
+        grown = forms * np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends)
+        end = np.exp(np.multiply.outer(tau, left.exponent))
+        of_end = (end[:, None, None] @ grown[segment])[:, :, 0]
+        both = np.concatenate([end, end.conj()], axis=1)
+        integrals = np.einsum("nqd,nd->nq", of_end, both) - grown.sum(axis=(2, 3))[segment]
+        alone = forms[:, :, ~by_ends]
+        if alone.size:
+            integrals += np.einsum("np,nqp->nq", _integrals(rate[~by_ends], power[~by_ends], tau), alone[segment])
+        return np.asarray(integrals.real)
 
     def function_products(self, length: Floats) -> Complexes:
         """(B, 2 B) sums over segments of lengths (S,) of integrals of products of the functions of one output.
@@ -195,14 +204,19 @@ def _pair_moments(left: SegmentOutputs, right: SegmentOutputs, times: Floats) ->
     Most are differences of exponentials at both ends; those whose exponents nearly cancel and those with powers of time
     are moments.
     """
-    rate, power = np.add.outer(left.exponent, right.exponent), np.add.outer(left.power, right.power)
-    size = np.add.outer(np.abs(left.exponent), np.abs(right.exponent))
-    by_ends = (power == 0) & _distant(rate, size, times)
+    rate, power, by_ends = _pairs(left, right, times)
     inverse = np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends)
     end, other = (np.exp(np.multiply.outer(times, x.exponent)) for x in (left, right))
     out = (end[:, :, None] * other[:, None, :] - 1.0) * inverse
     out[:, ~by_ends] = _integrals(rate[~by_ends], power[~by_ends], times)
     return np.asarray(out)
+
+
+def _pairs(left: SegmentOutputs, right: SegmentOutputs, times: Floats) -> tuple[Complexes, Ints, Bools]:
+    """(B, 2 B) rates and powers of the products of all functions; which of their integrals follow from both ends."""
+    rate, power = np.add.outer(left.exponent, right.exponent), np.add.outer(left.power, right.power)
+    size = np.add.outer(np.abs(left.exponent), np.abs(right.exponent))
+    return rate, power, (power == 0) & _distant(rate, size, times)
 
 
 def _integrals(rate: Complexes, power: Ints, times: Floats) -> Complexes:

@@ -416,7 +416,7 @@ class Trajectory:
         for block in blocks(tau.size, functions * (2 * functions + left.shape[1])):
             visits, at = np.unique(segment[block], return_inverse=True)
             one, other = (self.outputs(state, visits, table) for table in (left, right))
-            out[block] = one.product_integrals(other, at, tau[block]) @ weight
+            out[block] = one.product_integrals(other, at, tau[block], weight)
         return out
 
     @cached_property
