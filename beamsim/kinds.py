@@ -20,7 +20,7 @@ class Kind(NamedTuple):
     analysis: str  # function of a scenario that computes it
     result: str  # its class
     figures: str  # function of a result: its matplotlib figures by name
-    texts: str = ""  # of entries of its table that are more than a number and a unit
+    views: str = ""  # what its table tells beyond the entries of its summary
     screen: str = ""  # function of a result: what is printed first, by default its table
 
 
@@ -29,7 +29,7 @@ KINDS = {
         "run", "the result of `beamsim run`",
         analysis="beamsim.trust.checked:run",
         result="beamsim.analyses.run.result:RunResult",
-        texts="beamsim.cli.run_report:TEXTS",
+        views="beamsim.cli.run_report:VIEWS",
         screen="beamsim.cli.screens:run_screen",
         figures="beamsim.plots.run:run_figures",
     ),
@@ -37,7 +37,7 @@ KINDS = {
         "sweep", "a sweep of one design by `beamsim sweep`",
         analysis="beamsim.trust.checked:sweep",
         result="beamsim.analyses.sweep.result:SweepResult",
-        texts="beamsim.cli.sweep_report:TEXTS",
+        views="beamsim.cli.sweep_report:VIEWS",
         screen="beamsim.cli.screens:sweep_screen",
         figures="beamsim.plots.sweep:sweep_figures",
     ),
@@ -45,42 +45,42 @@ KINDS = {
         "sweep", "a continuation by `beamsim sweep`",
         analysis="beamsim.trust.checked:continuation",
         result="beamsim.analyses.continuation.result:ContinuationResult",
-        texts="beamsim.cli.continuation_report:TEXTS",
+        views="beamsim.cli.continuation_report:VIEWS",
         figures="beamsim.plots.continuation:continuation_figures",
     ),
     "designs": Kind(
         "sweep", "a design study by `beamsim sweep`",
         analysis="beamsim.analyses.designs.analysis:design_study",
         result="beamsim.analyses.designs.result:DesignsResult",
-        texts="beamsim.cli.designs_report:TEXTS",
+        views="beamsim.cli.designs_report:VIEWS",
         figures="beamsim.plots.designs:design_figures",
     ),
     "identify-stiffness": Kind(
         "identify-stiffness", "the result of `beamsim identify-stiffness`",
         analysis="beamsim.analyses.identify.analysis:identify_stiffness",
         result="beamsim.analyses.identify.result:IdentificationResult",
-        texts="beamsim.cli.identification_report:TEXTS",
+        views="beamsim.cli.identification_report:VIEWS",
         figures="beamsim.plots.identification:identification_figures",
     ),
     "nnm": Kind(
         "nnm", "the result of `beamsim nnm`",
         analysis="beamsim.trust.checked:nnm",
         result="beamsim.analyses.nnm.result:NormalModeResult",
-        texts="beamsim.cli.nnm_report:TEXTS",
+        views="beamsim.cli.nnm_report:VIEWS",
         figures="beamsim.plots.nnm:nnm_figures",
     ),
     "compare": Kind(
         "compare", "the result of `beamsim compare`",
         analysis="beamsim.analyses.compare.analysis:compare",
         result="beamsim.analyses.compare.result:Comparison",
-        texts="beamsim.cli.comparison_report:TEXTS",
+        views="beamsim.cli.comparison_report:VIEWS",
         figures="beamsim.plots.comparison:comparison_figures",
     ),
     "compare-modes": Kind(
         "compare-modes", "the result of `beamsim compare-modes`",
         analysis="beamsim.analyses.compare_modes.analysis:compare_modes",
         result="beamsim.analyses.compare_modes.result:ModeComparison",
-        texts="beamsim.cli.mode_comparison:TEXTS",
+        views="beamsim.cli.comparison_report:VIEWS_OF_MODES",
         figures="beamsim.plots.comparison:mode_comparison_figures",
     ),
 }  # fmt: skip

@@ -59,27 +59,11 @@ def concluded(
     """
     with interruptible() as interrupted:
         with progress_of(label, shown=reporting.progress, afterwards=afterwards) as progress:
-            computed = compute(progress, interrupted)
-        keep(computed, target, reporting)
-        conclude(kind, computed, target, reporting, interrupted)
-    return computed
-
-
-def keep(result: Result, target: Path, reporting: Reporting) -> None:
-    """Write the result file.
-
-    Parameters
-    ----------
-    result : to be written.
-    target, reporting : as of `concluded`.
-
-    Raises
-    ------
-    ResultFileError
-        If a file cannot be written.
-    """
-    with progress_of(f"writing {target.name}", shown=reporting.progress):
-        write_result(result, target)
+            result = compute(progress, interrupted)
+        with progress_of(f"writing {target.name}", shown=reporting.progress):
+            write_result(result, target)
+        conclude(kind, result, target, reporting, interrupted)
+    return result
 
 
 def conclude(kind: str, result: Result, target: Path, reporting: Reporting, interrupted: Interruption) -> None:

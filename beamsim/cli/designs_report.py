@@ -1,16 +1,16 @@
-"""Texts of the table of a design study."""
+"""What the table of a design study tells beyond the entries of the summary."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from beamsim.analyses.designs.choice import Objective
 from beamsim.analyses.designs.plan import limited_response
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, parameter_label, responses_of
 from beamsim.analyses.limits import limit_label
-from beamsim.cli.report import Row, Texts, aligned, margins
+from beamsim.cli.report import Labelled, Views, margins
 from beamsim.plots.style import amount, extent, margin_text
 
 MOST_ROWS = 24
@@ -22,12 +22,13 @@ _DESIGNS = {
 }  # fmt: skip
 
 
-def _cases(result: DesignsResult, cases: int) -> Iterator[Row]:
+def _cases(result: DesignsResult, cases: int) -> Labelled:
     failed = f", {result.summary['failed']} failed" if result.summary["failed"] else ""
     size = " x ".join(map(str, result.shape)) if len(result.shape) > 1 else str(cases)
-    yield "", f"{_DESIGNS[result.kind]}{size}, each a {result.analysis.replace('_', ' ')}{failed}"
-    for k, coordinate in enumerate(result.coordinates):
-        yield "" if k else "varied", f"{coordinate.label}: {_extent(coordinate)}"
+    return Labelled({
+        "": f"{_DESIGNS[result.kind]}{size}, each a {result.analysis.replace('_', ' ')}{failed}",
+        "varied": {coordinate.label: _extent(coordinate) for coordinate in result.coordinates},
+    })  # fmt: skip
 
 
 def _extent(coordinate: Coordinate) -> str:
@@ -38,22 +39,25 @@ def _extent(coordinate: Coordinate) -> str:
     return f"{low} to {high}, {len(values)} values"
 
 
-def _margins(result: DesignsResult, compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
+def _margins(result: DesignsResult, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """The worst margin of each limit; of one that is exceeded also in how many cases, and in which most."""
-    yield from aligned(margins(result, compared))
-    units = {c.path: c.unit for c in result.coordinates}
+    rows: dict[str, dict[str, Any]] = dict(margins(result, compared))
     for name, item in compared.items():
         if item["exceeded"]:
-            worst = _parameters(units, item["parameters"])
-            share = f"{item['cases_exceeding']} of {result.cases} cases"
-            yield "", f"{limit_label(name)} exceeded in {share}, most with {worst}"
+            rows[limit_label(name)] |= {
+                "cases": f"{item['cases_exceeding']} of {result.cases}", "most with": ", ".join(
+                    f"{label} {value}" for label, value in _parameters(result, item["parameters"]).items()
+                ),
+            }  # fmt: skip
+    return rows
 
 
-def _parameters(units: Mapping[str, str], values: Mapping[str, Any]) -> str:
-    return ", ".join(
-        f"{parameter_label(path)} {value if isinstance(value, str) else amount(value, units.get(path, '1'))}"
+def _parameters(result: DesignsResult, values: Mapping[str, Any]) -> dict[str, str]:
+    units = {c.path: c.unit for c in result.coordinates}
+    return {
+        parameter_label(path): value if isinstance(value, str) else amount(value, units.get(path, "1"))
         for path, value in values.items()
-    )
+    }
 
 
 def _passing(result: DesignsResult, passing: int) -> str:
@@ -64,58 +68,73 @@ def _passing(result: DesignsResult, passing: int) -> str:
     return f"{passing} of {result.cases} cases meet {every}" if passing else f"no case meets {every}"
 
 
-def _tolerances(result: DesignsResult, tolerances: Mapping[str, Any]) -> Iterator[Row]:
+def _tolerances(_: DesignsResult, tolerances: Mapping[str, Any]) -> Labelled:
     """What each case is varied by, and how it is judged."""
-    for k, (path, item) in enumerate(tolerances["parameters"].items()):
-        reach = f"{100 * item['tolerance']:.4g} %" if item["relative"] else amount(item["tolerance"], item["unit"])
-        yield "" if k else "tolerances", f"{parameter_label(path)} \u00b1{reach}"
+    varied = {
+        parameter_label(path): "\u00b1"
+        + (f"{100 * item['tolerance']:.4g} %" if item["relative"] else amount(item["tolerance"], item["unit"]))
+        for path, item in tolerances["parameters"].items()
+    }
     quantile = tolerances["quantile"]
     judged = "the worst of them" if quantile == 1.0 else f"their {_share(quantile)} quantile"
-    yield "", f"{tolerances['realisations']} realisations of each case, itself among them; judged by {judged}"
+    of = f"{tolerances['realisations']} of each case, itself among them; judged by {judged}"
+    return Labelled({"": varied, "realisations": of})
 
 
-def _scatter(result: DesignsResult, scatter: Mapping[str, Any]) -> Iterator[Row]:
+def _scatter(result: DesignsResult, scatter: Mapping[str, Any]) -> Labelled:
     """The range of each response over the realisations of the best case."""
-    ranges, texts = scatter["responses"], {}
+    ranges = scatter["responses"]
     compared = [limited_response(name) for name in result.limits]
     decisive = [*compared, *filter(None, [Objective.of(result.scenario.vary).response])]
     named = {response.name for name in decisive for response in responses_of(result.responses, name)}
     shown = {name: item for name, item in ranges.items() if name in named} or ranges
-    for name, item in list(shown.items())[:MOST_ROWS]:
-        unit = result.responses[name].unit
-        ends = extent(item["smallest"], item["largest"], unit)
-        texts[_response_label(result, name)] = f"{ends}, {amount(item['nominal'], unit)} without deviations"
-    yield "", "the best case" if "best" in result.summary else "the case"
-    yield from aligned(texts)
+    case = "the best case" if "best" in result.summary else "the case"
+    return Labelled({"": f"of {case}", "responses of it": _extents(result, shown)})
 
 
-def _best(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
+def _extents(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, str]]:
+    """By response its range, and its mean or its value without deviations where that is known."""
+    rows = {}
+    for name, item in list(responses.items())[:MOST_ROWS]:
+        unit = result.responses[name].unit if name in result.responses else "1"
+        others = {"mean": "mean", "nominal": "without deviations"}
+        rows[_response_label(result, name)] = {
+            "range": extent(item["smallest"], item["largest"], unit),
+            **{label: amount(item[key], unit) for key, label in others.items() if key in item},
+        }
+    if len(responses) > MOST_ROWS:
+        rows[f"and {len(responses) - MOST_ROWS} more in the file"] = {"range": ""}
+    return rows
+
+
+def _best(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> Labelled:
     """The first of the best cases, one a row."""
     objective = Objective.of(result.scenario.vary)
-    units = {c.path: c.unit for c in result.coordinates}
     asked = next((response.unit for response in responses_of(result.responses, objective.response)), "1")
-    for k, item in enumerate(best[:MOST_BEST]):
-        value = f"{objective.text.partition(' ')[2]} {amount(item['value'], asked)}, " if objective.response else ""
-        margin = ""
+    rows = []
+    for item in best[:MOST_BEST]:
+        row = _parameters(result, item["parameters"])
+        if objective.response:
+            row[objective.text.partition(" ")[2]] = amount(item["value"], asked)
         if "limit" in item:  # it is known, since the case passes: what is not finite is that of a value of zero
-            share = margin_text(item["margin"], 1.0 if math.isfinite(item["margin"]) else 0.0)
-            margin = f"margin {share} ({limit_label(item['limit'])})"
-        about = f"{value}{margin}".removesuffix(", ")
-        yield f"best, {objective.text}" if k == 0 else "", f"{_parameters(units, item['parameters'])}: {about}"
+            row["margin"] = margin_text(item["margin"], 1.0 if math.isfinite(item["margin"]) else 0.0)
+            row["limit"] = limit_label(item["limit"])
+        rows.append(row)
+    return Labelled({f"best, {objective.text}": rows})
 
 
-def _sensitivity(result: DesignsResult, indices: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
-    """Shares of the parameters in the variance of each response, largest first."""
-    texts = {}
-    for name, shares in list(indices.items())[:MOST_ROWS]:
-        order = sorted(shares.items(), key=lambda item: -item[1]["total_order"])
-        texts[_response_label(result, name)] = ", ".join(
-            f"{parameter_label(path)} {_share(s['total_order'])} "
+def _sensitivity(result: DesignsResult, indices: Mapping[str, Mapping[str, Any]]) -> Labelled:
+    """Shares of the parameters in the variance of each response."""
+    rows = {
+        _response_label(result, name): {
+            parameter_label(path): f"{_share(s['total_order'])} "
             f"({_share(s['total_order_low'])} to {_share(s['total_order_high'])})"
-            for path, s in order
-        )
-    yield "", "share of the variance by each parameter with its interactions (Sobol' total index, 95 % interval)"
-    yield from aligned(texts)
+            for path, s in shares.items()
+        }
+        for name, shares in list(indices.items())[:MOST_ROWS]
+    }
+    what = "share of the variance by each parameter with its interactions (Sobol' total index, 95 % interval)"
+    return Labelled({"": what, "of": rows})
 
 
 def _share(index: float) -> str:
@@ -131,18 +150,7 @@ def _response_label(result: DesignsResult, name: str) -> str:
     return " ".join([*shown, *path[-1:], quantity.removesuffix("_hz").replace("_", " ")])
 
 
-def _responses(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
-    texts = {}
-    for name, item in list(responses.items())[:MOST_ROWS]:
-        unit = result.responses[name].unit if name in result.responses else "1"
-        mean = f", mean {amount(item['mean'], unit)}" if "mean" in item else ""
-        texts[_response_label(result, name)] = f"{extent(item['smallest'], item['largest'], unit)}{mean}"
-    yield from aligned(texts)
-    if len(responses) > MOST_ROWS:
-        yield "", f"and {len(responses) - MOST_ROWS} more in the file"
-
-
-TEXTS: Texts = {
+VIEWS: Views = {
     "cases": _cases,
     "passing": _passing,
     "best": _best,
@@ -150,6 +158,6 @@ TEXTS: Texts = {
     "scatter": _scatter,
     "margins": _margins,
     "sensitivity": _sensitivity,
-    "responses": _responses,
+    "responses": _extents,
     "processor_time_s": lambda _, time: f"processor time {amount(time, 's')}",
 }

@@ -1,13 +1,14 @@
-"""Summaries as tables and as JSON.
+"""Summaries as tables.
 
-The entries of a summary (`Result.SUMMARY`) give order, labels and units of the table. Values that are more than a
-number and its unit have texts of their own, in a module for each kind of result.
+The entries of a summary (`Result.SUMMARY`) give order, labels and units of the table, which `beamsim.cli.tables`
+prints. What the summary does not say by itself is told by views, in a module for each kind of result.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -15,31 +16,44 @@ from beamsim.analyses.limits import limit_label, limit_unit
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.cli.printing import table_text
+from beamsim.cli.tables import aligned, counted, lines, percent, told, words
 from beamsim.kinds import KINDS, named
 from beamsim.plots.style import amount, is_known, level_text, margin_text, scale_for, shown_in
 from beamsim.scenario.quantities import amplitude_unit
 
-VALUES_SHOWN = 6  # of a list
 SMALLEST_CHANGE = 5e-7  # relative; less is shown as none
 ONE_OF_MANY = "one of many motions"  # what depends on the motion after its contact sequences diverge
 Row = tuple[str, str]
-Rows = Iterable[Row]  # the label of the first is that of the entry if it is empty
-Texts = Mapping[str, Callable[[Any, Any], str | Mapping[str, str] | Rows]]
-"""Of entries of a summary: the text of a value, texts by name, or whole rows, from the result and the value."""
+
+
+class Labelled(dict[str, Any]):
+    """What an entry tells in several rows, by their labels; "" stands for that of the entry."""
+
+
+Views = Mapping[str, Callable[[Any, Any], Any]]
+"""By entry of a summary what is printed of its value, made of the result and the value: `Labelled`, or what
+`beamsim.cli.tables.lines` takes."""
 
 
 def table_rows(kind: str, result: Result) -> Iterator[Row]:
     """Label and text of every row of a result's table: first the status if there is more to say than complete."""
     if result.outcome.message or result.outcome.parts:
-        yield from _labelled("status", [("", text) for text in result.outcome.displayed(scale_for).statements])
-    texts = named(KINDS[kind].texts) if KINDS[kind].texts else {}
+        yield from _labelled("status", result.outcome.displayed(scale_for).statements)
+    views = SHARED | named(KINDS[kind].views) if KINDS[kind].views else SHARED
     for entry in type(result).SUMMARY:
         if entry.label and entry.name in result.summary:
-            value = result.summary[entry.name]
-            text = texts[entry.name](result, value) if entry.name in texts else shown(value, entry.unit)
-            text = _with_changes(result.summary, entry.name, text)
-            yield from _labelled(entry.label, text)
+            value, unit = result.summary[entry.name], entry.unit
+            change = partial(_change, result.summary, entry.name)
+            if entry.name in views:
+                value, unit = views[entry.name](result, value), ""
+            for label, part in (value if isinstance(value, Labelled) else {"": value}).items():
+                yield from _labelled(label or entry.label, lines(entry.name, part, unit, change))
     yield "wall time", amount(result.wall_time_s, "s")
+
+
+def _labelled(label: str, texts: Iterable[str]) -> Iterator[Row]:
+    for k, text in enumerate(texts):
+        yield "" if k else label, text
 
 
 def text_table(kind: str, result: Result) -> str:
@@ -59,30 +73,30 @@ def html_table(kind: str, result: Result) -> str:
     return f"<table><caption>{escape(result.title)}</caption>{rows}</table>"
 
 
-def _with_changes(
-    summary: Mapping[str, Any], figure: str, text: str | Mapping[str, str] | Rows
-) -> str | Mapping[str, str] | Rows:
-    """The texts of a figure with its relative change with a finer model, where that is known."""
-    changes = summary.get("convergence", {}).get(figure)
-    if changes is None:  # without a finer model the motion may be one of many, too
-        after = summary.get("after_parting", ())
-        if isinstance(text, Mapping):
-            marked = {name: f"{figure}.{name}" in after for name in text}
-            return {name: f"{item}; {ONE_OF_MANY}" if marked[name] else item for name, item in text.items()}
-        return f"{text}; {ONE_OF_MANY}" if isinstance(text, str) and figure in after else text
-    if isinstance(text, str) and isinstance(changes, float):
-        return f"{text}; {change_of(summary, figure)}"
-    if isinstance(text, Mapping) and isinstance(changes, Mapping) and text.keys() == changes.keys():
-        return {name: f"{item}; {change_of(summary, figure, name)}" for name, item in text.items()}
-    return text
+def _change(summary: Mapping[str, Any], entry: str, name: str) -> str:
+    """What is said of the change of a value with a finer model; of a record the largest of its values.
 
-
-def change_of(summary: Mapping[str, Any], figure: str, name: str = "") -> str:
-    """The text of a figure's change, marked where it does not converge or is one of many motions."""
-    changes = summary["convergence"][figure]
-    called = f"{figure}.{name}" if name else figure
-    marks = called in summary.get("doubtful", ()), called in summary.get("after_parting", ())
-    return change_text(changes[name] if name else changes, *marks)
+    Parameters
+    ----------
+    summary : of a result.
+    entry : of the value.
+    name : of one of several values or records, perhaps in words; empty for a single one.
+    """
+    called = f"{entry}.{name}".rstrip(".").replace("_", " ")
+    changes = summary.get("convergence", {}).get(entry, {})
+    changes = {f"{entry}.{key}": x for key, x in changes.items()} if isinstance(changes, Mapping) else {entry: changes}
+    known = {key: x for key, x in changes.items() if key.replace("_", " ") == called} or {
+        key: x for key, x in changes.items() if key.replace("_", " ").startswith(f"{called} ")
+    }
+    after, doubtful = (
+        any(key in known or key.replace("_", " ") == called for key in summary.get(which, ()))
+        for which in ("after_parting", "doubtful")
+    )
+    if not known:  # without a finer model the motion may be one of many, too
+        return ONE_OF_MANY if after else ""
+    worst = max(known, key=lambda key: known[key])
+    of = words(worst[len(called) :].strip())
+    return change_text(known[worst], doubtful, after) + (f" ({of})" if of else "")
 
 
 def change_text(change: float, doubtful: bool, after_parting: bool = False) -> str:
@@ -91,48 +105,8 @@ def change_text(change: float, doubtful: bool, after_parting: bool = False) -> s
     if doubtful:
         size = f"NOT CONVERGED, {size}"
     elif change > ALLOWED_CHANGE:
-        size = f"{size}, within the standard error of its mean"
+        size = f"{size}, within the scatter of its mean"
     return f"{ONE_OF_MANY}, {size}" if after_parting else size
-
-
-def _labelled(label: str, text: str | Mapping[str, str] | Rows) -> Iterator[Row]:
-    if isinstance(text, str):
-        text = [("", text)] if text else []
-    elif isinstance(text, Mapping):
-        text = aligned(text)
-    for k, (first, value) in enumerate(text):
-        yield first if k else first or label, value
-
-
-def aligned(texts: Mapping[str, str]) -> Iterator[Row]:
-    """Texts by name as rows, the names in a column."""
-    width = max((len(name) for name in texts), default=0)
-    for name, text in texts.items():
-        yield "", f"{name:<{width}}  {text}".strip()
-
-
-def shown(value: Any, unit: str) -> str | Mapping[str, str]:
-    """The text of a value that needs no more than its unit; of a mapping the texts of all its values by name."""
-    if isinstance(value, Mapping):
-        return dict(_shown_by_name(value, unit))
-    if isinstance(value, (list, tuple)):
-        texts = [f"{item:.4g}" for item in value[:VALUES_SHOWN]]
-        return f"{', '.join(texts)}{', …' if len(value) > VALUES_SHOWN else ''} {'' if unit == '1' else unit}".strip()
-    return value.replace("_", " ") if isinstance(value, str) else amount(value, unit)
-
-
-def _shown_by_name(value: Mapping[str, Any], unit: str, name: str = "") -> Iterator[Row]:
-    for key, item in value.items():
-        path = f"{name} {key}".strip()
-        if isinstance(item, Mapping):
-            yield from _shown_by_name(item, unit, path)
-        else:
-            yield path, str(shown(item, unit))
-
-
-def percent(share: float, digits: int = 3) -> str:
-    """A share in percent."""
-    return f"{100 * share:.{digits}g} %"
 
 
 def pair(values: Sequence[float]) -> str:
@@ -144,44 +118,55 @@ def pair(values: Sequence[float]) -> str:
     return " and ".join("unknown" if math.isnan(value) else f"{value:.2f}" for value in values[:2])
 
 
-def counted(number: int, noun: str) -> str:
-    """A number of things.
+def together(*entries: str) -> Callable[[Result, Any], dict[str, dict[str, Any]]]:
+    """The view of an entry with others that belong to it, by the names of the first, and when that is where known."""
 
-    >>> counted(1, "mode"), counted(2, "mode")
-    ('1 mode', '2 modes')
+    def view(result: Result, values: Mapping[str, float]) -> dict[str, dict[str, Any]]:
+        s = result.summary
+        times = s.get("peak_times_s", {}).get(entries[0], {})
+        return {name: {entry: s[entry].get(name) for entry in entries} | {"at_s": times.get(name)} for name in values}
+
+    return view
+
+
+def in_units(record: Mapping[str, Any], units: Mapping[str, str], digits: int = 4) -> dict[str, Any]:
+    """A record with texts for the numbers whose unit is not that of their name.
+
+    Parameters
+    ----------
+    record : what is told.
+    units : by name of a number.
+    digits : of these numbers.
     """
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+    return {
+        name: amount(value, units[name], digits) if name in units and is_known(value) else value
+        for name, value in record.items()
+    }
 
 
-def few(texts: Iterable[str], most: int = VALUES_SHOWN) -> str:
-    """The first of several texts, and how many more there are."""
-    known = list(texts)
-    return ", ".join(known[:most]) + (f" and {len(known) - most} more" if len(known) > most else "")
-
-
-def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, str]]:
     """By limit: margin, value with its place, and limit."""
-    texts = {}
-    for name, item in compared.items():
-        unit = limit_unit(result.scenario, name)
-        share = margin_text(item["margin"], item["value"])
-        verdict = "EXCEEDED, " if item["exceeded"] else ""
-        at = f" at {item['at']}" if item["at"] else ""
-        texts[limit_label(name)] = (
-            f"{verdict}margin {share}: {amount(item['value'], unit)}{at}, limit {amount(item['limit'], unit)}"
-        )
-    return texts
+    return {
+        limit_label(name): {
+            "margin": margin_text(item["margin"], item["value"]),
+            "value": amount(item["value"], limit_unit(result.scenario, name)),
+            "at": item["at"] or "",
+            "limit": amount(item["limit"], limit_unit(result.scenario, name)),
+            "verdict": "EXCEEDED" if item["exceeded"] else "ok",
+        }
+        for name, item in compared.items()
+    }
 
 
-def _natural_frequencies(result: Result, opened: Sequence[float]) -> dict[str, str]:
+def _natural_frequencies(result: Result, opened: Sequence[float]) -> dict[str, Any] | str:
     """Those of the modes kept, with open and with closed contacts; once where they are the same.
 
     What the static vectors add are no frequencies of the structure.
     """
     kept = result.summary.get("kept_modes", len(opened))
     opened, closed = opened[:kept], result.summary["closed_frequencies_hz"][:kept]
-    states = {"open": str(shown(opened, "Hz")), "closed": str(shown(closed, "Hz"))}
-    return states if opened != closed else {"": states["open"]}
+    states = {"open": told("", opened, "Hz"), "closed": told("", closed, "Hz")}
+    return states if opened != closed else states["open"]
 
 
 def _reduction(result: Result, bound: float) -> str:
@@ -196,30 +181,40 @@ def _reduction(result: Result, bound: float) -> str:
     return f"{kept}, error below {bound:.2g} of the receptance at contacts and loads{beside}{up_to}"
 
 
-def base_correction(result: Result, share: float) -> str:
+def _base_correction(result: Result, share: float) -> str:
     """How the acceleration of a swept base differs from the specified one, if it does."""
     return f"{amount(result.summary['base_correction_m_s2'], 'm/s^2')}, {percent(share)} of the level" if share else ""
+
+
+def stress_text(summary: Mapping[str, Any]) -> str:
+    """The largest bending stress, on which body if there are several, and where."""
+    body = f"{summary['largest_bending_stress_body']}, " if "largest_bending_stress_body" in summary else ""
+    y = summary.get("largest_bending_stress_across_m", math.nan)
+    across = "" if math.isnan(y) else f", y = {_place(y)}"
+    value = amount(summary["largest_bending_stress_pa"], "Pa")
+    return f"{value} at {body}x = {_place(summary['largest_bending_stress_position_m'])}{across}"
+
+
+def _place(metres: float) -> str:
+    return amount(metres, "m") if metres else "0"
 
 
 SIGMAS_REACHED = 5.0  # of a random motion: a Gaussian one passes them once in about a million cycles
 
 
-def gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> Iterator[Row]:
+def _gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """By snubber: the level of the linear motion that changes contact, what the motion did, and the preload."""
-    width = max((len(name) for name in snubbers), default=0)
+    rows = []
     unit = amplitude_unit(getattr(result.scenario.excitation, "quantity", None) or "acceleration")
     for name, of in snubbers.items():
         past = "opened" if of["closed_at_rest"] else "touched"
         text, reached = predicted(of, unit)
-        yield "", f"{name:<{width}}  {text}"
-        happened = list(_happened(of, past))
-        if happened:
-            yield "", f"{'':<{width}}  {'; '.join(happened)}"
+        rows += [(name, text), *(("", happened) for happened in _happened(of, past))]
         if of["closed_at_rest"] and reached:
             kept = amount(of["preload_n"], "N")
             both = f"{kept} with all closed, {amount(of['preload_alone_n'], 'N')} alone" if len(snubbers) > 1 else kept
-            to = " to 3 sigma" if "sigmas" in of else ""
-            yield "", f"{'':<{width}}  preload that keeps contact{to}: {both}"
+            rows.append(("", f"preload that keeps contact{' to 3 sigma' if 'sigmas' in of else ''}: {both}"))
+    return aligned(rows, gap=2)
 
 
 def predicted(of: Mapping[str, Any], unit: str) -> tuple[str, bool]:
@@ -262,37 +257,39 @@ def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:
         yield f"largest opening {amount(of['largest_gap_m'], 'm')}"
 
 
-def _convergence(result: Result, changes: Mapping[str, Any]) -> Iterator[Row]:
+def _convergence(result: Result, changes: Mapping[str, Any]) -> Iterator[str]:
     """What the changes of the values are those of, and the largest of them."""
     model = result.summary["convergence_model"]
     if model["reason"]:
-        yield "", f"not checked: {model['reason']}"
+        yield f"not checked: {model['reason']}"
     elif not model["modes"]:
-        yield "", "all modes are kept: nothing is left out"
+        yield "all modes are kept: nothing is left out"
     else:
         sizes = [x for value in changes.values() for x in (value.values() if isinstance(value, Mapping) else [value])]
         finer = f"{model['modes']} instead of {model['first_modes']} modes"
         largest = percent(max(sizes, default=0.0), 2)
         where = f" of the first {amount(model['compared_s'], 's')}" if is_known(model.get("compared_s")) else ""
         elements = " and twice the elements of every mesh" if result.scenario.has_mesh else ""
-        yield "", f"changes{where} with {finer}{elements}: at most {largest}"
-        if is_known(model["sequences_part_s"]):
-            yield "", f"the contact sequences diverge at {amount(model['sequences_part_s'], 's')}"
-    small, round_off = (
+        yield f"changes{where} with {finer}{elements}: at most {largest}"
+    for key, of in (
+        ("sequences_part_s", "the finer model"),
         ("disturbance_parts_s", "a relative change of 1e-9 of a stiffness"),
         ("round_off_parts_s", "round-off"),
-    )
-    for key, of in (small, round_off):
+    ):
         if is_known(model.get(key)):
-            yield "", f"they diverge at {amount(model[key], 's')} with {of}"
+            yield f"the contact sequences diverge at {amount(model[key], 's')} with {of}"
     if result.summary.get("after_parting"):
-        yield "", f"values marked '{ONE_OF_MANY}' depend on what follows"
+        yield f"values marked '{ONE_OF_MANY}' depend on what follows"
 
 
-SHARED: Texts = {
-    "convergence": _convergence,
+SHARED: Views = {
+    "convergence": lambda result, changes: list(_convergence(result, changes)),
     "margins": margins,
     "open_frequencies_hz": _natural_frequencies,
     "reduction_bound": _reduction,
+    "base_correction_share": _base_correction,
+    "gapping": _gapping,
+    "largest_bending_stress_pa": lambda result, _: stress_text(result.summary),
+    "energy_error": lambda _, error: f"{error:.2g}",
 }
-"""Texts of the entries that several analyses share."""
+"""Of the entries that several analyses share."""

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from beamsim.analyses.limits import limit_label
+from beamsim.analyses.result import Result
+from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.sweep.result import SweepResult
 from beamsim.analyses.values import STANDARD_GRAVITY
-from beamsim.cli.report import counted, percent, predicted
+from beamsim.cli.report import predicted
 from beamsim.cli.sweep_report import at_frequency, notch_texts
+from beamsim.cli.tables import NONE, aligned, counted, percent
 from beamsim.plots.style import is_known, scale_for
 from beamsim.scenario.quantities import amplitude_unit
 
-if TYPE_CHECKING:
-    from beamsim.analyses.result import Result
-    from beamsim.analyses.run.result import RunResult
-    from beamsim.analyses.sweep.result import SweepResult
-
 SHOWN = 4  # outputs, and levels of contacts
 DIGITS = 3  # at most; fewer where the convergence supports no more
-NONE = "-"
 
 
 class Screen(NamedTuple):
@@ -45,16 +43,11 @@ def screen_text(result: Result, screen: Screen, files: Sequence[str]) -> str:
     lines = [head + screen.verdict]
     statements = result.outcome.displayed(scale_for).statements
     lines += [f"{text[:1].upper()}{text[1:]}" for text in statements if text != "complete"]
-    lines += _aligned([screen.headings, *screen.rows]) if screen.rows else []
+    lines += aligned([screen.headings, *screen.rows]) if screen.rows else []
     lines += screen.lines
     notes = f"{counted(len(result.warnings), 'note')} (-v shows them); " if result.warnings else ""
     plots = f", {counted(len(files) - 1, 'plot')}" if len(files) > 1 else ""
     return "\n".join([*lines, f"{notes}{files[0]}{plots}"])
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    return ["   ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
 class Printed:

@@ -1,43 +1,41 @@
-"""Texts of the table of a sweep."""
+"""What the table of a sweep tells beyond the entries of the summary."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
-from beamsim.cli.report import SHARED, Row, Texts, base_correction, gapping, percent
-from beamsim.plots.style import amount, level_text
+from beamsim.cli.report import Labelled, Views
+from beamsim.cli.tables import percent
+from beamsim.plots.style import amount, scale_for
 
 PEAKS_SHOWN = 6
 
 
-def _curves(result: SweepResult, peaks: list[dict[str, Any]]) -> Iterator[Row]:
-    """Every curve, with the peaks of its first probe."""
+def _curves(result: SweepResult, peaks: Sequence[Mapping[str, Any]]) -> Labelled:
+    """Every curve, and the peaks of its first probe."""
+    curves, shown = [], []
     for curve in result.curves.values():
         first = next(iter(curve.displacement), "")
-        steady = ""
-        if curve.steady is not None:
-            kinds = curve.steady.kind
-            steady = "; " + ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-        points = f"{curve.frequency_hz.size} points{steady}"
-        level = level_text(curve.level, result.scenario.level_unit)
-        shown = [p for p in peaks if p["curve"] == curve.name and p["probe"] == first][:PEAKS_SHOWN]
-        told = f"peaks of {first}:" if shown else f"no peak of {first} within the range"
-        yield "", f"{curve.name}: {curve.direction}, {level}, {points}; {told}"
-        yield from (("", f"  {_peak(peak)}") for peak in shown)
+        kinds = () if curve.steady is None else curve.steady.kind
+        steady = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        level = scale_for(result.scenario.level_unit, curve.level)
+        of = f"{curve.level * level.factor:.4g} {level.unit}".rstrip()
+        about = {"direction": curve.direction, "level": of, "points": curve.frequency_hz.size, "steady": steady}
+        curves.append({"": curve.name, **about})
+        own = [p for p in peaks if p["curve"] == curve.name and p["probe"] == first]
+        shown += [{"": curve.name, **_peak(peak)} for peak in own[:PEAKS_SHOWN]]
+    return Labelled({"": curves, f"peaks of {first}": shown or "none within the range"})
 
 
-def _peak(peak: Mapping[str, Any]) -> str:
-    order = (
-        ""
-        if peak["order"] == 1.0 or peak["kind"] in ("beat", "level step")
-        else f" of order {Fraction(peak['order']).limit_denominator(12)}"
-    )
-    return f"{peak['frequency_hz']:8.2f} Hz  {amount(peak['value_m'], 'm'):>10}  {peak['kind']}{order}"
+def _peak(peak: Mapping[str, Any]) -> dict[str, Any]:
+    plain = peak["order"] == 1.0 or peak["kind"] in ("beat", "level step")
+    order = "" if plain else str(Fraction(peak["order"]).limit_denominator(12))
+    return {key: peak[key] for key in ("probe", "frequency_hz", "value_m", "kind")} | {"order": order}
 
 
 def _largest(quantity: str, unit: str) -> Callable[[SweepResult, Mapping[str, Mapping[str, float]]], dict[str, str]]:
@@ -68,32 +66,9 @@ def at_frequency(curve: SweepCurve, quantity: str, name: str) -> str:
     return f" at {curve.frequency_hz[np.nanargmax(envelope.peak)]:.4g} Hz"
 
 
-def _contact(_: SweepResult, shares: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
-    return {f"{curve} {name}": percent(share) for curve, of in shares.items() for name, share in of.items()}
-
-
 def _solver(result: SweepResult, time: float) -> str:
     s = result.summary
     return f"{s['cycles']} cycles, {s['events']} contact events, processor time {amount(time, 's')}"
-
-
-def _sliding(_: SweepResult, curves: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, str]:
-    return {
-        f"{curve} {name}": f"at most {s['most_slides_per_cycle']:.3g} slides, {amount(s['largest_distance_m'], 'm')}, "
-        f"loss {amount(s['largest_energy_lost_j'], 'J')}, wear power {amount(s['largest_wear_power_w'], 'W')}"
-        for curve, contacts in curves.items()
-        for name, s in contacts.items()
-    }
-
-
-def _impacts(_: SweepResult, curves: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, str]:
-    return {
-        f"{curve} {name}": f"at most {s['most_per_cycle']:.3g}, {amount(s['longest_mean_contact_time_s'], 's')}, "
-        f"impulse {amount(s['largest_impulse_n_s'], 'N s')}, loss {amount(s['largest_energy_lost_j'], 'J')}, "
-        f"{amount(s['highest_penetration_rate_m_s'], 'm/s')}"
-        for curve, snubbers in curves.items()
-        for name, s in snubbers.items()
-    }
 
 
 def _outputs(result: SweepResult, curves: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
@@ -124,18 +99,12 @@ def notch_texts(result: SweepResult, _: object = None) -> dict[str, str]:
     return rows
 
 
-TEXTS: Texts = {
+VIEWS: Views = {
     "notches": notch_texts,
     "peak_output": _outputs,
-    "impacts": _impacts,
-    "sliding": _sliding,
     "peak_displacement_m": _largest("displacement", "m"),
     "peak_acceleration_g": _largest("acceleration", "g"),
     "peak_force_n": _largest("force", "N"),
-    **SHARED,
-    "base_correction_share": base_correction,
-    "gapping": gapping,
     "peaks": _curves,
-    "contact_share": _contact,
     "processor_time_s": _solver,
 }

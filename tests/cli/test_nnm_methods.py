@@ -85,7 +85,7 @@ def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
 def test_expansion_writes_a_file(tmp_path):
     done = invoke("nnm", CHAIN, "--set", "nnm.method=multiple_scales", "-o", tmp_path, "--no-plots")
     assert done.exit_code == 0
-    assert "observed orders" in done.stdout
+    assert "observed order frequency" in done.stdout
     stored = open_nnm(tmp_path / "nnm_chain_mass_5.h5")
     assert stored.method == "multiple_scales"
     exact = stored.expansion.exact.frequency_hz
@@ -132,9 +132,9 @@ def test_jumps_that_nothing_explains(beam):
         {"start": 0.3, "end": 0.4, "mode": None, "ratio": None},
     ]
     changed = dataclasses.replace(beam, summary={**beam.summary, "jumps": jumps})
-    text = [row for row in table_rows("nnm", changed) if "to 0." in row[1]]
-    assert text[0] == ("jumps over tongues", "0.1 to 0.2 (5:1 with mode 2)")
-    assert text[1] == ("", "0.3 to 0.4 (of high order, not traced)")
+    rows = [text.split(maxsplit=2) for _, text in table_rows("nnm", changed)]
+    assert ["0.1", "0.2", "5:1 with mode 2"] in rows
+    assert ["0.3", "0.4", "of high order, not traced"] in rows
     assert all((j["ratio"] is None) == (j["mode"] is None) for j in beam.summary["jumps"])
 
 
