@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.values import LIMITED, OUTPUT, Value
 from beamsim.fields import (
     Counter,
     attribute,
@@ -232,11 +233,16 @@ class ResponseBranch(MotionBranch):
         amplitude = np.abs(np.stack(list(self.harmonics.values())))
         return bool(amplitude[..., ::2].max() <= LARGEST_EVEN * amplitude.max())
 
-    @property
-    def limited(self) -> dict[str, Floats]:
-        """Quantities computed only for limits: ``bending_stress`` Pa, ``gap <snubber>`` m."""
-        gaps = {f"gap {name}": values for name, values in self.peak_gap.items()}
-        return gaps if self.peak_bending_stress is None else {**gaps, "bending_stress": self.peak_bending_stress}
+    def peaks(self) -> Iterator[tuple[Value, dict[str, Floats]]]:
+        """The values that have limits, and outputs, each with the largest (np,) of every motion by name."""
+        stress = {} if self.peak_bending_stress is None else {"": self.peak_bending_stress}
+        limited = {
+            "peak_displacement": self.peak_displacement, "peak_acceleration": self.peak_acceleration,
+            "peak_force": self.peak_force, "gap": self.peak_gap, "bending_stress": stress,
+        }  # fmt: skip
+        yield from ((LIMITED[limit], of) for limit, of in limited.items() if of)
+        if self.outputs:
+            yield OUTPUT, {name: output.peak for name, output in self.outputs.items()}
 
 
 @declared(kw_only=True, along=_POINT)

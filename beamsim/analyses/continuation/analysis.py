@@ -466,15 +466,10 @@ def _margins(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, 
         stable = np.flatnonzero(branch.stable)
         if stable.size == 0:
             continue
-        sources: list[tuple[str, str, Floats]] = [
-            *(("peak_force", name, x) for name, x in branch.peak_force.items()),
-            *(("peak_displacement", name, x) for name, x in branch.peak_displacement.items()),
-            *(("peak_acceleration", name, x) for name, x in branch.peak_acceleration.items()),
-            *((OF_OUTPUTS + name, "", output.peak) for name, output in branch.outputs.items()),
-            *((name.partition(" ")[0], name.partition(" ")[2], x) for name, x in branch.limited.items()),
-        ]
-        for limit, name, values in sources:
-            k = stable[int(np.argmax(values[stable]))]
-            at = f"{name}, {branch.parameter[k]:.4g} {f.unit}".removeprefix(", ")
-            worst[limit] = max(worst.get(limit, (-1.0, "")), (float(values[k]), at))
+        for value, of in branch.peaks():
+            for name, values in of.items():
+                limit, place = (value.limit, name) if value.limit else (OF_OUTPUTS + name, "")
+                k = stable[int(np.argmax(values[stable]))]
+                at = f"{place}, {branch.parameter[k]:.4g} {f.unit}".removeprefix(", ")
+                worst[limit] = max(worst.get(limit, (-1.0, "")), (float(values[k]), at))
     return margins_of(limits, worst)

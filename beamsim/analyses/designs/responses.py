@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.analyses.values import BY_ENTRY, VALUES
+from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, VALUES
 
 MODES_KEPT = 6
 
@@ -132,29 +132,17 @@ def continuation_responses(result: ContinuationResult) -> Responses:
         branches = [b for b in result.branches if repr(b.level) == level]
         stable = np.concatenate([b.stable for b in branches])
         parameter = np.concatenate([b.parameter for b in branches])
-        sources: list[tuple[str, dict[str, Any]]] = [
-            (f"probes/{name}/{quantity}", {"of": quantity, "name": name})
-            for quantity in ("peak_displacement", "peak_acceleration")
-            for name in branches[0].peak_displacement
-        ]
-        sources += [
-            (f"outputs/{name}/peak_output", {"of": "peak_output", "name": name}) for name in branches[0].outputs
-        ]
-        sources += [
-            (f"snubbers/{name}/peak_force", {"of": "peak_force", "name": name}) for name in branches[0].peak_force
-        ]
-        sources += [
-            (f"snubbers/{name.partition(' ')[2]}/largest_gap" if " " in name else name, {"of": "limited", "name": name})
-            for name in branches[0].limited
-        ]
-        for place, source in sources:
-            values_along = np.concatenate([getattr(b, source["of"])[source["name"]] for b in branches])
-            best = int(np.argmax(np.where(stable, values_along, -np.inf)))
-            known = bool(stable.any())
-            values[f"stable_{index}/{place}"] = float(values_along[best]) if known else float("nan")
-            if source["of"] == "peak_displacement" and result.parameter == "frequency":
-                at = f"stable_{index}/probes/{source['name']}/resonance_frequency"
-                values[at] = float(parameter[best]) if known else float("nan")
+        peaks = [{value.name: of for value, of in b.peaks()} for b in branches]
+        known = bool(stable.any())
+        for value, of in branches[0].peaks():
+            for name in of:
+                place = value.name if value.single else f"{value.section}/{name}/{value.name}"
+                along = np.concatenate([each[value.name][name] for each in peaks])
+                best = int(np.argmax(np.where(stable, along, -np.inf)))
+                values[f"stable_{index}/{place}"] = float(along[best]) if known else float("nan")
+                if value.key == DISPLACEMENT and result.parameter == "frequency":
+                    at = f"stable_{index}/probes/{name}/resonance_frequency"
+                    values[at] = float(parameter[best]) if known else float("nan")
     modes = result.modes
     return values | frequency_responses(
         modes.open_frequencies_hz.tolist(), modes.closed_frequencies_hz.tolist(), bool(result.scenario.all_snubbers)
