@@ -20,9 +20,8 @@ from beamsim.plots.animation import Scene
 from beamsim.plots.model import model_figure
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import shown_in
-from beamsim.report.animated import animation_page
 from beamsim.report.contents import SketchedModel, page_of
-from beamsim.report.page import plotly
+from beamsim.report.page import animation_page, plotly
 from beamsim.scenario import Scenario
 from beamsim.scenario.input_files import named_files
 from beamsim.store.consistency import open_consistent

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from beamsim.analyses.animate.frames import Frames
 from beamsim.files import replacing
-from beamsim.plots.drawing import finish_positions
-from beamsim.plots.model import oblique
-from beamsim.plots.sketch import BODY, REST, STOP, Sketch, scale_bar
+from beamsim.plots.sketch import BODY, REST, STOP, SUPPORTS, Sketch, finish_positions, scale_bar
 from beamsim.plots.style import amount, round_length
 from beamsim.scenario import Scenario
 from beamsim.structures.places import Place, ends_of
@@ -23,11 +22,8 @@ from beamsim.structures.stations import Stations
 from beamsim.system.structural import SnubberNumbers
 from beamsim.typing import Bools, Floats
 
-SUPPORTS = {"clamped": "s", "pinned": 6, "guided": "D"}
 MILLISECONDS = 40  # of a frame
 _HEIGHT = 0.34  # of the largest deflection or gap, over the distance of rows
-_SPRING = 0.2
-_RESOLUTION = 1e4  # heights are whole numbers of rows over this
 
 
 @dataclass(frozen=True)
@@ -58,6 +54,7 @@ class Scene:
     """Everything that is drawn, frame by frame."""
 
     title: str
+    limits: tuple[float, float, float, float]  # left, right, low, high
     lines: tuple[PictureLine, ...]
     heights: Floats  # (nf, points of all lines) rows above rest
     stops: tuple[PictureStop, ...]
@@ -69,80 +66,54 @@ class Scene:
     supports: tuple[tuple[str, float, float], ...]  # kind, and where
     count: int  # rows of bodies
 
-    @property
-    def limits(self) -> tuple[float, float, float, float]:
-        """Left, right, low, high."""
-        x, y = (np.concatenate([getattr(line, name) for line in self.lines]) for name in "xy")
-        margin = 0.09 * (float(np.ptp(x)) or 1.0)
-        low, high = float((y + self.heights).min()), float((y + self.heights).max())
-        return float(x.min()) - margin, float(x.max()) + 1.6 * margin, min(low - 0.12, -0.5), max(high + 0.3, 0.6)
-
     def as_json(self) -> dict[str, Any]:
-        """For the player of pages; heights are whole numbers, `_RESOLUTION` a row."""
-        return {
-            "title": self.title, "limits": self.limits, "resolution": _RESOLUTION,
-            "lines": [{"x": _short(line.x), "y": _short(line.y), "dots": line.dots} for line in self.lines],
-            "heights": np.rint(self.heights * _RESOLUTION).astype(int).tolist(),
-            "stops": [
-                {"name": s.name, "side": s.side, "x": s.x, "y": s.y, "gap": s.gap, "height": s.height,
-                 "force": _short(s.force),
-                 "ends": np.rint(s.ends * _RESOLUTION).astype(int).tolist()}
-                for s in self.stops
-            ],
-            "time": _short(self.time, 8), "slow": self.slow.astype(int).tolist(), "names": self.names,
-            "supports": self.supports,
-            "bar": self.bar, "barText": self.bar_text, "milliseconds": MILLISECONDS,
-        }  # fmt: skip
-
-
-def _short(values: Floats, digits: int = 5) -> list[float]:
-    return [float(f"{value:.{digits}g}") for value in values]
+        """For the player of pages."""
+        return {**asdict(self), "slow": self.slow.tolist(), "milliseconds": MILLISECONDS}
 
 
 def scene_of(
     frames: Frames, scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers], title: str
 ) -> Scene:
-    """The frames in the sketch of the model, deflections and gaps to one scale."""
+    """The frames in the sketch of the model, deflections and gaps to one scale.
+
+    Parameters
+    ----------
+    stations, stops : those of the scenario's system.
+    title : what the motion is of.
+    """
     sketch = Sketch(scenario, stations, stops)
-    gaps = [abs(stop.gap) for stop in stops.values() if np.isfinite(stop.gap)]
-    largest = max(float(np.abs(frames.deflection).max(initial=0.0)), max(gaps, default=0.0) * 0.5) or 1.0
-    factor = _HEIGHT / largest
-    lines = []
-    for line in frames.lines:
-        xy = (
-            np.array([oblique(sketch, place) for place in line.places]) if line.continuous else _dots(sketch, line.body)
-        )
-        lines.append(PictureLine(xy[:, 0], xy[:, 1], not line.continuous))
+    gaps = {name: float(stop.gap) if np.isfinite(stop.gap) else 0.0 for name, stop in stops.items()}
+    sizes = [float(np.abs(frames.deflection).max(initial=0.0)), *(0.5 * abs(gap) for gap in gaps.values())]
+    largest = max(sizes) or 1.0
+    factor, bar = _HEIGHT / largest, round_length(largest)
+    heights = frames.deflection * factor
+    points = [np.array([sketch.point(place) for place in line.places]) for line in frames.lines]
+    lines = [
+        PictureLine(xy[:, 0], xy[:, 1], not line.continuous) for xy, line in zip(points, frames.lines, strict=True)
+    ]
     drawn: list[PictureStop] = []
-    for name, site in sketch.stop_sites.items():
-        places = [oblique(sketch, place) for place in ends_of(site)]
-        stop = stops[name]
-        drawn.append(
-            PictureStop(name, stop.side, tuple(x for x, _ in places), tuple(y for _, y in places),
-                 (stop.gap if np.isfinite(stop.gap) else 0.0) * factor, 0.22 + 0.1 * len(drawn),
-                 frames.ends[name] * factor, frames.force[name])
-        )  # fmt: skip
-    names = tuple(
-        (name, float(sketch.lines_of(name)[0].x[0]), float(sketch.lines_of(name)[0].row))
-        for name in scenario.all_bodies
-        if len(scenario.all_bodies) > 1
-    )
+    for name, site in sketch.sites.items():
+        x, y = zip(*(sketch.point(place) for place in ends_of(site)), strict=True)
+        height, ends = 0.22 + 0.1 * len(drawn), frames.ends[name] * factor
+        drawn.append(PictureStop(name, stops[name].side, x, y, gaps[name] * factor, height, ends, frames.force[name]))
+    bodies = scenario.all_bodies
+    firsts = {name: sketch.lines_of(name)[0] for name in bodies if len(bodies) > 1}
     supports = tuple(
-        (kind, *oblique(sketch, Place(name, coordinate)))
-        for name, body in scenario.all_bodies.items()
+        (kind, *sketch.point(Place(name, coordinate)))
+        for name, body in bodies.items()
         for coordinate, kind in body.marks
-        if kind in ("clamped", "pinned", "guided") and len(sketch.lines_of(name)) == 1
+        if kind in SUPPORTS and not sketch.width(name)
     )
-    bar = round_length(largest)
+    (left, _), (right, _) = (pick([pick(xy, axis=0) for xy in points], axis=0) for pick in (np.min, np.max))
+    rest = np.concatenate([xy[:, 1] for xy in points])
+    low, high = float((rest + heights).min()), float((rest + heights).max())
+    margin = 0.09 * (float(right - left) or 1.0)
+    limits = float(left) - margin, float(right) + 1.6 * margin, min(low - 0.12, -0.5), max(high + 0.3, 0.6)
     return Scene(
-        title, tuple(lines), frames.deflection * factor, tuple(drawn), frames.time, frames.slow, names, bar * factor,
-        amount(bar, "m"), supports, sketch.count,
+        title, limits, tuple(lines), heights, tuple(drawn), frames.time, frames.slow,
+        tuple((name, float(line.x[0]), line.row) for name, line in firsts.items()), bar * factor, amount(bar, "m"),
+        supports, sketch.count,
     )  # fmt: skip
-
-
-def _dots(sketch: Sketch, body: str) -> Floats:
-    line = sketch.lines_of(body)[0]
-    return np.column_stack([line.x, np.full(line.x.size, float(line.row))])
 
 
 def save_gif(scene: Scene, path: Path, progress: Callable[[float], None] | None = None) -> Path:
@@ -157,17 +128,12 @@ def save_gif(scene: Scene, path: Path, progress: Callable[[float], None] | None 
 
     figure = Figure(figsize=(8.0, 1.3 + 1.9 * scene.count), dpi=90, layout="constrained")
     canvas: Any = FigureCanvasAgg(figure)
-    ax = figure.subplots()
-    update = _drawing(scene, ax)
-    for artist in update(0):
-        artist.set_animated(True)
-    canvas.draw()
-    background = canvas.copy_from_bbox(figure.bbox)
+    update = _drawing(scene, figure.subplots())
 
     def picture(k: int) -> Any:
-        canvas.restore_region(background)
-        for artist in update(k):
-            ax.draw_artist(artist)
+        update(k)
+        canvas.draw()
+        figure.set_layout_engine("none")  # that of the first one stays
         return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 
     forces = np.sum([stop.force for stop in scene.stops], axis=0) if scene.stops else np.zeros(1)
@@ -184,12 +150,10 @@ def save_gif(scene: Scene, path: Path, progress: Callable[[float], None] | None 
     return path
 
 
-def _drawing(scene: Scene, ax: Any) -> Callable[[int], list[Any]]:
+def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
     """Draw what does not move; returns what gives the rest its places in a frame."""
     left, right, low, high = scene.limits
-    ax.set_xlim(left, right)
-    ax.set_ylim(low, high)
-    ax.set_yticks([])
+    ax.set(xlim=(left, right), ylim=(low, high), yticks=[])
     ax.spines[["top", "right", "left"]].set_visible(False)
     ax.set_title(scene.title, fontsize="medium", loc="left")
     if all(line.dots for line in scene.lines):
@@ -201,53 +165,40 @@ def _drawing(scene: Scene, ax: Any) -> Callable[[int], list[Any]]:
     for kind, x, y in scene.supports:
         ax.plot(x, y, marker=SUPPORTS[kind], markersize=9, color="0.3", linestyle="none", zorder=2)
     for name, x, y in scene.names:
-        ax.annotate(
-            name, (x, y), xytext=(-4, 9), textcoords="offset points", fontsize="small", color="0.35", ha="right"
-        )
+        ax.annotate(name, (x, y), xytext=(-4, 9), textcoords="offset points", fontsize="small", ha="right")
     scale_bar(ax, right - 0.055 * (right - left), scene.bar, scene.bar_text)
     moving = [
         ax.plot([], [], color=BODY, linewidth=1.0 if line.dots else 1.8, marker="s" if line.dots else "", markersize=7,
                 zorder=3)[0]
         for line in scene.lines
     ]  # fmt: skip
-    springs = [ax.plot([], [], zorder=4)[0] for _ in scene.stops]
+    marks = {"below": 6, "above": 7}
+    stops = [ax.plot([], [], zorder=4, marker=marks.get(stop.side, ""), markersize=9)[0] for stop in scene.stops]
     said = ax.text(0.99, 0.98, "", transform=ax.transAxes, ha="right", va="top", fontsize="small", family="monospace")
-    width = 0.009 * (right - left)
 
-    def update(k: int) -> list[Any]:
+    def update(k: int) -> None:
         first = 0
         for line, artist in zip(scene.lines, moving, strict=True):
             artist.set_data(line.x, line.y + scene.heights[k, first : first + line.x.size])
             first += line.x.size
-        for stop, artist in zip(scene.stops, springs, strict=True):
-            artist.set_data(*_spring(stop, k, width))
+        for stop, artist in zip(scene.stops, stops, strict=True):
+            artist.set_data(*_stop(stop, k))
             pressed = stop.force[k] > 0.0
             artist.set(color=STOP if pressed else "0.45", linewidth=2.8 if pressed else 1.2)  # told apart in grey, too
-        forces = "  ".join(f"{s.name} {amount(_settled(s.force[k]), 'N'):>9}" for s in scene.stops[:4])
+        forces = "  ".join(f"{s.name} {amount(float(np.round(s.force[k], 9)), 'N'):>9}" for s in scene.stops[:4])
         said.set_text(f"{'slow  ' if scene.slow[k] else ''}t = {scene.time[k]:.5f} s   {forces}")
-        return [*moving, *springs, said]
 
     return update
 
 
-def _settled(force: float) -> float:
-    """Zero for what is round-off."""
-    return 0.0 if abs(force) < 1e-9 else float(force)
-
-
-def _spring(stop: PictureStop, k: int, width: float) -> tuple[Floats, Floats]:
-    """The face and the zigzag of a stop in a frame; what acts between bodies is a rod or a cable."""
-    y = np.array(stop.y) + stop.ends[k]
-    if len(stop.x) == 2:
-        if stop.y[0] == stop.y[1]:  # masses of a row
-            high = max(stop.y) + stop.height
-            return np.array([stop.x[0], *stop.x, stop.x[1]]), np.array([y[0], high, high, y[1]])
-        end = y[0] if stop.side == "separation" else max(stop.y[0] + stop.ends[k, 1] + stop.gap, y[0])
-        return np.array([stop.x[1], stop.x[0]]), np.array([y[1], end])
-    side = -1.0 if stop.side == "below" else 1.0
-    free = stop.y[0] + side * stop.gap
-    face = min(free, y[0]) if side < 0 else max(free, y[0])
-    ground = stop.y[0] + side * (max(stop.gap, 0.0) + _SPRING)
-    across = np.array([-1.6, 1.6, 0, 0, 1, -1, 1, -1, 0, 0, -2, 2]) * width
-    along = np.array([0, 0, 0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 1, 1, 1])
-    return stop.x[0] + across, face + (ground - face) * along
+def _stop(stop: PictureStop, k: int) -> tuple[list[float], list[float]]:
+    """The face of a stop in a frame; what acts between bodies is a rod or a cable."""
+    y = (np.array(stop.y) + stop.ends[k]).tolist()
+    if len(stop.x) == 1:
+        pick, side = (min, -1.0) if stop.side == "below" else (max, 1.0)
+        return [stop.x[0]], [pick(stop.y[0] + side * stop.gap, y[0])]
+    if stop.y[0] == stop.y[1]:  # masses of a row
+        top = stop.y[0] + stop.height
+        return [stop.x[0], *stop.x, stop.x[1]], [y[0], top, top, y[1]]
+    end = y[0] if stop.side == "separation" else max(stop.y[0] + stop.ends[k, 1] + stop.gap, y[0])
+    return [stop.x[1], stop.x[0]], [y[1], end]

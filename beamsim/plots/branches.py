@@ -1,15 +1,14 @@
-"""What pictures of branches share: stable and unstable stretches, marks of special points."""
+"""Branches of periodic motions as curves: stable and unstable stretches, marks of special points."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from beamsim.orbits.branch import special_name
-from beamsim.plots.drawing import beside
+from beamsim.plots.drawing import Curve, beside, marked
 from beamsim.typing import Bools, Floats
 
 MARKS = {"fold": "s", "nonsmooth_fold": "X", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P",
@@ -17,32 +16,35 @@ MARKS = {"fold": "s", "nonsmooth_fold": "X", "period_doubling": "D", "neimark_sa
 UNSTABLE = (0, (3, 1.5))  # dashes of what is unstable
 
 
-def plot_branch(
-    ax: Axes, x: Floats, y: Floats, stable: Bools, *, color: Any, width: float, label: str | None = None, **style: Any
-) -> None:
-    """A branch as a line: stable stretches full, unstable ones thinner and dashed.
+class BranchLine(NamedTuple):
+    """A branch to be drawn, in SI units; its special points have a kind and a place."""
 
-    Parameters
-    ----------
-    x, y, stable : (n,) of its points.
+    label: str
+    x: Floats
+    y: Floats
+    stable: Bools
+    style: dict[str, Any]  # with colour and width
+    special: Sequence[tuple[str, float, float]] = ()
+
+
+def branch_curves(lines: Sequence[BranchLine]) -> list[Curve]:
+    """Branches as curves: stable stretches full, unstable ones thinner and dashed, special points with marks.
+
+    Labels that are alike are in the legend once.
     """
-    given = {"color": color, **style}
-    gap = np.where(stable, 0.0, np.nan)
-    ax.plot(x + gap, y + gap, **{"linewidth": width, "label": label, **given})
-    gap = np.where(beside(~stable), 0.0, np.nan)
-    ax.plot(x + gap, y + gap, **{"linewidth": 0.8 * width, "linestyle": UNSTABLE, **given})
-
-
-def mark_special(ax: Axes, kind: str, places: Sequence[tuple[float, float]], size: float = 5.0) -> None:
-    """Special points of one kind, named in the legend; nothing where there are none."""
-    if not places:
-        return
-    ax.plot(
-        *np.transpose(places), linestyle="none", marker=MARKS[kind], markersize=size, color="0.2",
-        markerfacecolor="white", markeredgewidth=0.18 * size, label=special_name(kind), zorder=4,
-    )  # fmt: skip
-
-
-def explain_dashes(ax: Axes) -> None:
-    """An entry of the legend for what is unstable."""
-    ax.plot([], [], color="0.3", linewidth=1.2, linestyle=UNSTABLE, label="unstable")
+    curves: list[Curve] = []
+    for line in lines:
+        known = any(curve.label == line.label for curve in curves)
+        style = {**line.style, "linestyle": "-"}
+        curves.append(Curve("" if known else line.label, line.x, np.where(line.stable, line.y, np.nan), style))
+        if not line.stable.all():
+            dashed = {**style, "linewidth": 0.8 * style["linewidth"], "linestyle": UNSTABLE}
+            curves.append(Curve("", line.x, np.where(beside(~line.stable), line.y, np.nan), dashed))
+    if not all(line.stable.all() for line in lines):
+        curves.append(Curve("unstable", np.zeros(0), np.zeros(0), {"color": "0.3", "linestyle": UNSTABLE}))
+    for kind, mark in MARKS.items():
+        places = [(x, y) for line in lines for name, x, y in line.special if name == kind]
+        if places:
+            face = {"markerfacecolor": "white", "markeredgewidth": 0.8, "zorder": 4}
+            curves.append(marked(special_name(kind), places, marker=mark, markersize=4.5, color="0.2", **face))
+    return curves

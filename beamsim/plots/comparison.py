@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,16 +14,18 @@ from beamsim.analyses.compare.result import Assurance, ChannelComparison, Compar
 from beamsim.analyses.compare_modes.result import ModeComparison
 from beamsim.plots.drawing import (
     DARK,
+    HERTZ,
     RED,
+    Chart,
     Curve,
     colour_bar,
     dashed_line,
     draw_curves,
     finish,
-    panels,
-    thinned,
+    marked,
+    picture,
 )
-from beamsim.plots.style import Scale, plain_scale
+from beamsim.plots.style import plain_scale
 
 HIGHEST_ORDER, DEEPEST_DB = 12.5, 100.0  # of spectra
 MOST_NUMBERS = 150  # written into the cells of a matrix
@@ -30,13 +33,12 @@ _PREDICTED: dict[str, Any] = {"color": DARK, "linestyle": "-", "linewidth": 1.2}
 _MEASURED: dict[str, Any] = {"color": RED, "linestyle": (0, (4, 2)), "linewidth": 1.2}
 
 
-def plot_histories(c: ChannelComparison, ax: Axes) -> Axes:
+def histories(c: ChannelComparison) -> Chart:
     """Both time histories, aligned in phase, over the time of the prediction."""
-    curves = [Curve("predicted", *thinned(c.predicted_time, c.predicted_history), _PREDICTED)]
+    curves = [Curve("predicted", c.predicted_time, c.predicted_history, _PREDICTED)]
     if c.measured_time.size:
-        curves.append(Curve("measured", *thinned(c.measured_time, c.measured_history), _MEASURED))
-    draw_curves(ax, ("Time", plain_scale("s")), (c.quantity.replace("_", " ").capitalize(), c.unit), curves)
-    return ax
+        curves.append(Curve("measured", c.measured_time, c.measured_history, _MEASURED))
+    return Chart(("Time", plain_scale("s")), (c.quantity.replace("_", " ").capitalize(), c.unit), curves)
 
 
 def plot_spectra(c: ChannelComparison, ax: Axes) -> Axes:
@@ -44,9 +46,9 @@ def plot_spectra(c: ChannelComparison, ax: Axes) -> Axes:
     forced = bool(np.isfinite(c.excitation_hz))
     unit = c.excitation_hz if forced else 1.0
     spectra = (("predicted", c.predicted_spectrum, _PREDICTED), ("measured", c.measured_spectrum, _MEASURED))
-    curves = [Curve(label, *thinned(s.frequency_hz / unit, s.amplitude_db), style) for label, s, style in spectra]
-    words = "Frequency / excitation frequency" if forced else "Frequency (Hz)"
-    draw_curves(ax, (words, ""), ("Level (dB re max)", ""), curves)
+    curves = [Curve(label, s.frequency_hz / unit, s.amplitude_db, style) for label, s, style in spectra]
+    across = ("Frequency / excitation frequency", "") if forced else ("Frequency", HERTZ)
+    draw_curves(ax, across, ("Level (dB re max)", ""), curves)
     if forced:
         ax.set_xlim(0.0, min(HIGHEST_ORDER, float(c.predicted_spectrum.frequency_hz[-1]) / unit))
     top = max(0.0, *(float(s.amplitude_db.max()) for _, s, _ in spectra))
@@ -54,7 +56,7 @@ def plot_spectra(c: ChannelComparison, ax: Axes) -> Axes:
     return ax
 
 
-def plot_swept(c: SweptComparison, ax: Axes) -> Axes:
+def swept_responses(c: SweptComparison) -> Chart:
     """Response over frequency, with the peaks that are compared."""
     curves = [
         Curve("predicted", c.frequency_hz, np.abs(c.predicted), _PREDICTED),
@@ -63,15 +65,11 @@ def plot_swept(c: SweptComparison, ax: Axes) -> Axes:
     for marker, whose, style in (("o", "predicted", _PREDICTED), ("s", "measured", _MEASURED)):
         at = [(getattr(peak, f"{whose}_hz"), getattr(peak, f"{whose}_level")) for peak in c.peaks]
         if at:
-            marks = {**style, "linestyle": "none", "marker": marker, "markersize": 5, "markerfacecolor": "none"}
-            frequency, level = np.transpose(at)
-            curves.append(Curve(f"{whose} peaks", frequency, level, marks))
+            colour = style["color"]
+            curves.append(marked(f"{whose} peaks", at, color=colour, marker=marker, markerfacecolor="none"))
     detected = {"peak": "peak", "fundamental": "fundamental of", "rms": "rms"}[c.detector]
     response = f"{detected} {c.quantity.replace('_', ' ')}".capitalize()
-    draw_curves(ax, ("Excitation frequency", Scale(1.0, "Hz")), (response, c.unit), curves)
-    ax.set_xlabel(f"{ax.get_xlabel()}, {c.curve}; FRAC {c.frac:.3f}")
-    ax.set_yscale("log")
-    return ax
+    return Chart((f"{c.curve}, FRAC {c.frac:.3f}, excitation frequency", HERTZ), (response, c.unit), curves, log="y")
 
 
 def plot_fdac(assurance: Assurance, ax: Axes) -> Axes:
@@ -90,15 +88,12 @@ def comparison_figures(comparison: Comparison) -> dict[str, Figure]:
     figures = {}
     for c in comparison.channels:
         title = f"{comparison.title}: {c.place}"
-        figures[f"{c.place}_{c.quantity}"], (above, below) = panels(title, 2, size=(8.0, 6.0))
-        plot_histories(c, above)
-        plot_spectra(c, below)
+        figures[f"{c.place}_{c.quantity}"] = picture(title, histories(c), partial(plot_spectra, c))
     for swept in comparison.sweeps:
-        figures[f"{swept.place}_{swept.quantity}"], (ax,) = panels(f"{comparison.title}: {swept.place}")
-        plot_swept(swept, ax)
+        title = f"{comparison.title}: {swept.place}"
+        figures[f"{swept.place}_{swept.quantity}"] = picture(title, swept_responses(swept))
     if comparison.assurance is not None:
-        figures["fdac"], (ax,) = panels(comparison.title, size=(6.4, 5.2))
-        plot_fdac(comparison.assurance, ax)
+        figures["fdac"] = picture(comparison.title, partial(plot_fdac, comparison.assurance), size=(6.4, 5.2))
     return figures
 
 
@@ -126,6 +121,4 @@ def mode_comparison_figures(result: ModeComparison) -> dict[str, Figure]:
     """The matrix alone, as ``mac``."""
     rows, columns = result.mac.shape
     size = (min(2.6 + 0.62 * columns, 14.0), min(1.8 + 0.5 * rows, 10.0))
-    figure, (ax,) = panels(result.title, size=size)
-    plot_mac(result, ax)
-    return {"mac": figure}
+    return {"mac": picture(result.title, partial(plot_mac, result), size=size)}

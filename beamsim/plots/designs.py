@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.designs.choice import Objective
 from beamsim.analyses.designs.realisations import judged
@@ -20,13 +19,14 @@ from beamsim.plots.drawing import (
     DARK,
     MOST_CURVES,
     RED,
+    Chart,
     Curve,
     Guide,
     colour_bar,
     curve_style,
     draw_curves,
     finish,
-    panels,
+    picture,
     plain_logarithmic,
     with_unit,
 )
@@ -42,12 +42,7 @@ MOST_PANELS = 6
 MOST_MODES = 3
 MOST_SLICES = 4  # maps of one response of three or more parameters
 MOST_SLICED = 3  # responses
-CONTOURS = 5
-BESIDE_LIMIT = 0.05  # of the range of values; a contour that is closer to that of the limit is left out
-MOST_TICKS = 6  # values of an axis that are all written out
-LIGHT = 0.55  # of the range of colours
 MOST_NUMBERED = (12, 6)  # rows and columns of a map whose cells have room for numbers
-FEWEST_ALONG = 3  # cases along both axes of a map with contours: between fewer they would show the interpolation alone
 MOST_PARAMETERS = 6  # columns of a matrix
 NAMED = {
     "closed_frequencies_hz": "Natural frequencies, closed",
@@ -70,18 +65,27 @@ def shown_quantities(result: DesignsResult) -> list[str]:
     return [q for q in ranked if any(_varies(r) for r in _of(result, q))][:MOST_PANELS] or ranked[:1]
 
 
-def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes:
+def response_chart(result: DesignsResult, quantity: str) -> Chart:
     """A quantity at every place where it is known, over the first parameter, with its limit."""
     x, label = _axis(result.coordinates[0])
     order = np.argsort(x, kind="stable")
     marks = {"marker": "o" if x.size <= 30 else "", "markersize": 3}
+    if result.kind not in ("grid", "zip"):  # samples are in no order
+        marks = {"marker": ".", "markersize": 3, "linestyle": "none"}
     curves = [Curve(name, x[order], values[order], marks) for name, values in _curves(_of(result, quantity))]
-    across, up = (label, ""), (_words(quantity), _of(result, quantity)[0].unit)
-    _, scale = draw_curves(ax, across, up, curves, _limit_level(result, quantity))
-    for k, curve in enumerate(curves[:MOST_CURVES]):
+    up = (_words(quantity), _of(result, quantity)[0].unit)
+    return Chart((label, ""), up, curves, _limit_level(result, quantity))
+
+
+def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes:
+    """A quantity at every place where it is known, over the first parameter, with its limit."""
+    chart = response_chart(result, quantity)
+    _, scale = draw_curves(ax, *chart)
+    order = np.argsort(_axis(result.coordinates[0])[0], kind="stable")
+    for k, curve in enumerate(chart.curves[:MOST_CURVES]):
         if (band := _band(result, quantity, curve.label)) is not None:
             low, high = (values[order] * scale.factor for values in band)
-            ax.fill_between(x[order], low, high, color=curve_style(k)["color"], alpha=0.18, linewidth=0)
+            ax.fill_between(curve.x, low, high, color=curve_style(k)["color"], alpha=0.18, linewidth=0)
     _ticks_along(ax.xaxis, result.coordinates[0])
     return ax
 
@@ -94,106 +98,69 @@ def _limit_level(result: DesignsResult, quantity: str) -> list[Guide]:
 def plot_response_map(
     result: DesignsResult, ax: Axes, response: Response, at: tuple[int, ...] = (), best: int | None = None
 ) -> Axes:
-    """One response over the first two parameters of a grid, with labelled contours, its limit and the best case.
+    """One response over the first two parameters of a grid, a cell for each case, crossed where beyond the limit.
 
-    The cells of small maps have numbers instead, and those beyond the limit an outline: contours would show the
-    interpolation alone.
+    The cells of small maps have numbers, large maps have contours.
 
     Parameters
     ----------
     at : numbers of the values of all further parameters.
     best : number of the best case, which is marked if it is on the map.
     """
-    (x, xlabel), (y, ylabel) = (_axis(c) for c in result.coordinates[:2])
     quantity = _quantity(response)
-    scale = scale_for(response.unit, response.values)
+    scale, limit = scale_for(response.unit, response.values), _limit(result, quantity)
     every: Any = np.ma.masked_invalid(response.values * scale.factor)
     values = every[(slice(None), slice(None), *at)].T
-    edges = _edges(x, result.coordinates[0]), _edges(y, result.coordinates[1])
-    mesh = ax.pcolormesh(*edges, values, cmap="cividis", vmin=every.min(), vmax=every.max())
+    beyond = np.ma.filled(values > (np.inf if limit is None else limit * scale.factor), False)
+    cells = ax.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=every.min(), vmax=every.max())
     where = f", {response.place}" if response.place else ""
-    bar = colour_bar(ax, mesh, with_unit(_words(quantity), scale) + where)
-    limit = _limit(result, quantity)
-    shown_limit = None if limit is None else limit * scale.factor
-    starred = None if best is None else tuple(int(k) for k in np.unravel_index(best, result.shape))
-    if starred is not None and starred[2:] != at:
-        starred = None
+    bar = colour_bar(ax, cells, with_unit(_words(quantity), scale) + where)
+    starred = () if best is None else tuple(int(k) for k in np.unravel_index(best, result.shape))
+    star = starred[:2] if starred[2:] == at else ()
     if all(size <= most for size, most in zip(values.shape, MOST_NUMBERED, strict=True)):
-        _write_cells(ax, x, y, values, mesh.norm, starred)
-        if shown_limit is not None:
-            _outline_beyond(ax, *edges, values > shown_limit)
+        _write_cells(ax, values, beyond, cells.norm, star)
     else:
-        if min(values.shape) > 1 and values.count():
-            _draw_contours(ax, x, y, values, shown_limit)
-        if starred is not None:
-            i, j = starred[:2]
-            ax.plot(x[i], y[j], marker="*", markersize=11, color="white", markeredgecolor="black", clip_on=False)
-    if shown_limit is not None:
-        bar.ax.axhline(shown_limit, color=RED, linewidth=1.8)
+        lines = ax.contour(values, colors="white", linewidths=0.6)
+        for drawn in (lines, *ax.clabel(lines, fontsize="x-small")):
+            drawn.set_path_effects([withStroke(linewidth=1.5, foreground="0.2")])  # seen on light and dark cells
+        if star:
+            ax.plot(*star, marker="*", markersize=11, color="white", markeredgecolor="black", clip_on=False)
+        ax.plot(*np.nonzero(beyond.T), linestyle="none", marker="x", markersize=3.5, color=RED)
+    if limit is not None:
+        bar.ax.axhline(limit * scale.factor, color=RED, linewidth=1.8)
     for axis, coordinate in zip((ax.xaxis, ax.yaxis), result.coordinates, strict=False):
-        _ticks_along(axis, coordinate)
-    finish(ax, xlabel, ylabel)
+        texts = [_value_text(coordinate, k) for k in range(coordinate.values.size)]
+        shown = range(0, len(texts), -(-len(texts) // 4))
+        axis.set_ticks(list(shown), [texts[k] for k in shown])
+    finish(ax, *(_axis(coordinate)[1] for coordinate in result.coordinates[:2]))
     ax.grid(visible=False)
     return ax
 
 
-def _draw_contours(ax: Axes, x: Floats, y: Floats, values: Any, limit: float | None) -> None:
-    """Labelled contours, that of the limit in its own colour and thick, with a white edge in grey print."""
-    low, high = float(values.min()), float(values.max())
-    within = limit if limit is not None and low < limit < high else None
-    levels = [
-        level
-        for level in MaxNLocator(CONTOURS + 1, min_n_ticks=1).tick_values(low, high)
-        if low < level < high and (within is None or abs(level - within) >= BESIDE_LIMIT * (high - low))
-    ]
-    if levels and min(values.shape) >= FEWEST_ALONG and high - low > 1e-9 * max(abs(low), abs(high)):
-        _outlined(ax, ax.contour(x, y, values, levels=levels, colors="white", linewidths=0.6), "%g", "0.2", 1.5)
-    if within is not None:
-        line = ax.contour(x, y, values, levels=[within], colors=RED, linewidths=1.8)
-        _outlined(ax, line, {within: "limit"}, "white", 3.4)
+def _write_cells(ax: Axes, values: Any, beyond: Any, norm: Any, star: tuple[int, ...]) -> None:
+    """The number in every cell, black on light ones, with a star in the best case and a cross beyond the limit.
 
-
-def _outlined(ax: Axes, lines: Any, text: Any, colour: str, width: float) -> None:
-    """Label contours, and give them an edge by which they are seen on light and dark cells."""
-    edge: Any = [withStroke(linewidth=width, foreground=colour)]
-    for drawn in (lines, *ax.clabel(lines, fontsize="x-small", fmt=text)):
-        drawn.set_path_effects(edge)
-
-
-def _write_cells(ax: Axes, x: Floats, y: Floats, values: Any, norm: Any, starred: tuple[int, ...] | None) -> None:
-    """The number in every cell, black on light ones, with a star in the best case."""
+    Parameters
+    ----------
+    values, beyond : (ny, nx) masked numbers, and whether they are beyond the limit.
+    norm : of the colours.
+    star : (i, j) of the best case; empty where it is not on the map.
+    """
     for j, i in zip(*np.nonzero(~np.ma.getmaskarray(values)), strict=True):
-        value = values[j, i]
-        star = "★ " if starred is not None and (i, j) == starred[:2] else ""
+        best, text = (i, j) == star, f"{'✕ ' * bool(beyond[j, i])}{values[j, i]:.3g}"
         ax.text(
-            x[i], y[j], f"{star}{value:.3g}", ha="center", va="center", clip_on=True,
-            fontsize="small" if star else "x-small", fontweight="bold" if star else "normal",
-            color="black" if norm(value) > LIGHT else "white",
+            i, j, f"★ {text}" if best else text, ha="center", va="center", fontsize="x-small",
+            fontweight="bold" if best else "normal", color="black" if norm(values[j, i]) > 0.55 else "white",
         )  # fmt: skip
 
 
-def _outline_beyond(ax: Axes, x: Floats, y: Floats, beyond: Any) -> None:
-    """A line between the cells (edges ``x`` and ``y``) beyond the limit and the others, white beside it for grey."""
-
-    cells = np.ma.filled(beyond, False)
-    rows, columns = (np.nonzero(np.diff(cells, axis=axis)) for axis in (0, 1))
-    sides = [[(x[i], y[j + 1]), (x[i + 1], y[j + 1])] for j, i in zip(*rows, strict=True)]
-    sides += [[(x[i + 1], y[j]), (x[i + 1], y[j + 1])] for j, i in zip(*columns, strict=True)]
-    edge: Any = [withStroke(linewidth=3.8, foreground="white")]
-    ax.add_collection(LineCollection(sides, colors=RED, linewidths=2.0, path_effects=edge), autolim=False)
-
-
 def _ticks_along(axis: Any, coordinate: Coordinate) -> None:
-    """Words, or numbers, all of which are written out if they are few."""
-    values, words = np.unique(_axis(coordinate)[0]), _tick_words(coordinate)
-    if _logarithmic(coordinate):
-        plain_logarithmic(axis)
+    """Words, or a logarithmic axis where the values are spread so."""
+    words = _tick_words(coordinate)
     if words:
         axis.set_ticks(np.arange(len(words)), words)
-    elif values.size <= MOST_TICKS:
-        axis.set_ticks(values, [f"{value:.4g}" for value in values])
-    elif not _logarithmic(coordinate):
-        axis.axes.locator_params(axis.axis_name, nbins=5)
+    elif _logarithmic(coordinate):
+        plain_logarithmic(axis)
 
 
 def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> Axes:
@@ -253,64 +220,50 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
         return {}
     best = result.summary["best"][0]["case"] if result.summary.get("best") else None
     title = result.title + _judgement(result)
-    starred = title + (f"   (star: best case, {result.summary['objective']})" if best is not None else "")
     quantities, dimensions = shown_quantities(result), len(result.coordinates)
     if dimensions == 1 or result.kind == "zip":
-        figure, axes = _grid(title, len(quantities), 2, (5.2, 3.2))
-        for ax, quantity in zip(axes, quantities, strict=True):
-            plot_response_curves(result, ax, quantity)
-        return {"curves": figure}
+        return {"curves": _grid(title, [partial(plot_response_curves, result, quantity=q) for q in quantities], 2, 3.2)}
     figures: dict[str, Figure] = {}
     maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == dimensions and _varies(r)]
     if result.kind == "grid" and min(result.shape[:2]) > 1 and maps:
-        if dimensions == 2:
-            figure, axes = _grid(starred, len(maps[:MOST_PANELS]), 2, (5.2, 3.6))
-            for ax, response in zip(axes, maps, strict=False):
-                plot_response_map(result, ax, _as_judged(result, response), (), best)
-            return {"maps": figure}
-        figures["slices"] = _slice_maps(result, maps, best, starred)
+        starred = title + (f"   (star: best case, {result.summary['objective']})" if best is not None else "")
+        places = _slices(result, best)
+        if dimensions > 2:
+            maps = list({_quantity(r): r for r in reversed(maps)}.values())[::-1][:MOST_SLICED]
+        plots: list[Any] = [
+            partial(_plot_slice, result, response=_as_judged(result, response), at=at, best=best)
+            for response in maps[:MOST_PANELS]
+            for at in places
+        ]
+        figures["maps" if dimensions == 2 else "slices"] = _grid(starred, plots, max(len(places), 2), 3.4)
+    if dimensions == 2 and figures:
+        return figures
     if result.sensitivity:
-        figures["sensitivity"] = _sensitivities(result, quantities, title)
+        chosen = [s for q in quantities for s in result.sensitivity if _quantity(result.responses[s.name]) == q]
+        chosen = (chosen or list(result.sensitivity))[:MOST_PANELS]
+        plots = [partial(plot_sensitivity, result, indices=indices) for indices in chosen]
+        figures["sensitivity"] = _grid(title, plots, 2, 1.2 + 0.45 * dimensions)
     scalar = [q for q in quantities if any(r.values.shape == result.shape for r in _of(result, q))][:4]
     columns = min(dimensions, MOST_PARAMETERS)
-    figures["scatter"], axes = _grid(title, len(scalar) * columns, columns, (2.9, 2.4))
-    for k, ax in enumerate(axes):
-        row, column = divmod(k, columns)
-        plot_response_scatter(result, ax, column, scalar[row])
-        if row < len(scalar) - 1:
-            ax.set_xlabel("")
-        if column:
-            ax.set_ylabel("")
+    plots = [partial(plot_response_scatter, result, coordinate=k, quantity=q) for q in scalar for k in range(columns)]
+    figures["scatter"] = _grid(title, plots, columns, 2.4)
+    for ax in figures["scatter"].axes:
+        ax.label_outer(remove_inner_ticks=False)
     return figures
 
 
-def _grid(title: str, count: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
-    """Panels of a size, inches, at most so many in a row."""
-    columns = min(columns, count)
-    return panels(title, count, columns, (size[0] * columns, size[1] * -(-count // columns)))
+def _grid(title: str, plots: Sequence[Any], columns: int, height: float) -> Figure:
+    """Panels of a height, inches, at most so many in a row."""
+    columns = min(columns, len(plots))
+    return picture(title, *plots, columns=columns, size=(max(3.6 * columns, 6.4), height * -(-len(plots) // columns)))
 
 
-def _slice_maps(result: DesignsResult, maps: Sequence[Response], best: int | None, title: str) -> Figure:
-    """A row for each of the first quantities, a map for each of some values of the further parameters."""
-    places, rows = _slices(result, best), list({_quantity(r): r for r in reversed(maps)}.values())[::-1][:MOST_SLICED]
-    figure, axes = _grid(title, len(rows) * len(places), len(places), (3.9, 3.1))
-    for k, ax in enumerate(axes):
-        at = places[k % len(places)]
-        plot_response_map(result, ax, _as_judged(result, rows[k // len(places)]), at, best)
-        text = ", ".join(_value_text(c, i) for c, i in zip(result.coordinates[2:], at, strict=True))
-        ax.set_title(text, fontsize="small", loc="left")
-    return figure
-
-
-def _sensitivities(result: DesignsResult, quantities: Sequence[str], title: str) -> Figure:
-    chosen = [s for q in quantities for s in result.sensitivity if _quantity(result.responses[s.name]) == q]
-    chosen = (chosen or list(result.sensitivity))[:MOST_PANELS]
-    figure, axes = _grid(title, len(chosen), 2, (4.8, 0.9 + 0.45 * len(result.coordinates)))
-    for ax, indices in zip(axes, chosen, strict=True):
-        plot_sensitivity(result, ax, indices)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize="small", frameon=False)
-    return figure
+def _plot_slice(result: DesignsResult, ax: Axes, response: Response, at: tuple[int, ...], best: int | None) -> Axes:
+    """A map under the values of the further parameters."""
+    plot_response_map(result, ax, response, at, best)
+    further = zip(result.coordinates[2:], at, strict=True)
+    ax.set_title(", ".join(f"{_axis(c)[1]}: {_value_text(c, k)}" for c, k in further), fontsize="small", loc="left")
+    return ax
 
 
 def _slices(result: DesignsResult, best: int | None) -> list[tuple[int, ...]]:
@@ -319,13 +272,11 @@ def _slices(result: DesignsResult, best: int | None) -> list[tuple[int, ...]]:
     The third takes up to `MOST_SLICES` of its values, the others that of the best case, or their middle.
     """
     further = result.shape[2:]
-    middle = tuple(n // 2 for n in further)
-    fixed = middle if best is None else tuple(int(k) for k in np.unravel_index(best, result.shape)[2:])
+    if not further:
+        return [()]
+    fixed = tuple(n // 2 for n in further) if best is None else tuple(np.unravel_index(best, result.shape)[2:])
     along = {*np.linspace(0, further[0] - 1, min(further[0], MOST_SLICES)).round().astype(int).tolist()}
-    if best is not None and fixed[0] not in along:
-        along.remove(min(along, key=lambda k: abs(k - fixed[0])))
-        along.add(fixed[0])
-    return [(k, *fixed[1:]) for k in sorted(along)]
+    return [(k, *map(int, fixed[1:])) for k in sorted(along)]
 
 
 def _band(result: DesignsResult, quantity: str, place: str) -> tuple[Floats, Floats] | None:
@@ -405,11 +356,10 @@ def _tick_words(coordinate: Coordinate) -> list[str]:
 
 
 def _value_text(coordinate: Coordinate, k: int) -> str:
-    """``tip gap = 0.1 mm`` for value k of the axis."""
+    """Value k of the axis, without its unit."""
     if not coordinate.numeric:
-        return f"{coordinate.label} = {coordinate.values[k]}"
-    scale = scale_for(coordinate.unit, coordinate.values.astype(float))
-    return f"{coordinate.label} = {coordinate.values[k] * scale.factor:.4g} {scale.unit}".rstrip()
+        return str(coordinate.values[k])
+    return f"{coordinate.values[k] * scale_for(coordinate.unit, coordinate.values.astype(float)).factor:.3g}"
 
 
 def _logarithmic(coordinate: Coordinate) -> bool:
@@ -420,15 +370,6 @@ def _logarithmic(coordinate: Coordinate) -> bool:
         return False
     steps, ratios = np.diff(values), np.diff(np.log(values))
     return float(np.ptp(ratios) / ratios.mean()) < float(np.ptp(steps) / steps.mean())
-
-
-def _edges(values: Floats, coordinate: Coordinate) -> Floats:
-    """Edges of the cells around increasing or decreasing values."""
-    logarithmic = _logarithmic(coordinate)
-    v = np.log(values) if logarithmic else values
-    inner = 0.5 * (v[1:] + v[:-1])
-    edges = np.concatenate([[v[0] - (inner[0] - v[0])], inner, [v[-1] + (v[-1] - inner[-1])]])
-    return np.exp(edges) if logarithmic else edges
 
 
 def _limit(result: DesignsResult, quantity: str) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,15 +11,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import ArrayLike
 
-from beamsim.plots.style import Scale, plain_scale, scale_for
+from beamsim.plots.style import Scale, scale_for
+from beamsim.scenario.limits import Limits
 from beamsim.typing import Bools, Floats
 
 MOST_CURVES = 6  # in one plot; more cannot be distinguished
-SMALL = (6.4, 4.4)  # of a picture with one panel, inches
-SAME_CURVE = 0.01  # relative difference up to which two curves are drawn as one
 DARK, RED, GREEN, PALE = "#0b3c5d", "#d1495b", "#3a7d44", "0.65"
 FARTHEST = 4.0  # of the largest value drawn: a line beyond that would leave no room for the curves
 WIDE = 8.0  # ratio of the ends of an axis of frequency from which it is logarithmic
+HERTZ = Scale(1.0, "Hz")
 
 # Colours of decreasing darkness, distinguishable by colour-blind readers, each with its own dashes for grey print.
 _COLOURS = (DARK, RED, GREEN, "#e6a117", "#7b5ea7", "#6c757d")
@@ -33,6 +33,9 @@ _DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
 )
 
 
+Axis = tuple[str, str | Scale]  # words, and the SI unit or the scale in which it is shown
+
+
 class Curve(NamedTuple):
     """A curve in SI units; what its style leaves open follows from its number."""
 
@@ -40,6 +43,12 @@ class Curve(NamedTuple):
     x: Floats
     y: Floats
     style: dict[str, Any] = {}  # noqa: RUF012 - never changed
+
+
+def marked(label: str, places: Any, **style: Any) -> Curve:
+    """Places (n, 2) in SI units with marks that no line joins."""
+    x, y = np.reshape(places, (-1, 2)).T
+    return Curve(label, x, y, {"linestyle": "none", **style})
 
 
 class Guide(NamedTuple):
@@ -50,28 +59,57 @@ class Guide(NamedTuple):
     style: dict[str, Any] = {}  # noqa: RUF012 - never changed
 
 
-def panels(
-    title: str, count: int = 1, columns: int = 1, size: tuple[float, float] = (8.0, 4.4), **options: Any
-) -> tuple[Figure, list[Axes]]:
-    """A figure with its title at the left edge, and its panels row by row.
+def limit_levels(limits: Limits | None, name: str, *, both_signs: bool = False) -> list[Guide]:
+    """The limit ``name``, where there is one."""
+    limit = None if limits is None else limits.given.get(name)
+    if limit is None:
+        return []
+    style = {"linestyle": ":", "linewidth": 1.6}
+    return [Guide("limit", limit, style), *([Guide("", -limit, style)] if both_signs else [])]
+
+
+class Chart(NamedTuple):
+    """Curves over common axes: what `draw_curves` draws, and what a page for a browser shows."""
+
+    across: Axis
+    up: Axis
+    curves: Sequence[Curve]
+    levels: Sequence[Guide] = ()
+    log: str = ""
+    of: str = "curves"
+
+
+def picture(
+    title: str,
+    *plots: Chart | Callable[[Axes], Any],
+    columns: int = 1,
+    size: tuple[float, float] | None = None,
+    **options: Any,
+) -> Figure:
+    """A figure with its title at the left edge and a panel for each plot, row by row.
 
     Parameters
     ----------
+    plots : charts, or functions that draw on the Axes that they are given.
     size : (width, height) of the figure, inches.
     options : of `matplotlib.figure.Figure.subplots`.
     """
-    figure = Figure(figsize=size, layout="constrained")
-    axes = list(figure.subplots(-(-count // columns), columns, squeeze=False, **options).ravel())
-    for ax in axes[count:]:
-        ax.set_visible(False)
-    put_title(figure, title)
-    return figure, axes[:count]
-
-
-def put_title(figure: Figure, text: str) -> None:
-    """The title of a figure: what it is of, at its left edge."""
-    if text:
-        figure.suptitle(text, x=0.012, ha="left", fontsize="medium", color="0.3")
+    rows = -(-len(plots) // columns)
+    figure = Figure(figsize=size or (8.0, max(4.4, 2.8 * rows)), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
+    for ax in axes[len(plots) :]:
+        ax.remove()
+    for ax, plot in zip(axes, plots, strict=False):
+        if isinstance(plot, Chart):
+            draw_curves(ax, *plot)
+        else:
+            plot(ax)
+    if options.get("sharex"):
+        for ax in axes[:-columns]:
+            ax.set_xlabel("")
+    if title:
+        figure.suptitle(title, x=0.012, ha="left", fontsize="medium", color="0.3")
+    return figure
 
 
 def curve_style(index: int) -> dict[str, Any]:
@@ -80,44 +118,48 @@ def curve_style(index: int) -> dict[str, Any]:
     return {"color": _COLOURS[k], "linestyle": _DASHES[k], "linewidth": 1.1}
 
 
+def scales_of(across: Axis, up: Axis, curves: Sequence[Curve]) -> tuple[Scale, Scale]:
+    """In which curves are shown over their axes."""
+    x, y = (
+        unit if isinstance(unit, Scale) else scale_for(unit, *(getattr(curve, name) for curve in curves))
+        for (_, unit), name in ((across, "x"), (up, "y"))
+    )
+    return x, y
+
+
 def draw_curves(
     ax: Axes,
-    across: tuple[str, str | Scale],
-    up: tuple[str, str | Scale],
+    across: Axis,
+    up: Axis,
     curves: Sequence[Curve],
     levels: Iterable[Guide] = (),
-    *,
+    log: str = "",
     of: str = "curves",
-    known: int = 0,
 ) -> tuple[Scale, Scale]:
     """Draw curves, label both axes with their units, and name the curves; returns the scales of the axes.
 
     Parameters
     ----------
     across, up : words for the axis, and its SI unit or the scale in which it is shown.
-    levels : lines to compare with, see `draw_levels`.
-    of, known : what the curves are of, and how many there are, if not all are given.
+    levels : lines to compare with; on a linear axis those far above the curves would leave no room for them, and are
+        left out.
+    log : the letters of logarithmic axes.
+    of : what the curves are of: the first `MOST_CURVES` are drawn, and the legend says of how many. All where empty.
     """
-    drawn, known = list(curves)[:MOST_CURVES], max(known, len(curves))
-    x, y = (
-        unit if isinstance(unit, Scale) else scale_for(unit, *(getattr(curve, name) for curve in drawn))
-        for (_, unit), name in ((across, "x"), (up, "y"))
-    )
+    drawn = list(curves)[: MOST_CURVES if of else None]
+    x, y = scales_of(across, up, drawn)
     for k, curve in enumerate(drawn):
         style = {**curve_style(k), **curve.style}
         ax.plot(curve.x * x.factor, curve.y * y.factor, label=curve.label or "_nolegend_", **style)
-    draw_levels(ax, levels, max((float(np.nanmax(np.abs(curve.y), initial=0.0)) for curve in drawn), default=0.0), y)
+    largest = max((float(np.nanmax(np.abs(curve.y), initial=0.0)) for curve in drawn), default=0.0)
+    near = [level for level in levels if "y" in log or abs(level.value) <= FARTHEST * largest]
+    for level in near:
+        style = {"color": "0.35", **level.style}
+        ax.axhline(level.value * y.factor, label=level.label or "_nolegend_", **style)
+    ax.set(**{f"{letter}scale": "log" for letter in log})
     finish(ax, with_unit(across[0], x), with_unit(up[0], y))
-    legend(ax, f"{len(drawn)} of {known} {of}" if known > len(drawn) else "", least=1 if ax.lines[len(drawn) :] else 2)
+    legend(ax, f"{len(drawn)} of {len(curves)} {of}" if len(curves) > len(drawn) else "", least=1 if near else 2)
     return x, y
-
-
-def draw_levels(ax: Axes, levels: Iterable[Guide], largest: float, scale: Scale) -> None:
-    """Lines to compare curves with, whose largest magnitude is given; those far above would leave no room for them."""
-    for level in levels:
-        if abs(level.value) <= FARTHEST * largest:
-            style = {"color": "0.35", **level.style}
-            ax.axhline(level.value * scale.factor, label=level.label or "_nolegend_", **style)
 
 
 def with_unit(words: str, scale: Scale) -> str:
@@ -132,14 +174,6 @@ def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
     ax.grid(visible=True, color="0.88", linewidth=0.6)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
-
-
-def finish_positions(ax: Axes) -> None:
-    """Label an axis of positions that are drawn in metres: in the unit chosen for lengths, if there is one."""
-    scale = plain_scale("m")
-    ax.set_xlabel(f"x ({scale.unit})")
-    if scale.unit != "m":
-        ax.xaxis.set_major_formatter(lambda x, _: f"{x * scale.factor:.4g}")
 
 
 def plain_logarithmic(axis: Any) -> None:
@@ -157,39 +191,33 @@ def frequency_axis(ax: Axes, low: float, high: float) -> None:
         plain_logarithmic(ax.xaxis)
 
 
-def legend_columns(ax: Axes, most: int) -> int:
-    """In how many columns the labelled curves fit into the width of a panel, at most."""
-    figure, place = ax.figure, ax.get_subplotspec()
-    longest = max(map(len, ax.get_legend_handles_labels()[1]), default=0)
-    if figure is None or longest == 0:
-        return most
-    beside = 1 if place is None else place.get_gridspec().ncols
-    letters = 13.0 * figure.bbox.width / figure.get_dpi() / beside  # 13 an inch, and 6 for the line before each label
-    return max(1, min(most, int(letters / (longest + 6))))
-
-
 def legend(ax: Axes, title: str = "", *, least: int = 2) -> None:
-    """A legend above the panel, if it has a title or at least so many entries."""
-    entries = len(ax.get_legend_handles_labels()[1])
-    if entries >= (1 if title else least):
-        columns = legend_columns(ax, min(entries, 6))
+    """A legend above the panel, as wide as it, if it has a title or at least so many entries."""
+    labels = ax.get_legend_handles_labels()[1]
+    if len(labels) >= (1 if title else least):
         ax.legend(
-            title=title or None, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, frameon=False,
-            fontsize="small", title_fontsize="small", borderaxespad=0.1, handlelength=2.6,
+            title=title or None, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small",
+            title_fontsize="small", borderaxespad=0.1, handlelength=2.6, ncols=_columns(labels, ax.bbox.width),
         )  # fmt: skip
     elif title:
         ax.set_title(title, loc="right", fontsize="small")
 
 
-def legend_below(figure: Figure, axes: Iterable[Axes]) -> None:
-    """One of each mark that any panel has a label for, below all panels."""
-    marks = {str(line.get_label()): line for ax in axes for line in ax.lines}
+def _columns(labels: Sequence[str], width: float) -> int:
+    """Of a legend: letters are 6 pixels wide, and the mark before each label as 6 of them."""
+    return max(1, min(len(labels), int(width / (6.0 * (max(map(len, labels)) + 6)))))
+
+
+def legend_below(figure: Figure) -> Figure:
+    """One of each mark that any panel has a label for, below all panels; returns the figure."""
+    marks = {str(line.get_label()): line for ax in figure.axes for line in ax.lines}
     shown = {label: line for label, line in marks.items() if not label.startswith("_")}
     if shown:
         figure.legend(
-            list(shown.values()), list(shown), loc="outside lower center", ncols=min(len(shown), 6), frameon=False,
-            fontsize="small",
+            list(shown.values()), list(shown), loc="outside lower center", frameon=False, fontsize="small",
+            ncols=_columns(list(shown), figure.bbox.width),
         )  # fmt: skip
+    return figure
 
 
 def colour_bar(ax: Axes, mappable: Any, label: str) -> Any:
@@ -211,35 +239,6 @@ def dashed_line(ax: Axes, x: ArrayLike, y: ArrayLike, label: str) -> None:
 def beside(chosen: Bools) -> Bools:
     """Whether a point is chosen or next to one that is, so that curves of chosen points have no holes."""
     return np.asarray(chosen | np.append(chosen[1:], False) | np.append(False, chosen[:-1]))
-
-
-def where_other(first: Floats, second: Floats) -> Floats:
-    """The second of two curves where it differs from the first by 1 %, and a point beside that; else nan."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        other = np.abs(second / first - 1.0) > SAME_CURVE
-    return np.where(beside(other), second, np.nan)
-
-
-def thinned(time: Floats, x: Floats, most: int = 40_000, begin: int = 0) -> tuple[Floats, Floats]:
-    """The same curve with at most about ``most`` points: the minimum and maximum of every few samples.
-
-    Parameters
-    ----------
-    time, x : (n,) arrays.
-    most : number of points that is kept as it is.
-    begin : number of the first sample.
-    """
-    count = x.size - begin
-    length = -(-2 * count // most)
-    if count <= most or length < 3:
-        return time[begin:], x[begin:]
-    time, x = time[begin:], x[begin:]
-    whole = x.size // length * length
-    blocks = x[:whole].reshape(-1, length)
-    first = np.arange(blocks.shape[0]) * length
-    pick = np.sort(np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1), axis=1).ravel()
-    pick = np.append(pick, np.arange(whole, x.size))
-    return time[pick], x[pick]
 
 
 def highest_in_bins(f: Floats, values: Floats, *, mean: bool = False) -> tuple[Floats, Floats]:

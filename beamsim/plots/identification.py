@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +20,7 @@ from beamsim.analyses.identify.result import (
     ProfileLikelihood,
     TestFit,
 )
-from beamsim.plots.drawing import DARK, RED, Curve, Guide, draw_curves, finish, legend, panels
+from beamsim.plots.drawing import DARK, HERTZ, RED, Chart, Curve, Guide, draw_curves, finish, legend, picture
 from beamsim.plots.style import Scale
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import field_type_at, find_parameters
@@ -29,14 +31,19 @@ _MEASURED, _DOTTED = "0.45", (0, (2, 2))
 _STIFFNESS = Scale(1e-3, "kN/m")
 
 
+def frequencies(result: IdentificationResult) -> Chart:
+    """Natural frequencies over the stiffness of the snubber."""
+    curves = [Curve(f"mode {curve.mode}", curve.stiffness, curve.frequency_hz) for curve in result.curves]
+    across = ("Stiffness of the snubber", _STIFFNESS)
+    return Chart(across, ("Natural frequency", HERTZ), curves, log="xy", of="modes")
+
+
 def plot_frequency_curves(result: IdentificationResult, ax: Axes) -> Axes:
     """Natural frequencies over the snubber stiffness, with measured frequencies and identified stiffness."""
     estimate, table = result.estimate, result.with_snubber
     if estimate is None or table is None:
         raise ValueError("no stiffness was identified from frequencies")
-    curves = [Curve(f"mode {curve.mode}", curve.stiffness, curve.frequency_hz) for curve in result.curves]
-    across = ("Stiffness of the snubber", _STIFFNESS)
-    draw_curves(ax, across, ("Natural frequency", Scale(1.0, "Hz")), curves, of="modes")
+    draw_curves(ax, *frequencies(result))
     for k, measured in enumerate(table.measured_hz[: len(result.curves)]):
         if np.isfinite(measured):
             used = table.mode[k] in estimate.fit_to
@@ -46,17 +53,16 @@ def plot_frequency_curves(result: IdentificationResult, ax: Axes) -> Axes:
             )  # fmt: skip
     at = estimate.stiffness / 1e3
     ax.axvline(at, color=RED, linewidth=0.9, label=f"k = {at:.5g} kN/m")
-    low, high = estimate.interval
-    if np.isfinite(low) and np.isfinite(high):
+    if np.all(np.isfinite(estimate.interval)):
+        low, high = estimate.interval
         ax.axvspan(low / 1e3, high / 1e3, color=RED, alpha=0.12, linewidth=0)
     fitted = [table.predicted_hz[mode - 1] for mode in estimate.fit_to]
     ax.plot([at] * len(fitted), fitted, "o", markersize=5, color=RED, markerfacecolor="white")
-    ax.set(xscale="log", yscale="log")
     legend(ax)
     return ax
 
 
-def plot_residuals(before: FrequencyTable, after: FrequencyTable | None, ax: Axes, title: str = "") -> Axes:
+def plot_residuals(before: FrequencyTable, ax: Axes, after: FrequencyTable | None, title: str = "") -> Axes:
     """Difference between predicted and measured frequencies, in percent of the measured frequency."""
     known = np.isfinite(before.measured_hz)
     mode = before.mode[known].astype(float)
@@ -72,22 +78,21 @@ def plot_residuals(before: FrequencyTable, after: FrequencyTable | None, ax: Axe
     return ax
 
 
-def plot_pad(pad: PadFit, axes: Sequence[Axes]) -> None:
-    """Measured and fitted stiffness of a pad over frequency, with its loss factor, or over time; one or two axes."""
+def plot_pad(pad: PadFit, ax: Axes, quantity: str = "stiffness") -> Axes:
+    """Measured and fitted stiffness or loss factor of a pad over frequency, or its stiffness over time."""
     dynamic = pad.frequency_hz is not None
     at = pad.frequency_hz if dynamic else pad.time
     if at is None:
         raise ValueError("nothing was measured on the pad")
-    stiffness = ("Storage stiffness" if dynamic else "Force over deflection", _STIFFNESS)
-    rows = [(stiffness, pad.measured_stiffness, pad.curve_stiffness)]
-    if pad.measured_loss_factor is not None:
-        rows.append((("Loss factor", Scale(1.0, "")), pad.measured_loss_factor, pad.curve_loss_factor))
+    up = ("Storage stiffness" if dynamic else "Force over deflection", _STIFFNESS)
+    if quantity == "loss_factor":
+        up = ("Loss factor", Scale(1.0, ""))
+    measured, fitted = getattr(pad, f"measured_{quantity}"), getattr(pad, f"curve_{quantity}")
     dots = {"linestyle": "none", "marker": "o", "markersize": 4, "markerfacecolor": "white", "color": _MEASURED}
-    for ax, (up, measured, fitted) in zip(axes, rows, strict=True):
-        line = Curve(f"{pad.branch_stiffness.size} branches", pad.curve_at, fitted, {"color": RED})
-        across = ("Frequency", Scale(1.0, "Hz")) if dynamic else ("Time", Scale(1.0, "s"))
-        draw_curves(ax, across, up, [line, Curve("measured", at, measured, dots)])
-        ax.set_xscale("log")
+    line = Curve(f"{pad.branch_stiffness.size} branches", pad.curve_at, fitted, {"color": RED})
+    across = ("Frequency", HERTZ) if dynamic else ("Time", Scale(1.0, "s"))
+    draw_curves(ax, across, up, [line, Curve("measured", at, measured, dots)], log="x")
+    return ax
 
 
 def plot_profile(profile: ProfileLikelihood, ax: Axes, coverage: float, unit: str = "") -> Axes:
@@ -138,38 +143,31 @@ def _draw_harmonics(test: TestFit, ax: Axes, label: str, marks: Sequence[tuple[s
 
 def identification_figures(result: IdentificationResult) -> dict[str, Figure]:
     """All plots available for this result; the key is the last part of the file name."""
-    figures: dict[str, Figure] = {}
-    update, fit = result.update, result.nonlinear
-    if result.estimate is not None and result.with_snubber is not None:
-        figures["frequencies"], (ax,) = panels(result.title, size=(8.0, 4.6))
-        plot_frequency_curves(result, ax)
-    tables: list[tuple[FrequencyTable, FrequencyTable | None, str]] = []
-    if update is not None:
-        tables.append((update.before, update.after, "without the snubber"))
-    elif np.isfinite(result.without_snubber.measured_hz).any():
-        tables.append((result.without_snubber, None, "without the snubber"))
-    if result.estimate is not None and result.with_snubber is not None:
-        tables.append((result.with_snubber, None, "with permanent contact"))
-    if update is not None or result.estimate is not None:
-        figures["residuals"], axes = panels(result.title, len(tables), size=(8.0, 1.2 + 2.4 * len(tables)))
-        for ax, (before, after, title) in zip(axes, tables, strict=True):
-            plot_residuals(before, after, ax, title)
+    plots: dict[str, list[Any]] = {}
+    update, fit, pad = result.update, result.nonlinear, result.pad
+    of_snubber = result.with_snubber if result.estimate is not None else None
+    if of_snubber is not None:
+        plots["frequencies"] = [partial(plot_frequency_curves, result)]
+    if update is not None or of_snubber is not None:
+        plots["residuals"] = residuals = []
+        if update is not None:
+            residuals.append(partial(plot_residuals, update.before, after=update.after, title="without the snubber"))
+        elif np.isfinite(result.without_snubber.measured_hz).any():
+            residuals.append(partial(plot_residuals, result.without_snubber, after=None, title="without the snubber"))
+        if of_snubber is not None:
+            residuals.append(partial(plot_residuals, of_snubber, after=None, title="with permanent contact"))
     if profiles := _profiles(result):
-        columns = min(len(profiles), 3)
-        size = (8.0, 3.4 * -(-len(profiles) // columns))
-        figures["profiles"], axes = panels(result.title, len(profiles), columns, size)
-        for ax, (profile, coverage, unit) in zip(axes, profiles, strict=True):
-            plot_profile(profile, ax, coverage, unit)
-    if result.pad is not None:
-        count = 1 if result.pad.measured_loss_factor is None else 2
-        figures["pad"], axes = panels(result.title, count, size=(8.0, 4.6 if count == 1 else 5.6))
-        plot_pad(result.pad, axes)
+        plots["profiles"] = [
+            partial(plot_profile, profile, coverage=coverage, unit=unit) for profile, coverage, unit in profiles
+        ]
+    if pad is not None:
+        quantities = ("stiffness", "loss_factor")[: 1 if pad.measured_loss_factor is None else 2]
+        plots["pad"] = [partial(plot_pad, pad, quantity=quantity) for quantity in quantities]
     if fit is not None:
-        figures["harmonics"], axes = panels(result.title, 2 * len(fit.tests), 2, (8.0, 0.6 + 3.0 * len(fit.tests)))
-        for k, test in enumerate(fit.tests):
-            plot_harmonics(test, axes[2 * k])
-            plot_harmonic_residuals(test, axes[2 * k + 1])
-    return figures
+        drawn = (plot_harmonics, plot_harmonic_residuals)
+        plots["harmonics"] = [partial(plot, test) for test in fit.tests for plot in drawn]
+    columns = {"profiles": min(len(profiles), 3), "harmonics": 2}
+    return {name: picture(result.title, *panels, columns=columns.get(name, 1)) for name, panels in plots.items()}
 
 
 def _profiles(result: IdentificationResult) -> list[tuple[ProfileLikelihood, float, str]]:

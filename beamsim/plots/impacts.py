@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow
 from beamsim.analyses.run.result import RunResult
-from beamsim.plots.drawing import MOST_CURVES, Curve, curve_style, draw_curves, finish, legend, panels, with_unit
+from beamsim.plots.drawing import MOST_CURVES, Curve, curve_style, draw_curves, finish, legend, picture, with_unit
 from beamsim.plots.style import amount, plain_scale, scale_for
 from beamsim.typing import Ints
 
@@ -45,7 +46,7 @@ def plot_impact_map(impacts: Impacts, ax: Axes, end: float) -> Axes:
         for which in [_of_snubber(impacts, name)]
     ]
     up = ("Peak force of an impact", "N")
-    draw_curves(ax, ("Time", clock), up, curves, known=len(impacts.snubbers), of="snubbers")
+    draw_curves(ax, ("Time", clock), up, curves)
     ax.set_ylim(bottom=0.0)
     ax.set_xlim(-0.02 * end * clock.factor, 1.02 * end * clock.factor)
     return ax
@@ -63,7 +64,7 @@ def plot_peak_forces(impacts: Impacts, ax: Axes) -> Axes:
     finish(ax, with_unit("Peak force of an impact", newton), "Impacts")
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlim(left=0.0)
-    legend(ax, f"{len(names)} of {len(impacts.snubbers)} snubbers" if len(impacts.snubbers) > len(names) else "")
+    legend(ax)
     return ax
 
 
@@ -93,15 +94,14 @@ def plot_fatigue(fatigue: Mapping[str, Fatigue], ax: Axes) -> Axes:
 
 def impact_figures(result: RunResult) -> dict[str, Figure]:
     """Those of impacts and fatigue, where they were asked for."""
-    figures, impacts = {}, result.impacts
+    figures, impacts, fatigue = {}, result.impacts, result.fatigue
     if impacts is not None and impacts.begin.size:
-        figures["impact_map"], (ax,) = panels(result.title)
-        plot_impact_map(impacts, ax, float(result.time[-1]))
-        figures["impact_histogram"], (above, below) = panels(result.title, 2, size=(8.0, 5.6))
-        plot_peak_forces(impacts, above)
+        end, title = float(result.time[-1]), result.title
         cycles = {name: impacts.snubbers[name].rainflow for name in _strongest(impacts)}
-        plot_cycles(cycles, below, "Force range", "snubbers")
-    if result.fatigue:
-        figures["stress_cycles"], (ax,) = panels(result.title)
-        plot_fatigue(result.fatigue, ax)
+        figures["impact_map"] = picture(title, partial(plot_impact_map, impacts, end=end))
+        figures["impact_histogram"] = picture(
+            title, partial(plot_peak_forces, impacts), partial(plot_cycles, cycles, label="Force range", of="snubbers")
+        )
+    if fatigue:
+        figures["stress_cycles"] = picture(result.title, partial(plot_fatigue, fatigue))
     return figures

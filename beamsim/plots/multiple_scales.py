@@ -2,65 +2,59 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import ExpansionComparison
-from beamsim.plots.branches import UNSTABLE, plot_branch
-from beamsim.plots.drawing import (
-    MOST_CURVES,
-    SMALL,
-    Curve,
-    curve_style,
-    draw_curves,
-    finish,
-    legend,
-    panels,
-    with_unit,
-)
+from beamsim.plots.branches import UNSTABLE, BranchLine, branch_curves
+from beamsim.plots.drawing import HERTZ, MOST_CURVES, Curve, curve_style, draw_curves, legend, picture
 from beamsim.plots.stations import draw_along
-from beamsim.plots.style import level_text, scale_for
+from beamsim.plots.style import level_text
 from beamsim.structures.stations import Stations
+from beamsim.typing import Floats
 
 ROUND_OFF = 1e-14  # differences below it are not drawn
+_FACTOR = ("Stiffness factor ε", "")
 
 
-def comparison_figure(comparison: ExpansionComparison) -> Figure:
-    """Frequency over the factor, and the relative differences of frequency and initial vector with their orders."""
+def plot_expanded_frequency(comparison: ExpansionComparison, ax: Axes) -> Axes:
+    """Frequency over the factor, exact and to both orders."""
     path, exact = comparison.path, comparison.exact
     order = np.argsort(path.factor)
-    x, factor = path.factor[order], ("Stiffness factor ε", "")
-    title = f"Mode {path.mode} by multiple scales"
-    figure, (top, *below) = panels(title, 3, size=(7.5, 7.5), sharex=True)
+    x = path.factor[order]
     curves = [Curve("exact", x, exact.frequency_hz[order], {"color": "black"})]
     curves += [Curve(f"{name} order", x, path.frequency_hz[order, k]) for k, name in ((1, "first"), (2, "second"))]
-    draw_curves(top, ("", ""), ("Frequency (Hz)", ""), curves)
+    draw_curves(ax, _FACTOR, ("Frequency", HERTZ), curves, log="x")
     known = exact.frequency_hz[np.isfinite(exact.frequency_hz)]
     if known.size:  # far out the expansion leaves the picture
         room = 0.5 * max(float(np.ptp(known)), 1e-6 * path.linear_frequency_hz)
-        top.set_ylim(float(known.min()) - room, float(known.max()) + room)
-    top.set_xscale("log")
-    for ax, values, orders, what in zip(
-        below,
-        (comparison.frequency_difference, comparison.initial_difference),
-        (comparison.frequency_orders, comparison.initial_orders),
-        ("Difference in frequency", "Difference in initial vector"),
-        strict=True,
-    ):
-        curves = []
-        for k in (1, 2):
-            slopes = orders[np.isfinite(orders[:, k]), k]
-            label = f"order {k}" + (f": observed {np.median(slopes):.2f}" if slopes.size else "")
-            use = order[values[order, k] > ROUND_OFF]
-            curves.append(Curve(label, path.factor[use], values[use, k], {"marker": "."}))
-        draw_curves(ax, factor if ax is below[-1] else ("", ""), (what, ""), curves)
-        ax.set_yscale("log")
-    return figure
+        ax.set_ylim(float(known.min()) - room, float(known.max()) + room)
+    return ax
 
 
-def plot_initial_vectors(comparison: ExpansionComparison, stations: Stations, ax: Axes) -> Axes:
+def plot_differences(comparison: ExpansionComparison, ax: Axes, values: Floats, orders: Floats, what: str) -> Axes:
+    """Relative differences from exact motions over the factor, with the orders observed.
+
+    Parameters
+    ----------
+    values, orders : (nf, 3) differences, and the orders at which they fall, of the linear mode and both orders.
+    what : differs.
+    """
+    order, curves = np.argsort(comparison.path.factor), []
+    for k in (1, 2):
+        slopes = orders[np.isfinite(orders[:, k]), k]
+        label = f"order {k}" + (f": observed {np.median(slopes):.2f}" if slopes.size else "")
+        use = order[values[order, k] > ROUND_OFF]
+        curves.append(Curve(label, comparison.path.factor[use], values[use, k], {"marker": "."}))
+    draw_curves(ax, _FACTOR, (f"Difference in {what}", ""), curves, log="xy")
+    return ax
+
+
+def plot_initial_vectors(comparison: ExpansionComparison, ax: Axes, stations: Stations) -> Axes:
     """Deflection at rest, linear, to both orders and exact, at the largest factor with an exact motion."""
     path, exact = comparison.path, comparison.exact
     known = np.flatnonzero(np.isfinite(exact.frequency_hz))
@@ -76,28 +70,36 @@ def plot_initial_vectors(comparison: ExpansionComparison, stations: Stations, ax
 
 def comparison_figures(comparison: ExpansionComparison, stations: Stations) -> dict[str, Figure]:
     """Both pictures of a mode by multiple scales, by name; the second needs an exact motion."""
-    figures = {"multiple_scales": comparison_figure(comparison)}
-    if np.any(np.isfinite(comparison.exact.frequency_hz)):
-        figures["multiple_scales_initial"], (ax,) = panels("", size=SMALL)
-        plot_initial_vectors(comparison, stations, ax)
+    c = comparison
+    figures = {
+        "multiple_scales": picture(
+            f"Mode {c.path.mode} by multiple scales",
+            partial(plot_expanded_frequency, c),
+            partial(plot_differences, c, values=c.frequency_difference, orders=c.frequency_orders, what="frequency"),
+            partial(plot_differences, c, values=c.initial_difference, orders=c.initial_orders, what="initial vector"),
+            sharex=True,
+        )
+    }
+    if np.any(np.isfinite(c.exact.frequency_hz)):
+        figures["multiple_scales_initial"] = picture("", partial(plot_initial_vectors, c, stations=stations))
     return figures
 
 
 def plot_expanded_response(result: ContinuationResult, ax: Axes, probe: str) -> Axes:
     """The expansion (thick, light) under the exact response (thin, dark): largest deflection against frequency."""
-    main = [b for b in result.branches if b.period_multiple == 1]
-    scale = scale_for("m", *(b.peak_displacement[probe] for b in main), *(c.first[probe] for c in result.expansion))
+    lines = []
     for k, c in enumerate(result.expansion):
-        colour, level = curve_style(k)["color"], level_text(c.level, result.level_unit)
-        plot_branch(ax, c.frequency_hz, c.first[probe] * scale.factor, c.stable, color=colour, width=4.0, alpha=0.35,
-                    label=f"multiple scales, {level}", solid_capstyle="butt")  # fmt: skip
-        for n, b in enumerate(b for b in main if b.level == c.level):
-            label = "_nolegend_" if n else f"exact, {level}"
-            y = b.peak_displacement[probe] * scale.factor
-            plot_branch(ax, b.frequency_hz, y, b.stable, color=colour, width=1.2, label=label)
+        colour, level = {"color": curve_style(k)["color"]}, level_text(c.level, result.level_unit)
+        pale = {**colour, "linewidth": 4.0, "alpha": 0.35, "solid_capstyle": "butt"}
+        lines.append(BranchLine(f"multiple scales, {level}", c.frequency_hz, c.first[probe], c.stable, pale))
+        lines += [
+            BranchLine(f"exact, {level}", b.frequency_hz, b.peak_displacement[probe], b.stable,
+                       {**colour, "linewidth": 1.2})
+            for b in result.branches if b.period_multiple == 1 and b.level == c.level
+        ]  # fmt: skip
+    up = (f"Largest deflection of {probe}", "m")
+    draw_curves(ax, ("Excitation frequency", HERTZ), up, branch_curves(lines), of="")
     ax.set_ylim(bottom=0.0)
-    finish(ax, "Excitation frequency (Hz)", with_unit(f"Largest deflection of {probe}", scale))
-    legend(ax)
     return ax
 
 
@@ -112,17 +114,14 @@ def plot_forced_orders(result: ContinuationResult, ax: Axes) -> Axes:
             style = {"color": curve_style(k)["color"], "linestyle": dashes, "marker": "."}
             curves.append(Curve(label, c.factor, c.difference[:, order], style))
     across, up = ("Factor of springs, damping and force", ""), ("Difference over the motion's size", "")
-    draw_curves(ax, across, up, curves)
-    ax.set(xscale="log", yscale="log")
+    draw_curves(ax, across, up, curves, log="xy")
     return ax
 
 
 def forced_expansion_figures(result: ContinuationResult) -> dict[str, Figure]:
     """The response of every probe with its expansion, and the orders, by name."""
-    figures = {}
-    for name in list(result.expansion[0].first)[:MOST_CURVES]:
-        figures[f"multiple_scales_{name}"], (ax,) = panels(result.title, size=SMALL)
-        plot_expanded_response(result, ax, name)
-    figures["multiple_scales_orders"], (ax,) = panels(result.title, size=SMALL)
-    plot_forced_orders(result, ax)
-    return figures
+    figures = {
+        f"multiple_scales_{name}": picture(result.title, partial(plot_expanded_response, result, probe=name))
+        for name in list(result.expansion[0].first)[:MOST_CURVES]
+    }
+    return {**figures, "multiple_scales_orders": picture(result.title, partial(plot_forced_orders, result))}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,18 @@ from matplotlib.figure import Figure
 
 from beamsim.analyses.branch import ModeBranch
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.plots.drawing import MOST_CURVES, SMALL, Curve, curve_style, draw_curves, legend, panels
-from beamsim.plots.mode_branches import BRANCH_NAMES, plot_backbone, plot_frequency_energy
+from beamsim.plots.branches import BranchLine, branch_curves
+from beamsim.plots.drawing import (
+    HERTZ,
+    MOST_CURVES,
+    Chart,
+    Curve,
+    curve_style,
+    draw_curves,
+    legend,
+    name_beside,
+    picture,
+)
 from beamsim.plots.multiple_scales import comparison_figures
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.plots.relaxed import relaxed_figure
@@ -22,7 +33,96 @@ from beamsim.typing import Floats
 
 FLOOR = -120.0  # dB, of a spectrum
 DRIFTED = 1e-6  # over the periods of the spectrum, from which the drift is shown
-MANY = 4 * 20  # lines: a motion that drifts spreads them, and they are drawn as a curve
+WIDE = 20.0  # ratio of the largest to the smallest amplitude that asks for a logarithmic axis
+DECADE = 10.0  # the same of the energies: a logarithmic axis has no room for its numbers below
+
+BRANCH_NAMES = {
+    "backbone": "backbone",
+    "tongue": "tongue of internal resonance",
+    "non_brake": "non-brake orbits",
+}
+_STYLES = {"backbone": (0, 1.4), "tongue": (1, 1.0), "non_brake": (2, 1.4)}  # colour, width
+
+
+def backbone(result: NormalModeResult) -> Chart:
+    """Frequency over the stiffness factor, or largest deflection over frequency where energy or frequency changes.
+
+    Unstable stretches are dashed, jumps grey, special points marked.
+    """
+    if result.parameter == "stiffness_factor":
+        curves = _curves(result, [(b.parameter, b.frequency_hz) for b in result.branches])
+        return Chart(("Stiffness factor ε", ""), ("Frequency", HERTZ), curves, of="")
+    largest = [np.abs(b.initial_displacement).max(axis=1) for b in result.branches]
+    log = "y" if float(np.max(largest[0])) > WIDE * float(np.min(largest[0])) else ""
+    curves = _curves(result, [(b.frequency_hz, y) for b, y in zip(result.branches, largest, strict=True)])
+    return Chart(("Frequency", HERTZ), ("Largest deflection at the extreme", "m"), curves, log=log, of="")
+
+
+def plot_backbone(result: NormalModeResult, ax: Axes) -> Axes:
+    """The backbone curve with its tongues named."""
+    return _plot(result, ax, backbone(result))
+
+
+def plot_frequency_energy(result: NormalModeResult, ax: Axes) -> Axes:
+    """Frequency–energy plot, drawn likewise."""
+    energy = result.backbone.energy
+    curves = _curves(result, [(b.energy, b.frequency_hz) for b in result.branches])
+    log = "x" if float(np.max(energy)) > DECADE * float(np.min(energy)) else ""
+    return _plot(result, ax, Chart(("Energy", Scale(1.0, "J")), ("Frequency", HERTZ), curves, log=log, of=""))
+
+
+def _plot(result: NormalModeResult, ax: Axes, chart: Chart) -> Axes:
+    """Curves, and n:m beside every resonance, each once: the first curves are the jumps."""
+    x, y = draw_curves(ax, *chart)
+    places: dict[str, tuple[float, float]] = {}
+    for jump, curve in zip(result.jumps, chart.curves, strict=False):
+        if jump.ratio and jump.mode:
+            at = (float(curve.x[0]) * x.factor, float(curve.y[0]) * y.factor)
+            places.setdefault(f"{jump.ratio}:1, mode {jump.mode}", at)
+    name_beside(ax, places)
+    return ax
+
+
+def _at(branch: ModeBranch, parameter: float) -> int:
+    """The point of a branch closest to a parameter."""
+    return int(np.argmin(np.abs(branch.parameter - parameter)))
+
+
+def _curves(result: NormalModeResult, drawn: Sequence[tuple[Floats, Floats]]) -> list[Curve]:
+    """Jumps, then every branch as a curve, the backbone cut at its jumps, with special points.
+
+    Parameters
+    ----------
+    drawn : for each branch the two quantities at its points.
+    """
+    ends = [[_at(result.backbone, p) for p in (jump.start, jump.end)] for jump in result.jumps]
+    grey = {"color": "0.5", "linestyle": "-", "linewidth": 2.6, "alpha": 0.5, "solid_capstyle": "butt", "zorder": 0}
+    (x, y), words = drawn[0], "jump over a tongue"
+    jumps = [Curve("" if k else words, x[at], y[at], grey) for k, at in enumerate(ends)]
+    lines = []
+    for branch, (x, y) in zip(result.branches, drawn, strict=True):
+        main, (colour, width) = branch.kind == "backbone", _STYLES[branch.kind]
+        cuts = np.unique([start + 1 for start, _ in ends]).astype(int) if main else np.zeros(0, dtype=int)
+        style = {"color": curve_style(colour)["color"], "linewidth": width}
+        lines.append(
+            BranchLine(BRANCH_NAMES[branch.kind], np.insert(x, cuts, np.nan), np.insert(y, cuts, np.nan),
+                       np.insert(branch.stable, cuts, True), style, _special(result, drawn) if main else ())
+        )  # fmt: skip
+    return [*jumps, *branch_curves(lines)]
+
+
+def _special(result: NormalModeResult, drawn: Sequence[tuple[Floats, Floats]]) -> list[tuple[str, float, float]]:
+    """Special points, each on the branch that it is closest to (some lie on tongues)."""
+    span, places = max(float(np.ptp(result.backbone.parameter)), 1e-300), []
+    for event in result.backbone.special:
+        off = [
+            np.abs(b.frequency_hz / event.frequency_hz - 1.0) + np.abs(b.parameter - event.parameter) / span
+            for b in result.branches
+        ]
+        which = int(np.argmin([float(o.min()) for o in off])) if event.kind == "symmetry_breaking" else 0
+        x, y = (float(values[np.argmin(off[which])]) for values in drawn[which])
+        places.append((event.kind, x, y))
+    return places
 
 
 def plot_mode_shapes(result: NormalModeResult, ax: Axes) -> Axes:
@@ -104,17 +204,12 @@ def plot_orbit_spectrum(result: NormalModeResult, ax: Axes) -> Axes:
     # as far as the harmonics that are stored: beyond them every line is small
     last = int(np.searchsorted(f, 20.5 / float(motion.time[-1])))
     curves = []
-    for k, (name, amplitude) in enumerate(list(motion.spectrum.items())[:MOST_CURVES]):
-        level = 20 * np.log10(np.maximum(amplitude[:last], 1e-300) / amplitude[:last].max())
-        visible = level > FLOOR
-        if np.count_nonzero(visible) > MANY:
-            curves.append(Curve(name, f[:last], np.maximum(level, FLOOR)))
-            continue
-        ax.vlines(f[:last][visible], FLOOR, level[visible], color=curve_style(k)["color"], linewidth=0.9, alpha=0.35)
-        marks = {"linestyle": "none", "marker": "os^Dvx"[k], "markersize": 6.0 - 0.7 * k, "markerfacecolor": "none"}
-        curves.append(Curve(name, f[:last][visible], level[visible], marks))
-    across = (f"Frequency in steps of {f[1]:.3g} Hz", Scale(1.0, "Hz"))
-    draw_curves(ax, across, ("Amplitude (dB re largest)", ""), curves, known=len(motion.spectrum), of="probes")
+    for k, (name, amplitude) in enumerate(motion.spectrum.items()):
+        level = 20.0 * np.log10(np.maximum(amplitude[:last], 1e-300) / amplitude[:last].max())
+        marks = {"marker": "os^Dvx"[k % 6], "markersize": 4, "markerfacecolor": "none", "linewidth": 0.6}
+        curves.append(Curve(name, f[:last], np.where(level > FLOOR, level, np.nan), marks))
+    across = (f"Frequency in steps of {f[1]:.3g} Hz", HERTZ)
+    draw_curves(ax, across, ("Amplitude (dB re largest)", ""), curves, of="probes")
     ax.set_ylim(FLOOR, 5.0)
     drift = f"; unstable: {100 * motion.drift:.3g} % away at their end" if motion.drift > DRIFTED else ""
     legend(ax, f"{motion.periods} periods{drift}")
@@ -123,28 +218,20 @@ def plot_orbit_spectrum(result: NormalModeResult, ax: Axes) -> Axes:
 
 def nnm_figures(result: NormalModeResult) -> dict[str, Figure]:
     """Every picture of a nonlinear mode, by name."""
-    motion = f"{result.title}\n{_motion_name(result)}"
-    figures: dict[str, Figure] = {}
-
-    def draw(name: str, title: str, plot: Callable[[NormalModeResult, Axes], Axes]) -> None:
-        figures[name], (ax,) = panels(title, size=SMALL)
-        plot(result, ax)
-
-    draw("backbone", result.title, plot_backbone)
-    draw("mode_shapes", motion, plot_mode_shapes)
-    draw("deflected_shapes", motion, plot_deflected_shapes)
-    if result.motion.force:
-        figures["motion"], (above, below) = panels(motion, 2, size=(7.2, 5.6), sharex=True, height_ratios=(2, 1))
-        plot_node_motion(result, above)
-        plot_contact_forces(result, below)
-        above.set_xlabel("")
-    else:
-        draw("motion", motion, plot_node_motion)
-    draw("phase_portrait", motion, plot_phase_portrait)
-    draw("configuration", motion, plot_configuration)
-    draw("spectrum", motion, plot_orbit_spectrum)
+    motion, force = f"{result.title}\n{_motion_name(result)}", result.motion.force
+    of_motion = {
+        "mode_shapes": [plot_mode_shapes],
+        "deflected_shapes": [plot_deflected_shapes],
+        "motion": [plot_node_motion, plot_contact_forces] if force else [plot_node_motion],
+        "phase_portrait": [plot_phase_portrait],
+        "configuration": [plot_configuration],
+        "spectrum": [plot_orbit_spectrum],
+    }
+    figures = {"backbone": picture(result.title, partial(plot_backbone, result))}
+    for name, plots in of_motion.items():
+        figures[name] = picture(motion, *(partial(plot, result) for plot in plots), sharex=True)
     if result.parameter != "stiffness_factor":
-        draw("frequency_energy", result.title, plot_frequency_energy)
+        figures["frequency_energy"] = picture(result.title, partial(plot_frequency_energy, result))
     if result.expansion is not None:
         figures |= comparison_figures(result.expansion, result.stations)
     if result.relaxed is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,21 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from beamsim.analyses.nnm.result import HeldMotion, PhaseResonanceResult
-from beamsim.plots.branches import explain_dashes, plot_branch
-from beamsim.plots.drawing import (
-    MOST_CURVES,
-    RED,
-    SMALL,
-    Curve,
-    curve_style,
-    draw_curves,
-    finish,
-    legend,
-    name_beside,
-    panels,
-    thinned,
-    with_unit,
-)
+from beamsim.plots.branches import BranchLine, branch_curves
+from beamsim.plots.drawing import HERTZ, RED, Curve, curve_style, draw_curves, marked, name_beside, picture
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale, scale_for
 from beamsim.structures.stations import Stations
@@ -43,31 +31,30 @@ def _level_text(value: float, level: Scale) -> str:
 def plot_resonances(result: PhaseResonanceResult, ax: Axes) -> Axes:
     """Response curves over the backbone: frequency against amplitude, named by level, unstable stretches dashed."""
     name, level, ridge = result.probe, _level_scale(result), result.predicted
-    curves = [(k, m, m.curve) for k, m in enumerate(result.motions) if m.curve is not None]
-    amplitudes = np.array([[m.predicted_amplitude[name], m.amplitude[name]] for m in result.motions])
-    scale = scale_for("m", amplitudes, *(curve.peak_displacement[name] for _, _, curve in curves))
-    ax.plot(ridge.frequency_hz, ridge.amplitude[name] * scale.factor, label="nonlinear mode", color="0.55",
-            linewidth=2.6, solid_capstyle="round", zorder=1)  # fmt: skip
-    places = {}
-    for k, m, curve in curves:
-        x, y = curve.frequency_hz, curve.peak_displacement[name] * scale.factor
-        plot_branch(ax, x, y, curve.stable, color=curve_style(k)["color"], width=1.2)
-        places[_level_text(m.level, level)] = (float(x[np.argmax(y)]), float(y.max()))
-    if not all(curve.stable.all() for _, _, curve in curves):
-        explain_dashes(ax)
-    marks: dict[str, Any] = {"linestyle": "none", "color": "0.15"}
-    at = [m.predicted_frequency_hz for m in result.motions]
-    ax.plot(at, amplitudes[:, 0] * scale.factor, marker="o", markersize=7, markerfacecolor="white", label="predicted",
-            zorder=5, **marks)  # fmt: skip
-    at = [m.frequency_hz for m in result.motions]
-    ax.plot(at, amplitudes[:, 1] * scale.factor, marker="D", markersize=4, label="phase resonance", zorder=6, **marks)
-    if curves:
-        shown = np.concatenate([curve.frequency_hz for _, _, curve in curves])
+    lines = [
+        BranchLine("", m.curve.frequency_hz, m.curve.peak_displacement[name], m.curve.stable,
+                   {"color": curve_style(k)["color"], "linewidth": 1.2})
+        for k, m in enumerate(result.motions) if m.curve is not None
+    ]  # fmt: skip
+    thick = {"color": "0.55", "linestyle": "-", "linewidth": 2.6, "zorder": 1}
+    predicted = np.array([(m.predicted_frequency_hz, m.predicted_amplitude[name]) for m in result.motions])
+    held = np.array([(m.frequency_hz, m.amplitude[name]) for m in result.motions])
+    curves = [
+        Curve("nonlinear mode", ridge.frequency_hz, ridge.amplitude[name], thick),
+        *branch_curves(lines),
+        marked("predicted", predicted, color="0.15", marker="o", markersize=7, markerfacecolor="white"),
+        marked("phase resonance", held, color="0.15", marker="D", markersize=4, zorder=6),
+    ]
+    up = (f"Largest deflection of {name}", scale_for("m", predicted[:, 1], held[:, 1], *(line.y for line in lines)))
+    _, scale = draw_curves(ax, ("Frequency", HERTZ), up, curves, of="")
+    if lines:
+        shown = np.concatenate([line.x for line in lines])
+        highest = [predicted[:, 1], held[:, 1], *(line.y for line in lines)]
         ax.set_xlim(float(shown.min()), float(shown.max()))
-        ax.set_ylim(0.0, 1.12 * max(scale.factor * float(np.nanmax(amplitudes)), *(y for _, y in places.values())))
-    finish(ax, "Frequency (Hz)", with_unit(f"Largest deflection of {name}", scale))
-    name_beside(ax, places)
-    legend(ax)
+        ax.set_ylim(0.0, 1.12 * scale.factor * max(float(np.nanmax(y)) for y in highest))
+    levels = [_level_text(m.level, level) for m in result.motions if m.curve is not None]
+    tops = [(float(line.x[np.argmax(line.y)]), float(line.y.max()) * scale.factor) for line in lines]
+    name_beside(ax, dict(zip(levels, tops, strict=True)))
     return ax
 
 
@@ -77,14 +64,12 @@ def plot_levels(result: PhaseResonanceResult, ax: Axes) -> Axes:
     order = np.argsort(ridge.energy)
     curves = [Curve("energy balance", ridge.amplitude[name][order], ridge.level[order])]
     for stable, face in ((True, RED), (False, "white")):
-        shown = np.array([(m.amplitude[name], m.level) for m in result.motions if m.stable == stable]).reshape(-1, 2)
-        shown = shown[np.isfinite(shown[:, 0])]
-        if shown.size:
-            label = f"exact, {'stable' if stable else 'unstable'}"
-            marks = {"linestyle": "none", "marker": "D", "markersize": 6, "color": RED, "markerfacecolor": face}
-            curves.append(Curve(label, shown[:, 0], shown[:, 1], marks))
-    draw_curves(ax, (f"Largest deflection of {name}", "m"), ("Level", _level_scale(result)), curves)
-    ax.set(xscale="log", yscale="log")
+        shown = [(m.amplitude[name], m.level) for m in result.motions if m.stable == stable]
+        if shown:
+            label, size = f"exact, {'stable' if stable else 'unstable'}", {"marker": "D", "markersize": 6}
+            curves.append(marked(label, shown, color=RED, markerfacecolor=face, **size))
+    across, up = (f"Largest deflection of {name}", "m"), ("Level", _level_scale(result))
+    draw_curves(ax, across, up, curves, log="xy")
     return ax
 
 
@@ -106,46 +91,37 @@ def plot_held_spectrum(held: HeldMotion, ax: Axes) -> Axes:
     reach = held.frequency_hz <= highest
     top = max(float(a[1:].max()) for a in held.amplitude.values())
     curves = [
-        Curve(name, *thinned(held.frequency_hz[reach], 20 * np.log10(np.maximum(a[reach] / top, 1e-300))))
+        Curve(name, held.frequency_hz[reach], 20 * np.log10(np.maximum(a[reach] / top, 1e-300)))
         for name, a in held.amplitude.items()
     ]
-    draw_curves(ax, ("Frequency", "Hz"), ("Amplitude (dB re largest)", ""), curves, of="probes")
+    draw_curves(ax, ("Frequency", HERTZ), ("Amplitude (dB re largest)", ""), curves, of="probes")
     ax.set(xlim=(0.0, highest), ylim=(-120.0, 6.0))
     return ax
 
 
 def plot_departure(result: PhaseResonanceResult, ax: Axes) -> Axes:
-    """Distance from the mode in every period, for all levels; those that make no difference (z = 0) as one curve."""
+    """Distance from the mode in every period, for all levels."""
     level = _level_scale(result)
-    groups: list[tuple[np.ndarray, list[str]]] = []
-    for m in result.motions:
-        if m.held is not None:
-            known = next((texts for d, texts in groups if np.allclose(d, m.held.departure, rtol=1e-3)), None)
-            if known is None:
-                groups.append((m.held.departure, [_level_text(m.level, level)]))
-            else:
-                known.append(_level_text(m.level, level))
-    curves = [Curve(", ".join(texts), np.arange(1.0, d.size + 1), d) for d, texts in groups]
-    draw_curves(ax, ("Period", ""), ("Distance from the mode\n(norm of energy)", ""), curves[:MOST_CURVES], of="levels")
+    curves = [
+        Curve(_level_text(m.level, level), np.arange(1.0, m.held.departure.size + 1), m.held.departure)
+        for m in result.motions
+        if m.held is not None
+    ]
+    draw_curves(ax, ("Period", ""), ("Distance from the mode\n(norm of energy)", ""), curves, of="levels")
     ax.set_ylim(bottom=0.0)
     return ax
 
 
 def phase_resonance_figures(result: PhaseResonanceResult, title: str, stations: Stations) -> dict[str, Figure]:
     """Every picture of a held mode, by name; shapes and spectrum are those of the last level."""
-    figures: dict[str, Figure] = {}
-    for name, plot in (
-        ("phase_resonance", plot_resonances),
-        ("phase_resonance_level", plot_levels),
-        ("held_departure", plot_departure),
-    ):
-        figures[name], (ax,) = panels(title, size=SMALL)
-        plot(result, ax)
+    figures = {
+        "phase_resonance": picture(title, partial(plot_resonances, result)),
+        "phase_resonance_level": picture(title, partial(plot_levels, result)),
+        "held_departure": picture(title, partial(plot_departure, result)),
+    }
     last = result.motions[-1]
     if last.held is not None:
         under = f"{title}, {_level_text(last.level, _level_scale(result))}, {last.held.departure.size} periods"
-        figures["held_shapes"], (ax,) = panels(under, size=SMALL)
-        plot_held_shapes(last.held, ax, stations)
-        figures["held_spectrum"], (ax,) = panels(under, size=SMALL)
-        plot_held_spectrum(last.held, ax)
+        figures["held_shapes"] = picture(under, partial(plot_held_shapes, last.held, stations=stations))
+        figures["held_spectrum"] = picture(under, partial(plot_held_spectrum, last.held))
     return figures

@@ -32,7 +32,7 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
         for s in drawn
     ]
     words = "Acceleration density" if on_base else "Displacement density"
-    draw_curves(ax, _FREQUENCY, (words, scale), curves, of="signals")
+    draw_curves(ax, _FREQUENCY, (words, scale), curves, log="xy", of="signals")
     linear = next((s for s in drawn[:MOST_CURVES] if s.density_open is not None), None)
     for name, dashes in (("open", "-"), ("closed", "-.")):
         if linear is None:
@@ -42,8 +42,7 @@ def plot_density(response: RandomResponse, ax: Axes) -> Axes:
                 label=f"{linear.name}, linear, always {name}")  # fmt: skip
     legend(ax)
     if top > 0:
-        shown = f[np.max([s.density[1:] for s in drawn], axis=0) >= top * DENSITY_SHOWN]
-        ax.set(xscale="log", yscale="log", xlim=(shown[0] / 1.1, shown[-1] * 1.1))
+        ax.set_xlim(f[0], f[np.max([s.density[1:] for s in drawn], axis=0) >= top * DENSITY_SHOWN][-1] * 1.1)
         ax.set_ylim(top * DENSITY_SHOWN * scale.factor, 3.0 * top * scale.factor)
     return ax
 
@@ -67,26 +66,22 @@ def plot_transmissibility(response: RandomResponse, ax: Axes) -> Axes:
         for k, (name, value) in enumerate(response.transmissibility.items(), int(on_base))  # 0 of the densities: input
     ]
     up = ("Transmissibility", "") if on_base else ("Displacement / force", Scale(1.0, "m/N"))
-    draw_curves(ax, _FREQUENCY, up, curves[: MOST_CURVES - on_base], known=len(curves), of="probes")
-    ax.set(xscale="log", yscale="log")
+    draw_curves(ax, _FREQUENCY, up, curves, log="xy", of="probes")
     return ax
 
 
 def plot_crossings(response: RandomResponse, ax: Axes) -> Axes:
     """Rates at which the signals cross levels upwards, over those of their means, and that of a Gaussian signal."""
     assert response.level is not None
-    curves = []
-    for signal in response.signals:
-        if signal.crossings_hz is not None and signal.crossing_rate_hz > 0:
-            rate = signal.crossings_hz / signal.crossing_rate_hz
-            crossed = rate > 0
-            name = f"{signal.name} {signal.quantity.replace('_', ' ')}"
-            curves.append(Curve(name, response.level[crossed], rate[crossed]))
-    ends = [-3.0, 3.0, *(end for curve in curves[:MOST_CURVES] for end in (curve.x.min(), curve.x.max()))]
-    level = np.linspace(min(ends) - 0.25, max(ends) + 0.25, 201)
+    level = response.level
+    curves = [
+        Curve(f"{s.name} {s.quantity.replace('_', ' ')}", level, s.crossings_hz / s.crossing_rate_hz)
+        for s in response.signals
+        if s.crossings_hz is not None and s.crossing_rate_hz > 0
+    ]
     ax.plot(level, np.exp(-0.5 * level**2), color="0.6", linewidth=2.2, zorder=0, label="Gaussian")
     across, up = ("Level above the mean (standard deviations)", ""), ("Upward crossings, those of the mean = 1", "")
-    draw_curves(ax, across, up, curves, of="signals")
-    least = min((float(curve.y.min()) for curve in curves[:MOST_CURVES]), default=1.0)
-    ax.set(yscale="log", xlim=(level[0], level[-1]), ylim=(0.5 * min(least, 1.0), 3.0))
+    draw_curves(ax, across, up, curves, log="y", of="signals")
+    least = min((float(np.min(c.y, where=c.y > 0, initial=1.0)) for c in curves[:MOST_CURVES]), default=1.0)
+    ax.set_ylim(0.5 * least, 3.0)
     return ax

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from beamsim.analyses.nnm.result import NormalModeResult, RelaxedComparison
-from beamsim.plots.drawing import DARK, RED, Curve, draw_curves, legend, panels
+from beamsim.plots.drawing import DARK, HERTZ, RED, Curve, Guide, draw_curves, picture
 
 _FACTOR = ("Stiffness factor ε", "")
 _FATES = {
@@ -22,17 +25,18 @@ def plot_relaxed_frequency(result: NormalModeResult, ax: Axes) -> Axes:
     """Frequency over the factor: shooting's backbone and tongues, its steps by what they are beside."""
     relaxed = result.relaxed
     assert relaxed is not None
+    curves = []
     for k, branch in enumerate(b for b in result.branches if b.kind != "non_brake"):
-        colour, label = DARK if branch.kind == "backbone" else "0.6", ("shooting", "shooting, tongues", "_nolegend_")
-        ax.plot(branch.parameter, branch.frequency_hz, color=colour, linewidth=1.1, label=label[min(k, 2)])
-    marks = {"linestyle": "none", "markersize": 3.5, "color": RED, "markerfacecolor": "white"}
-    steps = [
-        Curve(f"relaxed, {text}", relaxed.factor[here], relaxed.frequency_hz[here], {**marks, "marker": mark})
-        for fate, (mark, text) in _FATES.items()
-        for here in [np.array([f == fate for f in relaxed.fate], dtype=bool)]
-        if here.any()
-    ]
-    draw_curves(ax, _FACTOR, ("Frequency (Hz)", ""), steps)
+        style = {"color": DARK if branch.kind == "backbone" else "0.6", "linestyle": "-"}
+        label = ("shooting", "shooting, tongues", "")[min(k, 2)]
+        curves.append(Curve(label, branch.parameter, branch.frequency_hz, style))
+    marks: dict[str, Any] = {"linestyle": "none", "markersize": 3.5, "color": RED, "markerfacecolor": "white"}
+    for fate, (mark, text) in _FATES.items():
+        here = np.array([f == fate for f in relaxed.fate], dtype=bool)
+        if here.any():
+            style = {**marks, "marker": mark}
+            curves.append(Curve(f"relaxed, {text}", relaxed.factor[here], relaxed.frequency_hz[here], style))
+    draw_curves(ax, _FACTOR, ("Frequency", HERTZ), curves, of="")
     return ax
 
 
@@ -40,23 +44,19 @@ def plot_relaxed_difference(relaxed: RelaxedComparison, ax: Axes) -> Axes:
     """Relative differences from the exact motion at the same factor."""
     named = (("frequency", relaxed.frequency_difference), ("shape at rest", relaxed.shape_difference))
     curves = [Curve(text, relaxed.factor, np.where(y > 0, y, np.nan), {"marker": "."}) for text, y in named]
-    draw_curves(ax, _FACTOR, ("Difference from shooting", ""), curves)
-    ax.set_yscale("log")
+    draw_curves(ax, _FACTOR, ("Difference from shooting", ""), curves, log="y")
     return ax
 
 
 def plot_relaxed_functional(relaxed: RelaxedComparison, ax: Axes) -> Axes:
     """The functional at the end of every step, under its tolerance where the step was reached."""
     missed = ~relaxed.reached
-    marks = {"linestyle": "none", "marker": "x", "markersize": 7}
-    curves = [
-        Curve("at the end of a step", relaxed.factor, relaxed.functional, {"marker": "."}),
-        *([Curve("not reached", relaxed.factor[missed], relaxed.functional[missed], marks)] if missed.any() else []),
-    ]
-    draw_curves(ax, _FACTOR, ("Functional", ""), curves)
-    ax.axhline(relaxed.tolerance, color="0.4", linewidth=0.9, linestyle="--", label="tolerance")
-    legend(ax)
-    ax.set_yscale("log")
+    curves = [Curve("at the end of a step", relaxed.factor, relaxed.functional, {"marker": "."})]
+    if missed.any():
+        marks: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 7}
+        curves.append(Curve("not reached", relaxed.factor[missed], relaxed.functional[missed], marks))
+    tolerance = Guide("tolerance", relaxed.tolerance, {"linewidth": 0.9, "linestyle": "--"})
+    draw_curves(ax, _FACTOR, ("Functional", ""), curves, [tolerance], log="y")
     return ax
 
 
@@ -77,11 +77,6 @@ def relaxed_figure(result: NormalModeResult) -> Figure:
     """Frequency, differences, functional and cost over the stiffness factor."""
     assert result.relaxed is not None
     title = f"{result.title}\nrelaxed minimisation (Hazim 2010) and shooting"
-    figure, (a, b, c, d) = panels(title, 4, 2, (9.0, 6.4), sharex=True)
-    plot_relaxed_frequency(result, a)
-    plot_relaxed_difference(result.relaxed, b)
-    plot_relaxed_functional(result.relaxed, c)
-    plot_relaxed_cost(result.relaxed, d)
-    for above in (a, b):
-        above.set_xlabel("")
-    return figure
+    relaxed = result.relaxed
+    below = [partial(plot, relaxed) for plot in (plot_relaxed_difference, plot_relaxed_functional, plot_relaxed_cost)]
+    return picture(title, partial(plot_relaxed_frequency, result), *below, columns=2, size=(9.0, 6.4), sharex=True)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,102 +13,148 @@ from matplotlib.figure import Figure
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult, ShockResponse, SnubberHistory, Spectrum
 from beamsim.analyses.run.windows import Window
-from beamsim.plots.assembly import assembly_figures
-from beamsim.plots.bounds import face_levels, limit_levels
+from beamsim.plots.bodies import body_figures
 from beamsim.plots.drawing import (
     DARK,
+    HERTZ,
     MOST_CURVES,
+    Axis,
+    Chart,
     Curve,
     Guide,
     beside,
     curve_style,
     draw_curves,
     legend,
-    panels,
-    thinned,
-    where_other,
+    limit_levels,
+    picture,
 )
 from beamsim.plots.impacts import impact_figures
-from beamsim.plots.plates import plate_figures
 from beamsim.plots.random_response import has_transmissibility, plot_crossings, plot_density, plot_transmissibility
 from beamsim.plots.style import plain_scale, scale_for
 from beamsim.scenario.limits import OF_OUTPUTS
-from beamsim.structures.assembly import snubber_site
-from beamsim.structures.places import Place
+from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.typing import Floats
 
-MOST_BANDS = 400  # of the spectrum of a random motion
 MOST_STATES = 2**18  # samples in a phase portrait
-MOST_DOUBTS = 4  # named in a plot
 PERIODS_SHOWN = 6  # in a close-up
 SHARE_SHOWN = 0.125  # of a run without excitation frequency
-DEEPEST_DB = 100.0  # below the highest line of a spectrum
-CONTENT_DB = 40.0  # below the highest point of a broadband spectrum, down to which it is shown
+MOST_BANDS = 400  # of the spectrum of a random motion
+SPECTRUM_DB = 60.0  # below the highest point of a spectrum, down to which its frequencies are shown
 DOUBTFUL_LINES = f"lines that change by more than {100 * ALLOWED_CHANGE:g} % with a finer model"
 DECAYING_LINES = "lines, weighted to the beginning"
 _LINE_MARKS = {"fundamental": "o", "superharmonic": "o", "subharmonic": "^", "other": "x", "chosen": "D"}
 _FREE, _CLOSED = "0.62", "#a3263d"  # apart in grey print, too
 
 
-def plot_history(
+def displacements(result: RunResult) -> Chart:
+    """Displacements of the probes relative to the base, with limits and the faces of stops."""
+    levels = limit_levels(result.scenario.limits, "peak_displacement", both_signs=True)
+    levels += _faces(result)
+    values = {name: probe.displacement for name, probe in result.probes.items()}
+    return _histories(result, "Relative displacement", "m", values, levels)
+
+
+def _faces(result: RunResult) -> Iterator[Guide]:
+    """Where each stop on the base that is at the place of a drawn probe touches the body."""
+    scenario = result.scenario
+    places = [site_in(scenario, probe) for probe in scenario.effective_probes[:MOST_CURVES]]
+    for located in scenario.located_snubbers:
+        stop = result.snubbers.get(located.item.name)
+        if stop is None or snubber_site(located) not in places or located.item.mounted_on != "base":
+            continue
+        side = "below" if stop.side == "below" else "above"
+        if np.isfinite(stop.gap):
+            face = (-1.0 if side == "below" else 1.0) * stop.gap
+            dashes = (0, (7, 2.5)) if side == "below" else (0, (7, 2.5, 1.5, 2.5))
+            yield Guide(f"face of {stop.name}", face, {"linewidth": 0.9, "linestyle": dashes})
+
+
+def accelerations(result: RunResult) -> Chart:
+    """Absolute accelerations of the probes, behind the filter where there is one."""
+    words = "Absolute acceleration" if result.low_pass_hz is None else f"Acceleration below {result.low_pass_hz:g} Hz"
+    kind = "absolute" if result.low_pass_hz is None else "low_passed"
+    levels = limit_levels(result.scenario.limits, "peak_acceleration", both_signs=True)
+    values = {name: getattr(probe, f"{kind}_acceleration") for name, probe in result.probes.items()}
+    return _histories(result, words, "m/s^2", values, levels)
+
+
+def contact_forces(result: RunResult) -> Chart:
+    """Contact forces; of many snubbers those with the largest peaks come first."""
+    peaks = {name: float(np.max(snubber.force, initial=0.0)) for name, snubber in result.snubbers.items()}
+    strongest = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CURVES]
+    values = {name: s.force for name, s in result.snubbers.items() if name in strongest}
+    values |= {name: s.force for name, s in result.snubbers.items()}
+    levels = limit_levels(result.scenario.limits, "peak_force")
+    return _histories(result, "Contact force", "N", values, levels, of="snubbers")
+
+
+def _histories(
     result: RunResult,
-    ax: Axes,
-    up: tuple[str, str],
-    values: dict[str, Any],
+    words: str,
+    unit: str,
+    values: dict[str, Floats],
     levels: Iterable[Guide] = (),
-    *,
-    last_part: bool = False,
     of: str = "probes",
-) -> Axes:
-    """Time histories, whole or of a few last periods.
+) -> Chart:
+    curves = [Curve(name, result.time, x) for name, x in values.items()]
+    return Chart(("Time", plain_scale("s")), (words, unit), curves, list(levels), of=of)
+
+
+def plot_history(result: RunResult, ax: Axes, chart: Chart, figure: str = "", *, last_part: bool = False) -> Axes:
+    """Time histories, whole, or of a few last periods.
 
     Parameters
     ----------
-    up : words and SI unit.
-    values : (nt,) by name, as arrays or read in parts.
+    figure : entry of the summary that says which peaks are doubtful, written above the whole.
     """
-    time, clock = result.time, plain_scale("s")
-    begin, end = _ends(result)
-    if last_part:
-        begin = _last_part(result)
-    first = int(np.searchsorted(time, begin))
-    drawn = [Curve(name, *thinned(time, x, begin=first)) for name, x in list(values.items())[:MOST_CURVES]]
-    draw_curves(ax, ("Time", clock), up, drawn, levels, known=len(values), of=of)
+    begin, end = (_last_part(result) if last_part else float(result.time[0])), float(result.time[-1])
+    first = int(np.searchsorted(result.time, begin))
+    shown = [Curve(c.label, c.x[first:], c.y[first:], c.style) for c in chart.curves]
+    clock, _ = draw_curves(ax, *chart._replace(curves=shown))
     ax.set_xlim(begin * clock.factor, (end if end > begin else begin + 1.0) * clock.factor)
-    return ax
+    return ax if last_part else _doubts(result, ax, figure)
 
 
 def plot_displacement(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
     """Time history of the probe displacements relative to the base."""
-    values = {name: probe.displacement for name, probe in result.probes.items()}
-    levels = limit_levels(result.scenario.limits, "peak_displacement", both_signs=True)
-    levels += face_levels(result, list(values)[:MOST_CURVES])
-    plot_history(result, ax, ("Relative displacement", "m"), values, levels, last_part=last_part)
-    return ax if last_part else _doubts(result, ax, "peak_displacement_m")
+    return plot_history(result, ax, displacements(result), "peak_displacement_m", last_part=last_part)
 
 
 def plot_absolute_acceleration(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
     """Time history of the absolute accelerations of the probes, in g; behind the filter where there is one."""
-    label = "Absolute acceleration" if result.low_pass_hz is None else f"Acceleration below {result.low_pass_hz:g} Hz"
-    kind = "absolute" if result.low_pass_hz is None else "low_passed"
-    values = {name: getattr(probe, f"{kind}_acceleration") for name, probe in result.probes.items()}
-    levels = limit_levels(result.scenario.limits, "peak_acceleration", both_signs=True)
-    plot_history(result, ax, (label, "m/s^2"), values, levels, last_part=last_part)
-    return ax if last_part else _doubts(result, ax, "peak_acceleration_g")
+    return plot_history(result, ax, accelerations(result), "peak_acceleration_g", last_part=last_part)
+
+
+def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
+    """Time history of the contact forces; if there are many snubbers, those with the largest peaks."""
+    return plot_history(result, ax, contact_forces(result), "peak_force_n", last_part=last_part)
+
+
+def plot_base_acceleration(result: RunResult, ax: Axes) -> Axes:
+    """Time history of the acceleration of the base, the input."""
+    chart = _histories(result, "Acceleration of the base", "m/s^2", {"": result.base_acceleration})
+    return plot_history(result, ax, chart)
+
+
+def plot_output(result: RunResult, ax: Axes, name: str) -> Axes:
+    """Time history of an output."""
+    output = result.outputs[name]
+    levels = limit_levels(result.scenario.limits, OF_OUTPUTS + name, both_signs=True)
+    return plot_history(result, ax, _histories(result, name, output.unit, {"": output.value}, levels))
 
 
 def _doubts(result: RunResult, ax: Axes, figure: str, called: str = "peaks", of: str = "") -> Axes:
-    """Say which figures have not converged: all, or those whose name ends with ``of``."""
+    """Say which values have not converged: all, or those whose name ends with ``of``."""
     changes = result.summary.get("convergence", {}).get(figure, {})
     listed = result.summary.get("doubtful", ())
     doubtful = [name for name in changes if f"{figure}.{name}" in listed and name.endswith(of)]
     if doubtful:
         texts = [
             f"{name.removesuffix(of).replace('_', ' ').strip()} {100 * changes[name]:.2g}\N{NO-BREAK SPACE}%"
-            for name in doubtful[:MOST_DOUBTS]
+            for name in doubtful[:4]
         ]
-        more = ", …" if len(doubtful) > MOST_DOUBTS else ""
-        said = f"{called} not converged; change with a finer model: {', '.join(texts)}{more}"
+        said = f"{called} not converged; change with a finer model: {', '.join(texts)}{', …' * (len(doubtful) > 4)}"
         ax.text(  # wrapped, as text wider than the panel would leave no room for the curves
             0.99, 0.97, textwrap.fill(said, 100),
             transform=ax.transAxes, ha="right", va="top", fontsize="small", color=_CLOSED,
@@ -116,55 +163,51 @@ def _doubts(result: RunResult, ax: Axes, figure: str, called: str = "peaks", of:
     return ax
 
 
-def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
-    """Time history of the contact forces; if there are many snubbers, those with the largest peaks."""
-    forces = {name: snubber.force for name, snubber in result.snubbers.items()}
-    peaks = {name: float(np.max(thinned(x, x)[1], initial=0.0)) for name, x in forces.items()}
-    weakest = sorted(peaks, key=lambda name: -peaks[name])[MOST_CURVES:]
-    ordered = {name: x for name, x in forces.items() if name not in weakest} | forces
-    levels = limit_levels(result.scenario.limits, "peak_force")
-    plot_history(result, ax, ("Contact force", "N"), ordered, levels, last_part=last_part, of="snubbers")
-    if not any(peaks.values()):
-        ax.set_ylim(-0.05, 1.0)
-        ax.text(0.5, 0.5, "no contact", transform=ax.transAxes, ha="center", color="0.5")
-    return ax if last_part else _doubts(result, ax, "peak_force_n")
+def spectra(result: RunResult, quantity: str = "absolute_acceleration") -> Chart:
+    """Levels over frequency divided by excitation frequency, or in Hz without one.
+
+    Neighbouring lines of a random motion differ by tens of dB and would cover a plot: of those the root mean square in
+    bands is shown.
+    """
+    shown = [s for s in result.spectra.values() if s.quantity == quantity]
+    unit = _unit_of(shown)
+    curves = [Curve(s.probe, s.frequency_hz / unit, s.amplitude_db) for s in shown]
+    across: Axis = ("Frequency", HERTZ) if unit == 1.0 else ("Frequency / excitation frequency", "")
+    if result.scenario.excitation.kind == "random" and shown:  # a record may hold tones, which are lines
+        count = max(int(np.searchsorted(curves[0].x, _end_of_spectra(shown))) // MOST_BANDS, 1)
+        across = (f"Frequency in bands of {count * float(np.diff(curves[0].x[:2])[0]):.2g} Hz", HERTZ)
+        curves = [Curve(c.label, *_in_bands(c.x, c.y, count)) for c in curves]
+    return Chart(across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""), curves, of="probes")
 
 
-def plot_base_acceleration(result: RunResult, ax: Axes) -> Axes:
-    """Time history of the acceleration of the base, the input."""
-    return plot_history(result, ax, ("Acceleration of the base", "m/s^2"), {"": result.base_acceleration})
+def _in_bands(frequency: Floats, level_db: Floats, count: int) -> tuple[Floats, Floats]:
+    """Middles of bands of ``count`` lines, and the root mean square of the lines in each, dB.
+
+    >>> middles, levels = _in_bands(np.arange(5.0), np.array([0.0, 0.0, 0.0, -400.0, 7.0]), 2)
+    >>> middles.tolist(), levels.round(2).tolist()
+    ([0.5, 2.5], [0.0, -3.01])
+    """
+    whole = level_db.size - level_db.size % count
+    power = np.mean(10.0 ** (level_db[:whole].reshape(-1, count) / 10.0), axis=1)
+    return frequency[:whole].reshape(-1, count).mean(axis=1), 10.0 * np.log10(power)
 
 
-def plot_output(result: RunResult, ax: Axes, name: str) -> Axes:
-    """Time history of an output."""
-    output = result.outputs[name]
-    levels = limit_levels(result.scenario.limits, OF_OUTPUTS + name, both_signs=True)
-    return plot_history(result, ax, (name, output.unit), {"": output.value}, levels)
+def _unit_of(shown: Sequence[Spectrum]) -> float:
+    """Excitation frequency of spectra, Hz; 1 where there is none."""
+    return shown[0].excitation_hz if shown and np.isfinite(shown[0].excitation_hz) else 1.0
 
 
 def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceleration") -> Axes:
     """Level in dB over frequency divided by excitation frequency (or in Hz without one), with spectral lines marked."""
-    spectra = [s for s in result.spectra.values() if s.quantity == quantity]
-    forced = bool(spectra) and bool(np.isfinite(spectra[0].excitation_hz))
-    unit = spectra[0].excitation_hz if forced else 1.0
-    noisy = result.scenario.excitation.kind == "random" and bool(spectra)  # a record may hold tones, which are lines
-    end = _end_of_spectra(result, quantity)
-    band = max(int(np.searchsorted(spectra[0].frequency_hz, end)) // MOST_BANDS, 1) if noisy else 1
-    words = "Frequency / excitation frequency" if forced else "Frequency (Hz)"
-    if band > 1:
-        words += f", rms of lines in bands of {band * float(np.diff(spectra[0].frequency_hz[:2])[0]):.2g} Hz"
-    curves = [
-        Curve(s.probe, *thinned(*_in_bands(s.frequency_hz / unit, s.amplitude_db, band))) for s in spectra[:MOST_CURVES]
-    ]
-    named = quantity.replace("_", " ").capitalize()
-    draw_curves(ax, (words, ""), (f"{named} (dB re peak)", ""), curves, known=len(spectra), of="probes")
-    if spectra:
-        _mark_lines(ax, spectra[0], unit, end)
+    shown = [s for s in result.spectra.values() if s.quantity == quantity]
+    draw_curves(ax, *spectra(result, quantity))
+    if shown:
+        unit, end = _unit_of(shown), _end_of_spectra(shown)
+        _mark_lines(ax, shown[0], unit, end)
         ax.set_xlim(0.0, end)
-        top = max(float(np.max(s.amplitude_db)) for s in spectra)
-        bottom = min(float(np.percentile(s.amplitude_db, 5)) for s in spectra)
-        ax.set_ylim(min(max(top - DEEPEST_DB, bottom), top - 40.0), top + 6.0)
-        legend(ax, f"{MOST_CURVES} of {len(spectra)} probes" if len(spectra) > MOST_CURVES else "")
+        top = max(float(np.max(s.amplitude_db)) for s in shown)
+        ax.set_ylim(top - 100.0, top + 6.0)
+        legend(ax, f"{MOST_CURVES} of {len(shown)} probes" if len(shown) > MOST_CURVES else "")
     return _doubts(result, ax, "spectral_lines", "lines", f" {quantity}")
 
 
@@ -187,20 +230,15 @@ def _mark_lines(ax: Axes, s: Spectrum, unit: float, end: float) -> None:
             ax.plot(at, level, linestyle="none", label=label or "_nolegend_", **style)
 
 
-def _in_bands(frequency: Floats, level_db: Floats, count: int) -> tuple[Floats, Floats]:
-    """Middles of bands of ``count`` lines, and the root mean square of the lines in each, dB.
-
-    Neighbouring lines of a random motion differ by tens of dB: drawn one by one they cover a plot.
-
-    >>> middles, levels = _in_bands(np.arange(5.0), np.array([0.0, 0.0, 0.0, -400.0, 7.0]), 2)
-    >>> middles.tolist(), levels.round(2).tolist()
-    ([0.5, 2.5], [0.0, -3.01])
-    """
-    if count == 1:
-        return frequency, level_db
-    whole = level_db.size - level_db.size % count
-    power = np.mean(10.0 ** (level_db[:whole].reshape(-1, count) / 10.0), axis=1)
-    return frequency[:whole].reshape(-1, count).mean(axis=1), 10.0 * np.log10(power)
+def _end_of_spectra(shown: Sequence[Spectrum]) -> float:
+    """End of the frequencies at which there is something to see, over the excitation frequency where there is one."""
+    unit = _unit_of(shown)
+    top = max(float(np.max(s.amplitude_db)) for s in shown)
+    last = max(float(s.frequency_hz[s.amplitude_db > top - SPECTRUM_DB][-1]) for s in shown) / unit
+    if np.isfinite(shown[0].excitation_hz):
+        last = float(np.clip(last, 4.0, 12.0))
+    chosen = [line.frequency_hz / unit for s in shown for line in s.lines if line.kind == "chosen"]
+    return min(1.05 * max([last, *chosen]), float(shown[0].frequency_hz[-1]) / unit) or 1.0
 
 
 def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> Axes:
@@ -237,21 +275,15 @@ def _end_of_run(result: RunResult) -> slice:
 def plot_force_deflection(result: RunResult, ax: Axes) -> Axes:
     """Contact force over penetration of the snubbers: loops enclose the work that they lose.
 
-    Of a long run the last part is drawn. Stops without losses follow one line: theirs is drawn in order of penetration,
-    as lines between samples would cut its corners and look like loops.
+    Of a long run the last part is drawn. Only samples in contact are joined, so that stops without losses follow one
+    line.
     """
-    lossy = {stop.name for _, _, stop, _ in result.scenario.located_snubbers if stop.maxwell or stop.hardening}
-    shown, loops = _end_of_run(result), []
-    for snubber in list(result.snubbers.values())[:MOST_CURVES]:
-        drawn = beside(snubber.closed[shown])
-        penetration, force = snubber.penetration[shown], snubber.force[shown]
-        if snubber.dashpot or snubber.name in lossy:
-            force = np.where(drawn, force, np.nan)
-        else:
-            rising = np.flatnonzero(drawn)[np.argsort(penetration[drawn], kind="stable")]
-            penetration, force = penetration[rising], force[rising]
-        loops.append(Curve(snubber.name, np.where(np.isfinite(force), penetration, np.nan), force, {"linewidth": 0.8}))
-    draw_curves(ax, ("Penetration", "m"), ("Contact force", "N"), loops, known=len(result.snubbers), of="snubbers")
+    shown = _end_of_run(result)
+    loops = [
+        Curve(name, s.penetration[shown], np.where(s.closed[shown], s.force[shown], np.nan), {"linewidth": 0.8})
+        for name, s in result.snubbers.items()
+    ]
+    draw_curves(ax, ("Penetration", "m"), ("Contact force", "N"), loops, of="snubbers")
     if not any(np.isfinite(loop.y).any() for loop in loops):
         ax.text(0.5, 0.5, "no contact", transform=ax.transAxes, ha="center", va="center", color="0.4")
     return ax
@@ -262,194 +294,85 @@ def plot_friction(result: RunResult, ax: Axes) -> Axes:
     shown = _end_of_run(result)
     loops = [
         Curve(name, contact.displacement[shown], contact.force[shown], {"linewidth": 0.8})
-        for name, contact in list(result.friction.items())[:MOST_CURVES]
+        for name, contact in result.friction.items()
     ]
-    across, up = ("Displacement along the face", "m"), ("Friction force", "N")
-    draw_curves(ax, across, up, loops, known=len(result.friction), of="friction contacts")
+    draw_curves(ax, ("Displacement along the face", "m"), ("Friction force", "N"), loops, of="friction contacts")
     return ax
 
 
 def plot_spring_force(result: RunResult, ax: Axes) -> Axes:
-    """Force of the nonlinear springs over their stretch, in the range covered by the motion."""
-    curves = []
-    for spring in list(result.springs.values())[:MOST_CURVES]:
-        force, stretch = thinned(spring.force, spring.stretch, 250_000)
-        relaxes = spring.kind in ("linear", "spring")  # then the motion draws loops
-        order = slice(None) if relaxes else np.argsort(stretch, kind="stable")
-        curves.append(Curve(spring.name, *thinned(stretch[order], force[order])))
-    draw_curves(ax, ("Stretch", "m"), ("Spring force", "N"), curves, known=len(result.springs), of="springs")
-    return ax
-
-
-def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
-    """Static shape of a body (by default the first), its shapes at the extremes of the first probe, the snubbers."""
-    if not result.bodies:
-        raise ValueError("no body has a deflected shape: the masses of a chain are points")
-    body = body or next(iter(result.bodies))
-    beam = result.bodies[body]
-    snubbers = list(result.snubbers.values())
-    if len(result.modes.stations.parts) > 1:  # those that stand on the base or the ground, at this body
-        sites = {located.item.name: snubber_site(located) for located in result.scenario.located_snubbers}
-        snubbers = [s for s in snubbers if isinstance(site := sites[s.name], Place) and site.body == body]
-    faces = np.array([(-1.0 if s.side == "below" else 1.0) * s.gap for s in snubbers])
-    first = next(iter(result.probes), "")
-    shapes = (
-        (f"{first} highest, t = {beam.extreme_times[1]:.4g} s", beam.extreme_shapes[1]),
-        (f"{first} lowest, t = {beam.extreme_times[0]:.4g} s", beam.extreme_shapes[0]),
-        ("static equilibrium", beam.static_shape),
-    )
-    curves = [Curve(label, beam.position, y, {"color": DARK}) for label, y in shapes if np.isfinite(y).all()]
-    ax.axhline(0.0, color="0.6", linewidth=0.7, zorder=1)
-    of = body if len(result.bodies) > 1 else "the beam"
-    scale = scale_for("m", beam.extreme_shapes, faces)
-    x, y = draw_curves(ax, (f"Position along {of}", "m"), ("Relative deflection", scale), curves)
-    for k, (s, face) in enumerate(zip(snubbers, faces, strict=True)):
-        ax.plot(
-            s.position * x.factor, face * y.factor, linestyle="none", color=_CLOSED, markersize=11, clip_on=False,
-            marker=6 if s.side == "below" else 7,  # a triangle whose tip is the face
-            label="_nolegend_" if k else "snubber",
-        )  # fmt: skip
-    legend(ax)
+    """Force of the nonlinear springs over their stretch; those that relax draw loops. Of a long run its last part."""
+    shown = _end_of_run(result)
+    curves = [Curve(name, spring.stretch[shown], spring.force[shown]) for name, spring in result.springs.items()]
+    draw_curves(ax, ("Stretch", "m"), ("Spring force", "N"), curves, of="springs")
     return ax
 
 
 def plot_shock_response(response: ShockResponse, ax: Axes) -> Axes:
-    """Maximax spectra of the input and of the probes; thin, the residual of the input where it is another.
-
-    The residual is what the input leaves after its end; that of a sawtooth is nearly its maximax spectrum.
-    """
+    """Maximax spectra of the input and of the probes; thin, the residual of the input: what it leaves after its end."""
     f, drawn = response.frequency_hz, response.signals[:MOST_CURVES]
-    curves = [Curve(signal.name, f, signal.maximax, curve_style(k)) for k, signal in enumerate(drawn)]
-    for k, signal in enumerate(drawn):
-        if signal.name == "input":
-            residual = where_other(signal.maximax, signal.residual)
-            known = np.isfinite(residual)
-            same = "" if known.all() else " (where it is lower)" if known.any() else " (the same)"
-            curves.insert(k + 1, Curve(f"input, residual{same}", f, residual, {**curve_style(k), "linewidth": 0.55}))
-    words = ("Natural frequency of the oscillator", "Hz")
-    _, scale = draw_curves(ax, words, ("Peak acceleration", "m/s^2"), curves, of="signals")
-    ax.set_ylabel(f"{ax.get_ylabel()}, Q = {response.quality:g}")
-    ax.set(xscale="log", yscale="log", xlim=(f[0], f[-1]))
-    top = max((float(s.maximax.max()) for s in drawn), default=0.0) * scale.factor
-    if top > 0:
-        bottom = min(float(s.maximax.min()) for s in drawn) * scale.factor
-        ax.set_ylim(max(0.5 * bottom, 1e-6 * top), 2.0 * top)
+    curves = [Curve(signal.name, f, signal.maximax) for signal in drawn]
+    curves += [
+        Curve("input, residual", f, signal.residual, {**curve_style(k), "linewidth": 0.55})
+        for k, signal in enumerate(drawn)
+        if signal.name == "input"
+    ]
+    across = ("Natural frequency of the oscillator", "Hz")
+    draw_curves(ax, across, (f"Peak acceleration, Q = {response.quality:g}", "m/s^2"), curves, log="xy", of="")
+    ax.set_xlim(f[0], f[-1])
     return ax
 
 
 def run_figures(result: RunResult) -> dict[str, Figure]:
     """All plots available for this result; the key is the last part of the file name."""
-    title, shock = result.title, result.scenario.excitation.shock
-    figures: dict[str, Figure] = {}
+    shock, random, srs = result.scenario.excitation.shock, result.random, result.srs
+    whole = shock or _last_part(result) <= result.time[0]
 
-    def draw(
-        name: str, *plots: Callable[[RunResult, Axes], Any], columns: int = 1, height: float = 0.0, sharex: bool = False
-    ) -> None:
-        """One panel for each plot."""
-        rows = -(-len(plots) // columns)
-        size = (8.0, height or (4.4 if rows == 1 else 2.8 * rows))
-        figures[name], axes = panels(title, len(plots), columns, size, sharex=sharex)
-        for ax, plot in zip(axes, plots, strict=True):
-            plot(result, ax)
-            if sharex:
-                ax.label_outer()
-
-    def history(name: str, plot: Callable[..., Axes]) -> None:
+    def history(plot: Any) -> list[Any]:
         """Whole, and its last part; a shock is over then."""
-        if shock or _last_part(result) <= _ends(result)[0]:
-            draw(name, plot)
-        else:
-            draw(name, plot, lambda result, ax: plot(result, ax, last_part=True))
+        return [partial(plot, result), *([] if whole else [partial(plot, result, last_part=True)])]
 
-    history("displacement", plot_displacement)
+    panels = {"displacement": history(plot_displacement), "acceleration": history(plot_absolute_acceleration)}
     if shock and result.base_unit == "m" and np.any(result.base_acceleration):
-        draw("acceleration", plot_absolute_acceleration, plot_base_acceleration)
-    else:
-        history("acceleration", plot_absolute_acceleration)
+        panels["acceleration"] = [partial(plot_absolute_acceleration, result), partial(plot_base_acceleration, result)]
     if result.snubbers:
-        history("contact_force", plot_contact_force)
-        draw("force_deflection", plot_force_deflection)
+        panels["contact_force"] = history(plot_contact_force)
+        panels["force_deflection"] = [partial(plot_force_deflection, result)]
     if result.friction:
-        draw("friction", plot_friction)
+        panels["friction"] = [partial(plot_friction, result)]
     if result.springs:
-        draw("spring_force", plot_spring_force)
+        panels["spring_force"] = [partial(plot_spring_force, result)]
     if result.outputs:
-        draw("outputs", *(_of(plot_output, name) for name in list(result.outputs)[:MOST_CURVES]))
+        panels["outputs"] = [partial(plot_output, result, name=name) for name in list(result.outputs)[:MOST_CURVES]]
     if result.spectra:
-        draw("spectrum", *(_of(plot_spectrum, quantity) for quantity in ("absolute_acceleration", "displacement")))
+        quantities = ("absolute_acceleration", "displacement")
+        panels["spectrum"] = [partial(plot_spectrum, result, quantity=quantity) for quantity in quantities]
+    if random is not None and random.level is not None:
+        panels["level_crossings"] = [partial(plot_crossings, random)]
+    if srs is not None:
+        panels["srs"] = [lambda ax: _doubts(result, plot_shock_response(srs, ax), "srs", "spectra")]
+    figures = {name: picture(result.title, *plots) for name, plots in panels.items()}
     places = list(result.snubbers)[:MOST_CURVES] or list(result.probes)[:1]
-    draw("phase_portrait", *(_of(plot_phase_portrait, name) for name in places), columns=min(len(places), 3),
-         height=5.0 if len(places) <= 3 else 6.4)  # fmt: skip
-    if (random := result.random) is not None:
-        more = [_plot_transmissibility] if has_transmissibility(random) else []
-        draw("random", _plot_density, *more, sharex=True)
-        if random.level is not None:
-            draw("level_crossings", lambda _, ax: plot_crossings(random, ax))
-    if (srs := result.srs) is not None:
-        draw("srs", lambda result, ax: _doubts(result, plot_shock_response(srs, ax), "srs", "spectra"))
-    beams = [name for name, body in result.bodies.items() if body.across is None]
-    if beams:
-        draw("deflected_shapes", *(_of(plot_deflected_shapes, name) for name in beams))
-    return figures | impact_figures(result) | plate_figures(result) | assembly_figures(result)
+    portraits = [partial(plot_phase_portrait, result, at=name) for name in places]
+    figures["phase_portrait"] = picture(result.title, *portraits, columns=min(len(places), 3))
+    if random is not None:
+        more = [partial(plot_transmissibility, random)] if has_transmissibility(random) else []
+        figures["random"] = picture(result.title, partial(_plot_density, result), *more, sharex=True)
+    return figures | impact_figures(result) | body_figures(result)
 
 
-def _of(plot: Callable[..., Axes], name: str) -> Callable[[RunResult, Axes], Axes]:
-    """A plot of one of several things."""
-    return lambda result, ax: plot(result, ax, name)
-
-
-def _plot_density(result: RunResult, ax: Axes) -> None:
+def _plot_density(result: RunResult, ax: Axes) -> Axes:
     assert result.random is not None
-    _doubts(result, plot_density(result.random, ax), "random", "figures")
+    _doubts(result, plot_density(result.random, ax), "random", "values")
     if ax.texts:  # room for them above the curves
         low, high = ax.get_ylim()
         ax.set_ylim(low, 100.0 * high)
-
-
-def _plot_transmissibility(result: RunResult, ax: Axes) -> None:
-    assert result.random is not None
-    plot_transmissibility(result.random, ax)
-
-
-def _ends(result: RunResult) -> tuple[float, float]:
-    """First and last output time, s."""
-    return float(result.time[0]), float(result.time[-1])
+    return ax
 
 
 def _last_part(result: RunResult) -> float:
     """Start of a close-up: a few excitation periods before the end."""
-    begin, end = _ends(result)
+    begin, end = float(result.time[0]), float(result.time[-1])
     excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
     length = PERIODS_SHOWN / excitation if np.isfinite(excitation) else SHARE_SHOWN * (end - begin)
     return max(begin, end - length)
-
-
-def _end_of_spectra(result: RunResult, quantity: str) -> float:
-    """End of the frequencies at which there is something to see, over the excitation frequency where there is one."""
-    spectra = [s for s in result.spectra.values() if s.quantity == quantity]
-    if not spectra:
-        return 1.0
-    forced = bool(np.isfinite(spectra[0].excitation_hz))
-    return _highest_shown(spectra, forced, broadband=result.random is not None)
-
-
-def _highest_shown(spectra: Sequence[Spectrum], forced: bool, broadband: bool) -> float:
-    unit = spectra[0].excitation_hz if forced else 1.0
-    end = float(spectra[0].frequency_hz[-1]) / unit
-    strong = [
-        line.frequency_hz / unit
-        for s in spectra
-        for line in s.lines
-        if line.amplitude_db > -60.0 and line.kind not in ("mean", "residual")
-    ]
-    chosen = max((line.frequency_hz / unit for s in spectra for line in s.lines if line.kind == "chosen"), default=0.0)
-    limit = min(max([*strong, 4.0]) + 0.5, 12.5) if forced else 1.5 * max(strong, default=end)
-    if broadband:  # the content is not in lines alone
-        limit = max(limit, *(float(s.frequency_hz[_content(s)]) / unit for s in spectra))
-    limit = max(limit, 1.05 * chosen)
-    return min(limit, end) or 1.0
-
-
-def _content(s: Spectrum) -> int:
-    """The last point of a spectrum less than `CONTENT_DB` below its highest."""
-    return int(np.flatnonzero(s.amplitude_db > np.max(s.amplitude_db) - CONTENT_DB)[-1])

@@ -33,6 +33,8 @@ def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, f
 
 def draw(figure: Figure, target: Any, form: str = "png") -> None:
     """Draw a figure to a file or stream."""
+    # a sixth of the time less than the default
+    packed: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}} if form == "png" else {}
     # logarithmic axes have 0.01, 0.6 and 200 in place of powers of ten; letters are as wide as in PDF and SVG
     with rc_context({"axes.formatter.min_exponent": 4, "text.hinting": "none"}):
-        figure.savefig(target, format=form, dpi=DOTS_PER_INCH)
+        figure.savefig(target, format=form, dpi=DOTS_PER_INCH, **packed)

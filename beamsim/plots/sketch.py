@@ -1,14 +1,17 @@
-"""The view of a structure from the side: where each body is drawn, and deflected shapes with all that sits on them."""
+"""The view of a structure from the side, at rest or deflected, with all that sits on it; plates are seen obliquely."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from beamsim.plots.drawing import DARK, RED
+from beamsim.plots.style import plain_scale
 from beamsim.scenario import Scenario
 from beamsim.scenario.joint import placed
 from beamsim.structures.assembly import site_in, snubber_site
@@ -18,29 +21,28 @@ from beamsim.system.structural import SnubberNumbers
 from beamsim.typing import Floats, Ints
 
 MANY_NODES = 40  # of a body; beyond that they are drawn smaller
-_REFINED = 4  # points between stations, by a cubic spline through them
-BODY, REST, STOP = "#0b3c5d", "0.75", "#d1495b"
+BODY, REST, STOP = DARK, "0.75", RED
 SHUT = "stop in contact"
-_MARKERS = {"clamped": "s", "pinned": "^", "guided": "D", "springs": "v", "mass": "o"}
+SUPPORTS = {"clamped": "s", "pinned": 6, "guided": "D"}
+_MARKERS = {**SUPPORTS, "springs": "v", "mass": "o"}
 _JOINTS = {"rigid": ("s", BODY), "hinge": ("o", "white"), "spring": ("d", "white")}
+_SHEAR, _RISE = 0.25, 0.3  # of a plate: to the right by its y, up over the distance of rows
 
 
 @dataclass(frozen=True)
 class Line:
-    """One line of a body: a beam, a row of masses or nodes, or an edge of a plate."""
+    """One line of a body: a beam, a row of masses or nodes, or the lower or upper edge of a plate."""
 
-    x: Floats  # m in the sketch
-    stations: Ints  # their numbers
-    row: int  # counted upwards
+    x: Floats  # (k,) m in the sketch
+    row: float  # at rest, counted upwards
+    coordinate: Floats  # (k,) of the body
+    stations: Ints  # (k,) their numbers
     continuous: bool
-    first: float  # in the coordinate of the body
-    scale: float  # m of the sketch for one of that coordinate
-    origin: float
 
-    def at(self, coordinate: float, heights: Floats) -> tuple[float, float]:
-        """Where a point of the body is drawn; ``heights`` (nx,) are those of its stations."""
-        x = self.origin + (coordinate - self.first) * self.scale
-        return x, self.row + float(np.interp(x, self.x, heights[self.stations]))
+    def at(self, coordinate: float, heights: Floats) -> Floats:
+        """(2,) where a point is drawn; ``heights`` (nx,) are those of the stations."""
+        x, height = (np.interp(coordinate, self.coordinate, y) for y in (self.x, heights[self.stations]))
+        return np.array([x, self.row + height])
 
 
 class Sketch:
@@ -55,92 +57,113 @@ class Sketch:
     def __init__(self, scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers]) -> None:
         self.scenario, self.stations, self.stops = scenario, stations, stops
         at = placed(scenario.joints, scenario.all_bodies, scenario.default_body)
-        names = [part.body for part in stations]
-        rows = list(dict.fromkeys(at.group.get(name, name) for name in names))
+        rows = list(dict.fromkeys(at.group.get(part.body, part.body) for part in stations))
         lengths = [float(np.ptp(stations.position[p.stations])) for p in stations if p.axis.continuous]
         self.span = max(lengths, default=1.0) or 1.0
         self.count = len(rows)
-        self.lines: dict[str, list[Line]] = {}
-        for part in stations:
-            row = rows.index(at.group.get(part.body, part.body))
-            self.lines[part.body] = self._lines_of(part, row, at.origin.get(part.body, 0.0))
+        self.rest = np.zeros(stations.position.size)
+        self.lines = {
+            part.body: self._lines_of(
+                part, rows.index(at.group.get(part.body, part.body)), at.origin.get(part.body, 0.0)
+            )
+            for part in stations
+        }
+        self.sites: dict[str, Site] = {each.item.name: snubber_site(each) for each in scenario.located_snubbers}
 
     def _lines_of(self, part: StationPart, row: int, origin: float) -> list[Line]:
-        stations = self.stations
-        position, numbers = stations.position[part.stations], np.arange(part.stations.start, part.stations.stop)
-        continuous = part.axis.continuous
-        first = 0.0 if continuous else float(position.min())
-        scale = 1.0 if continuous else self.span / (float(np.ptp(position)) or 1.0)
-        across = None if stations.across is None else stations.across[part.stations]
-        edges = [np.ones(position.size, dtype=bool)]
-        if across is not None and np.all(np.isfinite(across)):
-            edges = [across == across.min(), across == across.max()]
-        x = origin + (position - first) * scale
-        return [Line(x[on], numbers[on], row, continuous, first, scale, origin) for on in edges]
-
-    def draw(self, ax: Axes, shape: Floats, factor: float, *, to_scale: bool) -> None:
-        """The deflection (nx,) times a factor; ``to_scale`` says whether gaps have that scale too."""
-        from scipy.interpolate import make_interp_spline
-
-        heights = shape * factor
-        for name, lines in self.lines.items():
-            for line in lines:
-                y = heights[line.stations]
-                ax.plot(line.x[[0, -1]], [line.row, line.row], color=REST, linewidth=0.8, zorder=1)
-                if line.continuous and line.x.size > 3:
-                    fine = np.interp(np.arange(0, line.x.size - 0.9, 1 / _REFINED), np.arange(line.x.size), line.x)
-                    spline = make_interp_spline(line.x, y, 3)
-                    ax.plot(fine, line.row + spline(fine), color=BODY, linewidth=1.6, zorder=3)
-                else:
-                    size = 5.0 if line.x.size <= MANY_NODES else 2.0
-                    ax.plot(line.x, line.row + y, color=BODY, linewidth=0.7, marker="s", markersize=size, zorder=3)
-            ax.annotate(
-                name, (float(lines[0].x[0]), lines[0].row), xytext=(0, -9), textcoords="offset points",
-                fontsize="x-small", color="0.35", va="top",
-            )  # fmt: skip
-        self._marks(ax, heights)
-        self._joints(ax, heights)
-        self._stops(ax, heights, factor if to_scale else 0.0)
-        ax.set_ylim(-0.62, self.count - 0.38)
-        ax.set_yticks([])
-        ax.spines[["top", "right", "left"]].set_visible(False)
+        position, numbers = self.stations.position[part.stations], np.arange(part.stations.start, part.stations.stop)
+        x = origin + position
+        if not part.axis.continuous:
+            x = origin + (position - position.min()) * self.span / (float(np.ptp(position)) or 1.0)
+        across = None if self.stations.across is None else self.stations.across[part.stations]
+        if across is None or not np.all(np.isfinite(across)):
+            return [Line(x, row, position, numbers, part.axis.continuous)]
+        edges = ((across == y, _SHEAR * y, rise) for y, rise in ((across.min(), 0.0), (across.max(), _RISE)))
+        return [Line(x[on] + right, row + up, position[on], numbers[on], True) for on, right, up in edges]
 
     def lines_of(self, body: str) -> list[Line]:
         """The lines of a body; one alone is called after its axis."""
         return self.lines[body if body in self.lines else next(iter(self.lines))]
 
-    @property
-    def stop_sites(self) -> dict[str, Site]:
-        """Where each stop is."""
-        return {located.item.name: snubber_site(located) for located in self.scenario.located_snubbers}
+    def width(self, body: str) -> float:
+        """That of a plate, m; else 0."""
+        lines, across = self.lines_of(body), self.stations.across
+        return float(across[lines[-1].stations[0]]) if len(lines) > 1 and across is not None else 0.0
 
-    def point(self, place: Place, heights: Floats) -> tuple[float, float]:
-        """Where a place is drawn; ``heights`` (nx,) are those of the stations."""
-        lines = self.lines_of(place.body)
-        x, low = lines[0].at(place.coordinate, heights)
-        if place.across is None or self.stations.across is None or len(lines) == 1:
-            return x, low
-        width = float(self.stations.across[lines[-1].stations[0]])
-        _, high = lines[-1].at(place.coordinate, heights)  # of the other edge; between them on the straight line
-        return x, low + (high - low) * place.across / width
+    def point(self, place: Place, heights: Floats | None = None) -> tuple[float, float]:
+        """Where a place is drawn, at rest or with heights (nx,) of the stations; on a plate linear across it."""
+        lines, width = self.lines_of(place.body), self.width(place.body)
+        moved = self.rest if heights is None else heights
+        share = 0.0 if place.across is None or not width else place.across / width
+        x, y = (1.0 - share) * lines[0].at(place.coordinate, moved) + share * lines[-1].at(place.coordinate, moved)
+        return float(x), float(y)
+
+    def draw(
+        self, ax: Axes, heights: Floats, gaps: float = 0.0, clearance: float = 0.0
+    ) -> dict[str, tuple[float, float]]:
+        """Bodies, supports, masses, joints and stops; returns where each stop is drawn.
+
+        Parameters
+        ----------
+        heights : (nx,) of the stations, rows.
+        gaps : rows for a metre of gap; 0 where gaps have no scale, and stops are at the bodies at rest.
+        clearance : rows, of the faces of stops from the middle of a body that they touch.
+        """
+        for name, lines in self.lines.items():
+            for line in lines:
+                ax.plot(line.x[[0, -1]], [line.row, line.row], color=REST, linewidth=0.8, zorder=1)
+                size = 0.0 if line.continuous else 6.0 if line.x.size <= MANY_NODES else 2.0
+                ax.plot(line.x, line.row + heights[line.stations], color=BODY, marker="s", markersize=size,
+                        linewidth=0.7 if size else 1.6, zorder=3)  # fmt: skip
+            if len(lines) > 1:
+                for end in (0, -1):
+                    corners = [(line.x[end], line.row + heights[line.stations[end]]) for line in lines]
+                    ax.plot(*zip(*corners, strict=True), color=BODY, linewidth=0.8, zorder=2)
+            if len(self.lines) > 1:
+                ax.annotate(
+                    name, (float(lines[0].x[0]), lines[0].row), xytext=(0, -9), textcoords="offset points",
+                    fontsize="x-small", color="0.35", va="top",
+                )  # fmt: skip
+        self._marks(ax, heights)
+        self._joints(ax, heights)
+        ax.set_ylim(-0.62, self.count - 0.38)
+        ax.set_yticks([])
+        ax.spines[["top", "right", "left"]].set_visible(False)
+        if any(line.continuous for lines in self.lines.values() for line in lines):
+            finish_positions(ax)
+        else:
+            ax.set_xticks([])
+        return self._stops(ax, heights, gaps, clearance)
+
+    def masses(self, heights: Floats | None = None) -> list[tuple[float, tuple[float, float]]]:
+        """Point masses, kg, and where they are drawn."""
+        return [
+            (mass.mass, self.point(Place(name, at), heights))
+            for name, body in self.scenario.all_bodies.items()
+            for mass, at in zip(
+                getattr(body, "point_masses", ()),
+                getattr(body, "mass_points", getattr(body, "mass_positions", ())),
+                strict=True,
+            )
+        ]
 
     def _marks(self, ax: Axes, heights: Floats) -> None:
-        """Supports stay where they are; masses move."""
+        """Supports stay where they are, along an edge of a plate; masses move."""
         for name, body in self.scenario.all_bodies.items():
             for coordinate, kind in body.marks:
-                x, y = self.point(Place(name, coordinate), heights)
-                still = kind in ("clamped", "pinned", "guided")
-                ax.plot(
-                    x, self.lines_of(name)[0].row if still else y, marker=_MARKERS[kind], markersize=7,
-                    linestyle="none",
-                    color="0.25" if still else BODY, markerfacecolor="0.25" if still else "white", clip_on=False,
-                    zorder=5, label=kind,
-                )  # fmt: skip
+                if kind != "mass":
+                    still = kind in SUPPORTS
+                    at = [line.at(coordinate, self.rest if still else heights) for line in self.lines_of(name)]
+                    ax.plot(*np.transpose(at), marker=_MARKERS[kind], markersize=7, clip_on=False, zorder=5, label=kind,
+                            linestyle="-" if len(at) > 1 else "none", linewidth=2.5, color="0.25" if still else BODY,
+                            markerfacecolor="0.25" if still else "white")  # fmt: skip
+        for _, mass in self.masses(heights):
+            ax.plot(*mass, marker="o", markersize=9, color=BODY, markerfacecolor="#8fb1c9", linestyle="none", zorder=5,
+                    label="mass")  # fmt: skip
 
     def _joints(self, ax: Axes, heights: Floats) -> None:
         for joint in self.scenario.joints:
-            site = site_in(self.scenario, joint)
-            ends = [self.point(place, heights) for place in ends_of(site)]
+            ends = [self.point(place, heights) for place in ends_of(site_in(self.scenario, joint))]
             marker, face = _JOINTS[joint.kind]
             if len(ends) == 2 and math.dist(*ends) > 1e-6:
                 ax.plot(*zip(*ends, strict=True), color=BODY, linestyle=":", linewidth=1.0, zorder=2)
@@ -149,30 +172,38 @@ class Sketch:
                 label=f"{joint.kind} joint",
             )  # fmt: skip
 
-    def _stops(self, ax: Axes, heights: Floats, factor: float) -> None:
-        """Faces at their gaps; a stop between two bodies is a rod on the second that ends at its clearance."""
-        sites = self.stop_sites
-        for name, snubber in self.stops.items():
-            site, up = sites[name], snubber.side == "below"
-            ends = [self.point(place, heights) for place in ends_of(site)]
-            row, *other = (self.point(place, np.zeros_like(heights))[1] for place in ends_of(site))
-            x, y = ends[0]
+    def _stops(self, ax: Axes, heights: Floats, gaps: float, clearance: float) -> dict[str, tuple[float, float]]:
+        """Faces at their gaps, or where a body presses them; between two bodies a rod on the second one."""
+        places, top = {}, 0.2
+        for name, stop in self.stops.items():
+            site, side = self.sites[name], -1.0 if stop.side == "below" else 1.0
+            (x, row), *rest = (self.point(place) for place in ends_of(site))
+            (_, y), *other = (self.point(place, heights) for place in ends_of(site))
+            gap = stop.gap * gaps if math.isfinite(stop.gap) else 0.0
             if isinstance(site, Link):
-                over, high = ends[1]
-                apart = snubber.gap * factor + (high - y) - (other[0] - row)
-                shut = factor > 0 and apart < 0
-                face = y + (max(apart, 0.0) if snubber.side == "approach" else 0.0)
+                (over, high), approach = other[0], stop.side == "approach"
+                stretch = (high - y) - (rest[0][1] - row)
+                apart = gap + (stretch if approach else -stretch)
+                face = y + (max(apart, 0.0) if approach else 0.0)
+                rod, places[name] = [(over, high), (x, face)], (0.5 * (x + over), 0.5 * (face + high))
+                if row == rest[0][1]:  # masses of one row
+                    rod, places[name] = (
+                        [(x, y), (x, row + top), (over, row + top), (over, high)],
+                        (0.5 * (x + over), row + top),
+                    )
+                    top += 0.12
             else:
-                face = row + (-1.0 if up else 1.0) * snubber.gap * factor
-                shut = factor > 0 and (y < face if up else y > face)
-            colour = STOP if shut else "0.4"
-            if isinstance(site, Link):
-                dashes = "-" if snubber.side == "approach" else "--"
-                ax.plot([over, x], [high, face], linestyle=dashes, linewidth=1.6, color=colour)
-            ax.plot(
-                x, face, marker=6 if up else 7, markersize=9, linestyle="none", clip_on=False,
-                label=SHUT if shut else "stop", color=colour, zorder=4,
-            )  # fmt: skip
+                rod, apart = [], side * (row - y) + gap
+                face = row + side * (max(gap, gap - apart) + clearance) if gaps else row
+                places[name] = (x, face + 0.06 * side)
+            shut = gaps > 0.0 and apart < 0.0
+            style: dict[str, Any] = {"color": STOP if shut else "0.4", "label": SHUT if shut else "stop", "zorder": 4}
+            if rod:
+                dashes = "-" if stop.side == "approach" else "--"
+                ax.plot(*zip(*rod, strict=True), linestyle=dashes, linewidth=1.6, **style)
+            if len(rod) < 4:
+                ax.plot(x, face, marker=6 if side < 0.0 else 7, markersize=9, linestyle="none", clip_on=False, **style)
+        return places
 
 
 def scale_bar(ax: Axes, x: float, height: float, text: str) -> None:
@@ -181,3 +212,11 @@ def scale_bar(ax: Axes, x: float, height: float, text: str) -> None:
     ax.annotate(
         text, (x, 0.0), xytext=(5, 0), textcoords="offset points", va="center", fontsize="small", annotation_clip=False
     )
+
+
+def finish_positions(ax: Axes) -> None:
+    """Label an axis of positions that are drawn in metres: in the unit chosen for lengths, if there is one."""
+    scale = plain_scale("m")
+    ax.set_xlabel(f"x ({scale.unit})")
+    if scale.unit != "m":
+        ax.xaxis.set_major_formatter(lambda x, _: f"{x * scale.factor:.4g}")

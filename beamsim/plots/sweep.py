@@ -12,13 +12,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from beamsim.analyses.compare.sweeps import peaks_of
-from beamsim.analyses.sweep.result import SweepCurve, SweepResult
-from beamsim.analyses.values import ACCELERATION, BY_ENTRY, DISPLACEMENT, FORCE, Value
-from beamsim.plots.bounds import limit_levels
+from beamsim.analyses.sweep.result import NotchLimit, SweepCurve, SweepResult
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, Value
 from beamsim.plots.drawing import (
     DARK,
+    HERTZ,
     MOST_CURVES,
     RED,
+    Axis,
+    Chart,
     Curve,
     Guide,
     colour_bar,
@@ -27,22 +29,20 @@ from beamsim.plots.drawing import (
     finish,
     frequency_axis,
     highest_in_bins,
-    panels,
-    where_other,
+    legend,
+    limit_levels,
+    marked,
+    picture,
 )
-from beamsim.plots.notching import notching_figure
 from beamsim.plots.style import Scale, level_text, scale_for
-from beamsim.scenario.limits import OF_OUTPUTS
+from beamsim.scenario.limits import OF_OUTPUTS, limited_quantity
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.typing import Floats
 
-MOST_LEVELS = 4  # whose harmonics are drawn
-ENERGY_SHOWN = 1e-8  # of the largest, below which harmonics are not drawn
+MOST_LEVELS = 4  # whose harmonics are drawn; limits of notches
 MOST_PERIODS = 8  # that an axis numbers
 MOST_MARKS = 8  # labelled peaks in one plot
-DEEPEST_DB = 80.0
-COLUMNS, LINES = 300, 240  # of time and of frequency in a spectrogram
-WINDOWS, FEWEST_SAMPLES, RESOLVED = 8, 16, 24  # in a time history; in a window; cycles of the lowest frequency in one
+FEWEST_SAMPLES = 16  # in a window of a spectrogram, of which there are at least eight
 _MARKS = {
     "linear resonance": "o",
     "nonlinear resonance": "o",
@@ -53,36 +53,25 @@ _MARKS = {
 }
 
 
-def draw_sweep(
-    result: SweepResult,
-    ax: Axes,
-    up: tuple[str, str | Scale],
-    curves: Sequence[Curve],
-    levels: Sequence[Guide] = (),
-    *,
-    logarithmic: bool = True,
-    of: str = "curves",
-    note: str = "",
-) -> Scale:
-    """Curves over the frequencies of the sweep; returns the scale of their values.
+def _chart(
+    up: Axis, curves: Sequence[Curve], levels: Sequence[Guide] = (), log: str = "y", of: str = "curves", note: str = ""
+) -> Chart:
+    """Curves over the excitation frequency, of whose axis the note says more."""
+    return Chart((f"Excitation frequency{note and f', {note}'}", HERTZ), up, curves, levels, log, of)
 
-    Parameters
-    ----------
-    up : words and SI unit, or scale, of the values.
-    note : what else the axis of frequency says.
-    """
-    _, scale = draw_curves(ax, ("Excitation frequency", Scale(1.0, "Hz")), up, curves, levels, of=of)
-    ax.set_xlabel(ax.get_xlabel() + (f", {note}" if note else ""))
+
+def draw_sweep(result: SweepResult, ax: Axes, chart: Chart) -> Axes:
+    """Curves over the frequencies of the sweep."""
+    draw_curves(ax, *chart)
     swept = [curve.frequency_hz for curve in result.curves.values() if curve.frequency_hz.size]
     if swept:
         frequency_axis(ax, *(float(pick([pick(f) for f in swept])) for pick in (np.min, np.max)))
-    if logarithmic:
-        ax.set_yscale("log")
-    return scale
+    return ax
 
 
-def _swept(label: str, curve: SweepCurve, values: Floats, *, mean: bool = False, **style: Any) -> Curve:
-    return Curve(label, *highest_in_bins(curve.frequency_hz, values, mean=mean), style)
+def _swept(label: str, curve: SweepCurve, values: Floats, *, mean: bool = False) -> Curve:
+    """What belongs to each cycle; of many cycles the highest (or mean) values."""
+    return Curve(label, *highest_in_bins(curve.frequency_hz, values, mean=mean))
 
 
 def _of_level(result: SweepResult, index: int) -> list[SweepCurve]:
@@ -99,44 +88,38 @@ def _level(result: SweepResult, curve: SweepCurve, *, always: bool = False) -> s
     return f", {level_text(curve.level, result.scenario.level_unit)}" if several else ""
 
 
-def _over_linear(result: SweepResult, curve: SweepCurve, values: Floats) -> Floats:
-    """What belongs to each cycle, at the frequencies of the linear structure."""
+def _over_linear(result: SweepResult, curve: SweepCurve) -> Floats:
+    """Amplitude of the excitation at the frequencies of the linear structure."""
     order = np.argsort(curve.frequency_hz)
-    return np.interp(result.linear.frequency_hz, curve.frequency_hz[order], values[order])
+    return np.interp(result.linear.frequency_hz, curve.frequency_hz[order], curve.excitation_amplitude[order])
 
 
-def plot_response(result: SweepResult, ax: Axes, probe: str, level_index: int = 0) -> Axes:
+def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
     """Peak displacement over frequency, up and down, with that of the linear structure without snubbers."""
     curves = _of_level(result, level_index)
-    scale = scale_for("m", *(curve.displacement[probe].peak for curve in curves))
-    amplitude = _over_linear(result, curves[0], curves[0].excitation_amplitude)
-    drawn = [_swept(f"sweep {curve.direction}", curve, curve.displacement[probe].peak) for curve in curves]
-    ax.plot(
-        result.linear.frequency_hz, np.abs(result.linear.displacement[probe]) * amplitude * scale.factor,
-        color="0.6", linewidth=1.0, label="without snubbers (linear)", zorder=1,
-    )  # fmt: skip
+    linear = np.abs(result.linear.displacement[probe]) * _over_linear(result, curves[0])
+    grey = {"color": "0.6", "linestyle": "-", "linewidth": 1.0, "zorder": 1}
+    drawn = [_swept(f"sweep {c.direction}", c, c.displacement[probe].peak) for c in curves]
+    drawn.append(Curve("without snubbers (linear)", result.linear.frequency_hz, linear, grey))
     named = [p for p in result.peaks if p.curve in {c.name for c in curves} and p.probe == probe][:MOST_MARKS]
     for kind in dict.fromkeys(p.kind for p in named):
-        peaks = [(p.frequency_hz, p.value_m * scale.factor) for p in named if p.kind == kind]
-        face = "white" if "harmonic" in kind else "0.2"
-        ax.plot(*np.transpose(peaks), linestyle="none", marker=_MARKS[kind], markersize=5, markerfacecolor=face,
-                color="0.2", label=kind)  # fmt: skip
-    limits = limit_levels(result.scenario.limits, "peak_displacement")
-    draw_sweep(result, ax, (f"Peak displacement of {probe}{_level(result, curves[0])}", scale), drawn, limits)
-    return ax
+        peaks, face = [(p.frequency_hz, p.value_m) for p in named if p.kind == kind], "harmonic" in kind
+        marks = {"marker": _MARKS[kind], "markersize": 5, "markerfacecolor": "white" if face else "0.2"}
+        drawn.append(marked(kind, peaks, color="0.2", **marks))
+    up = (f"Peak displacement of {probe}{_level(result, curves[0])}", "m")
+    return _chart(up, drawn, limit_levels(result.scenario.limits, "peak_displacement"), of="")
 
 
-def plot_peaks(result: SweepResult, ax: Axes, value: Value, level_index: int) -> Axes:
+def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
     """Largest magnitude of a channel of every probe or snubber in each cycle."""
+    curves = _of_level(result, level_index)
     drawn = [
         _swept(f"{name}, {curve.direction}", curve, envelope.peak)
-        for curve in _of_level(result, level_index)
+        for curve in curves
         for name, envelope in curve.envelopes(value.quantity).items()
     ]
-    limits = limit_levels(result.scenario.limits, value.limit)
-    level = _level(result, _of_level(result, level_index)[0]).replace(", ", "\nat ")
-    draw_sweep(result, ax, (f"Peak {value.quantity.replace('_', ' ')}{level}", value.unit), drawn, limits)
-    return ax
+    up = (f"{value.label.capitalize()}{_level(result, curves[0])}".replace(", ", "\nat "), value.unit)
+    return _chart(up, drawn, limit_levels(result.scenario.limits, value.limit), log="" if value.key == FORCE else "y")
 
 
 def has_transmissibility(result: SweepResult) -> bool:
@@ -160,18 +143,7 @@ def plot_transmissibility(result: SweepResult, ax: Axes, level_index: int) -> Ax
             )
             known = f": Q {quality:.3g} at {at:.4g} Hz" if np.isfinite(quality) else ""
             drawn.append(_swept(f"{name}, {curve.direction}{known}", curve, ratio))
-    draw_sweep(result, ax, ("Transmissibility", Scale(1.0, "g per g")), drawn)
-    return ax
-
-
-def plot_contact_force_curve(result: SweepResult, ax: Axes, level_index: int = 0) -> Axes:
-    """Peak contact forces over frequency."""
-    curves = _of_level(result, level_index)
-    drawn = [_swept(f"{name}, {c.direction}", c, c.force[name].peak) for c in curves for name in c.force]
-    limits = limit_levels(result.scenario.limits, "peak_force")
-    up = (f"Peak contact force{_level(result, curves[0])}".replace(", ", "\nat "), "N")
-    draw_sweep(result, ax, up, drawn, limits, logarithmic=False)
-    return ax
+    return draw_sweep(result, ax, _chart(("Transmissibility", Scale(1.0, "g per g")), drawn))
 
 
 def plot_output_peaks(result: SweepResult, ax: Axes, name: str) -> Axes:
@@ -179,7 +151,7 @@ def plot_output_peaks(result: SweepResult, ax: Axes, name: str) -> Axes:
     curves = list(result.curves.values())
     drawn = [_swept(f"{c.direction}{_level(result, c)}", c, c.outputs[name].peak) for c in curves]
     limits = limit_levels(result.scenario.limits, OF_OUTPUTS + name)
-    draw_sweep(result, ax, (f"Peak of {name}", curves[0].outputs[name].unit), drawn, limits, logarithmic=False)
+    draw_sweep(result, ax, _chart((f"Peak of {name}", curves[0].outputs[name].unit), drawn, limits, log=""))
     ax.set_ylim(bottom=0.0)
     return ax
 
@@ -187,21 +159,18 @@ def plot_output_peaks(result: SweepResult, ax: Axes, name: str) -> Axes:
 def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -> Axes:
     """Tracked harmonics: response frequency over excitation frequency, coloured by amplitude in dB."""
     curve = result.curves[curve_name]
-    amplitude = np.abs(curve.displacement[probe].harmonics)
-    top = float(np.nanmax(amplitude, initial=0.0)) or 1.0
     step = max(1, curve.frequency_hz.size // 1500)
-    for r, order in enumerate(curve.orders):
-        level = 20 * np.log10(np.maximum(amplitude[r, ::step], 1e-30) / top)
-        drawn = ax.scatter(
-            curve.frequency_hz[::step], order * curve.frequency_hz[::step], c=level, s=5, marker="s", linewidths=0,
-            cmap="cividis_r", vmin=-60, vmax=0,
-        )  # fmt: skip
+    amplitude, f = np.abs(curve.displacement[probe].harmonics)[:, ::step], curve.frequency_hz[::step]
+    top = float(np.nanmax(amplitude, initial=0.0)) or 1.0
+    for order, values in zip(curve.orders, amplitude, strict=True):
+        level = 20 * np.log10(np.maximum(values, 1e-30) / top)
+        drawn = ax.scatter(f, order * f, c=level, s=5, marker="s", linewidths=0, cmap="cividis_r", vmin=-60, vmax=0)
         fraction = Fraction(float(order)).limit_denominator(12)
-        end = (curve.frequency_hz.max(), order * curve.frequency_hz.max())
-        ax.annotate(f"{fraction}", end, xytext=(4, 0), textcoords="offset points", va="center", fontsize="small")
-    for f in result.modes.open_frequencies_hz:
-        if f <= curve.orders.max(initial=1.0) * curve.frequency_hz.max():
-            ax.axhline(f, color="0.75", linewidth=0.6, zorder=0)
+        ax.annotate(f"{fraction}", (f.max(), order * f.max()), xytext=(4, 0), textcoords="offset points", va="center",
+                    fontsize="small")  # fmt: skip
+    for natural in result.modes.open_frequencies_hz:
+        if natural <= curve.orders.max(initial=1.0) * f.max():
+            ax.axhline(natural, color="0.75", linewidth=0.6, zorder=0)
     if curve.orders.size:
         colour_bar(ax, drawn, "Amplitude (dB re largest)")
     finish(ax, f"Excitation frequency (Hz), {curve.direction}", f"Response frequency of {probe} (Hz)")
@@ -211,7 +180,7 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -
 def has_spectrogram(result: SweepResult, probe: str, level_index: int) -> bool:
     """Whether a time history is stored that moves and is long enough for some windows."""
     history = result.histories[level_index]
-    return history.time.size >= WINDOWS * FEWEST_SAMPLES and bool(np.any(history.displacement[probe]))
+    return history.time.size >= 8 * FEWEST_SAMPLES and bool(np.any(history.displacement[probe]))
 
 
 def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int) -> Axes:
@@ -219,73 +188,57 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
 
     Hann windows of 24 cycles of the lowest frequency, at most an eighth of the stored time history.
     """
-    from scipy.signal import spectrogram
-
     history, curves = result.histories[level_index], _of_level(result, level_index)
-    rate = (history.time.size - 1) / float(history.time[-1] - history.time[0])
+    x, (begin, end) = history.displacement[probe], history.time[[0, -1]]
+    rate = (x.size - 1) / float(end - begin)
     lowest, highest = (pick([pick(c.frequency_hz) for c in curves]) for pick in (np.min, np.max))
-    length = int(min(history.time.size // WINDOWS, max(RESOLVED * rate / lowest, FEWEST_SAMPLES)))
-    step = max(1, (history.time.size - length) // COLUMNS)
-    x = history.displacement[probe]
-    f, t, power = spectrogram(x, rate, "hann", length, length - step, scaling="spectrum", mode="magnitude")
-    top = max(float(np.max(curves[0].orders)), 1.0) * float(highest)
-    shown = f <= min(2.0 * top, 0.5 * rate)
-    thin = max(1, int(np.count_nonzero(shown) // LINES))
-    whole = np.count_nonzero(shown) // thin * thin
-    lines = power[shown][:whole].reshape(-1, thin, power.shape[1]).max(axis=1)
-    level = 20 * np.log10(np.maximum(lines / lines.max(), 1e-12))
-    mesh = ax.pcolormesh(history.time[0] + t, f[shown][:whole:thin], level, cmap="cividis", vmin=-DEEPEST_DB, vmax=0.0,
-                         shading="nearest", rasterized=True)  # fmt: skip
+    length = int(min(x.size // 8, max(24.0 * rate / lowest, FEWEST_SAMPLES)))
+    step = max(1, (x.size - length) // 300)
+    left = (length - step) / 2.0 / rate  # before the first window's share
+    *_, image = ax.specgram(
+        x, NFFT=length, Fs=rate, noverlap=length - step, mode="magnitude", scale="dB", cmap="cividis",
+        xextent=(begin + left, end - left),
+    )  # fmt: skip
+    level = np.asarray(image.get_array())
+    image.set_data(level - level.max())
+    image.set_clim(-80.0, 0.0)
     for k, curve in enumerate(curves):
         dashed_line(ax, curve.time, curve.frequency_hz, "" if k else "frequency of the sweep")
-    colour_bar(ax, mesh, "Level (dB re largest)")
+    colour_bar(ax, image, "Level (dB re largest)")
     finish(ax, "Time (s)", f"Frequency in the displacement of {probe} (Hz)")
-    ax.set_xlim(history.time[0] + t[0], history.time[0] + t[-1])
+    ax.grid(visible=False)
+    ax.set_ylim(0.0, min(2.0 * max(float(np.max(curves[0].orders)), 1.0) * float(highest), 0.5 * rate))
     return ax
 
 
 def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str) -> Axes:
-    """Peak displacement divided by excitation amplitude for each level; all but the first where they differ by 1 %."""
+    """Peak displacement divided by excitation amplitude for each level."""
     curves = _in_direction(result, direction)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = [curve.displacement[probe].peak / curve.excitation_amplitude for curve in curves]
-    levels = [_level(result, curve, always=True)[2:] for curve in curves]
-    drawn = _where_others(list(map(_swept, levels, curves, ratios)))
+    drawn = [
+        _swept(_level(result, curve, always=True)[2:], curve, ratio)
+        for curve, ratio in zip(curves, ratios, strict=True)
+    ]
     up = (f"Peak displacement of {probe} / level", _per_level(curves, *ratios))
-    draw_sweep(result, ax, up, drawn, of="levels", note=direction)
+    return draw_sweep(result, ax, _chart(up, drawn, of="levels", note=direction))
+
+
+def plot_harmonic_energy(result: SweepResult, ax: Axes, probe: str, curve: SweepCurve) -> Axes:
+    """Mean-square response in each harmonic divided by mean-square excitation, at one level."""
+    ratio = np.abs(curve.displacement[probe].harmonics[:MOST_CURVES]) / curve.excitation_amplitude
+    scale = _per_level([curve], ratio)
+    drawn = [
+        _swept(f"order {Fraction(float(order)).limit_denominator(12)}", curve, square, mean=True)
+        for order, square in zip(curve.orders, ratio**2, strict=False)
+    ]
+    level = _level(result, curve, always=True)[2:]
+    up = (f"Mean square of {probe}\n/ that of {level}, ({scale.unit})²", Scale(scale.factor**2, ""))
+    draw_sweep(result, ax, _chart(up, drawn, note=curve.direction))
+    top = float(np.nanmax(ratio**2, initial=0.0)) * scale.factor**2
+    if 0.0 < top < np.inf:
+        ax.set_ylim(1e-8 * top, 3.0 * top)
     return ax
-
-
-def _where_others(curves: Sequence[Curve]) -> list[Curve]:
-    """The first curve, and the others where they differ from it."""
-    drawn = list(curves[:1])
-    for curve in curves[1:]:
-        y = where_other(np.interp(curve.x, curves[0].x, curves[0].y), curve.y)
-        label = curve.label if np.any(np.isfinite(y)) else f"{curve.label} (the same)"
-        drawn.append(curve._replace(label=label, y=y))
-    return drawn
-
-
-def plot_harmonic_energy(result: SweepResult, axes: list[Axes], probe: str, direction: str) -> None:
-    """Mean-square response in each harmonic divided by mean-square excitation, a panel for each level."""
-    curves = _in_direction(result, direction)[: len(axes)]
-    ratios = [np.abs(c.displacement[probe].harmonics[:MOST_CURVES]) / c.excitation_amplitude for c in curves]
-    scale = _per_level(curves, *ratios)
-    squared = Scale(scale.factor**2, "")
-    top = max((float(np.nanmax(ratio**2, initial=0.0)) for ratio in ratios), default=0.0) * squared.factor
-    for ax, curve, ratio in zip(axes, curves, ratios, strict=True):
-        drawn = [
-            _swept(f"order {Fraction(float(order)).limit_denominator(12)}", curve, ratio[r] ** 2, mean=True)
-            for r, order in enumerate(curve.orders[:MOST_CURVES])
-        ]
-        level = _level(result, curve, always=True)[2:]
-        draw_sweep(
-            result, ax, (f"Mean square of {probe}\n/ that of {level}, ({scale.unit})²", squared), drawn, note=direction
-        )
-        if ax is not axes[-1]:
-            ax.set_xlabel("")
-        if 0.0 < top < np.inf:
-            ax.set_ylim(ENERGY_SHOWN * top, 3.0 * top)
 
 
 def _per_level(curves: list[SweepCurve], *ratios: Floats) -> Scale:
@@ -297,18 +250,13 @@ def _per_level(curves: list[SweepCurve], *ratios: Floats) -> Scale:
 
 
 def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
-    """Fraction of time in contact over frequency: 0 without contact, 1 where contact is never lost.
-
-    Further levels are drawn where they differ from the first by 1 %.
-    """
-    curves = _in_direction(result, direction)
-    by_snubber = [
-        [_swept(f"{name}{_level(result, c, always=True)}", c, c.contact_share[name], mean=True) for c in curves]
-        for name in curves[0].contact_share
+    """Fraction of time in contact over frequency: 0 without contact, 1 where contact is never lost."""
+    drawn = [
+        _swept(f"{name}{_level(result, curve, always=True)}", curve, share, mean=True)
+        for curve in _in_direction(result, direction)
+        for name, share in curve.contact_share.items()
     ]
-    drawn = [curve for levels in zip(*map(_where_others, by_snubber), strict=True) for curve in levels]
-    up = ("Time in contact", Scale(100.0, "%"))
-    draw_sweep(result, ax, up, drawn, logarithmic=False, note=direction)
+    draw_sweep(result, ax, _chart(("Time in contact", Scale(100.0, "%")), drawn, log="", note=direction))
     ax.set_ylim(-2, 102)
     return ax
 
@@ -316,7 +264,6 @@ def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
 def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
     """Level at which contact begins or is lost, over frequency, with the levels of the sweep."""
     linear = result.linear
-    scale = scale_for(next(iter(result.curves.values())).excitation_unit)
     drawn = []
     for name, levels in linear.contact.items():
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
@@ -324,24 +271,23 @@ def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
             drawn.append(Curve(f"{name}: {what} with any motion", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
         else:
             drawn.append(Curve(f"{name}: {what}", linear.frequency_hz, levels.changing))
-    for k, curve in enumerate({c.level_index: c for c in result.curves.values()}.values()):
-        order = np.argsort(curve.frequency_hz)
-        ax.plot(curve.frequency_hz[order], np.abs(curve.excitation_amplitude[order]) * scale.factor, color="0.6",
-                linewidth=0.8, zorder=0, label="_nolegend_" if k else "sweep")  # fmt: skip
-    draw_sweep(result, ax, ("Level", scale), drawn, of="snubbers")
-    return ax
+    grey = {"color": "0.6", "linestyle": "-", "linewidth": 0.8, "zorder": 0}
+    curves = {c.level_index: c for c in result.curves.values()}.values()
+    swept = [(c.frequency_hz, np.abs(c.excitation_amplitude)) for c in curves]
+    drawn = [*drawn[:MOST_CURVES], *(Curve("" if k else "sweep", *at, grey) for k, at in enumerate(swept))]
+    scale = scale_for(next(iter(curves)).excitation_unit)
+    return draw_sweep(result, ax, _chart(("Level", scale), drawn, of=""))
 
 
 def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
     """Preload needed to keep contact at the highest excitation of the sweep, over frequency."""
-    linear = result.linear
     curve = max(result.curves.values(), key=lambda c: float(c.excitation_amplitude.max(initial=0.0)))
-    amplitude = _over_linear(result, curve, curve.excitation_amplitude)
+    amplitude = _over_linear(result, curve)
     drawn = [
-        Curve(name, linear.frequency_hz, levels.preload_needed * amplitude) for name, levels in linear.contact.items()
+        Curve(name, result.linear.frequency_hz, levels.preload_needed * amplitude)
+        for name, levels in result.linear.contact.items()
     ]
-    draw_sweep(result, ax, ("Preload needed to keep contact", "N"), drawn, of="snubbers")
-    return ax
+    return draw_sweep(result, ax, _chart(("Preload needed to keep contact", "N"), drawn, of="snubbers"))
 
 
 def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
@@ -358,7 +304,7 @@ def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
         if here.size:
             marks = {**whole, "marker": mark, "markersize": 6, "color": RED}
             drawn.append(Curve(name, here, np.zeros(here.size), marks))
-    draw_sweep(result, ax, ("Period (cycles of the excitation)", ""), drawn, logarithmic=False, note=curve.direction)
+    draw_sweep(result, ax, _chart(("Period (cycles of the excitation)", ""), drawn, log="", note=curve.direction))
     longest = int(np.max(drawn[0].y, initial=1))
     ticks = {k: str(k) for k in range(1, longest + 1, -(-longest // MOST_PERIODS))}
     if not periodic.all():
@@ -375,56 +321,98 @@ def plot_poincare(result: SweepResult, ax: Axes, curve_name: str, probe: str) ->
     dots = {"linestyle": "none", "marker": "o", "color": "black", "markersize": 1.3, "markeredgewidth": 0}
     drawn = [Curve("", curve.steady.poincare_frequency_hz, displacement, dots)]
     up = (f"Displacement of {probe}\nat phase 0", "m")
-    draw_sweep(result, ax, up, drawn, logarithmic=False, note=curve.direction)
+    return draw_sweep(result, ax, _chart(up, drawn, log="", note=curve.direction))
+
+
+def plot_notched_level(curve: SweepCurve, ax: Axes) -> Axes:
+    """The level with and without notches, and the ranges in which it is lowered."""
+    notching = curve.notching
+    assert notching is not None
+    drawn = [
+        Curve("specified", notching.frequency_hz, notching.specified, {"color": "0.5", "linestyle": "--"}),
+        Curve("notched", notching.frequency_hz, notching.level, {"color": DARK, "linestyle": "-", "linewidth": 1.4}),
+    ]
+    draw_curves(ax, ("Excitation frequency", HERTZ), ("Level", notching.unit), drawn, log="y")
     return ax
+
+
+def plot_limited_response(curve: SweepCurve, ax: Axes, limit: NotchLimit) -> Axes:
+    """Largest magnitude of a limited quantity in every cycle, with its limit; shaded where it governs."""
+    assert curve.notching is not None
+    peak = limited_peak(curve, limit.name)
+    level = Guide("limit", limit.limit, {"color": RED, "linestyle": (0, (5, 1.5)), "linewidth": 1.4})
+    words = limit.name.replace("probes.", "").replace("snubbers.", "").replace(".", " ")
+    response = [Curve("", curve.frequency_hz, peak, {"linewidth": 1.0})]
+    _, scale = draw_curves(ax, ("Excitation frequency", HERTZ), (words, limit.unit), response, [level])
+    governed = [part for part in curve.notching.ranges if part.limit == limit.name]
+    for number, part in enumerate(governed):
+        ax.axvspan(part.from_hz, part.to_hz, color="0.86", linewidth=0, zorder=0,
+                   label="_nolegend_" if number else "governs")  # fmt: skip
+    legend(ax)
+    ax.set_ylim(0.0, 1.25 * max(limit.limit, float(np.nanmax(peak))) * scale.factor)
+    return ax
+
+
+def limited_peak(curve: SweepCurve, name: str) -> Floats:
+    """(C,) largest magnitude in each cycle of what a limit of ``sweep.notch_to`` applies to."""
+    forces = [n for n, o in curve.outputs.items() if o.quantity == "reaction_force" and o.at == "base"]
+    of = limited_quantity(name, *forces[:1])
+    assert of is not None
+    return curve.envelope_of(of.section, of.item, of.quantity).peak
+
+
+def notching_figure(curve: SweepCurve, title: str) -> Figure:
+    """Level and limited responses over frequency, one above the other."""
+    assert curve.notching is not None
+    limits = sorted(curve.notching.limits, key=lambda limit: -limit.share)[:MOST_LEVELS]
+    below = [partial(plot_limited_response, curve, limit=limit) for limit in limits]
+    figure = picture(f"{title}, {curve.direction}", partial(plot_notched_level, curve), *below, sharex=True)
+    frequency_axis(figure.axes[-1], float(curve.frequency_hz.min()), float(curve.frequency_hz.max()))
+    return figure
+
+
+def charts(result: SweepResult) -> dict[str, Chart]:
+    """Displacements of the first probe at every level, and other peaks at the last, by name."""
+    if not result.curves:
+        return {}
+    last = list(result.curves.values())[-1]
+    probe, indices = next(iter(last.displacement)), sorted({c.level_index for c in result.curves.values()})
+    drawn = {f"response_{index}": responses(result, probe, index) for index in indices}
+    names = {ACCELERATION: "acceleration", FORCE: "contact"}
+    followed = [value for value, _ in last.peaks() if value.followed and value.key != DISPLACEMENT]
+    return drawn | {names.get(value.key, value.name): peaks(result, value, last.level_index) for value in followed}
 
 
 def sweep_figures(result: SweepResult) -> dict[str, Figure]:
     """All plots available for this result; the key is the last part of the file name."""
     if not result.curves:
         return {}
-    figures: dict[str, Figure] = {}
-
-    def draw(name: str, *plots: Any) -> None:
-        """A panel for each plot, one below the other."""
-        figures[name], axes = panels(result.title, len(plots), size=(8.0, max(4.8, 3.2 * len(plots))))
-        for ax, plot in zip(axes, plots, strict=True):
-            plot(result, ax)
-
-    last, first = list(result.curves.values())[-1], next(iter(result.curves.values()))
-    probe, direction = next(iter(last.displacement)), first.direction
-    indices = sorted({c.level_index for c in result.curves.values()})
-    for index in indices:
-        draw(f"response_{index}", partial(plot_response, probe=probe, level_index=index))
-    if last.acceleration:
-        plots: list[Any] = [partial(plot_peaks, value=BY_ENTRY["peak_acceleration_g"])]
-        plots += [plot_transmissibility] if has_transmissibility(result) else []
-        draw("acceleration", *(partial(plot, level_index=last.level_index) for plot in plots))
-    for value, _ in last.peaks():
-        if value.followed and value.key not in (DISPLACEMENT, ACCELERATION, FORCE):
-            draw(value.name, partial(plot_peaks, value=value, level_index=last.level_index))
+    last, direction = list(result.curves.values())[-1], next(iter(result.curves.values())).direction
+    probe, same = next(iter(last.displacement)), _in_direction(result, direction)
+    plots = {name: [partial(draw_sweep, result, chart=chart)] for name, chart in charts(result).items()}
+    if last.acceleration and has_transmissibility(result):
+        plots["acceleration"].append(partial(plot_transmissibility, result, level_index=last.level_index))
     for index in result.histories:
         if has_spectrogram(result, probe, index):
-            draw(f"spectrogram_{index}", partial(plot_spectrogram, probe=probe, level_index=index))
-    draw("waterfall", partial(plot_waterfall, probe=probe, curve_name=last.name))
+            plots[f"spectrogram_{index}"] = [partial(plot_spectrogram, result, probe=probe, level_index=index)]
+    plots["waterfall"] = [partial(plot_waterfall, result, probe=probe, curve_name=last.name)]
     if last.force:
-        force = partial(plot_contact_force_curve, level_index=last.level_index)
-        draw("contact", force, partial(plot_contact, direction=direction))
+        plots["contact"].append(partial(plot_contact, result, direction=direction))
     if last.outputs:
-        draw("outputs", *(partial(plot_output_peaks, name=name) for name in list(last.outputs)[:MOST_CURVES]))
+        names = list(last.outputs)[:MOST_CURVES]
+        plots["outputs"] = [partial(plot_output_peaks, result, name=name) for name in names]
     if result.linear.contact:
-        draw("contact_levels", plot_contact_levels, plot_preload_needed)
-    if len(indices) > 1:
-        draw("levels", partial(plot_level_family, probe=probe, direction=direction))
-        shown = min(len(_in_direction(result, direction)), MOST_LEVELS)
-        figures["harmonic_energy"], axes = panels(result.title, shown, size=(8.0, max(4.8, 2.6 * shown)))
-        plot_harmonic_energy(result, axes, probe, direction)
+        plots["contact_levels"] = [partial(plot_contact_levels, result), partial(plot_preload_needed, result)]
+    if len({c.level_index for c in result.curves.values()}) > 1:
+        plots["levels"] = [partial(plot_level_family, result, probe=probe, direction=direction)]
+        energies = [partial(plot_harmonic_energy, result, probe=probe, curve=curve) for curve in same[:MOST_LEVELS]]
+        plots["harmonic_energy"] = energies
+    if last.steady is not None:
+        plots["steady_states"] = [partial(plot_steady_states, result, curve_name=last.name)]
+        if last.steady.poincare_frequency_hz.size:  # of motions that are not periodic
+            plots["steady_states"].append(partial(plot_poincare, result, curve_name=last.name, probe=probe))
+    figures = {name: picture(result.title, *panels) for name, panels in plots.items()}
     for curve in result.curves.values():
         if curve.notching is not None:
             figures[f"notching_{curve.name}"] = notching_figure(curve, result.title)
-    if last.steady is not None:
-        plots = [partial(plot_steady_states, curve_name=last.name)]
-        if last.steady.poincare_frequency_hz.size:  # of motions that are not periodic
-            plots.append(partial(plot_poincare, curve_name=last.name, probe=probe))
-        draw("steady_states", *plots)
     return figures

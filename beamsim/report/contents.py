@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 
 from beamsim.analyses.limits import limit_label, limit_unit
 from beamsim.analyses.result import MARGINS, Result
+from beamsim.fields import figure_in_words
 from beamsim.plots.animation import Scene
 from beamsim.plots.model import excitation_text, model_figure
 from beamsim.plots.style import amount, margin_text
-from beamsim.report.animated import NOTE
 from beamsim.report.interactive import interactive_plots
-from beamsim.report.page import Cells, Page, Verdict, captioned, labelled, listing, picture, table
+from beamsim.report.page import NOTE, Cells, Page, Verdict, captioned, labelled, listing, picture, table
 from beamsim.report.trust import changes, checks, doubts, untrusted, versions
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Schema, plain
@@ -177,32 +177,15 @@ def _units(items: Iterable[Any]) -> Iterator[str]:
             yield from _units((*getattr(item, "__metadata__", ()), *getattr(item, "__args__", ())))
 
 
-CONTACT_COLUMNS = {
-    "contact_share": ("time in contact", "%"),
-    "contacts": ("closings", ""),
-    "peak_force_n": ("peak force", "N"),
-    "static_force_n": ("force at rest", "N"),
-    "largest_pull_n": ("largest pull", "N"),
-    "gap_m": ("gap", "m"),
-    "largest_gap_m": ("largest opening", "m"),
-    "residual_crush_m": ("residual crush", "m"),
-}
-"""Entries of summaries that say something of every stop: heading and unit."""
-
-
 def contact_tables(result: Result) -> Iterator[Cells]:
     """Numbers of each stop, and statistics of its impacts."""
-    summary = result.summary
-    named = {key: summary[key] for key in CONTACT_COLUMNS if isinstance(summary.get(key), Mapping) and summary[key]}
-    named = {key: dict(by_place(values)) for key, values in named.items()}
-    stops = list(dict.fromkeys(name for values in named.values() for name in values))
-    heading = ["stop", *(CONTACT_COLUMNS[key][0] for key in named)]
-    rows = [
-        [stop, *(_cell(values.get(stop), CONTACT_COLUMNS[key][1]) for key, values in named.items())] for stop in stops
-    ]
-    if (named and "peak_force_n" in named) or "contact_share" in named:
-        yield Cells(heading, rows)
-    impacts = summary.get("impacts")
+    entries = [entry for entry in type(result).SUMMARY if "of a snubber" in entry.meaning]
+    held = [(entry, result.summary.get(entry.name)) for entry in entries]
+    columns = [(entry, dict(by_place(values))) for entry, values in held if isinstance(values, Mapping) and values]
+    stops = dict.fromkeys(name for _, values in columns for name in values)
+    rows = [[stop, *(_cell(values.get(stop), entry.unit) for entry, values in columns)] for stop in stops]
+    yield Cells(["stop", *(figure_in_words(entry.name) for entry, _ in columns)], rows)
+    impacts = result.summary.get("impacts")
     if isinstance(impacts, Mapping) and impacts:
         first: Any = next(iter(impacts.values()))
         figures = [key for key, value in first.items() if isinstance(value, (int, float))]
@@ -211,11 +194,7 @@ def contact_tables(result: Result) -> Iterator[Cells]:
 
 
 def _cell(value: Any, unit: str) -> str:
-    if value is None or not isinstance(value, (int, float)):
-        return ""
-    if unit == "%":
-        return f"{100 * value:.3g} %"
-    return amount(value, unit) if unit and math.isfinite(value) else str(value)
+    return amount(value, unit) if isinstance(value, (int, float)) else ""
 
 
 def _trust(result: Result) -> Iterator[str]:

@@ -19,9 +19,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from beamsim.errors import MethodError
+from beamsim.plots.animation import Scene
 from beamsim.plots.save import draw
 
 
@@ -43,6 +45,10 @@ class Cells:
     title: str = ""
 
 
+NOTE = (
+    "Deflection relative to the base, magnified to the scale shown, with the shape functions of the model; slow around "
+    "contact. A stop is red and thick while it presses."
+)
 MARKS = {"+ ": "good-cell", "! ": "bad-cell"}
 
 
@@ -129,6 +135,18 @@ def player_html(scene: Mapping[str, Any], note: str) -> str:
     )
 
 
+def animation_page(scene: Scene) -> str:
+    """The HTML file, which opens without a network."""
+    described = scene.as_json()
+    body = f"<main><h1>{escape(scene.title or 'Motion')}</h1>{player_html(described, NOTE)}</main>"
+    data = embedded({"plots": [], "animation": described})
+    scripts = [
+        f'<script type="application/json" id="data">{data}</script>',
+        *(f"<script>{asset(name)}</script>" for name in ("player.js", "animation.js")),
+    ]
+    return document(scene.title, body, scripts)
+
+
 def table(cells: Cells) -> str:
     """A table as HTML."""
     title = f"<h3>{escape(cells.title)}</h3>" if cells.title else ""
@@ -170,8 +188,9 @@ def captioned(name: str, html: str) -> str:
 
 
 def embedded(data: Any) -> str:
-    """JSON that may stand in a script element."""
-    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    """JSON that may stand in a script element; arrays have five decimals."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=lambda array: np.round(array, 5).tolist())
+    return text.replace("</", "<\\/")
 
 
 @cache

@@ -18,7 +18,7 @@ function player(canvas, scene, controls) {
       : (newton * 1e3).toPrecision(4) + " mN";
   }
   function spring(stop) {
-    const ends = stop.ends[frame].map(v => v / scene.resolution), y = stop.y.map((v, k) => v + ends[k]);
+    const ends = stop.ends[frame], y = stop.y.map((v, k) => v + ends[k]);
     if (stop.x.length === 2) {
       if (stop.y[0] === stop.y[1]) {
         const top = stop.y[0] + stop.height;
@@ -51,7 +51,7 @@ function player(canvas, scene, controls) {
     });
     let first = 0;
     scene.lines.forEach(line => {
-      const points = line.x.map((x, k) => [x, line.y[k] + scene.heights[frame][first + k] / scene.resolution]);
+      const points = line.x.map((x, k) => [x, line.y[k] + scene.heights[frame][first + k]]);
       first += line.x.length;
       stroke(points, BODY, line.dots ? 1 : 2.5);
       context.fillStyle = BODY;
@@ -59,7 +59,7 @@ function player(canvas, scene, controls) {
     });
     const end = right - 0.09 * (right - left), middle = scene.bar / 2;
     stroke([[end, -middle], [end, middle]], "#000", 2);
-    context.fillStyle = "#000"; context.fillText(scene.barText, X(end) + 5, Y(0) + 5);
+    context.fillStyle = "#000"; context.fillText(scene.bar_text, X(end) + 5, Y(0) + 5);
     context.textAlign = "right";
     const forces = scene.stops.slice(0, 6).map(stop => stop.name + " " + force(stop.force[frame])).join("   ");
     context.fillText("t = " + scene.time[frame].toFixed(5) + " s   " + forces, canvas.width - 8, 18);

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from beamsim.plots.drawing import Curve
+from beamsim.plots.drawing import Chart, Curve
 from beamsim.report.interactive import MOST_POINTS, heat_map, interactive_plots, plot
 
 pytestmark = pytest.mark.quick
@@ -16,11 +16,11 @@ def test_curves_keep_data_style_and_scales():
         Curve("one", np.array([1.0, 10.0, 100.0]), np.array([1e-3, np.nan, 3e-3]), {"color": "#123456", "marker": "o"}),
         Curve("two & <three>", np.array([1.0]), np.array([2e-3])),
     ]
-    described = plot(("Frequency", "Hz"), ("Displacement", "m"), curves, log="x")
+    described = plot(Chart(("Frequency", "Hz"), ("Displacement", "m"), curves, log="x"))
     one, two = described["data"]
     assert one["x"] == [1.0, 10.0, 100.0]
     assert one["y"] == [1.0, None, 3.0]
-    assert (one["mode"], one["line"]["color"], one["name"]) == ("markers", "#123456", "one")
+    assert (one["mode"], one["line"]["color"], one["name"]) == ("lines+markers", "#123456", "one")
     assert two["name"] == "two &amp; &lt;three>"
     assert two["mode"] == "lines"
     assert "px" in two["line"]["dash"]  # told apart without colour

@@ -11,8 +11,8 @@ import pytest
 import beamsim
 from beamsim.analyses.run import histories
 from beamsim.flow import moments, trajectory
-from beamsim.plots.drawing import thinned
 from beamsim.plots.run import plot_displacement
+from beamsim.report.interactive import thinned
 from beamsim.store import export, hdf5
 from beamsim.store.export import export_result
 from beamsim.store.results import open_run, write_result

@@ -11,7 +11,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from beamsim.plots.model import model_figure, stop_text
-from beamsim.plots.sketch import STOP
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from tests.helpers.commands import invoke
@@ -26,8 +25,8 @@ def sketched(scenario):
 
 
 def faces(figure):
-    lines = [line for line in figure.axes[0].lines if line.get_color() == STOP and line.get_linewidth() > 2.0]
-    return sorted(tuple(line.get_xydata().mean(axis=0)) for line in lines)
+    lines = [line for line in figure.axes[0].lines if str(line.get_label()).startswith("stop")]
+    return sorted(tuple(line.get_xydata()[0]) for line in lines)
 
 
 def texts(figure):

@@ -11,8 +11,7 @@ from matplotlib.text import Text
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.report import table_rows
 from beamsim.plots.drawing import name_beside
-from beamsim.plots.mode_branches import plot_backbone, plot_frequency_energy
-from beamsim.plots.nnm import plot_configuration
+from beamsim.plots.nnm import plot_backbone, plot_configuration, plot_frequency_energy
 from beamsim.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -1,0 +1,174 @@
+"""Pictures of deflected bodies: beams along their axes, plates from above, several bodies from the side."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from beamsim.analyses.run.result import BodyResult, RunResult
+from beamsim.plots.drawing import DARK, RED, Curve, colour_bar, draw_curves, legend, legend_below, picture
+from beamsim.plots.sketch import Sketch, scale_bar
+from beamsim.plots.style import amount, round_length, scale_for
+from beamsim.structures.assembly import snubber_site
+from beamsim.structures.places import Place
+from beamsim.system.structural import ModeTable
+from beamsim.typing import Floats
+
+MOST_MODES = 6
+LEVELS = np.arange(-6, 7) / 6  # of the largest deflection
+_HEIGHT = 0.36  # of the largest deflection or gap, over the distance of rows
+
+
+def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
+    """Static shape of a body (by default the first), its shapes at the extremes of the first probe, the snubbers."""
+    if not result.bodies:
+        raise ValueError("no body has a deflected shape: the masses of a chain are points")
+    body = body or next(iter(result.bodies))
+    beam = result.bodies[body]
+    snubbers = list(result.snubbers.values())
+    if len(result.modes.stations.parts) > 1:  # those that stand on the base or the ground, at this body
+        sites = {located.item.name: snubber_site(located) for located in result.scenario.located_snubbers}
+        snubbers = [s for s in snubbers if isinstance(site := sites[s.name], Place) and site.body == body]
+    faces = np.array([(-1.0 if s.side == "below" else 1.0) * s.gap for s in snubbers])
+    first = next(iter(result.probes), "")
+    shapes = (
+        (f"{first} highest, t = {beam.extreme_times[1]:.4g} s", beam.extreme_shapes[1]),
+        (f"{first} lowest, t = {beam.extreme_times[0]:.4g} s", beam.extreme_shapes[0]),
+        ("static equilibrium", beam.static_shape),
+    )
+    curves = [Curve(label, beam.position, y, {"color": DARK}) for label, y in shapes if np.isfinite(y).all()]
+    ax.axhline(0.0, color="0.6", linewidth=0.7, zorder=1)
+    of = body if len(result.bodies) > 1 else "the beam"
+    scale = scale_for("m", beam.extreme_shapes, faces)
+    x, y = draw_curves(ax, (f"Position along {of}", "m"), ("Relative deflection", scale), curves)
+    for k, (s, face) in enumerate(zip(snubbers, faces, strict=True)):
+        ax.plot(
+            s.position * x.factor, face * y.factor, linestyle="none", color=RED, markersize=11, clip_on=False,
+            marker=6 if s.side == "below" else 7,  # a triangle whose tip is the face
+            label="_nolegend_" if k else "snubber",
+        )  # fmt: skip
+    legend(ax)
+    return ax
+
+
+def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, unit: str = "") -> Axes:
+    """A deflection at the nodes of a plate; zero is in the middle of the colours, and a thick line.
+
+    Parameters
+    ----------
+    x, y, shape : (nx,) m, and the deflection there.
+    unit : of the deflection, for a bar of colours; none where empty.
+    """
+    metres = scale_for("m", x, y)
+    across, up = np.unique(x), np.unique(y)
+    seen = across * metres.factor, up * metres.factor, shape[np.lexsort((x, y))].reshape(up.size, across.size)
+    levels = LEVELS * (float(np.abs(shape).max()) or 1.0)
+    drawn = ax.contourf(*seen, levels=levels, cmap="RdBu_r", extend="both")
+    ax.contour(*seen, levels=levels, colors="0.2", linewidths=np.where(levels == 0.0, 1.4, 0.5))  # dashed below zero
+    if unit:
+        colour_bar(ax, drawn, f"Relative deflection ({unit})")
+    ax.set_aspect("equal")
+    ax.set_xlabel(f"x ({metres.unit})")
+    ax.set_ylabel(f"y ({metres.unit})")
+    ax.set_title(title, fontsize="medium", loc="left")
+    return ax
+
+
+def plot_plate_mode(modes: ModeTable, ax: Axes, body: str, number: int) -> Axes:
+    """A mode shape of the open structure on a plate, by its number from 1; a line of no deflection is thick."""
+    stations = modes.stations
+    on = next(part for part in stations if part.body == body or len(stations.parts) == 1).stations
+    assert stations.across is not None
+    title = f"mode {number}, {modes.open_frequencies_hz[number - 1]:.4g} Hz"
+    return plot_contours(ax, stations.position[on], stations.across[on], modes.shapes[number - 1, on], title)
+
+
+def plot_plate_deflection(result: RunResult, ax: Axes, plate: BodyResult, shape: Floats, title: str) -> Axes:
+    """A deflection (nx,) m of a plate, with the snubbers on it."""
+    assert plate.across is not None
+    metres, scale = scale_for("m", plate.position, plate.across), scale_for("m", shape)
+    plot_contours(ax, plate.position, plate.across, shape * scale.factor, title, scale.unit)
+    for snubber in result.snubbers.values():
+        if snubber.across is not None and np.isfinite(snubber.across):
+            ax.plot(
+                snubber.position * metres.factor, snubber.across * metres.factor, linestyle="none", color="black",
+                marker=6 if snubber.side == "below" else 7, markersize=9, clip_on=False,
+                label=f"snubber {snubber.side}",
+            )  # fmt: skip
+    return ax
+
+
+def _shapes(result: RunResult, plate: BodyResult) -> list[tuple[Floats, str]]:
+    """When the first probe is highest and lowest, and at a static equilibrium that deflects the plate; with titles."""
+    first = next(iter(result.probes), "")
+    shapes = [
+        (plate.extreme_shapes[1], f"{first} highest, t = {plate.extreme_times[1]:.4g} s"),
+        (plate.extreme_shapes[0], f"{first} lowest, t = {plate.extreme_times[0]:.4g} s"),
+        (plate.static_shape, "static equilibrium"),
+    ]
+    least = 1e-9 * float(np.nanmax(np.abs(plate.extreme_shapes), initial=0.0))  # less is round-off
+    return [each for each in shapes if np.all(np.isfinite(each[0])) and np.abs(each[0]).max() > least]
+
+
+def _sketch(result: RunResult) -> Sketch:
+    return Sketch(result.scenario, result.modes.stations, result.snubbers)
+
+
+def plot_assembly_mode(result: RunResult, ax: Axes, number: int) -> Axes:
+    """A mode of the open structure, by its number from 1; stops are at the bodies at rest, as modes have no size."""
+    shape = result.modes.shapes[number - 1]
+    _sketch(result).draw(ax, shape * _HEIGHT / (float(np.abs(shape).max()) or 1.0))
+    ax.set_title(f"mode {number}, {result.modes.open_frequencies_hz[number - 1]:.4g} Hz", fontsize="medium", loc="left")
+    return ax
+
+
+def plot_assembly_contact(result: RunResult, ax: Axes) -> Axes:
+    """The deflection relative to the base when the contact force is largest; gaps to the same scale."""
+    contact = result.contact
+    if contact is None:
+        raise ValueError("no snubber was in contact")
+    shape = contact.deflection(result.modes)
+    gaps = [abs(snubber.gap) for snubber in result.snubbers.values() if math.isfinite(snubber.gap)]
+    largest = max(float(np.abs(shape).max()), *gaps, 0.0) or 1.0
+    factor, bar = _HEIGHT / largest, round_length(largest)
+    _sketch(result).draw(ax, shape * factor, factor)
+    ax.set_title(
+        f"largest contact force, {amount(contact.force, 'N')} at {contact.snubber}, t = {contact.time:.4g} s",
+        fontsize="medium", loc="left",
+    )  # fmt: skip
+    scale_bar(ax, ax.get_xlim()[1], bar * factor, amount(bar, "m"))
+    return ax
+
+
+def body_figures(result: RunResult) -> dict[str, Figure]:
+    """Deflections of every body, mode shapes of plates and of several bodies, by the last part of the file name."""
+    figures: dict[str, Figure] = {}
+    count = min(MOST_MODES, result.modes.shapes.shape[0])
+    if beams := [name for name, body in result.bodies.items() if body.across is None]:
+        beside = [partial(plot_deflected_shapes, result, body=name) for name in beams]
+        figures["deflected_shapes"] = picture(result.title, *beside)
+    for name, plate in result.bodies.items():
+        if plate.across is None:
+            continue
+        suffix = "" if len(result.bodies) == 1 else f"_{name}"
+        shapes = [
+            partial(plot_plate_deflection, result, plate=plate, shape=shape, title=title)
+            for shape, title in _shapes(result, plate)
+        ]
+        if shapes:
+            figures[f"plate_deflections{suffix}"] = legend_below(picture(result.title, *shapes, columns=2))
+        modes = [partial(plot_plate_mode, result.modes, body=name, number=k + 1) for k in range(count)]
+        figures[f"plate_modes{suffix}"] = picture(result.title, *modes, columns=2)
+    if len(result.modes.stations.parts) > 1:
+        rows = _sketch(result).count
+        drawn = [partial(plot_assembly_mode, result, number=k + 1) for k in range(count)]
+        size = (8.0, 0.8 + -(-count // 2) * (1.0 + 0.7 * rows))
+        figures["assembly_modes"] = legend_below(picture(result.title, *drawn, columns=2, size=size))
+        if result.contact is not None:
+            plot = partial(plot_assembly_contact, result)
+            figures["assembly_contact"] = legend_below(picture(result.title, plot, size=(8.0, 1.6 + 1.4 * rows)))
+    return figures
