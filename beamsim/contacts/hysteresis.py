@@ -8,7 +8,6 @@ from beamsim.contacts.force_curve import fit_curve, fitted_numbers, hinges
 from beamsim.contacts.pads import MaxwellBranch
 from beamsim.typing import Floats
 
-SEGMENTS = 8  # of the curves that are compared
 REACH = 30.0  # beyond the record's longest and shortest times, over which they spread
 
 
@@ -18,7 +17,8 @@ def loop_width(deflection: Floats, force: Floats) -> float:
     middle, push = 0.5 * (deflection[1:] + deflection[:-1]), 0.5 * (force[1:] + force[:-1])
     rising, falling = step > 0, step < 0
     try:
-        up, down = (fit_curve(middle[way], push[way], SEGMENTS)[0] for way in (rising, falling))
+        # 8: of the curves that are compared
+        up, down = (fit_curve(middle[way], push[way], 8)[0] for way in (rising, falling))
     except ValueError:
         return 0.0
     common = np.linspace(0.0, min(up.deflection[-1], down.deflection[-1]), 201)

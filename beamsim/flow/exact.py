@@ -38,7 +38,6 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
 FIRST = 1e6  # factor of functions that are looked at before others
-DEGREE_OF_FITS = 6  # of polynomials that are fitted to inputs, at least
 MOST_MODES = 64  # contact states whose modes flows under other loads share; the one not used for longest is dropped
 
 
@@ -550,7 +549,8 @@ class ExactFlow:
         """
         sources, orders = self.sources, np.arange(HIGHEST_DERIVATIVE + 1)[:, None]
         fit = np.zeros((orders.size, sources.count))
-        for channel in set(sources.channel[sources.power >= DEGREE_OF_FITS].tolist()):
+        # 6: of polynomials that are fitted to inputs, at least
+        for channel in set(sources.channel[sources.power >= 6].tolist()):
             of = sources.channel == channel
             length = float(sources.longest_piece[of].max())
             fit[:, of] = ROUND_OFF * float(np.abs(given[of]) @ length ** sources.power[of]) / length**orders

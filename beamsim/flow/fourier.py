@@ -12,8 +12,6 @@ from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Complexes, Floats
 
-EXPONENTIALS_AT_ONCE = 2_000_000  # which bounds the memory
-
 
 @dataclass(frozen=True)
 class MotionPart:
@@ -120,7 +118,8 @@ def fourier_integrals(motion: Trajectory, table: Complexes, omega: Floats) -> Co
     (K, W) :math:`\int x(t) e^{-i \omega (t - t_0)} dt`, :math:`t_0` being the start of the motion.
     """
     out = np.zeros((table.shape[2], omega.size), dtype=complex)
-    columns = max(EXPONENTIALS_AT_ONCE // max(motion.segments, 1), 1)
+    # 2_000_000: which bounds the memory
+    columns = max(2_000_000 // max(motion.segments, 1), 1)
     for number in visited_states(motion.state):
         state, segments = motion.flow.states[number], np.flatnonzero(motion.state == number)
         coefficients, elapsed = table[number, : state.term_basis.size], motion.time[segments] - motion.time[0]

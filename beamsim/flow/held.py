@@ -14,7 +14,6 @@ import numpy as np
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Bools, Floats, Ints
 
-ROUND_OFF = 1e-14  # of a force
 SMALLEST = 1e-10  # of the largest singular value of the rows: smaller ones hold nothing more
 
 
@@ -31,7 +30,8 @@ class Held:
         whole is round-off, and would move what rests."""
         left = np.asarray(forces - (forces @ self.across) @ self.across.T)
         size = np.linalg.norm(forces, axis=-1, keepdims=True)
-        return np.where(np.linalg.norm(left, axis=-1, keepdims=True) <= ROUND_OFF * size, 0.0, left)
+        # 1e-14: of a force
+        return np.where(np.linalg.norm(left, axis=-1, keepdims=True) <= 1e-14 * size, 0.0, left)
 
     def resting(self, rows: Floats) -> Bools:
         """(m,) which motions, of rows (m, n), the contacts hold as well: others at the same place, for example."""

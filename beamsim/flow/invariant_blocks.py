@@ -23,9 +23,6 @@ from beamsim.flow.refined_blocks import refined
 from beamsim.typing import Complexes, Floats, Ints
 
 LARGEST_PROJECTOR = 200.0  # norm of a block's spectral projector above which blocks are merged
-ACCEPTABLE_PROJECTOR = 1e6  # norm that is accepted where merging does not get below the former
-WIDE_GAP = 1e3  # ratio of neighbouring sizes of eigenvalues from which on the smaller ones are those of the inverse
-SMALLEST_GAP = 1e-3  # relative distance of a damped mode's two eigenvalues that still get their own blocks
 
 
 @dataclass(frozen=True)
@@ -121,7 +118,8 @@ def second_order_blocks(shapes: Floats, omega_squared: Floats, damping: Floats, 
     discriminant = half**2 - omega_squared
     root = np.sqrt(discriminant.astype(complex))
     scale = np.sqrt(np.abs(omega_squared)) + np.abs(half)
-    separate = np.abs(root) > SMALLEST_GAP * np.maximum(scale, 1.0 / window)
+    # 1e-3: relative distance of a damped mode's two eigenvalues that still get their own blocks
+    separate = np.abs(root) > 1e-3 * np.maximum(scale, 1.0 / window)
     s = np.flatnonzero(separate)
     lam = np.concatenate([-half[s] + root[s], -half[s] - root[s]])
     # the smaller of two real roots by their product, without cancellation; exactly zero for a rigid-body mode
@@ -228,7 +226,8 @@ def _eigenpairs(A: Floats, inverse: Callable[[], Floats] | None) -> tuple[Comple
     if inverse is None or not size[0] > 0:
         return lam, X
     at = int(np.argmax(size[1:] / size[:-1]))
-    if size[at + 1] < WIDE_GAP * size[at]:
+    # 1e3: ratio of neighbouring sizes of eigenvalues from which on the smaller ones are those of the inverse
+    if size[at + 1] < 1e3 * size[at]:
         return lam, X
     limit = np.sqrt(size[at]) * np.sqrt(size[at + 1])
     mu, Y = (part.astype(complex) for part in np.linalg.eig(inverse()))
@@ -242,7 +241,8 @@ def _clusters(A: Floats, window: float) -> BlockForm:
     """Merge neighbouring eigenvalues until every spectral projector is well-conditioned."""
     size = A.shape[0]
     lam = np.linalg.eigvals(A).astype(complex)
-    best = ACCEPTABLE_PROJECTOR
+    # 1e6: norm that is accepted where merging does not get below the largest
+    best = 1e6
     blocks = [Block(np.eye(size, dtype=complex), np.eye(size, dtype=complex), A.astype(complex), _mean(lam, True), 1.0)]
     for tolerance in (1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1):
         groups = _groups(lam, tolerance, window)

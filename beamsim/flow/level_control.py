@@ -29,16 +29,8 @@ from beamsim.interrupts import never
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Floats, Ints
 
-RELATIVE_STEP = 1e-3  # change of the frequency between two corrections of the level
-HORIZON = 6  # corrections that are looked ahead
-SHORTEST_HORIZON = 8  # cycles
-FREE_STRETCH = 64  # cycles that are followed at once below the limits
 STEEPEST = float(np.log(2.0))  # change of the logarithm of the level in one correction
 CLOSE = 2e-3  # distance from a limit at which a trial ends, in its logarithm
-MOST_TRIALS = 6  # of one correction
-MOST_STARTS = 8  # trials of the level at the start
-LEAST_CHANGE = 0.02  # of the slope, from one trial to the next
-TABLE_TOLERANCE = 1e-3  # relative difference between the table of the level and the level that was followed
 
 
 class _Reached(NamedTuple):
@@ -112,17 +104,21 @@ class LevelControl:
     def _step(self, cycle: int) -> int:
         """Cycles between two corrections."""
         change = 2 * np.pi * float(np.abs(self.leg.change_per_radian(self.leg.frequency(np.array(float(cycle))))))
-        return max(1, int(RELATIVE_STEP / change))
+        # 1e-3: change of the frequency between two corrections of the level
+        return max(1, int(1e-3 / change))
 
     @staticmethod
     def _horizon(step: int) -> int:
         """Cycles that are looked ahead."""
-        return max(HORIZON * step, SHORTEST_HORIZON)
+        # 6: corrections that are looked ahead
+        # 8: cycles
+        return max(6 * step, 8)
 
     def _start(self) -> float:
         """Gain at the start, where the transient already exceeds a limit at the full level."""
         gain, end = 0.0, min(self._horizon(self._step(0)), self._total)
-        for _ in range(MOST_STARTS):
+        # 8: trials of the level at the start
+        for _ in range(8):
             excess, _ = self._ahead(0, np.array([end]), np.array([gain, gain]), 0)
             if excess <= CLOSE:
                 break
@@ -131,7 +127,8 @@ class LevelControl:
 
     def _unlimited(self, at: int, horizon: int) -> int:
         """Cycle up to which the specification may be followed: no limit is exceeded up to a horizon beyond it."""
-        length = max(FREE_STRETCH, 2 * horizon)
+        # 64: cycles that are followed at once below the limits
+        length = max(64, 2 * horizon)
         while length >= 2 * horizon:
             end = min(at + length, self._total)
             to = end if end == self._total else end - horizon
@@ -156,10 +153,12 @@ class LevelControl:
             over = min((t for t in tried if t[1] > 0.0), key=lambda t: t[0], default=None)
             under = max((t for t in tried if t[1] <= 0.0), key=lambda t: t[0], default=None)
             at_end = (over is None and slope >= high) or (under is None and slope <= low)
-            if abs(excess) <= CLOSE or at_end or len(tried) == MOST_TRIALS:
+            # 6: of one correction
+            if abs(excess) <= CLOSE or at_end or len(tried) == 6:
                 break
             # half the change of the level in half of the corrections: a first guess of what it does to the response
-            change = max(LEAST_CHANGE, abs(excess) / max(0.3 * ahead.size, 1.0))
+            # 0.02: of the slope, from one trial to the next
+            change = max(0.02, abs(excess) / max(0.3 * ahead.size, 1.0))
             if over is None:
                 slope = min(high, slope + change)
             elif under is None:
@@ -215,7 +214,8 @@ class LevelControl:
         frequency[0], frequency[-1] = self.leg.first_hz, self.leg.last_hz
         order = np.argsort(frequency)
         frequency, gain = frequency[order], gain[order]
-        kept = corners(np.log(frequency), gain, TABLE_TOLERANCE)
+        # 1e-3: relative difference between the table of the level and the level that was followed
+        kept = corners(np.log(frequency), gain, 1e-3)
         frequency, gain = frequency[kept], gain[kept]
         return self._points(np.union1d(frequency, self._corners), frequency, gain)
 

@@ -16,9 +16,6 @@ from beamsim.interrupts import never
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.typing import Floats, Ints
 
-SEGMENTS_A_CALL = 2048  # between two reports of progress
-EVALUATIONS_A_CALL = 50_000  # of the compiled march, between which it may be stopped: less than half a second
-
 
 class Log(NamedTuple):
     """Segments and events in order of time."""
@@ -149,8 +146,10 @@ class March:
         """
         parts, code = [Log.sized(0, motion.y.size, 0)], None
         while self.outcome.complete and code != DONE:
-            log = Log.sized(SEGMENTS_A_CALL, motion.y.size, max(self.max_events + 1 - self.events, 0))
-            most = min(self.max_evaluations - self.evaluations, EVALUATIONS_A_CALL)
+            # 2048: between two reports of progress
+            log = Log.sized(2048, motion.y.size, max(self.max_events + 1 - self.events, 0))
+            # 50_000: of the compiled march, between which it may be stopped: less than half a second
+            most = min(self.max_evaluations - self.evaluations, 50_000)
             code, n_seg, n_ev, n_eval = motion.advance(flow, end, log, most)
             self.segments, self.events = self.segments + n_seg, self.events + n_ev
             self.evaluations += n_eval

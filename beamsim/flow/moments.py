@@ -14,7 +14,6 @@ import numpy as np
 from beamsim.flow.moment_kernels import fill_moments
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-NEAR = 1e-3  # a rate over the exponents that cancel in it, below which integrals come from moments
 AT_ONCE = 500_000  # numbers of a block of times, which bounds the memory
 
 
@@ -231,7 +230,8 @@ def _integrals(rate: Complexes, power: Ints, times: Floats) -> Complexes:
 def _distant(rate: Complexes, size: Floats, times: Floats) -> Bools:
     """Whether antiderivatives of exponentials keep their digits; size: sum of those that make up the rate, 1/s."""
     longest = float(times.max(initial=0.0))
-    return np.asarray(np.abs(rate) * longest > NEAR * (1.0 + longest * size))
+    # 1e-3: a rate over the exponents that cancel in it, below which integrals come from moments
+    return np.asarray(np.abs(rate) * longest > 1e-3 * (1.0 + longest * size))
 
 
 def blocks(count: int, width: int) -> Iterator[slice]:

@@ -26,11 +26,6 @@ from beamsim.flow.invariant_blocks import SimpleModes
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
 
-SMALLEST = 24  # coordinates, below which a fresh eigenvalue problem is as fast
-CONVERGED = 4e-16  # of a zero's distance from its pole
-SETTLED = 1e-12  # of the same: below it a step that no longer shrinks is round-off
-INEXACT = 1e-11  # relative error of a motion and its rate, at which the eigenvalue problem is solved anew
-
 
 def can_update(system: PiecewiseLinearSystem, before: Ints, phases: Ints) -> bool:
     """Whether the modes of a contact state may follow from those of another one.
@@ -47,7 +42,8 @@ def can_update(system: PiecewiseLinearSystem, before: Ints, phases: Ints) -> boo
     bool
     """
     n, contacts = system.size, system.contacts
-    if n < SMALLEST or contacts.coupled(before) or contacts.coupled(phases):
+    # 24: coordinates, below which a fresh eigenvalue problem is as fast
+    if n < 24 or contacts.coupled(before) or contacts.coupled(phases):
         return False
     if contacts.holds(before).any() or contacts.holds(phases).any():
         return False
@@ -96,7 +92,8 @@ def neighbouring_modes(
     k, c, shape = new[acting, 0], new[acting, 1], contacts.shape[acting]
     left = (pole[:, None] + np.diag(system.damping)) * rows + ((rows @ shape.T) * c) @ shape
     modes = SimpleModes(np.hstack([rows, pole[:, None] * rows]).T, np.hstack([left, rows]), pole)
-    return modes if _error(system, k, c, shape, modes) < INEXACT else None
+    # 1e-11: relative error of a motion and its rate, at which the eigenvalue problem is solved anew
+    return modes if _error(system, k, c, shape, modes) < 1e-11 else None
 
 
 def _with_dyad(
@@ -182,7 +179,9 @@ def _zeros(pole: Complexes, residue: Complexes, k: float, c: float) -> tuple[Int
         nearest = np.argmin(np.abs(offsets), axis=0), np.arange(busy.size)  # from which the distance is known best
         near[busy], offset[busy] = beside[nearest], offsets[nearest]
         scale = np.abs(offset[busy])
-        done = (size <= CONVERGED * scale) | ((size <= SETTLED * scale) & (size >= 0.5 * last[busy]))
+        # 4e-16: of a zero's distance from its pole
+        # 1e-12: of a zero's distance from its pole, below which a step that no longer shrinks is round-off
+        done = (size <= 4e-16 * scale) | ((size <= 1e-12 * scale) & (size >= 0.5 * last[busy]))
         last[busy] = size
         busy = busy[~done]
         if not busy.size:

@@ -22,7 +22,6 @@ from beamsim.interrupts import never
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.typing import Bools, Floats, Ints
 
-ROUND_OFF = 1e-15  # of the parts of a guard, that a sum of them is known to
 Powers = tuple[OutputOf, OutputOf, Floats]  # two factors (k,) and weights (k, 2): dissipated power and power in
 
 
@@ -258,7 +257,8 @@ class _RightHandSide:
 
         def value(t: float, y: Floats) -> float:
             inputs = self.flow.inputs_at(np.array([t]), since=self.since)[0, 0]
-            floor = ROUND_OFF * float(parts @ np.abs(np.concatenate([y[: self.flow.size], inputs])))
+            # 1e-15: of the parts of a guard, that a sum of them is known to
+            floor = 1e-15 * float(parts @ np.abs(np.concatenate([y[: self.flow.size], inputs])))
             pulled = 0.0 if self.cubic is None else float(self._pulls(t, y)[0] @ self.reactions[:, guard])
             return float(self._values(function, t, y)[0]) + pulled + floor
 

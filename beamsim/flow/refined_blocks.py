@@ -14,11 +14,6 @@ import numpy as np
 
 from beamsim.typing import Complexes, Floats, Ints
 
-TOLERATED = 1e-12  # of a state in another one, from couplings that stay
-SETTLED = 1e-17  # coupling from which on nothing is gained
-ALIKE = 1e-9  # relative distance of eigenvalues that are not told from each other
-ROUND_OFF = 1e-15  # the same of the largest eigenvalue
-
 
 class Subspaces(NamedTuple):
     """All of them; what A is between them is all but block diagonal."""
@@ -46,7 +41,8 @@ def refined(A: Floats, right: Complexes, left: Complexes, groups: Sequence[Ints]
         With the matrix A in them.
     """
     error = (scale[:, None] * right) @ _couplings(left @ (A @ right), groups) @ (left / scale)
-    if np.abs(error).max(initial=0.0) <= TOLERATED:
+    # 1e-12: of a state in another one, from couplings that stay
+    if np.abs(error).max(initial=0.0) <= 1e-12:
         return None
     A, X, Xi = A.astype(np.longdouble), right.astype(np.clongdouble), left.astype(np.clongdouble)
     eye, last = np.eye(A.shape[0]), np.inf
@@ -58,7 +54,8 @@ def refined(A: Floats, right: Complexes, left: Complexes, groups: Sequence[Ints]
         if not largest < 0.5 * min(last, 1.0):
             break
         X, Xi, last = X + X @ F, Xi - F @ Xi, largest
-        if largest <= SETTLED:
+        # 1e-17: coupling from which on nothing is gained
+        if largest <= 1e-17:
             break
     return Subspaces(*(part.astype(complex) for part in (X, Xi, E))) if np.isfinite(last) else None
 
@@ -67,7 +64,9 @@ def _couplings(E: Complexes, groups: Sequence[Ints]) -> Complexes:
     """F of the module's equation; zero within groups and between eigenvalues that are not told from each other."""
     values = np.diag(E)
     apart, size = values[None, :] - values[:, None], np.abs(values)
-    alike = np.abs(apart) <= ALIKE * np.maximum(size[:, None], size[None, :]) + ROUND_OFF * size.max()
+    # 1e-9: relative distance of eigenvalues that are not told from each other
+    # 1e-15: of the largest eigenvalue
+    alike = np.abs(apart) <= 1e-9 * np.maximum(size[:, None], size[None, :]) + 1e-15 * size.max()
     F = np.where(alike, 0.0, E / np.where(alike, 1.0, apart))
     alone = np.setdiff1d(np.arange(values.size), np.concatenate([*groups, np.zeros(0, dtype=np.int64)]))
     for i in groups:

@@ -29,7 +29,6 @@ from beamsim.flow.passage import ContactDirection, StructureDirection, moved_sys
 from beamsim.flow.sensitivity_kernels import Factors, differentiate
 from beamsim.typing import Complexes, Floats, Ints
 
-DIFFERENCE = 1e-5  # relative step of the differences
 EventKey = tuple[Ints, int, int] | None  # (m,) phases before it, the contact, and its new phase; None: nothing happens
 
 
@@ -175,7 +174,8 @@ class OutputRates(Change):
         )  # fmt: skip
         sizes = ((float(np.abs(rate).max(initial=0.0)), float(np.abs(value).max(initial=0.0))) for rate, value in pairs)
         relative = max((rate / value if value else 1.0 for rate, value in sizes if rate), default=1.0)
-        self._step = DIFFERENCE / relative
+        # 1e-5: relative step of the differences
+        self._step = 1e-5 / relative
         self._sides = [
             FlowOutputs(replace(flow, system=moved_system(flow.system, direction, amount)))
             for amount in (self._step, -self._step)

@@ -40,8 +40,6 @@ from beamsim.flow.taylor_kernels import (
 )
 from beamsim.typing import Bools, Floats
 
-STEPS_A_CALL = 128  # of the compiled integration, for which its log has room
-MOST_STEPS = 131072  # of a passage
 RADIANS = 3.0  # of the fastest mode, the longest step
 _FACTORIAL = np.cumprod(np.maximum(np.arange(HIGHEST_DERIVATIVE + 1.0), 1.0))
 
@@ -119,7 +117,8 @@ class SmoothFlow(PeriodicFlow):
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
         """The state after ``duration``, with its derivatives; see :meth:`PeriodicFlow.carry`."""
 
-        N, m, P, room = self.size, self.system.contacts.count, len(parameters), STEPS_A_CALL
+        # 128: of the compiled integration, for which its log has room
+        N, m, P, room = self.size, self.system.contacts.count, len(parameters), 128
         self._carried[0] += 1
         arrays = self._arrays(parameters)
         columns = np.hstack([start[:, None], np.zeros((N, P)), np.eye(N)])  # the motion, and its derivatives
@@ -135,7 +134,8 @@ class SmoothFlow(PeriodicFlow):
             rows = [count] * 4 + [events] * 3
             parts.append(tuple(column[:used].copy() for column, used in zip(log, rows, strict=True)))
             steps += count
-            if code != FULL or steps >= MOST_STEPS or not np.all(np.isfinite(columns[:, 0])):
+            # 131072: of a passage
+            if code != FULL or steps >= 131072 or not np.all(np.isfinite(columns[:, 0])):
                 break
         time, length, touching, states, *event = (np.concatenate(column) for column in zip(*parts, strict=True))
         check_finite(columns[:, 0])

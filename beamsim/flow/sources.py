@@ -17,7 +17,6 @@ from beamsim.inputs.streamed import StreamedSignal, common_record
 from beamsim.typing import Complexes, Floats, Ints
 
 RESONANCE = 0.02  # |nu - lambda| times a piece, below which the response to an exponential is a power series
-LEAST_LIMIT = 0.5  # ... to an exponential times a power of time, in any case
 LONGER, FASTER = 1.1, 1.25  # than the pieces for which responses were written down: hold for these, too
 
 
@@ -131,7 +130,8 @@ def _limits(sources: Sources) -> Floats:
         largest[largest == 0.0] = 1.0
         for f, unit in zip(group[1:], scale[1:], strict=True):
             share = float((unit * np.abs(sources.amplitude[:, f]) / largest).max())
-            limit[f] = max(limit[f] * share ** (1.0 / sources.power[f]), LEAST_LIMIT)
+            # 0.5: ... to an exponential times a power of time, in any case
+            limit[f] = max(limit[f] * share ** (1.0 / sources.power[f]), 0.5)
     return limit
 
 

@@ -23,7 +23,6 @@ from beamsim.outcomes import Outcome
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Floats, Ints
 
-CYCLES_AT_ONCE = 256  # of a stretch
 STEP = 1.05  # ratio of neighbouring carriers: beside its carrier a cycle turns by no more than 0.16 rad
 
 
@@ -132,7 +131,8 @@ class SweptMotion(March):
         first = 0
         for end in ends.tolist():
             while first < end:
-                last = min(first + CYCLES_AT_ONCE, end)
+                # 256: of a stretch
+                last = min(first + 256, end)
                 yield first, last
                 first = last
 

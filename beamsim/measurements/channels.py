@@ -75,9 +75,9 @@ def read_signals(path: Path, axis_unit: str | None = None) -> list[MeasuredSigna
     try:
         signals = [each.on_si_axis(axis_unit, AXIS_UNIT) for each in read_file(path) if each.axis]
     except MeasurementError as fault:
-        raise _wrong(f"{path} {fault.message}", fault.remedy) from None
+        raise unusable(f"{path} {fault.message}", fault.remedy) from None
     if not signals:
-        raise _wrong(f"{path} contains no signal", "it needs a time or frequency axis and at least one channel")
+        raise unusable(f"{path} contains no signal", "it needs a time or frequency axis and at least one channel")
     return signals
 
 
@@ -152,7 +152,7 @@ def history_named(path: Path, name: str, axis_unit: str | None = None) -> Measur
     """
     signal = channel_named(read_signals(path, axis_unit), name, "", path, required=True)
     if signal.of_frequency:
-        raise _wrong(f"{path}: {signal.name} is no time history", "choose the channel of the excitation over time")
+        raise unusable(f"{path}: {signal.name} is no time history", "choose the channel of the excitation over time")
     return signal
 
 
@@ -191,11 +191,11 @@ def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> M
 
 def _checked(signal: MeasuredSignal, path: Path) -> MeasuredSignal:
     if signal.x.size < 2:
-        raise _wrong(f"{path}: {signal.name} has {signal.x.size} samples", "export the whole signal")
+        raise unusable(f"{path}: {signal.name} has {signal.x.size} samples", "export the whole signal")
     try:
         return signal.checked()
     except MeasurementError as fault:
-        raise _wrong(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
+        raise unusable(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
 
 
 def _same(a: MeasuredSignal, b: MeasuredSignal) -> bool:
@@ -217,5 +217,6 @@ def _is_of(name: str, words: str) -> bool:
     return words in text and (other is None or other not in text)
 
 
-def _wrong(message: str, remedy: str) -> ScenarioError:
+def unusable(message: str, remedy: str) -> ScenarioError:
+    """A fault of a measurement, or of what is asked of it, that no key of the scenario names."""
     return ScenarioError(Problem("", message, remedy))

@@ -19,10 +19,6 @@ import numpy as np
 
 from beamsim.typing import Complexes, Floats
 
-SAMPLES_A_HARMONIC = 8
-LEAST_SAMPLES = 128
-POLISHING = 60
-
 
 def to_complex(x: Floats) -> Complexes:
     """(H + 1, …) harmonics from the real coefficients (2 H + 1, …) ordered 0, Re 1, Im 1, Re 2, …."""
@@ -69,7 +65,7 @@ def _polish(D: Complexes, low: Floats, high: Floats, f_low: Floats, f_high: Floa
     low, high = low.copy(), high.copy()
     x = low + (high - low) * np.clip(f_low / (f_low - f_high), 0.01, 0.99)
     floor = 4e-16 * float(np.abs(D).sum())
-    for _ in range(POLISHING):
+    for _ in range(60):
         f, slope = _value(D, x)
         below = f * f_low > 0
         low, high = np.where(below, x, low), np.where(below, high, x)
@@ -89,7 +85,7 @@ def close_intervals(D: Complexes) -> Floats:
     Samples bracket the zeros; between samples that come close to zero the extreme is looked up as well, so a contact
     shorter than a sample is seen.
     """
-    count = max(LEAST_SAMPLES, 1 << int(np.ceil(np.log2(max(SAMPLES_A_HARMONIC * D.size, 2)))))
+    count = max(128, 1 << int(np.ceil(np.log2(max(8 * D.size, 2)))))
     values = _samples(D, count)
     step = 2 * np.pi / count
     angle = np.arange(count) * step

@@ -25,21 +25,13 @@ MODE_LOST = "mode_lost"
 
 STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
 CLEAR = 0.95  # share of energy above which a motion is outside every tongue
-SAME_TONGUE = 4.0  # steps of the backbone within which a resonance of the same mode and order is the same tongue
-LEAST_PART = 0.7  # the same against the share outside tongues, where the mode holds less
 FORWARD = 0.7  # part of the parameter in the unit tangent of a branch that is not about to turn into a tongue
 GRADUAL = 0.1  # of the energy, that the mode may lose over a unit of the parameter (of a logarithm, or a factor of one)
-BETTER = 0.05  # of the energy, that the mode has more of in a motion which is worth a jump
 LOOKED_BESIDE = (0.8, 0.65)  # shares of the energy; a motion that the mode dominates more is looked for there, at the
 # lower one over periods and shapes as well, until it has the higher one
 FURTHEST = 0.25  # from the prediction, in scaled unknowns, for a point to belong to the backbone
 FURTHEST_JUMP = 0.8  # the same beyond a tongue
-FURTHEST_SEARCH = 1.5  # the same where nothing else was found
 SEARCHED_PARTS = (-0.3, -0.1, 0.1, 0.3)  # of the speed, in another mode
-STEP_IN_ENERGY = 0.05  # of its logarithm, whatever the range: where the path ends must not change how it gets there
-STEP_IN_FACTOR = 0.01  # likewise; of a factor above one relative to its value
-MOST_POINTS = 3000
-STRAIGHT = 0.9  # cosine between a step and the tangents at its ends that tells a step from a jump
 
 
 @dataclass(frozen=True)
@@ -115,7 +107,7 @@ class Backbone:
                 count += 1
                 yield point
             a = ahead[-1]
-            if count > MOST_POINTS:
+            if count > 3000:
                 self.outcome = too_many_points(count, a.parameter)
                 return
             step = min(full, 1.6 * step)
@@ -133,7 +125,8 @@ class Backbone:
         In turn: by a step in the parameter, along the branch, beyond the resonance that cuts the backbone, along the
         branch even where that is a tongue.
         """
-        self._least = min(LEAST_SHARE, LEAST_PART * self.share(self._clear[-1]))
+        # where the mode holds less outside tongues, 0.7 of that
+        self._least = min(LEAST_SHARE, 0.7 * self.share(self._clear[-1]))
         if self._resonance_at_end is not None:
             return self._continued(a, full, gradual=False)
         b = self._stepped(a, step)
@@ -182,8 +175,10 @@ class Backbone:
     def _step(self, point: BranchPoint) -> float:
         """The longest step in the parameter from a point."""
         if self.orbits.parameter == "stiffness_factor":
-            return STEP_IN_FACTOR * max(1.0, abs(point.parameter))
-        return STEP_IN_ENERGY
+            # whatever the range, too; of a factor above one relative to its value
+            return 0.01 * max(1.0, abs(point.parameter))
+        # 0.05: of its logarithm, whatever the range: where the path ends must not change how it gets there
+        return 0.05
 
     def _between(self, a: BranchPoint, b: BranchPoint) -> list[BranchPoint]:
         """Points between two neighbours, where the path has so few steps that its curve would be coarse."""
@@ -240,7 +235,8 @@ class Backbone:
         crossed = [level for level in LOOKED_BESIDE if self.share(b) < level <= self.share(a)]
         if not crossed or lost <= GRADUAL * abs(b.parameter - a.parameter):
             return None
-        least = self.share(b) + BETTER
+        # 0.05: of the energy, that the mode has more of in a motion which is worth a jump
+        least = self.share(b) + 0.05
         found = self._solved(self._guesses(b.parameter), b.parameter, FURTHEST_JUMP)
         point = next((point for point in found if self.share(point) > least), None)
         if point is None and LOOKED_BESIDE[1] in crossed:
@@ -331,7 +327,8 @@ class Backbone:
                 for part in SEARCHED_PARTS:
                     lent = part * abs(size) * omega / float(self.orbits.omega[other]) * self.orbits.vectors[:, other]
                     shape = still + np.sqrt(1.0 - part**2) * (pure - still) + lent
-                    for b in self._solved([self.orbits.unknowns(shape, period, value)], value, FURTHEST_SEARCH):
+                    # searched further, to 1.5, since nothing else was found
+                    for b in self._solved([self.orbits.unknowns(shape, period, value)], value, 1.5):
                         best = b if best is None or self.share(b) > self.share(best) else best
             if best is not None and self.share(best) > LOOKED_BESIDE[0]:
                 break
@@ -357,10 +354,12 @@ class Backbone:
         chord = (b.u - a.u) / self.orbits.scale(a.u)[0]
         size = float(np.linalg.norm(chord))
         along = min(float(a.tangent @ chord), float(b.tangent @ chord))
-        return size < FURTHEST and along > STRAIGHT * size and a.orientation * b.orientation > 0
+        # 0.9: cosine between a step and the tangents at its ends that tells a step from a jump
+        return size < FURTHEST and along > 0.9 * size and a.orientation * b.orientation > 0
 
     def _known(self, mode: int, ratio: int, parameter: float) -> bool:
-        near = SAME_TONGUE * self._step(self.start)
+        # 4.0: steps of the backbone within which a resonance of the same mode and order is the same tongue
+        near = 4.0 * self._step(self.start)
         return any((t.mode, t.ratio) == (mode, ratio) and abs(t.origin - parameter) < near for t in self.tongues)
 
     def _crossed(self, a: BranchPoint, b: BranchPoint) -> None:

@@ -19,9 +19,7 @@ import numpy as np
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats
 
-MARGIN = 1.5  # modes up to this multiple of the motion's highest harmonic are kept
 SMALL = 8  # coordinates that are kept as they are
-NEAR_POLE = 1e-4  # |Z| of a mode against its stiffness or inertia, below which the regular form is solved for directly
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,8 @@ class Condensation:
         """(F, n) K - w² I + i w C of modes that damping does not couple, and at which frequencies (F,) one is near a
         pole: everywhere where it couples them."""
         z = self.stiffness - (w**2)[:, None] + 1j * np.multiply.outer(w, np.diag(self.damping))
-        near = np.any(np.abs(z) <= NEAR_POLE * (self.stiffness + (w**2)[:, None]), axis=1) | (not self.diagonal)
+        # 1e-4: |Z| of a mode against its stiffness or inertia, below which the regular form is solved for directly
+        near = np.any(np.abs(z) <= 1e-4 * (self.stiffness + (w**2)[:, None]), axis=1) | (not self.diagonal)
         z[near] = 1.0
         return z, near
 
@@ -150,7 +149,8 @@ def reduced_for_stability(system: PiecewiseLinearSystem, highest: float) -> tupl
     Returns the reduced system, and its coordinates (n, k) in the given ones.
     """
     n, shape = system.size, system.contacts.shape
-    high = np.flatnonzero(system.stiffness > (MARGIN * highest) ** 2)
+    # 1.5: modes up to this multiple of the motion's highest harmonic are kept
+    high = np.flatnonzero(system.stiffness > (1.5 * highest) ** 2)
     if n <= SMALL or high.size <= shape.shape[0]:
         return system, np.eye(n)
     basis = np.delete(np.eye(n), high, axis=1)

@@ -24,16 +24,10 @@ from beamsim.typing import Floats
 
 CLOSED_CURVE, NOT_SMOOTH, STEP_TOO_SMALL = "closed_curve", "not_smooth", "step_too_small"
 
-UNTOUCHED = 0.01  # of the tolerance, at which a first guess needs no correction
-SETTLED = 1e-13  # a Newton step shorter than this is round-off
 STIFF = 1e3  # times the tolerance, up to which a residual may then be round-off, and no sign of divergence
-LEAST_ALONG = 0.1  # cosine of a tangent and the chord, below which the tangent is no guess of what lies ahead
 MOST_ASTRAY = 0.1  # of a step, outside the span of both tangents: beyond it lies another branch
-RANK_LOST = 1e-5  # smallest singular value of the Jacobian against its largest at a crossing of branches
 RANK_HALVINGS, RANK_FALLS = 8, 0.1  # of a step, within which that value must fall, and to which part at least
-RING = 0.1  # of a step, how far beside it the first point may lie that it passes
 AT_REST = 1e-13  # of a tangent: unknowns below it do not change along the branch
-FARTHEST_EXTRAPOLATION = 2.0  # of a cubic through two neighbours, in lengths between them
 
 
 class ContinuationProblem(Protocol):
@@ -159,9 +153,11 @@ def newton(
         Jw = J * scale / rs[:, None]
         off = float(row @ (w - start)) - ahead
         # a guess that a step would not better is taken as it is: where branches cross, a step may lead off the own one
-        good = size <= (settings.tolerance if iteration else UNTOUCHED * settings.tolerance)
+        # 0.01: of the tolerance, at which a first guess needs no correction
+        good = size <= (settings.tolerance if iteration else 0.01 * settings.tolerance)
         # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
-        good = good or (moved <= SETTLED and size <= STIFF * settings.tolerance)
+        # 1e-13: a Newton step shorter than this is round-off
+        good = good or (moved <= 1e-13 and size <= STIFF * settings.tolerance)
         if good and abs(off) <= 1e-9 + settings.tolerance:
             return Converged(u, Jw, size, iteration, data)
         diverges = iteration > 2 and size > 2.0 * last and size > STIFF * settings.tolerance
@@ -296,7 +292,8 @@ def interpolated(
         return np.asarray((wb + x * (chord if x <= 0 else length * tb)) * scale)
     bend = x**2 * (length * (ta + 2.0 * tb) - 3.0 * chord) + x**3 * (length * (ta + tb) - 2.0 * chord)
     bend[(np.abs(ta) < AT_REST) & (np.abs(tb) < AT_REST)] = 0.0  # round-off there would grow from step to step
-    if x > FARTHEST_EXTRAPOLATION:
+    # 2.0: of a cubic through two neighbours, in lengths between them
+    if x > 2.0:
         bend[:] = 0.0
     return np.asarray((wb + x * length * tb + bend) * scale)
 
@@ -343,7 +340,8 @@ def _ahead(point: BranchPoint, row: Floats, target: float, scale: Floats) -> Flo
     """A guess on a point's tangent, at ``row . (u / scale) = target``; beside a corner it is closer than the chord."""
     t = point.tangent * point.scale / scale
     w, along = point.u / scale, float(row @ t)
-    if abs(along) < LEAST_ALONG * float(np.linalg.norm(t)):
+    # 0.1: cosine of a tangent and the chord, below which the tangent is no guess of what lies ahead
+    if abs(along) < 0.1 * float(np.linalg.norm(t)):
         return point.u
     return np.asarray((w + (target - float(row @ w)) / along * t) * scale)
 
@@ -455,7 +453,8 @@ def branch_point_between(
     if min(rank(left), rank(right)) > RANK_FALLS * max(rank(a), rank(b)):
         return None
     point = locate(problem, left, right, lambda p: p.orientation, settings)
-    return point if point is not None and rank(point) < RANK_LOST else None
+    # 1e-5: smallest singular value of the Jacobian against its largest at a crossing of branches
+    return point if point is not None and rank(point) < 1e-5 else None
 
 
 def _astray(a: BranchPoint, b: BranchPoint) -> float:
@@ -481,7 +480,8 @@ def _passes(a: BranchPoint, b: BranchPoint, start: BranchPoint) -> bool:
     chord, beside = (b.u - a.u) / start.scale, (start.u - a.u) / start.scale
     length = float(np.linalg.norm(chord))
     share = float(beside @ chord) / length**2
-    if not 0.0 <= share <= 1.0 or float(np.linalg.norm(beside - share * chord)) > RING * length:
+    # 0.1: of a step, how far beside it the first point may lie that it passes
+    if not 0.0 <= share <= 1.0 or float(np.linalg.norm(beside - share * chord)) > 0.1 * length:
         return False
     return float(chord @ start.tangent) > 0.8 * length
 

@@ -28,8 +28,6 @@ from beamsim.typing import Floats
 
 SecondParameter = Literal["level"] | Callable[[float], tuple[PeriodicFlow, ContactDirection]]
 
-DIFFERENCE = 1e-6  # step along v, against the unknowns' scale
-
 
 @dataclass
 class TwoParameterCurve:
@@ -90,7 +88,8 @@ class FoldCurve(TwoParameterCurve):
         scale = self.scale(u)[0]
         k = R.size
         g, w, v = self._bordered(A[:, :k], scale)
-        step = DIFFERENCE / float(np.linalg.norm(v / scale[:k]))
+        # 1e-6: step along v, against the unknowns' scale
+        step = 1e-6 / float(np.linalg.norm(v / scale[:k]))
         h = np.append(v * step, np.zeros(2))
         change = self.shoot(u + h)[1] - self.shoot(u - h)[1]
         return np.append(R, g), np.vstack([A, -w @ change / (2.0 * step)]), passage

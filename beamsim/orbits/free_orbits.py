@@ -26,9 +26,6 @@ from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Complexes, Floats
 
-STABLE = 1e-6  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
-SAME = 1e-6  # relative distance within which two solutions are one motion
-
 
 @dataclass
 class FreeOrbits(ConservativeOrbits):
@@ -75,7 +72,8 @@ class FreeOrbits(ConservativeOrbits):
         """What a converged point means."""
         y, period, _, _ = self.split(point.u)
         mu = self.multipliers(point)
-        stable = on_unit_circle(0.5 * (mu + 1.0 / mu), STABLE)
+        # 1e-6: (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
+        stable = on_unit_circle(0.5 * (mu + 1.0 / mu), 1e-6)
         return Orbit(point.parameter, y, period, mu, stable, point.residual, point.data.energy)
 
 
@@ -158,7 +156,8 @@ class FullPeriodPath:
             ahead = [last[1].u + reach * (last[1].u - last[0].u)]
         for guess in (*ahead, at_rest):
             point = solve_at(self.orbits, guess, self.settings, brake_point.parameter)
-            if point is not None and self._difference(point, brake_point) < SAME:
+            # 1e-6: relative distance within which two solutions are one motion
+            if point is not None and self._difference(point, brake_point) < 1e-6:
                 return point
         return None
 

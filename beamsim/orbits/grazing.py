@@ -24,13 +24,8 @@ from beamsim.orbits.extrema import extrema_of
 from beamsim.typing import Complexes, Floats
 
 MOST_HALVINGS = 40
-MOST_MIDDLES = 200  # motions looked at between two neighbours
-ONE_PHASE = 4  # events of a phase that appears, and of its mirror image where a motion goes back the way it came
-REORDERED = 2  # halvings where every contact keeps its number of events: contacts met in another order graze nothing
 BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of a grazing
 WINDOWS = 64  # of a period, in each of which the largest penetration is looked for
-EPS = 1e-13  # of a period, within which a time is that of a window's edge
-TOUCHING = 1e-6  # of the neighbours' penetrations: the remainder where a penetration has vanished
 
 
 class OrbitProblem(OrbitContinuation, Protocol):
@@ -127,7 +122,8 @@ def extremum(
 
     found = extrema_of(flow, passage, rows, values, edges)
     high, when = found.high[:, 0], found.when_high[:, 0]
-    apart = EPS * T
+    # 1e-13: of a period, within which a time is that of a window's edge
+    apart = 1e-13 * T
     first, last = when <= edges[:-1] + apart, when >= edges[1:] - apart
     turns = np.flatnonzero(~(first | last) | (last & np.roll(first, -1)))
     if turns.size == 0:
@@ -149,7 +145,8 @@ def grazings(problem: OrbitProblem, a: BranchPoint, b: BranchPoint, settings: Se
     -------
     The points, one after the other.
     """
-    yield from _within(problem, a, b, settings, 0, iter(range(MOST_MIDDLES)))
+    # 200: motions looked at between two neighbours
+    yield from _within(problem, a, b, settings, 0, iter(range(200)))
 
 
 def smooth_pieces(a: BranchPoint, b: BranchPoint, corners: list[SpecialPoint]) -> list[tuple[BranchPoint, BranchPoint]]:
@@ -200,14 +197,16 @@ def _within(
         return
     flow, cycle_a = problem.cycle(a)
     contacts, cycle_b = flow.system.contacts, problem.cycle(b)[1]
-    if depth >= REORDERED and sorted(cycle_a.signature) == sorted(cycle_b.signature):
+    # 2: halvings where every contact keeps its number of events: contacts met in another order graze nothing
+    if depth >= 2 and sorted(cycle_a.signature) == sorted(cycle_b.signature):
         return
     without = without_borders(contacts) if contacts.jointly_acting else set()
     events_a, events_b = cyclic(cycle_a, without), cyclic(cycle_b, without)
     if events_a == events_b:
         return
     ea, eb = len(events_a), len(events_b)
-    if 0 < abs(ea - eb) <= ONE_PHASE or (ea != eb and depth > MOST_HALVINGS // 2):
+    # 4: events of a phase that appears, and of its mirror image where a motion goes back the way it came
+    if 0 < abs(ea - eb) <= 4 or (ea != eb and depth > MOST_HALVINGS // 2):
         more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
         points = _at_one_point(problem, a, b, more, few, settings, late=depth > MOST_HALVINGS // 2)
         if points:
@@ -250,7 +249,8 @@ def _at_one_point(
         return []
     found = [nearest(graze, stay) for stay in stays]
     sizes = [max((abs(v) for v in ends if np.isfinite(v)), default=0.0) for ends in values]
-    touching = [abs(value) <= TOUCHING * size for (value, _), size in zip(found, sizes, strict=True)]
+    # 1e-6: of the neighbours' penetrations: the remainder where a penetration has vanished
+    touching = [abs(value) <= 1e-6 * size for (value, _), size in zip(found, sizes, strict=True)]
     if not touching[0] or not (late or (all(touching) and _explains(problem, a, graze, b, settings))):
         return []
     return [

@@ -42,8 +42,6 @@ from beamsim.typing import Complexes, Floats
 
 Finder = Callable[[ForcedOrbits], BranchPoint | None]
 
-NEAR = 0.2  # how far the motion of shooting may be from that of the balance, relative to its size
-
 
 @dataclass(frozen=True)
 class Truncation:
@@ -299,7 +297,8 @@ class ForcedBalance:
         guess = np.append(self._state_at_start(point), omega)
         for correct in (solve_at, correct_across):
             beside = correct(orbits, guess, Settings())
-            if beside is not None and float(np.max(np.abs((beside.u - guess) / beside.scale))) < NEAR:
+            # 0.2: how far the motion of shooting may be from that of the balance, relative to its size
+            if beside is not None and float(np.max(np.abs((beside.u - guess) / beside.scale))) < 0.2:
                 return orbits.multipliers(beside)
         return floquet_multipliers(orbits.flow.under(omega, level).carry(guess[:-1], motion.period).transition)
 

@@ -11,9 +11,6 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.flow.passage import ContactDirection, StructureDirection
 from beamsim.flow.periodic_flow import PeriodicFlow
 
-HEAVY = 0.5  # added damping ratio at the beginning of a path of falling damping
-SMALLEST_RATIO = 1e-3  # unit in which the added damping is counted where the structure has less
-
 
 @dataclass
 class ContactPath:
@@ -59,8 +56,10 @@ class DampingPath:
         self._critical = 2.0 * np.where(elastic, omega, omega[elastic].min() if elastic.any() else self.flow.omega)
         ratio = np.median(np.diag(s.damping)[elastic] / self._critical[elastic]) if elastic.any() else 0.0
         self._damping = s.damping
-        self.unit = max(float(ratio), SMALLEST_RATIO)
-        self.heavy = 1.0 + float(np.log1p(HEAVY / self.unit))
+        # 1e-3: unit in which the added damping is counted where the structure has less
+        self.unit = max(float(ratio), 1e-3)
+        # 0.5: added damping ratio at the beginning of a path of falling damping
+        self.heavy = 1.0 + float(np.log1p(0.5 / self.unit))
 
     def __call__(self, parameter: float) -> tuple[PeriodicFlow, StructureDirection]:
         """The flow at a parameter, and the direction there."""

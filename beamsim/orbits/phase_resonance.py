@@ -40,7 +40,6 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
 
-NODE = 1e-9  # share of the largest possible work below which a force does none
 TOLERANCE = 1e-8  # of the cosine of the lag: amplitudes are then right to its square
 
 
@@ -94,7 +93,8 @@ def appropriate_force(
     work = complex((weight * np.exp(1j * omega * t)) @ power)
     reach = float(np.sqrt(period * (weight @ np.abs(power) ** 2)))
     size = float(np.linalg.norm(load) * np.sqrt(period * (weight @ np.sum(v**2, axis=1))))
-    if abs(work) <= NODE * max(reach, size):
+    # 1e-9: share of the largest possible work below which a force does none
+    if abs(work) <= 1e-9 * max(reach, size):
         raise ValueError("the force does no work on this mode (it acts at a node)")
     # a motion that is shift ahead of the mode's own takes Re(work e^{-i omega shift}) from the force
     shift = float(np.angle(work)) / omega % period

@@ -23,8 +23,6 @@ from beamsim.orbits.conservative import ConservativeOrbits, on_unit_circle
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.typing import Complexes, Floats
 
-STABLE = 1e-7  # (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
-
 
 @dataclass
 class BrakeOrbits(ConservativeOrbits):
@@ -121,7 +119,8 @@ class BrakeOrbits(ConservativeOrbits):
     def orbit(self, point: BranchPoint) -> Orbit:
         """What a converged point means."""
         q, period, _, _ = self.split(point.u)
-        stable = on_unit_circle(self.half_traces(point), STABLE)
+        # 1e-7: (mu + 1/mu)/2 may leave [-1, 1] by this much: the trivial pair and round-off
+        stable = on_unit_circle(self.half_traces(point), 1e-7)
         return Orbit(
             point.parameter, np.append(q, np.zeros(self.n)), period, self.multipliers(point), stable, point.residual,
             point.data.energy,

@@ -26,7 +26,6 @@ from beamsim.typing import Complexes, Floats
 STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
 EARLY = 30  # periods of a transient before the path of falling damping is tried
 RESTS = 1e-7  # change of a slider by a unit of the state, over a period, that is round-off
-GUESSED_RATIO = 0.01  # least damping ratio in a first guess, which must have a bound at resonance
 
 
 @dataclass
@@ -174,7 +173,8 @@ def linear_guess(flow: PeriodicFlow) -> Floats:
     force, _, _, _ = flow.loads.at(flow.omega, flow.level)
     z = np.zeros(flow.size)
     K, C = np.diag(flow.system.stiffness), flow.system.damping
-    least = 2.0 * GUESSED_RATIO * np.sqrt(flow.system.stiffness)
+    # 0.01: least damping ratio in a first guess, which must have a bound at resonance
+    least = 2.0 * 0.01 * np.sqrt(flow.system.stiffness)
     C = C + np.diag(np.maximum(least - np.diag(C), 0.0))
     with np.errstate(divide="ignore"):
         z[:n] = np.where(flow.system.stiffness > 0, flow.system.constant_load / flow.system.stiffness, 0.0)

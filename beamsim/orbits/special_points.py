@@ -19,12 +19,8 @@ from beamsim.orbits.grazing import OrbitProblem, grazings, smooth_pieces, turned
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.typing import Complexes, Floats, Ints
 
-AT_FOLD = 1e-3  # of the tangent's part along the parameter at the neighbours: what a fold leaves of it
 AT_BOUNDARY = 1e-5  # distance of a multiplier from where a located point says that it is
-NEAR_MINUS_ONE = 0.1  # distance of a multiplier within which a step is looked into for a pair of period doublings
-NEAR_CIRCLE = 0.02  # the same for complex multipliers and two Neimark–Sacker points
 FIRST_AMPLITUDE = 0.01  # of a motion of another branch beside the one that it leaves, over that one's size
-FURTHEST = 10.0  # that the unknowns may move while this amplitude is held, in units of it
 
 
 def _doubling(mu: Complexes) -> float:
@@ -79,7 +75,8 @@ def special_points(
                 fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
                 if fold is not None:
                     ends = min(abs(float(left.tangent[-1])), abs(float(right.tangent[-1])))
-                    if abs(float(fold.tangent[-1])) <= AT_FOLD * ends:
+                    # 1e-3: of the tangent's part along the parameter at the neighbours: what a fold leaves of it
+                    if abs(float(fold.tangent[-1])) <= 1e-3 * ends:
                         special.append(SpecialPoint("fold", fold.parameter, fold))
                     elif not turned_at(special, piece, fold):
                         raise ArithmeticError("the branch turns back at a corner that was not found")
@@ -142,7 +139,9 @@ def _parts(
     elif share is None and problem.bifurcates:
         for mu in (problem.multipliers(a), problem.multipliers(b)):
             turning = mu[np.abs(mu.imag) > AT_BOUNDARY]
-            if np.any(np.abs(mu + 1.0) < NEAR_MINUS_ONE) or np.any(np.abs(np.abs(turning) - 1.0) < NEAR_CIRCLE):
+            # 0.1: distance of a multiplier within which a step is looked into for a pair of period doublings
+            # 0.02: relative distance of complex multipliers and of two Neimark–Sacker points
+            if np.any(np.abs(mu + 1.0) < 0.1) or np.any(np.abs(np.abs(turning) - 1.0) < 0.02):
                 share = 0.5
     middle = None if share is None else between(problem, a, b, share, settings)
     if middle is None:
@@ -191,7 +190,8 @@ def beside(
     scale = problem.scale(u)[0]
     for size in sizes:
         guess = u + size * row * scale
-        point = correct(problem, guess, row, scale, settings, reference=row, furthest=FURTHEST * size)
+        # 10.0: how far the unknowns may move while the first amplitude is held, in units of it
+        point = correct(problem, guess, row, scale, settings, reference=row, furthest=10.0 * size)
         if point is not None:
             yield point
 

@@ -17,8 +17,6 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import motion_of
 from beamsim.typing import Floats
 
-DISTINCT = 100.0  # a longer period counts only where the changes over shorter ones are so many tolerances
-
 
 @dataclass
 class CycleStepper(March):
@@ -133,7 +131,8 @@ def settle(
                 change = now / size
             # a difference that shrinks by a factor r a period adds up to r / (1 - r) of itself
             ratio = min(now / before, 0.999) if before > 0 else 0.0
-            if shorter <= DISTINCT * tolerance * size:
+            # 100.0: a longer period counts only where the changes over shorter ones are so many tolerances
+            if shorter <= 100.0 * tolerance * size:
                 break  # a shorter period is about to be reached
             shorter = min(shorter, now)
             if now <= 1e-12 * size or now * max(1.0, ratio / (1 - ratio)) <= tolerance * size:

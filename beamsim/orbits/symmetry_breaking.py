@@ -28,11 +28,8 @@ BRAKE_ORBIT_ITSELF = Outcome.of(
     OutcomeKind.STOPPED, "brake_orbit_itself", "the orbits found are brake orbits, shifted in time"
 )
 
-KERNEL = 1e-5  # smallest singular value of b, scaled, against its largest, at a located point
 LARGEST_RATIO = 12  # of the frequencies of a mode and the branch
 FIRST_KICKS = (0.03, 0.01, 0.003, 0.1)  # speed that the branch begins with, over sqrt(2 E)
-AT_REST = 1e-4  # slowest speed over sqrt(2 E) that counts as rest
-NEAR_REST = 0.3  # of the largest slowest speed so far: here a reversal of the motion means that rest was passed
 
 
 @dataclass(frozen=True)
@@ -88,7 +85,8 @@ def breaking_between(
     if kernel is None:
         return None
     kick, mode, ratio, smallness = _kick(orbits, kernel)
-    if smallness > KERNEL or not 1 <= ratio <= LARGEST_RATIO:
+    # 1e-5: smallest singular value of b, scaled, against its largest, at a located point
+    if smallness > 1e-5 or not 1 <= ratio <= LARGEST_RATIO:
         return None
     return SymmetryBreaking(kernel, kernel.parameter, kick, mode, ratio)
 
@@ -144,8 +142,10 @@ class NonBrakeBranch:
             slowest = self._slowest(point)
             speed = float(np.linalg.norm(slowest))
             fastest = max(fastest, speed)
-            turned = before is not None and speed < NEAR_REST * fastest and float(slowest @ before) < 0
-            if speed < AT_REST or turned:
+            # 0.3: of the largest slowest speed so far: here a reversal of the motion means that rest was passed
+            turned = before is not None and speed < 0.3 * fastest and float(slowest @ before) < 0
+            # 1e-4: slowest speed over sqrt(2 E) that counts as rest
+            if speed < 1e-4 or turned:
                 self.outcome = BACK_TO_BRAKE_ORBITS if count > 1 else BRAKE_ORBIT_ITSELF
                 return
             yield point

@@ -17,17 +17,12 @@ from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Floats
 
 FIRST_AMPLITUDES = (0.3, 0.4)  # of the other mode, against all the energy in it, at which a tongue is entered
-ENTERED = 0.6  # of the amplitude asked for, for a motion to count as one in the tongue
 INWARD = (0.2, 0.1)  # the same amplitudes on the way back to the backbone
 STEPS = (1.0, 0.6, 1.7, 0.3)  # of the step, tried in turn: over the thinner tongues of third modes
 SHORTEST, LONGEST = 1e-3, 0.12  # steps in scaled unknowns
 BACKGROUND = 0.03  # share of third modes beyond what they had, above which a motion belongs to one of their tongues
-TRANSFERRED = 0.02  # share of the energy in the requested mode below which a tongue ends
 LEAST_SHARE = 0.5  # of the energy in the requested mode: a tongue has less somewhere, a jump leads to more
-RIGID = 1e-6  # of the frequency of the requested mode: a slower mode is a rigid-body mode
-MOST_FAILURES = 12  # attempts without a motion, in one tongue
 SAMPLES_A_TURN = 8  # of the fastest coordinate
-MOST_HARMONICS = 1024
 
 
 def harmonics(orbits: BrakeOrbits, point: BranchPoint, count: int) -> Floats:
@@ -68,7 +63,7 @@ def resonance_between(orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, mode:
     The other mode and n.
     """
     period = max(orbits.split(p.u)[1] for p in (a, b))
-    count = min(int(np.ceil(SAMPLES_A_TURN * float(orbits.omega.max()) * period / (2 * np.pi))), MOST_HARMONICS)
+    count = min(int(np.ceil(SAMPLES_A_TURN * float(orbits.omega.max()) * period / (2 * np.pi))), 1024)
     change = np.abs(harmonics(orbits, b, count) - harmonics(orbits, a, count))
     change[0] = 0.0
     change[:, mode] = 0.0
@@ -118,7 +113,8 @@ class Tongues:
         -------
         The tongue, from its first motion inwards.
         """
-        if self.orbits.omega[other] < RIGID * self.orbits.omega[self.mode]:
+        # 1e-6: of the frequency of the requested mode: a slower mode is a rigid-body mode
+        if self.orbits.omega[other] < 1e-6 * self.orbits.omega[self.mode]:
             return None
         left, right = self.orbits.mode_slope(a, other), self.orbits.mode_slope(b, other)
         at = left / (left - right) if left * right < 0 else 0.5
@@ -150,7 +146,8 @@ class Tongues:
             point = correct(self.orbits, w * scale, row, scale, settings, furthest=0.5)
             if point is None or not self.low <= point.parameter <= self.high:
                 return None
-            entered = self.orbits.share_at(point)[other] > (ENTERED * amplitude) ** 2
+            # 0.6: of the amplitude asked for, for a motion to count as one in the tongue
+            entered = self.orbits.share_at(point)[other] > (0.6 * amplitude) ** 2
             return point if entered and self._third(point, other) < most_third else None
 
         points: list[BranchPoint] = []
@@ -197,7 +194,8 @@ class Tongues:
                 failures += 1
             if new is None:
                 ds *= 0.4
-                if ds < SHORTEST or failures > MOST_FAILURES:
+                # 12: attempts without a motion, in one tongue
+                if ds < SHORTEST or failures > 12:
                     outcome = Outcome.of(
                         OutcomeKind.STOPPED, "no_further_motion",
                         "no further motion in these two modes alone was found",
@@ -206,7 +204,8 @@ class Tongues:
                 continue
             points.append(new)
             third = 0.5 * (third + self._third(new, other))
-            if self.orbits.share_at(new)[self.mode] < TRANSFERRED:
+            # 0.02: share of the energy in the requested mode below which a tongue ends
+            if self.orbits.share_at(new)[self.mode] < 0.02:
                 outcome = Outcome.of(
                     OutcomeKind.COMPLETE, "energy_transferred", "the energy has been transferred to the other mode"
                 )

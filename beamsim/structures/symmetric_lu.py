@@ -13,8 +13,6 @@ from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
 from beamsim.typing import Floats, Ints
 
-_FAR_BELOW = 0.01  # of the smallest eigenvalue: the error of factors whose signs count
-
 
 @dataclass(frozen=True)
 class SymmetricLU:
@@ -58,7 +56,8 @@ class SymmetricLU:
         signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(size, 8))
         error = float(np.linalg.norm(lu.L @ (lu.U @ signs) - permuted @ signs) / np.sqrt(signs.shape[1]))
         inverse = LinearOperator((size, size), matvec=lu.solve, rmatvec=lu.solve, matmat=lu.solve, dtype=float)
-        return bool(error * onenormest(inverse) <= _FAR_BELOW)
+        # 0.01: of the smallest eigenvalue: the error of factors whose signs count
+        return bool(error * onenormest(inverse) <= 0.01)
 
     @property
     def root(self) -> Any:

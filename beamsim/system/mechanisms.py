@@ -18,8 +18,6 @@ from beamsim.typing import Floats
 
 # A motion below this fraction of the largest possible one is round-off.
 _NOTHING = 1e-9
-# Distances of joined points that differ by less, relative to the larger, are those of rounded coordinates.
-_ROUNDED = 1e-4
 
 
 def held_problems(parts: Parts, acting: Sequence[tuple[Path, LoadSite, str]]) -> list[Problem]:
@@ -70,7 +68,9 @@ def open_loops(parts: Parts) -> Iterator[str]:
         others = np.where(by == name, np.inf, nearest)
         links = csgraph_from_dense(others, null_value=np.inf)
         reach, before = shortest_path(links, indices=i, return_predecessors=True)
-        if not span - reach[j] > _ROUNDED * span:
+        # 1e-4: distances of joined points that differ by less, relative to the larger, are those of rounded
+        # coordinates.
+        if not span - reach[j] > 1e-4 * span:
             continue
         path = [j]
         while path[-1] != i:

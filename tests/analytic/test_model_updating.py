@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from beamsim.analyses.assurance import assurance
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.contact_point import free_frequencies, mode_shapes
-from beamsim.analyses.identify.model_updating import mac_matrix
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import find_parameters, value_at, with_values
@@ -108,8 +108,8 @@ def test_supports_are_chosen_by_trying_them():
 def test_mac_is_one_for_the_own_shapes_and_tells_swapped_ones():
     positions = (0.05, 0.1, 0.15, 0.2, 0.27)
     _, shapes = mode_shapes(load_scenario(BASE), "tip", 3, positions)
-    assert np.diag(mac_matrix(-3 * shapes, shapes)) == pytest.approx(np.ones(3))
-    assert mac_matrix(np.array([[1.0, 0.0]]), np.array([[0.0, 2.0]])) == pytest.approx(np.zeros((1, 1)))
+    assert np.diag(assurance(-3 * shapes.T, shapes.T)) == pytest.approx(np.ones(3))
+    assert assurance(np.array([[1.0], [0.0]]), np.array([[0.0], [2.0]])) == pytest.approx(np.zeros((1, 1)))
     swapped = {"positions": list(positions), "shapes": shapes[[1, 0, 2]].tolist()}
     result = identify_stiffness(case(frequencies(3), ["beam.youngs_modulus"], shapes_without=swapped))
     assert result.mac.shape == (3, 3)

@@ -8,9 +8,10 @@ import pytest
 import beamsim
 from beamsim.analyses.compare.measured import harmonics_of
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.analyses.identify.model_updating import inverse_information
-from beamsim.analyses.identify.nonlinear_fit import _NonlinearFit, fit_nonlinear
-from beamsim.analyses.identify.steady import NoSteadyVibrationError, steady_vibration
+from beamsim.analyses.identify.covariance import inverse_information
+from beamsim.analyses.identify.fit import Fit, UnpredictableError
+from beamsim.analyses.identify.nonlinear_fit import fit_nonlinear
+from beamsim.analyses.identify.steady import steady_vibration
 from beamsim.errors import ScenarioError
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
@@ -56,9 +57,7 @@ def case(frequencies, estimate=tuple(SOUGHT), start=None, **settings):
 
 
 def test_the_steady_response_is_where_the_transient_ends():
-    scenario = load_scenario(
-        CASE, {**TRUTH, "run.duration": 5.0, "run.sample_rate": 65 * 100, "run.convergence": "off"}
-    )
+    scenario = load_scenario(CASE, {**TRUTH, "run.duration": 5.0, "run.sample_rate": 65 * 100})
     result = beamsim.run(scenario)
     history = MeasuredSignal("tip", result.time, result.probes["tip"].displacement)
     transient = harmonics_of(history, 65.0, 8, last=20 / 65).value
@@ -233,19 +232,20 @@ def test_a_linear_identification_gives_the_starting_stiffness(vibrations):
 
 def test_a_derivative_that_fails_is_an_outcome(vibrations, monkeypatch):
     """No steady vibration beside the estimate of the gap: its deviation is unknown, not zero."""
-    predict, jacobian, at = _NonlinearFit.predict, _NonlinearFit.jacobian, []
+    residuals, best, at = Fit.residuals, Fit.best, []
 
-    def remembering(fit, x, *, central=False):
-        at[:] = [x[1]] if central else []
-        return jacobian(fit, x, central=central)
+    def remembering(fit, start):
+        found = best(fit, start)
+        at[:] = [found.x[1]]
+        return found
 
-    def failing(fit, theta):
-        if at and theta[1] != at[0]:
-            raise NoSteadyVibrationError
-        return predict(fit, theta)
+    def failing(fit, x, beside=False):
+        if at and x[1] != at[0]:
+            raise UnpredictableError
+        return residuals(fit, x, beside)
 
-    monkeypatch.setattr(_NonlinearFit, "jacobian", remembering)
-    monkeypatch.setattr(_NonlinearFit, "predict", failing)
+    monkeypatch.setattr(Fit, "best", remembering)
+    monkeypatch.setattr(Fit, "residuals", failing)
     scenario = case([65.0, 78.0], ("snubbers.tip.stiffness", "snubbers.tip.gap"))
     result = identify_stiffness(scenario, [signal(f, vibrations[f], noise=0.01) for f in (65.0, 78.0)])
     assert result.outcome.code == "derivative_unknown"

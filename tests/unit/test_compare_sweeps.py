@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import pyuff
 
-from beamsim.analyses.compare.sweeps import Tracking, assurance, compare_sweep, peaks_of
+from beamsim.analyses.assurance import assurance
+from beamsim.analyses.compare.sweeps import Tracking, compare_sweep, peaks_of
 from beamsim.analyses.compare.tracking import track
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
@@ -103,8 +104,8 @@ def test_a_lone_peak_has_no_partner(swept):
 
 def test_frac_ignores_a_factor_and_notices_a_difference():
     one = np.exp(1j * np.linspace(0, 3, 50))
-    assert assurance(one, -2.5j * one) == pytest.approx(1.0, abs=1e-12)
-    assert assurance(one, one.conj()) < 0.5
+    assert assurance(one[:, None], -2.5j * one[:, None]) == pytest.approx(1.0, abs=1e-12)
+    assert assurance(one[:, None], one.conj()[:, None]) < 0.5
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def test_a_stepped_sweep_that_costs_too_much(monkeypatch):
 
 @pytest.mark.slow
 def test_a_fit_with_too_few_evaluations(monkeypatch):
-    monkeypatch.setattr("beamsim.analyses.identify.nonlinear_fit._MOST_EVALUATIONS", 1)
+    monkeypatch.setattr("beamsim.analyses.identify.fit.MOST_EVALUATIONS", 1)
     path = CONFIGS / "identify_nonlinear.yaml"
     scenario = load_scenario(path, {"identify_stiffness.nonlinear.starts": 1})
     result = beamsim.identify_stiffness(scenario, beamsim.read_tests(scenario, path.parent))

@@ -31,10 +31,8 @@ from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats
 
-POINTS = 81  # along a beam; its elements are cubic
 PLATE_LINES, PLATE_POINTS = 5, 33
 FRAMES = 160
-PERIODS = 3.0  # shown, of the excitation or of the first mode
 SLOWER = 6.0  # around contact
 MARGIN = 0.03  # of a period, before and after contact, that is slow too
 
@@ -192,7 +190,8 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
     peaks = [(float(force.max(initial=0.0)), float(time[force.argmax()])) for force in _forces(result) if force.size]
     force, at = max(peaks, default=(0.0, end))
     centre = at if force > 0.0 else end
-    length = min(PERIODS * period, end - begin)
+    # 3.0: shown, of the excitation or of the first mode
+    length = min(3.0 * period, end - begin)
     first = min(max(centre - length / 2, begin), end - length)
     log = result.events
     intervals = []
@@ -261,7 +260,8 @@ def _lines_of(stations: Stations, part: StationPart, scenario: Scenario) -> list
             *(DrawnLine(name, np.full(PLATE_POINTS, each), fine_y, True) for each in along),
         ]
     if part.axis.continuous:
-        return [DrawnLine(name, np.linspace(x.min(), x.max(), POINTS), None, True)]
+        # 81: along a beam; its elements are cubic
+        return [DrawnLine(name, np.linspace(x.min(), x.max(), 81), None, True)]
     return [DrawnLine(name, x, None, False)]
 
 

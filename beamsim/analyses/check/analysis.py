@@ -25,7 +25,6 @@ OK, NOTE, FAILS = "ok", "note", "fails"
 GROUNDED = 1e-6
 """Force under a rigid motion, relative to those that the entries would give one by one, above which a model is held."""
 _MODES = 10
-_LOST_PIVOT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -201,7 +200,7 @@ def _worst_rows(structure: MatricesStructure) -> CheckRow:
     named = [f"node {structure.table.dofs[i][0]} {structure.table.dofs[i][1]}" for i in rows]
     text = ", ".join(f"{name} ({value:.1g})" for name, value in zip(named, ratio[worst], strict=True))
     values = {name: float(value) for name, value in zip(named, ratio[worst], strict=True)}
-    return CheckRow("worst_conditioned_rows", values, text, NOTE if ratio[worst[0]] < _LOST_PIVOT else OK)
+    return CheckRow("worst_conditioned_rows", values, text, NOTE if ratio[worst[0]] < 1e-12 else OK)
 
 
 def _hertz(omega: Floats) -> list[float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -10,20 +11,17 @@ import numpy as np
 
 from beamsim.analyses.compare.measured import Harmonics, best_phase, harmonics_of, settled_from
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
-from beamsim.analyses.run.result import RunResult, SpectralLine, Spectrum
+from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectrum import amplitude_db, spectrum
-from beamsim.errors import Problem, ScenarioError
-from beamsim.measurements.signal import MeasuredSignal
+from beamsim.measurements.channels import unusable
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.outcomes import COMPLETE
+from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import SpectrumSettings
 from beamsim.typing import Floats
 
 QUANTITIES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity", "force")
-_UNITS = {"absolute_acceleration": "m/s^2", "velocity": "m/s", "force": "N"}
 _SHOWN_PERIODS = 4
-MOST_COMPARED = 2**21  # samples of a run, the last ones
-SETTLED = 0.01  # relative difference of periods of a settled motion, rms
-_UNEVEN = 1e-3  # relative scatter of the sampling interval
 
 
 def compare(
@@ -67,54 +65,32 @@ def _channel(
     result: RunResult, place: str, quantity: str, signal: MeasuredSignal, count: int, last: float | None,
     warnings: list[str],
 ) -> ChannelComparison:  # fmt: skip
-    times, values = result.time, predicted_history(result, place, quantity)
-    part = slice(max(times.size - MOST_COMPARED, 0), times.size)
-    time, x = times[part], np.asarray(values[part])
-    name = f"{place} {quantity.replace('_', ' ')}"
-    if part.start:
-        warnings.append(f"{name}: only the last {time[-1] - time[0]:.4g} s of the run are compared ({x.size} samples)")
-    unit = _UNITS.get(quantity, "m")
     excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
-    start = _start(result, time, x, excitation, name, warnings)
-    steady = time >= start
-    predicted_signal = MeasuredSignal(place, time[steady], x[steady])
+    unit = level_unit(quantity.removeprefix("absolute_"))
+    run = _part_of_run(result, place, quantity, excitation, warnings)
     if last is None and np.isfinite(excitation):
-        last = float(predicted_signal.x[-1] - predicted_signal.x[0]) * (1 + 1e-9)
+        last = float(run.x[-1] - run.x[0]) * (1 + 1e-9)
     if not np.any(signal.y):
         what = f"{signal.label} is zero throughout"
-        raise ScenarioError(Problem("", what, "check the channel and its cable, or leave it out with --channel"))
+        raise unusable(what, "check the channel and its cable, or leave it out with --channel")
+    record = signal
+    if not signal.of_frequency and last is not None:
+        kept = signal.x >= signal.x[-1] - last
+        record = replace(signal, x=signal.x[kept], y=signal.y[kept])
     try:
-        predicted, measured = _harmonics(predicted_signal, signal, excitation, count, last, warnings)
-    except ValueError as error:
-        raise ScenarioError(
-            Problem(
-                "",
-                f"{signal.label} {error}",
-                "use a longer record or a higher sample rate",
-            )
-        ) from None
-    time_measured, history_measured = _histories(signal, last)
-    settings = SpectrumSettings()
-    predicted_spectrum = spectrum(
-        predicted_signal.x, np.asarray(predicted_signal.y, dtype=float), settings, excitation, place, quantity, unit
-    )
-    if signal.of_frequency:
-        measured_spectrum = _given_spectrum(signal, excitation, place, quantity, unit)
-    else:
-        _evenly_sampled(signal)
-        measured_spectrum = spectrum(time_measured, history_measured, settings, excitation, place, quantity, unit)
-    forced = bool(np.isfinite(excitation))
-    has_phase = measured.has_phase
-    if forced and has_phase:
+        predicted, measured = _harmonics(run, record, excitation, count, warnings)
+    except MeasurementError as fault:
+        raise unusable(f"{signal.label} {fault.message}", fault.remedy) from None
+    spectra = [_spectrum(each, excitation, place, quantity, unit) for each in (run, record)]
+    has_phase = bool(np.isfinite(excitation)) and measured.has_phase
+    phase, delay = 0.0, 0.0
+    if has_phase:
         weights = np.full(measured.order.size, max(float(np.max(np.abs(measured.value))), 1e-300))
-        phase = best_phase(measured, predicted.value, weights)
-        phase = float(np.angle(np.exp(1j * phase)))
+        phase = float(np.angle(np.exp(1j * best_phase(measured, predicted.value, weights))))
         delay = phase / (2 * np.pi * excitation)
-    else:
-        phase, delay = 0.0, 0.0 if signal.of_frequency else _lag(predicted_signal, time_measured, history_measured)
-    time_p, history_p, time_m, history_m = _aligned(
-        predicted_signal, time_measured, history_measured, delay, excitation, histories=not signal.of_frequency
-    )
+    elif not signal.of_frequency:
+        delay = _lag(run, record)
+    time_p, history_p, time_m, history_m = _aligned(run, record, delay, excitation)
     return ChannelComparison(
         place=place,
         quantity=quantity,
@@ -127,16 +103,30 @@ def _channel(
         predicted=predicted.value,
         measured=measured.value * np.exp(-1j * measured.order * phase),
         measured_noise=measured.noise,
-        has_phase=has_phase and forced,
+        has_phase=has_phase,
         rms_difference=_rms(time_p, history_p, time_m, history_m),
         predicted_time=time_p,
         predicted_history=history_p,
         measured_time=time_m,
         measured_history=history_m,
-        predicted_spectrum=predicted_spectrum,
-        measured_spectrum=measured_spectrum,
-        start_s=float(predicted_signal.x[0]),
+        predicted_spectrum=spectra[0],
+        measured_spectrum=spectra[1],
+        start_s=float(run.x[0]),
     )
+
+
+def _part_of_run(
+    result: RunResult, place: str, quantity: str, excitation: float, warnings: list[str]
+) -> MeasuredSignal:
+    """The part of a computed history that is compared."""
+    times, values = result.time, predicted_history(result, place, quantity)
+    part = slice(max(times.size - 2**21, 0), times.size)
+    time, x = times[part], np.asarray(values[part], dtype=float)
+    name = f"{place} {quantity.replace('_', ' ')}"
+    if part.start:
+        warnings.append(f"{name}: only the last {time[-1] - time[0]:.4g} s of the run are compared ({x.size} samples)")
+    steady = time >= _start(result, time, x, excitation, name, warnings)
+    return MeasuredSignal(place, time[steady], x[steady])
 
 
 def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: str, warnings: list[str]) -> float:
@@ -149,7 +139,8 @@ def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: 
     if not np.isfinite(excitation):
         return float(time[0])
     start, deviation = settled_from(time, x, 1.0 / excitation)
-    if deviation > SETTLED:
+    # 0.01: relative difference of periods of a settled motion, rms
+    if deviation > 0.01:
         warnings.append(
             f"{name}: the run does not settle (its last periods differ by {deviation:.2g} of the motion); the last "
             f"{time[-1] - start:.4g} s are compared: run longer, or choose the part by run.spectrum.last"
@@ -158,9 +149,8 @@ def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: 
 
 
 def _harmonics(
-    predicted: MeasuredSignal, measured: MeasuredSignal, excitation: float, count: int, last: float | None,
-    warnings: list[str],
-) -> tuple[Harmonics, Harmonics]:  # fmt: skip
+    predicted: MeasuredSignal, measured: MeasuredSignal, excitation: float, count: int, warnings: list[str]
+) -> tuple[Harmonics, Harmonics]:
     """Harmonics of both signals, as many as both contain; none without an excitation frequency."""
     if not np.isfinite(excitation):
         none = Harmonics(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=complex), np.zeros(0), False)
@@ -171,71 +161,60 @@ def _harmonics(
     possible = max(1, min(count, *limits))
     if possible < count:
         warnings.append(f"{measured.name}: the records contain {possible} harmonics of {excitation:g} Hz, not {count}")
-    return harmonics_of(predicted, excitation, possible), harmonics_of(measured, excitation, possible, last)
+    return harmonics_of(predicted, excitation, possible), harmonics_of(measured, excitation, possible)
 
 
-def _histories(signal: MeasuredSignal, last: float | None) -> tuple[Floats, Floats]:
+def _spectrum(signal: MeasuredSignal, excitation: float, place: str, quantity: str, unit: str) -> Spectrum:
+    """That of a history; one that was measured stays as it is."""
     if signal.of_frequency:
-        return np.zeros(0), np.zeros(0)
-    kept = signal.x >= (signal.x[-1] - last if last is not None else -np.inf)
-    return signal.x[kept], np.asarray(signal.y, dtype=float)[kept]
-
-
-def _evenly_sampled(signal: MeasuredSignal) -> None:
+        amplitude = np.abs(signal.y)
+        return Spectrum(
+            place, quantity, unit, signal.x, amplitude, amplitude_db(amplitude, float(amplitude.max())), excitation,
+            "as measured", 0.0, 0.0, (),
+        )  # fmt: skip
     steps = np.diff(signal.x)
     mean = float(np.mean(steps))
-    worst = float(np.max(np.abs(steps - mean)))
-    if worst > _UNEVEN * mean:
-        at = int(np.argmax(np.abs(steps - mean))) + 1
-        raise ScenarioError(
-            Problem(
-                "",
-                f"{signal.label} is not evenly sampled (the step after sample {at} is "
-                f"{steps[at - 1]:.6g} s, the mean {mean:.6g} s)",
-                "resample it, or export it without gaps",
-            )
+    at = int(np.argmax(np.abs(steps - mean)))
+    if abs(steps[at] - mean) > 1e-3 * mean:
+        raise unusable(
+            f"{signal.label} is not evenly sampled (the step after sample {at + 1} is {steps[at]:.6g} s, the mean "
+            f"{mean:.6g} s)",
+            "resample it, or export it without gaps",
         )
+    return spectrum(signal.x, np.asarray(signal.y, dtype=float), SpectrumSettings(), excitation, place, quantity, unit)
 
 
-def _given_spectrum(signal: MeasuredSignal, excitation: float, place: str, quantity: str, unit: str) -> Spectrum:
-    amplitude = np.abs(signal.y)
-    lines: tuple[SpectralLine, ...] = ()
-    return Spectrum(
-        place, quantity, unit, signal.x, amplitude, amplitude_db(amplitude, float(amplitude.max())), excitation,
-        "as measured", 0.0, 0.0, lines,
-    )  # fmt: skip
-
-
-def _lag(predicted: MeasuredSignal, time: Floats, history: Floats) -> float:
+def _lag(predicted: MeasuredSignal, measured: MeasuredSignal) -> float:
     """Delay of maximum correlation, for motions without excitation frequency."""
-    step = float((time[-1] - time[0]) / (time.size - 1))
-    span = min(float(predicted.x[-1] - predicted.x[0]), float(time[-1] - time[0]))
-    grid = np.arange(int(span / step) + 1) * step
-    a = np.interp(predicted.x[0] + grid, predicted.x, np.asarray(predicted.y, dtype=float))
-    b = np.interp(time[0] + grid, time, history)
-    size = 2 * grid.size
-    correlation = np.fft.irfft(np.fft.rfft(a - a.mean(), size) * np.conj(np.fft.rfft(b - b.mean(), size)), size)
-    best = int(np.argmax(correlation))
-    shift = (best if best <= size // 2 else best - size) * step
-    return float(predicted.x[0] + shift - time[0])
+    from scipy import signal
+
+    length = float(measured.x[-1] - measured.x[0])
+    step = length / (measured.x.size - 1)
+    grid = np.arange(int(min(float(predicted.x[-1] - predicted.x[0]), length) / step) + 1) * step
+    a, b = (np.interp(s.x[0] + grid, s.x, np.asarray(s.y, dtype=float)) for s in (predicted, measured))
+    correlation = signal.correlate(a - a.mean(), b - b.mean(), method="fft")
+    lags = signal.correlation_lags(grid.size, grid.size)
+    return float(predicted.x[0] + lags[np.argmax(correlation)] * step - measured.x[0])
 
 
 def _aligned(
-    predicted: MeasuredSignal, time: Floats, history: Floats, delay: float, excitation: float, *, histories: bool
+    predicted: MeasuredSignal, measured: MeasuredSignal, delay: float, excitation: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """A few periods of both in the time of the prediction (the whole record without an excitation frequency)."""
     x, y = predicted.x, np.asarray(predicted.y, dtype=float)
+    none = np.zeros(0)
+    moved, history = (
+        (none, none) if measured.of_frequency else (measured.x + delay, np.asarray(measured.y, dtype=float))
+    )
     if not np.isfinite(excitation):
-        return x, y, time + delay if histories else time, history
+        return x, y, moved, history
     period = 1 / excitation
     shown = x >= x[-1] - _SHOWN_PERIODS * period
     x, y = x[shown], y[shown]
-    if not histories:
-        return x, y, np.zeros(0), np.zeros(0)
-    moved = time + delay
-    behind = (x[-1] - moved[-1]) / period
-    covers = time[-1] - time[0] >= (_SHOWN_PERIODS + 1) * period
-    moved = moved + (np.ceil(behind - 1e-6) if covers else np.round(behind)) * period
+    if moved.size:
+        behind = (x[-1] - moved[-1]) / period
+        covers = moved[-1] - moved[0] >= (_SHOWN_PERIODS + 1) * period
+        moved = moved + (np.ceil(behind - 1e-6) if covers else np.round(behind)) * period
     kept = (moved >= x[0]) & (moved <= x[-1])
     return x, y, moved[kept], history[kept]
 

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.analyses.run.records import project
-from beamsim.measurements.signal import MeasuredSignal
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.typing import Complexes, Floats, Ints
 
-REPEATS = 0.01  # of the rms: periods that differ by less are alike
 _PHASES = 720  # grid for the initial guess of Newton's method
-_MOST_HARMONICS = 60  # fitted to a signal; the residual counts as noise
 
 
 @dataclass(frozen=True)
@@ -33,8 +31,8 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
 
     Raises
     ------
-    ValueError
-        If the record is too short or its spectrum too coarse, with a message.
+    MeasurementError
+        If the record is too short or its spectrum too coarse.
     """
     orders = np.arange(1, count + 1)
     if signal.of_frequency:
@@ -44,16 +42,17 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
         kept = t >= t[-1] - last
         t, x = t[kept], x[kept]
     if t.size < 4:
-        raise ValueError(f"has {t.size} samples in the part used")
+        raise _short(f"has {t.size} samples in the part used")
     rate = (t.size - 1) / (t[-1] - t[0])
     if (t[-1] - t[0]) * frequency_hz < 1 - 1e-3:
-        raise ValueError(f"lasts {t[-1] - t[0]:.4g} s, less than a period of {frequency_hz:g} Hz")
+        raise _short(f"lasts {t[-1] - t[0]:.4g} s, less than a period of {frequency_hz:g} Hz")
     highest = int(0.499 * rate / frequency_hz)
     if highest < count:
-        raise ValueError(
+        raise _short(
             f"is sampled at {rate:.5g} Hz, too slowly for {count} harmonics of {frequency_hz:g} Hz (it has {highest})"
         )
-    taken = min(highest, _MOST_HARMONICS, max(count, (t.size - 2) // 4))
+    # 60: fitted to a signal; the residual counts as noise
+    taken = min(highest, 60, max(count, (t.size - 2) // 4))
     every = frequency_hz * np.arange(1, taken + 1, dtype=np.float64)
     mean, value = project(t, x, every)
     phase = np.exp(2j * np.pi * frequency_hz * t)
@@ -67,12 +66,16 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
     return Harmonics(orders, value[:count], np.full(count, scatter * np.sqrt(2.0 / t.size)), True)
 
 
+def _short(message: str) -> MeasurementError:
+    return MeasurementError(message, "use a longer record or a higher sample rate, or fewer harmonics")
+
+
 def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> Harmonics:
     step = float(np.median(np.diff(signal.x))) if signal.x.size > 1 else np.inf
     if step > 0.5 * frequency_hz:
-        raise ValueError(f"has a line every {step:g} Hz, which is too coarse for harmonics of {frequency_hz:g} Hz")
+        raise _short(f"has a line every {step:g} Hz, which is too coarse for harmonics of {frequency_hz:g} Hz")
     if orders[-1] * frequency_hz > signal.x[-1] + 0.5 * step:
-        raise ValueError(f"ends at {signal.x[-1]:g} Hz, below harmonic {orders[-1]} of {frequency_hz:g} Hz")
+        raise _short(f"ends at {signal.x[-1]:g} Hz, below harmonic {orders[-1]} of {frequency_hz:g} Hz")
     nearest = np.array([int(np.argmin(np.abs(signal.x - k * frequency_hz))) for k in orders])
     complex_values = bool(np.iscomplexobj(signal.y))
     value = signal.y[nearest].astype(complex)
@@ -106,7 +109,8 @@ def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
     rms[-1, 1] = rms[-2, 0] = np.inf  # not with themselves
     difference = np.minimum(rms[:, 0], rms[:, 1])
     difference[-1] = difference[-2] = min(float(rms[-1, 0]), float(difference[-4:-2].max()))
-    moving = np.flatnonzero(difference > REPEATS)
+    # 0.01: of the rms: periods that differ by less are alike
+    moving = np.flatnonzero(difference > 0.01)
     first = int(moving[-1]) + 1 if moving.size else 0
     if count - first < 4:
         half = count // 2

@@ -12,21 +12,19 @@ from typing import Any, Literal
 
 import numpy as np
 
+from beamsim.analyses.assurance import assurance
 from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison
 from beamsim.analyses.compare.tracking import Followed, beginning, check_beginning, filtered, track
 from beamsim.analyses.sweep.peaks import LEAST_PROMINENCE
 from beamsim.analyses.sweep.result import Envelope, SweepCurve, SweepResult
-from beamsim.errors import Problem, ScenarioError
+from beamsim.measurements.channels import unusable
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE
 from beamsim.typing import Bools, Complexes, Floats
 
 Detector = Literal["peak", "fundamental", "rms"]
 
-MOST_PEAKS = 6  # of a channel, the highest
-PAIRED_WITHIN = 0.15  # relative difference of the frequencies of two peaks that may be the same
 FEWEST = 8  # measured frequencies within the sweep
-MOST_FREQUENCIES = 120  # of an FDAC matrix, on each side
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ def _curve(result: SweepResult, name: str | None) -> SweepCurve:
         return result.curves[names[0]]
     if name not in result.curves:
         what = "--curve is missing, and the sweep has several curves" if name is None else f"--curve {name} is unknown"
-        raise ScenarioError(Problem("", what, f"choose one of {', '.join(names)}"))
+        raise unusable(what, f"choose one of {', '.join(names)}")
     return result.curves[name]
 
 
@@ -94,18 +92,18 @@ def _settled(
     histories = [pair for pair in pairs if not pair[2].of_frequency]
     if not histories:
         if tracking != Tracking():
-            raise ScenarioError(
-                Problem("", "--reference, --begin and --cycles belong to time histories, and the measurement is over "
-                        "frequency", "leave them out")
-            )  # fmt: skip
+            raise unusable(
+                "--reference, --begin and --cycles belong to time histories, and the measurement is over frequency",
+                "leave them out",
+            )
         return tracking
     wheres = [signal.label for _, _, signal in histories]
     if result.kind != "swept_sine":
-        raise ScenarioError(
-            Problem("", f"{wheres[0]} is a time history, which is compared with a swept sine, and the sweep is "
-                    f"{result.kind.replace('_', ' ')}",
-                    "compute a sweep of kind: swept_sine with the rate of the test, or export responses over frequency")
-        )  # fmt: skip
+        raise unusable(
+            f"{wheres[0]} is a time history, which is compared with a swept sine, and the sweep is "
+            f"{result.kind.replace('_', ' ')}",
+            "compute a sweep of kind: swept_sine with the rate of the test, or export responses over frequency",
+        )
     if tracking.reference is not None:
         records = [Followed(tracking.reference)]
     else:
@@ -122,10 +120,10 @@ def _envelope(curve: SweepCurve, place: str, quantity: str, where: str) -> Envel
     sources = {"force": curve.force, "displacement": curve.displacement, "absolute_acceleration": curve.acceleration}
     envelope = sources.get(quantity, {}).get(place)
     if envelope is None:
-        raise ScenarioError(
-            Problem("", f"{where}: the sweep holds no {quantity.replace('_', ' ')} of {place}",
-                    "compare absolute_acceleration or displacement of a probe, or force of a snubber")
-        )  # fmt: skip
+        raise unusable(
+            f"{where}: the sweep holds no {quantity.replace('_', ' ')} of {place}",
+            "compare absolute_acceleration or displacement of a probe, or force of a snubber",
+        )
     return envelope
 
 
@@ -150,10 +148,11 @@ def _channel(
         frequency, values = _filtered(frequency, tracking.cycles), filtered(values, tracking.cycles)
     inside = (signal.x >= frequency[0]) & (signal.x <= frequency[-1])
     if np.count_nonzero(inside) < FEWEST:
-        raise ScenarioError(
-            Problem("", f"{where} has {np.count_nonzero(inside)} frequencies between {frequency[0]:.4g} and "
-                    f"{frequency[-1]:.4g} Hz, those of the sweep", f"at least {FEWEST} are needed")
-        )  # fmt: skip
+        raise unusable(
+            f"{where} has {np.count_nonzero(inside)} frequencies between {frequency[0]:.4g} and "
+            f"{frequency[-1]:.4g} Hz, those of the sweep",
+            f"at least {FEWEST} are needed",
+        )
     x = signal.x[inside]
     measured = np.asarray(signal.y[inside], dtype=complex)
     phase = np.unwrap(np.angle(values))
@@ -173,7 +172,7 @@ def _channel(
         frequency_hz=x,
         predicted=predicted,
         measured=measured,
-        frac=assurance(predicted, measured),
+        frac=float(assurance(predicted[:, None], measured[:, None])[0, 0]),
         peaks=tuple(_peak_pairs(frequency, np.abs(values), x, np.abs(measured))),
         begin_s=tracking.begin if followed else None,
         bandwidth=1.0 / tracking.cycles if followed and detector == "fundamental" else None,
@@ -186,10 +185,10 @@ def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, trac
     of = track(curve, signal, tracking.begin)
     if detector != "fundamental":
         if tracking.cycles > 1:
-            raise ScenarioError(
-                Problem("", f"--cycles {tracking.cycles} is the bandwidth of a tracking filter, and --detector is "
-                        f"{detector}", "leave one of them out")
-            )  # fmt: skip
+            raise unusable(
+                f"--cycles {tracking.cycles} is the bandwidth of a tracking filter, and --detector is {detector}",
+                "leave one of them out",
+            )
         return replace(signal, x=of.frequency_hz, y=of.peak if detector == "peak" else of.rms, of_frequency=True)
     y = of.fundamental
     if tracking.reference is not None:
@@ -216,40 +215,25 @@ def _detected(curve: SweepCurve, envelope: Envelope, detector: Detector, where: 
         return envelope.rms.astype(complex)
     first = np.flatnonzero(curve.orders == 1.0)
     if not first.size:
-        raise ScenarioError(
-            Problem("", f"{where} is compared with the fundamental, which the sweep did not track",
-                    "add 1 to sweep.orders, or use --detector peak")
-        )  # fmt: skip
+        raise unusable(
+            f"{where} is compared with the fundamental, which the sweep did not track",
+            "add 1 to sweep.orders, or use --detector peak",
+        )
     return np.asarray(envelope.harmonics[first[0]])
 
 
-def assurance(one: Complexes, other: Complexes) -> float:
-    """Frequency response assurance criterion: |one* other|² / (|one|² |other|²), 1 for responses that are proportional.
-
-    W. Heylen and S. Lammens, "FRAC: a consistent way of comparing frequency response functions", 1996.
-    """
-    size = float(np.sum(np.abs(one) ** 2) * np.sum(np.abs(other) ** 2))
-    return float(np.abs(np.vdot(one, other)) ** 2) / size if size > 0 else float("nan")
-
-
 def _assurance(channels: Sequence[SweptComparison]) -> Assurance | None:
-    """FDAC of the channels of one quantity that share their frequencies; None of fewer than two.
-
-    R. Pascual, J. C. Golinval and M. Razeto, "A frequency domain correlation technique for model correlation and
-    updating", IMAC 1997.
-    """
+    """FDAC of the channels of one quantity that share their frequencies; None of fewer than two."""
     if len(channels) < 2 or len({channel.quantity for channel in channels}) > 1:
         return None
     f = channels[0].frequency_hz
     if any(not np.array_equal(channel.frequency_hz, f) for channel in channels):
         return None
-    some = np.unique(np.linspace(0, f.size - 1, min(f.size, MOST_FREQUENCIES)).round().astype(int))
+    # 120: of an FDAC matrix, on each side
+    some = np.unique(np.linspace(0, f.size - 1, min(f.size, 120)).round().astype(int))
     predicted = np.array([channel.predicted[some] for channel in channels])
     measured = np.array([channel.measured[some] for channel in channels])
-    sizes = np.outer(np.sum(np.abs(predicted) ** 2, axis=0), np.sum(np.abs(measured) ** 2, axis=0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fdac = np.abs(predicted.conj().T @ measured) ** 2 / sizes
-    return Assurance(f[some], f[some], np.asarray(fdac))
+    return Assurance(f[some], f[some], assurance(predicted, measured))
 
 
 def _peak_pairs(f_p: Floats, p: Floats, f_m: Floats, m: Floats) -> list[PeakPair]:
@@ -261,7 +245,8 @@ def _peak_pairs(f_p: Floats, p: Floats, f_m: Floats, m: Floats) -> list[PeakPair
     partner: dict[int, int] = {}
     for distance, i, j in nearness:
         in_order = all((i - other) * (j - of_other) > 0 for other, of_other in partner.items())
-        if distance <= PAIRED_WITHIN and in_order:
+        # 0.15: relative difference of the frequencies of two peaks that may be the same
+        if distance <= 0.15 and in_order:
             partner[i] = j
     pairs = []
     nan = float("nan")
@@ -282,7 +267,8 @@ def peaks_of(frequency: Floats, amplitude: Floats) -> list[tuple[float, float, f
 
     positive = np.maximum(amplitude, 1e-300 + 1e-12 * float(np.max(amplitude, initial=0.0)))
     at, _ = signal.find_peaks(np.log(positive), prominence=np.log(LEAST_PROMINENCE))
-    highest = sorted(at, key=lambda k: -amplitude[k])[:MOST_PEAKS]
+    # 6: of a channel, the highest
+    highest = sorted(at, key=lambda k: -amplitude[k])[:6]
     peaks = []
     for k in sorted(int(k) for k in highest):
         f, level = _vertex(frequency[k - 1 : k + 2], amplitude[k - 1 : k + 2])

@@ -14,20 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.analyses.sweep.result import SweepCurve
-from beamsim.errors import Problem, ScenarioError
+from beamsim.measurements.channels import unusable
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.typing import Complexes, Floats, Ints
 
 FEWEST_SAMPLES = 5.0  # a cycle of the highest frequency
-POINTS = 64  # of each cycle at least, a power of two
-MOST_POINTS = 1024
-OFF = 0.03  # of the frequency, in the median over the cycles: then an excitation does not follow the sweep
 RESPONSE_OFF = 0.1  # the same of responses, whose phases turn at resonances; that of noise is 0.25
-SILENT = 1e-4  # of the largest value of a record
 STEP = 0.15  # of the frequency, between trials of the beginning
-MOST_TRIALS = 200
-FOUND = 1e-6  # of the frequency: the beginning is not moved by less
-MOST_MOVES = 20
 
 
 @dataclass(frozen=True)
@@ -60,13 +53,14 @@ def beginning(curve: SweepCurve, records: Sequence[Followed]) -> float:
     slope = np.abs(np.gradient(curve.frequency_hz, curve.time))
     step = STEP * float(np.min(curve.frequency_hz / slope))
     latest = max(float(end - curve.time[-1] + curve.time[0]), float(start))
-    trials = np.linspace(start, latest, int(np.clip(np.ceil((latest - start) / step) + 1, 1, MOST_TRIALS)))
+    trials = np.linspace(start, latest, int(np.clip(np.ceil((latest - start) / step) + 1, 1, 200)))
     begin = min((float(b) for b in trials), key=lambda b: _off(curve, records, b))
-    for _ in range(MOST_MOVES if _off(curve, records, begin) < RESPONSE_OFF + STEP else 0):
+    for _ in range(20 if _off(curve, records, begin) < RESPONSE_OFF + STEP else 0):
         moves = [_delay(curve, record, begin) for record in records]
         move = float(np.nanmedian(np.concatenate(moves)))
         begin -= move
-        if abs(move) * float(np.max(slope / curve.frequency_hz)) < FOUND:
+        # 1e-6: of the frequency: the beginning is not moved by less
+        if abs(move) * float(np.max(slope / curve.frequency_hz)) < 1e-6:
             break
     return begin
 
@@ -80,16 +74,14 @@ def check_beginning(curve: SweepCurve, records: Sequence[Followed], begin: float
         With the relative error of the frequency.
     """
     off = _off(curve, records, begin)
-    if off > (OFF if records[0].expected is None else RESPONSE_OFF):
+    # 0.03: of the frequency, in the median over the cycles: then an excitation does not follow the sweep
+    if off > (0.03 if records[0].expected is None else RESPONSE_OFF):
         names = ", ".join(record.signal.name for record in records)
-        raise ScenarioError(
-            Problem(
-                "",
-                f"{records[0].signal.source or names}: {names} does not follow the sweep that was computed: from "
-                f"{begin:.4g} s of the record on its frequency is off by {100 * off:.2g} % in the median",
-                "compute the sweep with the rate and range of the test; or say when it begins in the record (--begin), "
-                "or which channel is the excitation (--reference)",
-            )
+        raise unusable(
+            f"{records[0].signal.source or names}: {names} does not follow the sweep that was computed: from "
+            f"{begin:.4g} s of the record on its frequency is off by {100 * off:.2g} % in the median",
+            "compute the sweep with the rate and range of the test; or say when it begins in the record (--begin), "
+            "or which channel is the excitation (--reference)",
         )
 
 
@@ -107,18 +99,18 @@ def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> Tracked:
     edges = curve.time - curve.time[0] + begin
     inside = np.flatnonzero((edges[:-1] >= signal.x[0]) & (edges[1:] <= signal.x[-1]))
     if inside.size < 2:
-        raise ScenarioError(
-            Problem("", f"{where} holds {inside.size} cycles of the sweep, which begins at {begin:.4g} s of the record",
-                    "record the whole sweep, or correct --begin")
-        )  # fmt: skip
+        raise unusable(
+            f"{where} holds {inside.size} cycles of the sweep, which begins at {begin:.4g} s of the record",
+            "record the whole sweep, or correct --begin",
+        )
     rate = (signal.x.size - 1) / (signal.x[-1] - signal.x[0])
     highest = float(curve.frequency_hz[inside].max())
     if rate < FEWEST_SAMPLES * highest:
-        raise ScenarioError(
-            Problem("", f"{where} is sampled at {rate:.5g} Hz, {rate / highest:.2g} times a cycle at {highest:.5g} Hz",
-                    f"use a record of {FEWEST_SAMPLES:g} samples a cycle or more")
-        )  # fmt: skip
-    count = int(np.clip(2 ** np.ceil(np.log2(rate / np.median(curve.frequency_hz[inside]))), POINTS, MOST_POINTS))
+        raise unusable(
+            f"{where} is sampled at {rate:.5g} Hz, {rate / highest:.2g} times a cycle at {highest:.5g} Hz",
+            f"use a record of {FEWEST_SAMPLES:g} samples a cycle or more",
+        )
+    count = int(np.clip(2 ** np.ceil(np.log2(rate / np.median(curve.frequency_hz[inside]))), 64, 1024))
     share = (np.arange(count) + 0.5) / count  # a cycle does not end as it begins: midpoint rule
     clock = CubicSpline(np.arange(edges.size), edges)
     turns = inside[:, None] + share
@@ -147,7 +139,8 @@ def _drift(curve: SweepCurve, record: Followed, begin: float) -> tuple[Floats, F
     """(C - 1,) frequencies of cycles, and relative errors of the frequency there; nan where nothing moves."""
     of = track(curve, record.signal, begin)
     turned = of.fundamental[1:] * np.conj(of.fundamental[:-1])
-    moves = np.abs(turned) > (SILENT * float(np.max(np.abs(record.signal.y)))) ** 2
+    # 1e-4: of the largest value of a record
+    moves = np.abs(turned) > (1e-4 * float(np.max(np.abs(record.signal.y)))) ** 2
     if record.expected is not None:
         expected = record.expected[of.cycle]
         turned = turned * np.conj(expected[1:]) * expected[:-1]

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from beamsim.analyses.assurance import assurance
 from beamsim.analyses.compare_modes.measured import ShapesAtPlaces
 from beamsim.analyses.compare_modes.result import UNPAIRED, ModeComparison
 from beamsim.errors import Problem, ScenarioError
@@ -25,12 +26,6 @@ from beamsim.structures.assembly import site_in
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 from beamsim.typing import Floats, Ints
-
-HIGHEST = 1.5  # times the highest measured frequency, up to which computed modes are compared
-LEAST_MODES = 4  # more than were measured
-ALIKE = 0.9  # MAC of two computed shapes that the places cannot tell apart
-MOST_ALIKE = 4  # warnings about that; more become one
-_BY_FREQUENCY = 0.01  # weight of a frequency's logarithm beside the MAC
 
 
 def compare_modes(
@@ -50,8 +45,7 @@ def compare_modes(
     begin = perf_counter()
     _check(measured)
     frequencies, shapes = _computed(scenario, measured, closed=contacts == "closed")
-    mac = _mac(measured.shapes, shapes)
-    auto = _mac(shapes, shapes)
+    mac, auto = (np.nan_to_num(assurance(shape, shapes)) for shape in (measured.shapes, shapes))
     paired = _paired(mac, measured.frequency_hz, frequencies)
     pairs = [
         {
@@ -101,7 +95,9 @@ def _wrong(measured: ShapesAtPlaces, message: str, remedy: str) -> ScenarioError
 
 def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> tuple[Floats, Floats]:
     """(n,) Hz and (p, n) shapes of computed modes at the places."""
-    highest, least = HIGHEST * float(measured.frequency_hz.max()), measured.frequency_hz.size + LEAST_MODES
+    # 1.5: times the highest measured frequency, up to which computed modes are compared
+    # 4: more than were measured
+    highest, least = 1.5 * float(measured.frequency_hz.max()), measured.frequency_hz.size + 4
     sites = []
     for label, place in zip(measured.labels or [""] * len(measured.places), measured.places, strict=True):
         for problem in place_problems(scenario, ("probes",), place):
@@ -128,19 +124,13 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
     return frequencies[order][:most], shapes[:, order[:most]]
 
 
-def _mac(one: Any, other: Any) -> Floats:
-    """(m, n) modal assurance criterion of shapes (p, m) and (p, n); 0 where one of them does not move."""
-    product = np.abs(one.conj().T @ other) ** 2
-    norms = np.outer(np.sum(np.abs(one) ** 2, axis=0), np.sum(np.abs(other) ** 2, axis=0))
-    return np.asarray(np.divide(product, norms, out=np.zeros(product.shape), where=norms > 0))
-
-
 def _paired(mac: Floats, measured: Floats, computed: Floats) -> Ints:
     """(m,) number from 1 of the computed mode of each measured one; 0 where none fits."""
     from scipy.optimize import linear_sum_assignment
 
     apart = np.abs(np.log(np.maximum(computed, 1e-3 * measured.min())[None, :] / measured[:, None]))
-    rows, columns = linear_sum_assignment(mac - _BY_FREQUENCY * apart, maximize=True)
+    # 0.01: weight of a frequency's logarithm beside the MAC
+    rows, columns = linear_sum_assignment(mac - 0.01 * apart, maximize=True)
     paired = np.zeros(measured.size, dtype=np.int64)
     fits = mac[rows, columns] > UNPAIRED
     paired[rows[fits]] = columns[fits] + 1
@@ -153,10 +143,12 @@ def _warnings(scenario: Scenario, paired: Ints, auto: Floats, measured: ShapesAt
     count = auto.shape[0]
     groups: dict[tuple[int, ...], list[int]] = {}  # by what looks like a mode, itself included, the paired ones
     for number in paired[paired > 0] - 1:
-        alike = tuple(j + 1 for j in range(count) if j == number or auto[number, j] > ALIKE)
+        # 0.9: MAC of two computed shapes that the places cannot tell apart
+        alike = tuple(j + 1 for j in range(count) if j == number or auto[number, j] > 0.9)
         if len(alike) > 1:
             groups.setdefault(alike, []).append(number + 1)
-    if len(groups) > MOST_ALIKE:
+    # 4: warnings about that; more become one
+    if len(groups) > 4:
         doubtful = sum(map(len, groups.values()))
         yield (
             f"{len(measured.places)} measured places do not tell {doubtful} of {np.count_nonzero(paired)} paired modes "

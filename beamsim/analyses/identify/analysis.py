@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.assurance import assurance
 from beamsim.analyses.identify.contact_point import mode_shapes, snubber_point
-from beamsim.analyses.identify.model_updating import mac_matrix, update_model
+from beamsim.analyses.identify.covariance import widening
+from beamsim.analyses.identify.model_updating import frequency_table, update_model
 from beamsim.analyses.identify.result import (
     FrequencyCurve,
     FrequencyTable,
@@ -31,8 +33,8 @@ from beamsim.analyses.identify.stiffness import (
     misfit,
     thesis_loop,
 )
-from beamsim.analyses.identify.table_slope import compared, table_slope, with_factor
-from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile, widening
+from beamsim.analyses.identify.tables import compared, table_slope, with_factor
+from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.measurements.signal import MeasuredSignal
@@ -45,7 +47,6 @@ from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
 _HZ = 2 * np.pi
-_CURVE_POINTS = 240
 _NARROWEST = 1e-3  # the curves cover the identified stiffness times this factor to divided by it
 _MIN_MODES = 3  # in the tables
 _POOR_MODEL = 3.0  # percent; a larger frequency error without snubber gives a warning
@@ -97,57 +98,20 @@ def _identify(
     count = max(_MIN_MODES, len(section.measured_with), len(section.measured_without))
     point = snubber_point(current, section.snubber, count)
     rigid = int(np.sum(point.omega == 0))
-    unconstrained = int(np.sum(point.pinned(rigid) == 0)) if rigid else 0  # rigid-body modes with the snubber closed
     count += rigid
     _enough_modes(point, section, rigid)
-    without = _table(point.omega[:count], section.measured_without, rigid)
+    without = frequency_table(point.omega[:count] / _HZ, section.measured_without, rigid)
     mac = _mac(current, section, warnings)
-    if update is not None:
-        warnings += update.warnings
-    else:
-        warnings += _structure_warnings(without)
-    others = [s.name for s in current.all_snubbers if s.name != section.snubber]
-    if others:
-        warnings.append(f"the other snubbers ({', '.join(others)}) are assumed to be open")
-    bodies = joined_to(scenario, scenario.located_snubber(section.snubber).bodies)
-    if len(bodies) < len(scenario.all_bodies):
-        warnings.append(
-            f"the natural frequencies are those of {' and '.join(bodies)}: the bodies that the snubber acts on, with "
-            "those they are joined to"
-        )
-
-    estimate: StiffnessEstimate | None = None
-    table: FrequencyTable | None = None
-    sensitive: list[Sensitivity] = []
-    curves: tuple[FrequencyCurve, ...] = ()
-    profile: ProfileLikelihood | None = None
-    resting: TableSlope | None = None
+    warnings += _structure_warnings(without) if update is None else update.warnings
+    warnings += _others(scenario, section.snubber)
+    contact = None
     if section.measured_with:
-        resting = table_slope(current, section.snubber)
-        measured = _measured(section, unconstrained)
-        warnings += check_reach(point, measured, section.measured_without)
-        measured, remarks = _widened(point, section, measured)
-        warnings += remarks
-        estimate = _estimate(point, section, measured)
-        known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
-        known |= {} if update is None else _updated(update)
-        sensitive = sensitivities(current, point, section.snubber, measured, estimate.stiffness, known)
-        estimate = replace(estimate, total_standard_deviation=_total(estimate, sensitive, update))
-        table = _table(point.frequencies(estimate.stiffness, count), section.measured_with, unconstrained)
-        curves = _curves(point, count, estimate.stiffness)
-        profile = stiffness_profile(point, measured, estimate.stiffness, estimate.standard_deviation)
-        warnings += _fit_warnings(table, section, estimate)
-        if resting is not None:
-            resting, remarks = compared(current, section.snubber, resting, estimate.stiffness)
-            warnings += remarks
+        contact = _permanent_contact(current, section, point, count, update)
+        current, warnings = contact.scenario, warnings + contact.warnings
     nonlinear: NonlinearEstimate | None = None
     if section.nonlinear is not None:
         from beamsim.analyses.identify.nonlinear_fit import fit_nonlinear
 
-        if resting is not None:
-            current = with_factor(current, section.snubber, resting.factor)
-        elif estimate is not None:
-            current = _with_stiffness(current, section.snubber, estimate.stiffness)
         nonlinear = fit_nonlinear(current, section, measurements, progress, stop)
         warnings += nonlinear.warnings
     pad = None
@@ -157,17 +121,18 @@ def _identify(
         pad = fit_pad(scenario, section.pad, section.pad.data)
         warnings += pad.warnings
     spent = clock.process_time() - processor
+    estimate = None if contact is None else contact.estimate
     parts = [part.outcome for part in (estimate, nonlinear) if part is not None and not part.outcome.complete]
     result = IdentificationResult(
         scenario=scenario,
         outcome=together(parts),
         estimate=estimate,
-        table_slope=resting,
-        with_snubber=table,
+        table_slope=None if contact is None else contact.resting,
+        with_snubber=None if contact is None else contact.table,
         without_snubber=without,
-        sensitivities=tuple(sensitive),
-        curves=curves,
-        profile=profile,
+        sensitivities=() if contact is None else contact.sensitivities,
+        curves=() if contact is None else _curves(point, count, contact.estimate.stiffness),
+        profile=None if contact is None else contact.profile,
         update=update,
         mac=mac,
         nonlinear=nonlinear,
@@ -178,6 +143,62 @@ def _identify(
         wall_time_s=clock.perf_counter() - begin,
     )
     return result.with_summary(**_summary(result))
+
+
+@dataclass(frozen=True)
+class _Contact:
+    """What frequencies with permanent contact say."""
+
+    estimate: StiffnessEstimate
+    table: FrequencyTable
+    sensitivities: tuple[Sensitivity, ...]
+    profile: ProfileLikelihood | None
+    resting: TableSlope | None
+    scenario: Scenario  # with the stiffness, or the scale of the table
+    warnings: list[str]
+
+
+def _permanent_contact(
+    scenario: Scenario, section: IdentifyStiffness, point: SpringPoint, count: int, update: ModelUpdate | None
+) -> _Contact:
+    snubber = section.snubber
+    rigid = int(np.sum(point.omega == 0))
+    unconstrained = int(np.sum(point.pinned(rigid) == 0)) if rigid else 0  # rigid-body modes with the snubber closed
+    resting = table_slope(scenario, snubber)
+    measured = _measured(section, unconstrained)
+    warnings = list(check_reach(point, measured, section.measured_without))
+    measured, remarks = _widened(point, section, measured)
+    warnings += remarks
+    estimate = _estimate(point, section, measured)
+    stiffness = estimate.stiffness
+    known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
+    known |= {} if update is None else _updated(update)
+    sensitive = sensitivities(scenario, point, snubber, measured, stiffness, known)
+    estimate = replace(estimate, total_standard_deviation=_total(estimate, sensitive, update))
+    table = frequency_table(point.frequencies(stiffness, count) / _HZ, section.measured_with, unconstrained)
+    warnings += _fit_warnings(table, estimate)
+    if resting is None:
+        path = (*scenario.located_snubber(snubber).path, "stiffness")
+        found = with_values(scenario, {path: stiffness})
+    else:
+        resting, remarks = compared(scenario, snubber, resting, stiffness)
+        warnings += remarks
+        found = with_factor(scenario, snubber, resting.factor)
+    profile = stiffness_profile(point, measured, stiffness, estimate.standard_deviation)
+    return _Contact(estimate, table, tuple(sensitive), profile, resting, found, warnings)
+
+
+def _others(scenario: Scenario, snubber: str) -> Iterator[str]:
+    """What is left out of the modes."""
+    others = [s.name for s in scenario.all_snubbers if s.name != snubber]
+    if others:
+        yield f"the other snubbers ({', '.join(others)}) are assumed to be open"
+    bodies = joined_to(scenario, scenario.located_snubber(snubber).bodies)
+    if len(bodies) < len(scenario.all_bodies):
+        yield (
+            f"the natural frequencies are those of {' and '.join(bodies)}: the bodies that the snubber acts on, with "
+            "those they are joined to"
+        )
 
 
 def _enough_modes(point: SpringPoint, section: IdentifyStiffness, rigid: int) -> None:
@@ -231,6 +252,7 @@ def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: Measured
         k, outcome, solutions = loop.stiffness, loop.outcome, loop.solutions
     else:
         k = fit_stiffness(point, measured)
+    single = individual_stiffness(point, measured)
     predicted = point.frequencies(k, max(measured.mode))[np.array(measured.mode) - 1]
     relative = (predicted - measured.omega) / measured.omega
     source = "given" if measured.sigma.all() else ""
@@ -251,7 +273,7 @@ def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: Measured
         method=section.method,
         stiffness=k,
         fit_to=measured.mode,
-        individual=np.array(list(individual_stiffness(point, measured).values())),
+        individual=np.where((single > 0) & np.isfinite(single), single, np.nan),
         reach_hz=np.array([point.reach(mode) for mode in measured.mode]) / _HZ,
         condition=np.asarray(point.slope(predicted) * k / predicted),
         residual=float(np.sqrt(np.mean(relative**2))),
@@ -293,17 +315,10 @@ def _total(estimate: StiffnessEstimate, sensitive: list[Sensitivity], update: Mo
     return float(np.hypot(0.0 if np.isnan(deviation) else deviation, estimate.stiffness * np.sqrt(variance)))
 
 
-def _table(omega: Floats, measured_hz: Sequence[float], rigid: int) -> FrequencyTable:
-    """Predicted frequencies (given in rad/s) and the measured ones, which start after the rigid-body modes."""
-    measured = np.full(omega.size, np.nan)
-    measured[rigid : rigid + len(measured_hz)] = measured_hz[: omega.size - rigid]
-    return FrequencyTable(np.arange(1, omega.size + 1), measured, omega / _HZ)
-
-
 def _curves(point: SpringPoint, count: int, stiffness: float) -> tuple[FrequencyCurve, ...]:
     """Frequency against stiffness around the identified value, in closed form on the frequencies within reach."""
     k = stiffness if 0 < stiffness < np.inf else 1.0
-    share = 1 / (1 + np.exp(-np.linspace(-14, 14, _CURVE_POINTS)))
+    share = 1 / (1 + np.exp(-np.linspace(-14, 14, 240)))
     curves = []
     for mode in range(1, min(count, point.omega.size) + 1):
         low, high = point.reach(mode)
@@ -319,7 +334,7 @@ def _mac(scenario: Scenario, section: IdentifyStiffness, warnings: list[str]) ->
     if given is None:
         return None
     _, predicted = mode_shapes(scenario, section.snubber, max(len(given.shapes), _MIN_MODES), given.positions)
-    mac = mac_matrix(np.array(given.shapes), predicted)
+    mac = assurance(np.array(given.shapes).T, predicted.T)
     for i, row in enumerate(mac):
         best = int(np.argmax(row))
         if best != i:
@@ -342,7 +357,7 @@ def _structure_warnings(table: FrequencyTable) -> list[str]:
     ]
 
 
-def _fit_warnings(table: FrequencyTable, section: IdentifyStiffness, estimate: StiffnessEstimate) -> list[str]:
+def _fit_warnings(table: FrequencyTable, estimate: StiffnessEstimate) -> list[str]:
     warnings = []
     off = table.difference_percent
     for i, mode in enumerate(table.mode):
@@ -358,11 +373,6 @@ def _fit_warnings(table: FrequencyTable, section: IdentifyStiffness, estimate: S
             + " bound; use a mode whose frequency depends more on the snubber"
         )
     return warnings
-
-
-def _with_stiffness(scenario: Scenario, snubber: str, stiffness: float) -> Scenario:
-    """The scenario with the identified stiffness as initial value."""
-    return with_values(scenario, {(*scenario.located_snubber(snubber).path, "stiffness"): stiffness})
 
 
 def _pad_modulus(section: IdentifyStiffness, estimate: StiffnessEstimate | None) -> float:

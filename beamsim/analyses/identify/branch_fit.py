@@ -18,11 +18,7 @@ import numpy as np
 from beamsim.contacts.pads import MaxwellBranch
 from beamsim.typing import Complexes, Floats
 
-MOST_BRANCHES = 8
-DENSE = 60  # relaxation times of the fit that is as good as any number of branches can be
 REACH = 10.0  # beyond the measured range, over which times are sought
-NEAR = 1.2  # times the best misfit, and
-CLOSE = 3e-3  # above it: then further branches are not worth it
 
 
 @dataclass(frozen=True)
@@ -94,14 +90,16 @@ def _fit(
     matrix: Callable[[Floats], Floats], target: Floats, points: int, span: tuple[float, float], wanted: int | None
 ) -> BranchFit:
     low, high = np.log(span)
-    grid = np.linspace(low, high, DENSE)
+    # 60: relaxation times of the fit that is as good as any number of branches can be
+    grid = np.linspace(low, high, 60)
     dense, size = _stiffnesses(matrix(np.exp(grid)), target)
     best, least = size / np.sqrt(points), size / np.sqrt(points)
-    most = min(MOST_BRANCHES, points) if wanted is None else wanted
+    most = min(8, points) if wanted is None else wanted
     found: tuple[Floats, Floats, float] | None = None
     for count in range(0 if wanted is None else wanted, most + 1):
         found = _of_count(matrix, target, count, grid, dense[1:])
-        if found[2] / np.sqrt(points) <= max(NEAR * best, best + CLOSE):
+        # so near the best misfit further branches are not worth it
+        if found[2] / np.sqrt(points) <= max(1.2 * best, best + 3e-3):
             break
     assert found is not None
     times, k, size = found

@@ -13,9 +13,6 @@ from beamsim.structures.reduction import reduce_model
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
-# Modes of a large model that are kept beyond those requested; a static vector represents the others.
-_EXTRA_MODES = 60
-
 
 def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPoint:
     """Modes of the bodies that a snubber acts on, every contact open: all of the finite-element model's.
@@ -31,7 +28,8 @@ def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPo
         omega, vectors = modes.omega, modes.vectors
     else:
         patterns = [LoadPattern(model.row(loaded), loaded) for loaded in model.loaded_sites([site])]
-        basis = reduce_model(model, patterns, count=requested + _EXTRA_MODES)
+        # 60: Modes of a large model that are kept beyond those requested; a static vector represents the others.
+        basis = reduce_model(model, patterns, count=requested + 60)
         omega, vectors = basis.omega, basis.vectors
     return SpringPoint.of_modes(omega * model.frequency_scale, row @ vectors / np.sqrt(model.mass_scale))
 

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from pydantic_core import PydanticCustomError
 
 from beamsim.analyses.identify.branch_fit import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
-from beamsim.analyses.identify.pad_data import read_pad_data
 from beamsim.analyses.identify.result import PadFit
 from beamsim.errors import Problem, ScenarioError
-from beamsim.measurements.signal import MeasurementError
-from beamsim.scenario import Scenario
+from beamsim.measurements.read import read_file
+from beamsim.measurements.signal import MeasurementError, by_dimension
+from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import path_text
 from beamsim.scenario.identification import Pad, PadData, check_data
 from beamsim.typing import Complexes, Floats
 
+_DIMENSIONS = {
+    "frequency": units.FREQUENCY, "time": units.TIME, "stiffness": units.STIFFNESS, "modulus": units.PRESSURE,
+}  # fmt: skip
 AT = ("identify_stiffness", "pad", "data")
-CURVE = 200  # points of the fitted curve
-POOR = 0.05  # misfit above which a warning says so
 
 
 def fit_pad(scenario: Scenario, pad: Pad, data: PadData) -> PadFit:
@@ -45,9 +48,9 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData) -> PadFit:
             return dynamic_stiffness(fit.stiffness, fit.branches, 2 * np.pi * at)
         return relaxation(fit.stiffness, fit.branches, at, ramp).astype(complex)
 
-    at = np.geomspace(rows[rows[:, 0] > 0.0, 0].min(), rows[-1, 0], CURVE)
+    at = np.geomspace(rows[rows[:, 0] > 0.0, 0].min(), rows[-1, 0], 200)
     curve, of_measured = fitted(at), fitted(rows[:, 0])
-    if fit.misfit > POOR:
+    if fit.misfit > 0.05:
         remedy = "allow more branches" if fit.misfit > 1.1 * fit.least_misfit else "no branches fit these measurements"
         warnings.append(f"the branches miss the measurements of the pad by {100 * fit.misfit:.3g} %: {remedy}")
     if fit.at_limit:
@@ -87,7 +90,7 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
     file = scenario.folder_of(*at) / data.file
     per_modulus = None if pad.height is None or pad.area is None else pad.area / pad.height
     try:
-        kind, rows = read_pad_data(file, per_modulus)
+        kind, rows = _read(file, per_modulus)
         check_data(rows.tolist(), kind, data.branches)
     except PydanticCustomError as error:
         context = error.context or {}
@@ -98,3 +101,37 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
     except MeasurementError as fault:
         raise ScenarioError(Problem(path_text(at), f"= {data.file} {fault.message}", fault.remedy)) from None
     return kind, rows
+
+
+def _read(file: Path, per_modulus: float | None) -> tuple[str, Floats]:
+    """The kind, dynamic or relaxation, and (p, 3) or (p, 2) rows in SI units.
+
+    ``per_modulus`` is the stiffness for a unit of modulus, area over height, m; None where it is unknown.
+
+    Raises
+    ------
+    MeasurementError
+        If the file cannot be read, or is neither.
+    """
+    table = read_file(file)
+    columns = by_dimension(table, _DIMENSIONS)
+    for column in table:
+        if not column.unit and any(word in column.name.lower() for word in ("loss", "tan", "eta")):
+            columns.setdefault("loss", np.asarray(column.y, dtype=float))
+    if "modulus" in columns and "stiffness" not in columns:
+        if per_modulus is None:
+            raise MeasurementError("gives a modulus", "add height and area of the pad, which make it a stiffness")
+        columns["stiffness"] = columns["modulus"] * per_modulus
+    for kind, needed in (("dynamic", ("frequency", "stiffness", "loss")), ("relaxation", ("time", "stiffness"))):
+        if all(name in columns for name in needed):
+            rows = np.column_stack([columns[name] for name in needed])
+            bad = np.flatnonzero(~(np.isfinite(rows).all(axis=1) & (rows >= 0.0).all(axis=1) & (rows[:, 1] > 0.0)))
+            if bad.size:
+                row = f"row {bad[0] + 1} of the numbers is not complete, or not positive"
+                raise MeasurementError(f"cannot be used: {row}", "correct the table")
+            return kind, rows
+    raise MeasurementError(
+        "is no test of a pad",
+        "it needs columns frequency (Hz), storage (kN/m), loss factor, or time (s), stiffness (kN/m), with units in "
+        "the headings",
+    )

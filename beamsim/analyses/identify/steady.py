@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
@@ -20,7 +21,7 @@ _SAMPLES = 512  # of a period, for the harmonics of the displacement
 _SETTLE = 300  # most periods of transient
 
 
-class NoSteadyVibrationError(ArithmeticError):
+class NoSteadyVibrationError(UnpredictableError):
     """No periodic motion with the period of the excitation was found."""
 
 

@@ -7,7 +7,6 @@ because every f_j increases with k. Algorithm 1 of the thesis (Hazim 2010) is ke
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,11 +18,7 @@ from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
 _PATH = "identify_stiffness.measured_with"
-_INSENSITIVE = 1e-9  # largest relative change of frequency of a mode that the spring does not affect
-_GRID = 241
 _WIDEST = 1e9  # search range: this factor on either side of one over the compliance of the structure
-GROWTH = 1.01  # thesis, algorithm 1
-FIRST_STIFFNESS = 0.01  # N/m; thesis, algorithm 1
 
 
 @dataclass(frozen=True)
@@ -44,9 +39,7 @@ class MeasuredModes:
 
 def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
     """Stiffness, N/m, that fits the measured frequencies best; 0 or infinity if no stiffness reaches them."""
-    single = _individual(point, measured)
-    if len(measured.mode) == 1:
-        return float(single[0])
+    single = individual_stiffness(point, measured)
     low, high = float(single.min()), float(single.max())
     if low == high:
         return low
@@ -56,20 +49,22 @@ def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
     low, high = max(low * (1 - 1e-6), unit / _WIDEST), min(high * (1 + 1e-6), unit * _WIDEST)
     if low >= high:
         return low
-    x = np.linspace(np.log(low), np.log(high), _GRID)
-    value = misfit(point, measured, np.exp(x))
-    best = int(np.argmin(value))
-    from scipy.optimize import minimize_scalar, root_scalar
+    from scipy.optimize import least_squares
 
-    lower, upper = x[max(best - 1, 0)], x[min(best + 1, x.size - 1)]
-    if _descent(point, measured, lower) < 0 < _descent(point, measured, upper):
-        root = root_scalar(lambda y: _descent(point, measured, y), bracket=(lower, upper), xtol=1e-15, rtol=1e-15)
-        return float(np.exp(root.root))
-    nearest = minimize_scalar(
-        lambda y: float(misfit(point, measured, np.exp(np.array([y])))[0]), bounds=(lower, upper), method="bounded",
-        options={"xatol": 1e-12},
-    )  # fmt: skip
-    return float(np.exp(nearest.x))
+    x = np.linspace(np.log(low), np.log(high), 241)
+    start = x[1:-1][np.argmin(misfit(point, measured, np.exp(x[1:-1])))]
+    number = np.array(measured.mode) - 1
+
+    def residuals(y: Floats) -> Floats:
+        predicted = point.frequencies(float(np.exp(y[0])), max(measured.mode))[number]
+        return np.asarray((predicted - measured.omega) * measured.weight)
+
+    def slopes(y: Floats) -> Floats:
+        k = float(np.exp(y[0]))
+        return (point.slope(point.frequencies(k, max(measured.mode))[number]) * k * measured.weight)[:, None]
+
+    found = least_squares(residuals, [start], jac=slopes, bounds=(x[0], x[-1]), xtol=1e-15, ftol=None, gtol=None)
+    return float(np.exp(found.x[0]))
 
 
 def misfit(point: SpringPoint, measured: MeasuredModes, stiffness: Floats) -> Floats:
@@ -78,23 +73,19 @@ def misfit(point: SpringPoint, measured: MeasuredModes, stiffness: Floats) -> Fl
     return np.asarray(np.sum(((predicted - measured.omega) * measured.weight) ** 2, axis=1))
 
 
-def _descent(point: SpringPoint, measured: MeasuredModes, log_stiffness: float) -> float:
-    """Half the derivative of chi^2 with respect to ln k."""
-    k = float(np.exp(log_stiffness))
-    predicted = point.frequencies(k, max(measured.mode))[np.array(measured.mode) - 1]
-    return float(np.sum((predicted - measured.omega) * measured.weight**2 * point.slope(predicted) * k))
+def reached_stiffness(point: SpringPoint, mode: int, omega: Floats) -> Floats:
+    """Stiffnesses that give a mode each of the frequencies (any shape): 0 below its range, infinity above."""
+    low, high = point.reach(mode)
+    inside = (omega > low) & (omega < high)
+    k = point.stiffness(np.where(inside, omega, 0.5 * (low + min(high, 2 * low + 1.0))))
+    return np.asarray(np.where(inside, k, np.where(omega <= low, 0.0, np.inf)))
 
 
-def _individual(point: SpringPoint, measured: MeasuredModes) -> Floats:
-    """Stiffness from each frequency alone: 0 below its reachable range, infinity above."""
-    k = point.stiffness(measured.omega)
-    for i, mode in enumerate(measured.mode):
-        low, high = point.reach(mode)
-        if measured.omega[i] <= low:
-            k[i] = 0.0
-        elif measured.omega[i] >= high:
-            k[i] = np.inf
-    return np.asarray(k)
+def individual_stiffness(point: SpringPoint, measured: MeasuredModes) -> Floats:
+    """(m,) stiffness from each mode alone, N/m; see `reached_stiffness`."""
+    return np.array(
+        [float(reached_stiffness(point, *pair)) for pair in zip(measured.mode, measured.omega, strict=True)]
+    )
 
 
 def check_reach(point: SpringPoint, measured: MeasuredModes, without_hz: tuple[float, ...] = ()) -> tuple[str, ...]:
@@ -130,7 +121,7 @@ def _out_of_reach(
     low, high = point.reach(mode)
     hz = 2 * np.pi
     at = f"{_PATH}[{mode - 1 - unconstrained}]"
-    if point.on_node(mode) or (np.isfinite(high) and high - low <= _INSENSITIVE * high):
+    if point.on_node(mode) or (np.isfinite(high) and high - low <= 1e-9 * high):
         return Problem(
             at,
             f"= {omega / hz:.6g} Hz does not depend on the snubber: it is at a node of mode {mode}, where the "
@@ -208,7 +199,8 @@ def thesis_loop(
     most_solutions : largest number of eigenvalue solutions.
     rigid : number of rigid-body modes.
     """
-    k, previous = FIRST_STIFFNESS, np.nan
+    # 0.01: N/m; thesis, algorithm 1
+    k, previous = 0.01, np.nan
     for count in range(1, most_solutions + 1):
         predicted = float(closed_frequencies(point.omega, point.shape[None, :], np.array([k]), rigid)[mode - 1])
         if abs(predicted - omega) <= tolerance * omega:
@@ -222,16 +214,10 @@ def thesis_loop(
             )  # fmt: skip
             return LoopResult(k, count, outcome)
         previous = k
-        k *= GROWTH
+        # 1.01: thesis, algorithm 1
+        k *= 1.01
     outcome = Outcome.of(
         OutcomeKind.STOPPED, "solution_limit", f"not converged after {most_solutions} eigenvalue solutions",
         remedy="raise identify_stiffness.most_solutions, or use method: secular",
     )  # fmt: skip
     return LoopResult(previous, most_solutions, outcome)
-
-
-def individual_stiffness(point: SpringPoint, measured: MeasuredModes) -> Mapping[int, float]:
-    """Stiffness from each mode alone, N/m; nan if it is out of reach."""
-    k = _individual(point, measured)
-    usable = np.isfinite(k) & (k > 0)
-    return {mode: float(value) if ok else np.nan for mode, value, ok in zip(measured.mode, k, usable, strict=True)}

@@ -13,26 +13,13 @@ from statistics import NormalDist
 import numpy as np
 
 from beamsim.analyses.identify.result import ProfileLikelihood, Sensitivity
-from beamsim.analyses.identify.stiffness import MeasuredModes, misfit
+from beamsim.analyses.identify.stiffness import MeasuredModes, misfit, reached_stiffness
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.parameters import find_parameters, value_at
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
-
-_TABLE = 1201  # stiffnesses at which several modes are tabulated for Monte Carlo
-_TABLE_WIDTH = 8.0  # of the table, in standard deviations of ln k
-_PROFILE_POINTS = 81
-_GOOD = 1e-3  # smallest probability of chi^2 with which the model counts as fitting
-
-
-def widening(misfit: float, freedom: int) -> float:
-    """Factor on a covariance: chi^2 per degree of freedom where noise as given hardly explains it, else 1."""
-    from scipy.special import gammaincc
-
-    unexplained = freedom > 0 and float(gammaincc(freedom / 2, misfit / 2)) < _GOOD
-    return misfit / freedom if unexplained else 1.0
 
 
 @dataclass(frozen=True)
@@ -55,21 +42,9 @@ def spread_of(point: SpringPoint, measured: MeasuredModes, stiffness: float, cov
     first = (stiffness - z * deviation, stiffness + z * deviation)
     if len(measured.mode) == 1:
         ends = measured.omega[0] * (1 + np.array([-z, z]) * measured.sigma[0])
-        return Spread(deviation, first, _transformed(point, measured.mode[0], ends))
+        low, high = reached_stiffness(point, measured.mode[0], ends)
+        return Spread(deviation, first, (float(low), float(high)))
     return Spread(deviation, first, _profile_interval(point, measured, stiffness, deviation / stiffness, z))
-
-
-def _transformed(point: SpringPoint, mode: int, omega: Floats) -> tuple[float, float]:
-    """Stiffness at the ends of a frequency interval: 0 below the reachable range, infinity above."""
-    low, high = _reachable(point, mode, omega)
-    return float(low), float(high)
-
-
-def _reachable(point: SpringPoint, mode: int, omega: Floats) -> Floats:
-    low, high = point.reach(mode)
-    inside = (omega > low) & (omega < high)
-    k = point.stiffness(np.where(inside, omega, 0.5 * (low + min(high, 2 * low + 1.0))))
-    return np.asarray(np.where(inside, k, np.where(omega <= low, 0.0, np.inf)))
 
 
 def _profile_interval(
@@ -112,7 +87,7 @@ def monte_carlo(
     """
     omega = measured.omega * (1 + measured.sigma * generator.standard_normal((samples, measured.omega.size)))
     if len(measured.mode) == 1:
-        k = _reachable(point, measured.mode[0], omega[:, 0])
+        k = reached_stiffness(point, measured.mode[0], omega[:, 0])
     else:
         relative = spread_of(point, measured, stiffness, coverage).standard_deviation / stiffness
         k = _least_on_table(point, measured, stiffness, relative, omega)
@@ -125,8 +100,10 @@ def monte_carlo(
 def _least_on_table(
     point: SpringPoint, measured: MeasuredModes, stiffness: float, relative: float, omega: Floats
 ) -> Floats:
-    width = min(_TABLE_WIDTH * relative, 20.0)
-    x = np.log(stiffness) + np.linspace(-width, width, _TABLE)
+    # 8.0: of the table, in standard deviations of ln k
+    width = min(8.0 * relative, 20.0)
+    # 1201: stiffnesses at which several modes are tabulated for Monte Carlo
+    x = np.log(stiffness) + np.linspace(-width, width, 1201)
     table = point.frequencies(np.exp(x), max(measured.mode))[:, np.array(measured.mode) - 1]
     # chi^2 up to a constant of each sample: (t, m) products instead of a (samples, t, m) array.
     w2 = measured.weight**2
@@ -148,7 +125,7 @@ def stiffness_profile(
     if not np.isfinite(deviation) or not 0 < stiffness < np.inf:
         return None
     width = min(4 * deviation / stiffness, 5.0)
-    k = stiffness * np.exp(np.linspace(-width, width, _PROFILE_POINTS))
+    k = stiffness * np.exp(np.linspace(-width, width, 81))
     value = misfit(point, measured, k)
     least = float(misfit(point, measured, np.array([stiffness]))[0])
     return ProfileLikelihood("stiffness", k, np.maximum(value - least, 0.0))

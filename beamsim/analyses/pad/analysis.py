@@ -23,8 +23,6 @@ from beamsim.measurements.signal import MeasurementError
 from beamsim.system.force_tables import read_forces
 from beamsim.typing import Floats
 
-EXACT = 1e-12  # misfit of a curve, over its largest force, that is round-off
-
 Law = Literal["kelvin_voigt", "no_tension"]
 
 
@@ -187,7 +185,8 @@ def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | Non
         back = -_work(deflection[top:], force[top:])
         if 0.0 < back <= given:
             loop = math.sqrt(back / given)
-    exact = misfit <= EXACT * float(np.abs(force).max())
+    # 1e-12: misfit of a curve, over its largest force, that is round-off
+    exact = misfit <= 1e-12 * float(np.abs(force).max())
     return curve, 0.0 if exact else misfit, loop
 
 

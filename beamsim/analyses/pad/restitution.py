@@ -17,8 +17,6 @@ from __future__ import annotations
 
 import math
 
-NEAR_CRITICAL = 1e-5  # distance of the damping ratio from 1 within which the quotient is taken by its series
-
 
 def angle(ratio: float) -> float:
     """Arccos(zeta) / sqrt(1 - zeta^2), continued beyond critical damping.
@@ -27,7 +25,8 @@ def angle(ratio: float) -> float:
     (True, 1.0)
     """
     distance = ratio - 1.0
-    if abs(distance) < NEAR_CRITICAL:
+    # 1e-5: distance of the damping ratio from 1 within which the quotient is taken by its series
+    if abs(distance) < 1e-5:
         return 1.0 - distance / 3.0 + 2.0 / 15.0 * distance**2
     if ratio < 1.0:
         return math.acos(ratio) / math.sqrt(1.0 - ratio**2)

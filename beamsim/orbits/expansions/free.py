@@ -44,7 +44,6 @@ from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
 
 HARMONICS = 400
-FELT = 1e-9  # share of the largest harmonic of the force above which one counts
 RESONANT = 1e-7  # relative distance of h omega_j from omega_l at which the expansion does not exist
 
 
@@ -261,7 +260,8 @@ def _nearest_pole(w2: Floats, mode: int, force: Floats, a1: float) -> tuple[floa
     """Factor next to zero with ``h (omega_j + factor omega_1) = omega_l``, l (from 0) and h; where forced at all."""
     omega = np.sqrt(w2)
     shift = abs(a1) / (2.0 * float(omega[mode]))
-    felt = np.abs(force[1:]) > FELT * np.abs(force).max(initial=0.0)
+    # 1e-9: share of the largest harmonic of the force above which one counts
+    felt = np.abs(force[1:]) > 1e-9 * np.abs(force).max(initial=0.0)
     felt[0, mode] = False
     if shift == 0.0 or not np.any(felt):
         return np.inf, -1, 0

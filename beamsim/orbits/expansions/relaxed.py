@@ -17,8 +17,6 @@ import numpy as np
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.typing import Floats
 
-STALLS = 3  # restarts of the optimiser, forgetting its curvature, that gained nothing: it is at a minimum
-GAINED = 0.99  # of the functional or less counts as gained
 SHORTEST, LONGEST = 0.5, 1.5  # of the last step's period: J vanishes as the period does, which is no motion
 
 
@@ -66,14 +64,16 @@ def relaxed_path(
         begin, functional = clock.process_time(), _Deviation(orbits, factor, omega, weight)
         bounds = [(None, None)] * n + [(SHORTEST * float(x[n]), LONGEST * float(x[n]))]
         value, remaining, stalls = np.inf, iterations, 0
-        while remaining > 0 and stalls < STALLS and value > tolerance:
+        # 3: restarts of the optimiser, forgetting its curvature, that gained nothing: it is at a minimum
+        while remaining > 0 and stalls < 3 and value > tolerance:
             done = minimize(
                 functional, x, jac=True, method="L-BFGS-B", bounds=bounds,
                 options={"maxiter": remaining, "maxfun": 20 * remaining, "gtol": 0.0, "ftol": 0.0, "maxcor": n + 1},
                 callback=lambda intermediate_result: _enough(intermediate_result.fun, tolerance),
             )  # fmt: skip
             x, remaining = done.x, remaining - max(int(done.nit), 1)
-            stalls += done.fun > GAINED * value
+            # 0.99: of the functional or less counts as gained
+            stalls += done.fun > 0.99 * value
             value = float(done.fun)
         yield RelaxedStep(
             factor, x[:n] * weight[:n], float(x[n] * weight[n]), value, functional.count, clock.process_time() - begin,

@@ -1,11 +1,17 @@
-"""Natural frequencies with permanent contact beside a force-deflection table: they give its slope where it rests."""
+"""Force-deflection tables in an identification: their slope at rest, and segments that are sought one by one.
+
+Natural frequencies with permanent contact give the slope of a table where it rests; vibrations give the stiffness of
+each segment that they reach.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from beamsim.analyses.identify.fit import Sought
 from beamsim.analyses.identify.result import TableSlope
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
@@ -13,8 +19,7 @@ from beamsim.scenario.base import path_text
 from beamsim.scenario.parameters import with_values
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import curves_of
-
-_AT_A_BEND = 1e-3  # of the deflection at rest: closer to a bend a vibration is on both segments
+from beamsim.typing import Floats
 
 
 def table_slope(scenario: Scenario, snubber: str) -> TableSlope | None:
@@ -49,7 +54,7 @@ def table_slope(scenario: Scenario, snubber: str) -> TableSlope | None:
     bends = curve.deflection[1:-1]
     return TableSlope(
         force=force, deflection=deflection, segment=segment, segments=curve.slopes.size, slope=slope, factor=np.nan,
-        at_a_bend=bool(np.any(np.abs(bends - deflection) < _AT_A_BEND * deflection)),
+        at_a_bend=bool(np.any(np.abs(bends - deflection) < 1e-3 * deflection)),
     )  # fmt: skip
 
 
@@ -78,3 +83,53 @@ def compared(scenario: Scenario, snubber: str, resting: TableSlope, stiffness: f
                 "segment: the identified stiffness is not that of a table of this shape"
             )
     return resting, warnings
+
+
+@dataclass(frozen=True)
+class SoughtSegment:
+    """A segment whose stiffness is sought."""
+
+    number: int  # of the parameter
+    parameter: str
+    contacts: tuple[int, ...]  # numbers of the snubbers that have the table
+    segment: int  # from 1
+    begin: float  # m, deflection
+
+    def remark(self, penetration: Floats) -> str | None:
+        """What to do if no test reaches it; (tests, m) the largest penetration of each contact, m."""
+        largest = max(float(penetration[:, list(self.contacts)].max()), 0.0)
+        if largest > self.begin * (1.0 + 1e-9):  # a motion that ends at the beginning is in no later segment
+            return None
+        return (
+            f"{self.parameter}: no test reaches segment {self.segment}, which begins at {1e3 * self.begin:.4g} mm "
+            f"(largest penetration {1e3 * largest:.4g} mm): it keeps its value; add a test at a higher level, or leave "
+            "it out"
+        )
+
+
+def sought_segments(scenario: Scenario, numbers: Sequence[Sought]) -> Iterator[SoughtSegment]:
+    """The parameters that are factors of one segment.
+
+    Raises
+    ------
+    ScenarioError
+        For a segment without slope, which no factor changes.
+    """
+    for index, number in enumerate(numbers):
+        if len(number.places) > 1 or number.places[0][-3:-1] != ("force_deflection", "segment_factors"):
+            continue
+        *path, _, _, segment = number.places[0]
+        snubbers = scenario.located_snubbers
+        contacts = tuple(j for j, located in enumerate(snubbers) if located.path == tuple(path))
+        curve = curves_of(scenario)[contacts[0]]
+        assert curve is not None
+        assert isinstance(segment, int)
+        if curve.slopes[segment] == 0.0:
+            raise ScenarioError(
+                Problem(
+                    "identify_stiffness.nonlinear.estimate",
+                    f"names {number.parameter}, a segment without slope, which no factor changes",
+                    "leave it out, or give the table a small slope there",
+                )
+            )
+        yield SoughtSegment(index, number.parameter, contacts, segment + 1, float(curve.deflection[segment]))
