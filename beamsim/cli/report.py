@@ -105,7 +105,7 @@ def change_text(change: float, doubtful: bool, after_parting: bool = False) -> s
     if doubtful:
         size = f"NOT CONVERGED, {size}"
     elif change > ALLOWED_CHANGE:
-        size = f"{size}, within the scatter of its mean"
+        size = f"{size}, within the standard error of its mean"
     return f"{ONE_OF_MANY}, {size}" if after_parting else size
 
 
