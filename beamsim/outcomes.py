@@ -47,7 +47,8 @@ class Where(NamedTuple):
 
     def __str__(self) -> str:
         name = "parameter" if self.unit is None and not self.name else self.name
-        return f"{name} {listed(self.value)} {self.unit or ''}".strip()
+        unit = "" if self.unit in (None, "1") else self.unit
+        return f"{name} {listed(self.value)} {unit}".strip()
 
     @property
     def phrase(self) -> str:

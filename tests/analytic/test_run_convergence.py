@@ -141,13 +141,14 @@ def test_off_and_studies():
     unchecked = beamsim.run(harmonic_beam(run={"convergence": "off"}))
     assert unchecked.summary["convergence"] == {}
     assert dict(table_rows("run", unchecked))["convergence"] == "not checked: not asked for"
+    from beamsim.analyses.designs.cases import Case
     from beamsim.analyses.designs.plan import plan_designs
 
     vary = {"kind": "grid", "parameters": [{"path": "snubbers.tip.stiffness", "values": [1e5, 2e5]}]}
-    study = plan_designs(harmonic_beam(vary=vary)).study
-    assert study.scenario((1e5,)).run.convergence == "off"
+    study, case = plan_designs(harmonic_beam(vary=vary)).study, Case(0, (1e5,))
+    assert study.scenario(case).run.convergence == "off"
     study = plan_designs(harmonic_beam(vary=vary, run={"convergence": "on"})).study
-    assert study.scenario((1e5,)).run.convergence == "on"
+    assert study.scenario(case).run.convergence == "on"
 
 
 def test_a_chaotic_motion_is_compared_before_the_sequences_part_and_statistically_after():

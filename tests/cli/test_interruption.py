@@ -75,7 +75,7 @@ def test_a_response_keeps_the_points_it_has(response, points):
     request = After(points)
     part = continuation(load_scenario(RESPONSE), request, request.stop)
     assert response.complete
-    assert part.status.startswith("interrupted; range not covered: 0.0795")
+    assert part.status.startswith("interrupted; no motion was followed from 0.0795")
     (branch,) = part.branches
     own, whole = branch.floquet_multipliers, response.branches[0].floquet_multipliers
     assert points <= len(own) < len(whole)  # special points are points too
@@ -122,7 +122,7 @@ def test_a_run_stopped_at_any_stage_keeps_its_motion(stage, left_out, monkeypatc
 def test_what_was_not_begun_is_named():
     request = After(2)
     part = continuation(load_scenario(RESPONSE, ["sweep.levels=[0.1 N, 0.2 N, 0.3 N]"]), request, request.stop)
-    assert part.status.startswith("interrupted; not started: level 0.2 N, level 0.3 N")
+    assert part.status.startswith("interrupted before level 0.2 N, level 0.3 N")
     scenario = load_scenario(CONFIGS / "nnm_chain_thesis_method.yaml")
     points = nnm(scenario).backbone.parameter.size
     request = After(points)

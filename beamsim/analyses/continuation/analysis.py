@@ -120,7 +120,7 @@ def continuation(
             missing.append("sweep.overlay")
     if interrupted or missing:
         parts = outcome.parts if outcome.code == COMPLETE.code else (outcome,)
-        left = f"; not started: {', '.join(missing)}" if missing else ""
+        left = f"before {', '.join(missing)}" if missing else ""
         outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", left, *parts)
     f, second = model.followed, model.second
     return ContinuationResult(
