@@ -14,7 +14,6 @@ from beamsim.cli.report import Labelled, Views, margins
 from beamsim.plots.style import amount, extent, margin_text
 
 MOST_ROWS = 24
-MOST_BEST = 5
 
 _DESIGNS = {
     "grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of ", "sobol": "Sobol' sample of ",
@@ -112,7 +111,7 @@ def _best(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> Labelled:
     objective = Objective.of(result.scenario.vary)
     asked = next((response.unit for response in responses_of(result.responses, objective.response)), "1")
     rows = []
-    for item in best[:MOST_BEST]:
+    for item in best[:5]:
         row = _parameters(result, item["parameters"])
         if objective.response:
             row[objective.text.partition(" ")[2]] = amount(item["value"], asked)

@@ -11,9 +11,6 @@ from beamsim.cli.report import Labelled, Views
 from beamsim.cli.tables import percent, told
 from beamsim.plots.style import amount
 
-SENSITIVITIES_SHOWN = 6
-SUPPORTS_SHOWN = 4
-
 
 def _newtons(value: float) -> str:
     return amount(value, "N/m", 5)
@@ -23,7 +20,7 @@ def _updated(result: IdentificationResult, _: Any) -> Labelled | str:
     update = result.update
     if update is None:
         return ""
-    supports = {text: f"misfit {misfit:.4g}" for text, misfit in update.alternatives[:SUPPORTS_SHOWN]}
+    supports = {text: f"misfit {misfit:.4g}" for text, misfit in update.alternatives[:4]}
     return Labelled({
         "": _parameters(update.parameters),
         "supports chosen": update.choices,
@@ -104,7 +101,7 @@ def _sensitivities(result: IdentificationResult, _: Any) -> list[dict[str, str]]
             "changes the stiffness by": f"{s.relative:+.3g} %",
             "its uncertainty": percent(s.contribution, 2) if math.isfinite(s.contribution) else "",
         }
-        for s in result.sensitivities[:SENSITIVITIES_SHOWN]
+        for s in result.sensitivities[:6]
     ]
 
 

@@ -13,10 +13,6 @@ from beamsim.cli.tables import percent
 from beamsim.orbits.branch import special_name
 from beamsim.plots.style import amount, scale_for
 
-SMALL_SHARE = 0.5  # of the energy in the mode, below which the smallest is reported
-FACTORS_SHOWN = 4
-SMALL_DRIFT = 1e-6  # drift over the periods of the spectrum that is not reported
-
 UNITS = {"stiffness_factor": "1", "energy": "J", "frequency": "Hz"}  # of what the path is followed in
 
 
@@ -53,7 +49,7 @@ def _full_period(result: NormalModeResult, s: Mapping[str, Any]) -> dict[str, An
 def _expansion(_: NormalModeResult, s: Mapping[str, Any]) -> dict[str, Any]:
     """The expansion, and how exact motions differ at the largest factors: at first and at second order."""
     columns = ("factor", "frequency_hz", "exact_frequency_hz", "frequency_difference", "initial_difference")
-    factors = range(min(len(s["factor"]), FACTORS_SHOWN))
+    factors = range(min(len(s["factor"]), 4))
     by_factor = [{name: s[name][k] for name in columns} for k in factors]
     return {name: value for name, value in s.items() if name not in columns} | {"by factor": by_factor}
 
@@ -69,7 +65,7 @@ def _phase_resonance(result: NormalModeResult, summary: Mapping[str, Any]) -> di
 
 
 def _spectrum(result: NormalModeResult, drift: float) -> str:
-    if drift <= SMALL_DRIFT:
+    if drift <= 1e-6:  # over the periods of the spectrum
         return ""
     return (
         f"after {result.summary['motion_periods']} periods the state differs by {percent(drift)}: "
@@ -78,7 +74,7 @@ def _spectrum(result: NormalModeResult, drift: float) -> str:
 
 
 def _share(result: NormalModeResult, smallest: float) -> str:
-    if smallest >= SMALL_SHARE:
+    if smallest >= 0.5:  # of the energy in the mode
         return ""
     at = float(result.backbone.parameter[int(np.argmin(result.backbone.share))])
     path = result.parameter.replace("_", " ")

@@ -12,8 +12,6 @@ from typing import Any
 
 from beamsim.codecs import plain
 
-LEAST_WIDTH = 40  # of the texts of a table; narrower terminals wrap by themselves
-
 
 def print_json(values: Mapping[str, Any]) -> None:
     """One JSON object on standard output; non-finite numbers are null."""
@@ -45,6 +43,7 @@ def table_text(title: str, rows: Sequence[tuple[str, str]], terminal: int | None
 
 def _wrapped(row: str, indent: int, width: int | None) -> list[str]:
     """A row in lines of at most ``width`` characters, those after the first indented, where there is room for text."""
-    if width is None or len(row) <= width or width - indent < LEAST_WIDTH:
+    # texts get at least 40 columns; narrower terminals wrap by themselves
+    if width is None or len(row) <= width or width - indent < 40:
         return [row]
     return textwrap.wrap(row, width, subsequent_indent=" " * (indent + 2), break_long_words=False)

@@ -11,7 +11,6 @@ from contextlib import contextmanager, suppress
 from beamsim.cli.failures import say
 
 SHOWN_AFTER_S = 2.0  # what takes less needs no report
-LINE_EVERY_S = 5.0  # where there is no terminal
 LINE_AT_LEAST_EVERY_S = 30.0
 LINE_SHARE = 0.1  # of the time so far, between two lines of a long computation
 
@@ -99,7 +98,7 @@ def _print_lines(progress: Progress, ended: threading.Event) -> None:
     while not ended.wait(interval):
         with suppress(OSError, ValueError):  # standard error is closed: the command itself will see to it
             say(f"beamsim: {progress}")
-        interval = min(max(LINE_EVERY_S, LINE_SHARE * progress.elapsed), LINE_AT_LEAST_EVERY_S)
+        interval = min(max(5.0, LINE_SHARE * progress.elapsed), LINE_AT_LEAST_EVERY_S)  # where there is no terminal
 
 
 def _show_bar(progress: Progress, ended: threading.Event) -> None:

@@ -13,8 +13,6 @@ from beamsim.cli.report import Views, in_units, together
 from beamsim.cli.tables import counted, percent
 from beamsim.plots.style import amount, is_known
 
-LINES_SHOWN = 6
-
 
 def _method(result: RunResult, method: str) -> str:
     time = result.time
@@ -76,7 +74,7 @@ def _strongest(lines: Sequence[Mapping[str, Any]], probe: str, quantity: str) ->
     of_motion = (line for line in lines if line["kind"] not in ("mean", "residual"))
     matching = [line for line in of_motion if (line["probe"], line["quantity"]) == (probe, quantity)]
     ranked = sorted(matching, key=lambda line: -line["amplitude"])
-    shown = [line for k, line in enumerate(ranked) if k < LINES_SHOWN or line["kind"] == "chosen"]
+    shown = [line for k, line in enumerate(ranked) if k < 6 or line["kind"] == "chosen"]
     for line in sorted(shown, key=lambda line: float(line["frequency_hz"])):
         change = line.get("relative_change") or 0.0
         doubt = f", change {percent(change, 2 if change < 0.995 else 3)}" if change > ALLOWED_CHANGE else ""

@@ -13,8 +13,6 @@ from beamsim.cli.report import Labelled, Views
 from beamsim.cli.tables import percent
 from beamsim.plots.style import amount, scale_for
 
-PEAKS_SHOWN = 6
-
 
 def _curves(result: SweepResult, peaks: Sequence[Mapping[str, Any]]) -> Labelled:
     """Every curve, and the peaks of its first probe."""
@@ -28,7 +26,7 @@ def _curves(result: SweepResult, peaks: Sequence[Mapping[str, Any]]) -> Labelled
         about = {"direction": curve.direction, "level": of, "points": curve.frequency_hz.size, "steady": steady}
         curves.append({"": curve.name, **about})
         own = [p for p in peaks if p["curve"] == curve.name and p["probe"] == first]
-        shown += [{"": curve.name, **_peak(peak)} for peak in own[:PEAKS_SHOWN]]
+        shown += [{"": curve.name, **_peak(peak)} for peak in own[:6]]
     return Labelled({"": curves, f"peaks of {first}": shown or "none within the range"})
 
 

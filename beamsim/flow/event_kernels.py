@@ -55,13 +55,13 @@ class SearchWork(NamedTuple):
 
 
 @kernel
-def make_search(guards):  # type: ignore[no-untyped-def]
+def make_search(guards):
     """Work for the search among a number of guards."""
     return SearchWork(np.empty((4, guards)), np.empty(guards), np.empty(guards))
 
 
 @kernel
-def first_event(guards, work, H, begins, most):  # type: ignore[no-untyped-def]
+def first_event(guards, work, H, begins, most):
     """The first event on [0, H].
 
     Parameters
@@ -100,7 +100,7 @@ def first_event(guards, work, H, begins, most):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _noise(guards, out, j):  # type: ignore[no-untyped-def]
+def _noise(guards, out, j):
     """What a guard is known to.
 
     Parameters
@@ -118,7 +118,7 @@ def _noise(guards, out, j):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _tolerance(guards, out, floors, j):  # type: ignore[no-untyped-def]
+def _tolerance(guards, out, floors, j):
     """How far below zero a guard has an event: its noise, or its floor.
 
     Parameters
@@ -135,7 +135,7 @@ def _tolerance(guards, out, floors, j):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _evaluate(guards, tau, H, out):  # type: ignore[no-untyped-def]
+def _evaluate(guards, tau, H, out):
     """Value, slope, bound on the curvature over [tau, reach] and round-off of the guards into ``out``; returns reach.
 
     The bound is the triangle inequality on every term's second derivative, with decaying exponentials taken at tau.
@@ -202,7 +202,7 @@ def _evaluate(guards, tau, H, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
+def safe_step(g, slope, bound):
     """Longest step over which ``g + slope h - bound h^2 / 2`` stays positive.
 
     Parameters
@@ -226,7 +226,7 @@ def safe_step(g, slope, bound):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _next_step(guards, out, floors, tau, reach, longer):  # type: ignore[no-untyped-def]
+def _next_step(guards, out, floors, tau, reach, longer):
     """(step, hit): a step over which no guard can reach zero; the guard at zero already (`NO_EVENT`: none).
 
     A guard is lifted by twice its tolerance: a contact that stays at zero to round-off is ignored, and every step has a
@@ -262,7 +262,7 @@ def _next_step(guards, out, floors, tau, reach, longer):  # type: ignore[no-unty
 
 
 @kernel
-def _fill_floors(guards, out, H, begins, floors):  # type: ignore[no-untyped-def]
+def _fill_floors(guards, out, H, begins, floors):
     """Floors of the guards that are below zero at the start of a segment, after an event or at the beginning.
 
     Parameters
@@ -286,7 +286,7 @@ def _fill_floors(guards, out, H, begins, floors):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _follow_zeros(guards, out, tau, slopes, floors):  # type: ignore[no-untyped-def]
+def _follow_zeros(guards, out, tau, slopes, floors):
     """Fill in the slopes of `SearchWork`; what has risen has no floor any more.
 
     Returns the share of a step to take: half of the first one where a guard rises, so that it is seen above zero before
@@ -316,7 +316,7 @@ def _follow_zeros(guards, out, tau, slopes, floors):  # type: ignore[no-untyped-
 
 
 @kernel
-def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
+def _crossing(out, hit, tau):
     """Time of the zero next to tau, by one Newton step where the curvature allows it.
 
     Parameters
@@ -336,7 +336,7 @@ def _crossing(out, hit, tau):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _taylor_step(guards, j, tau, reach, value):  # type: ignore[no-untyped-def]
+def _taylor_step(guards, j, tau, reach, value):
     """Step from value > 0 over which guard j stays positive.
 
     Where terms cancel, a guard and its first derivatives are small; the bound on its curvature is not. So the

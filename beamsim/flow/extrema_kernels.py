@@ -56,7 +56,7 @@ FOURTH, ASIDE, ROUND_OFF, HIGHEST = 4, 5, 6, 7  # of these bounds
 
 
 @kernel
-def search(sums, known, resolution):  # type: ignore[no-untyped-def]
+def search(sums, known, resolution):
     """Raise what is known to the largest values on the parts.
 
     Parameters
@@ -115,7 +115,7 @@ def search(sums, known, resolution):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _make_look(parts, B, K):  # type: ignore[no-untyped-def]
+def _make_look(parts, B, K):
     """Work arrays."""
     return Look(
         np.empty(parts + 1), np.empty((parts + 1, 4, B)), np.empty((5, B)), np.empty(B), np.empty((parts + 1, 3, K)),
@@ -124,7 +124,7 @@ def _make_look(parts, B, K):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _with_room(rows, used):  # type: ignore[no-untyped-def]
+def _with_room(rows, used):
     """Rows, of which more are going to be used."""
     if used <= rows.shape[0]:
         return rows
@@ -134,7 +134,7 @@ def _with_room(rows, used):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _cut(sums, i, ends):  # type: ignore[no-untyped-def]
+def _cut(sums, i, ends):
     """A look at equal parts of an interval, at most 64, so short that all functions are in the cubics."""
     parts, turn = 1, np.abs(sums.rate[i]).max() * (ends.u[1] - ends.u[0])
     while parts < 64 and FARTHEST * parts < turn:
@@ -149,7 +149,7 @@ def _cut(sums, i, ends):  # type: ignore[no-untyped-def]
 
 
 @summing
-def _fill_outputs(sums, i, ends, by_output, output, noise):  # type: ignore[no-untyped-def]
+def _fill_outputs(sums, i, ends, by_output, output, noise):
     """(3, K, B) on a part: real and imaginary parts and sizes of the functions' coefficients; (K,) round-off."""
     n, K, B = i if sums.table.shape[0] > 1 else 0, output.shape[1], output.shape[2]
     farthest, round_off = max(abs(ends.u[0]), abs(ends.u[1])), np.empty(B)
@@ -177,7 +177,7 @@ def _fill_outputs(sums, i, ends, by_output, output, noise):  # type: ignore[no-u
 
 
 @kernel
-def _fill_waves(sums, i, equal, look):  # type: ignore[no-untyped-def]
+def _fill_waves(sums, i, equal, look):
     """The functions of time at the ends of the parts, which are equal or not, of an interval, and bounds between these.
 
     From a function f to u f derivatives change to ``u f^(k) + k f^(k - 1)``.
@@ -222,7 +222,7 @@ def _fill_waves(sums, i, equal, look):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _see(known, sums, i, which, output, noise, look):  # type: ignore[no-untyped-def]
+def _see(known, sums, i, which, output, noise, look):
     """Some functions of outputs at the ends of the parts of an interval, and bounds on them between these; raise what
     is known, of equal values the first counts."""
     value, bound, window = look.value, look.bound, sums.window[i]
@@ -250,7 +250,7 @@ def _see(known, sums, i, which, output, noise, look):  # type: ignore[no-untyped
 
 
 @summing
-def _see_outputs(first, which, output, noise, look):  # type: ignore[no-untyped-def]
+def _see_outputs(first, which, output, noise, look):
     """The outputs of some functions, and bounds on their derivatives, on what is not in the cubics, on round-off."""
     for k in range(first[which[0]], first[which[which.size - 1] + 1]):
         for p in range(look.u.size):
@@ -276,7 +276,7 @@ def _see_outputs(first, which, output, noise, look):  # type: ignore[no-untyped-
 
 
 @kernel
-def _add_squares(look, first, last):  # type: ignore[no-untyped-def]
+def _add_squares(look, first, last):
     """Half the sum of the squares of the outputs from one to another, in the place of the first of them."""
     value, bound = look.value, look.bound
     for p in range(look.u.size):
@@ -297,7 +297,7 @@ def _add_squares(look, first, last):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _limit(top, scale, reached, resolution):  # type: ignore[no-untyped-def]
+def _limit(top, scale, reached, resolution):
     """What a function has to exceed on an interval at whose ends a value is reached.
 
     Where that is the largest value of all, top, any better one counts; where all turning points are sought, every one
@@ -309,7 +309,7 @@ def _limit(top, scale, reached, resolution):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _divide(interval, u):  # type: ignore[no-untyped-def]
+def _divide(interval, u):
     """Ends of the parts of an interval: about the place of its top, if that is certain, else equal ones."""
     begin, length = interval[0], interval[1] - interval[0]
     if interval[4] > 0.0:
@@ -322,7 +322,7 @@ def _divide(interval, u):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _left(known, key, look, resolution, waiting, turns, used):  # type: ignore[no-untyped-def]
+def _left(known, key, look, resolution, waiting, turns, used):
     """Parts that may hold more than what is known, written behind those that wait, the first part last.
 
     Parameters
@@ -364,7 +364,7 @@ def _left(known, key, look, resolution, waiting, turns, used):  # type: ignore[n
 
 
 @kernel
-def _beside(bound, aside, sign, squared):  # type: ignore[no-untyped-def]
+def _beside(bound, aside, sign, squared):
     """Bound on a function from that on what is in the cubic and that on what is not."""
     if not squared:
         return bound + aside
@@ -373,7 +373,7 @@ def _beside(bound, aside, sign, squared):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _cubic(left, right, first, last):  # type: ignore[no-untyped-def]
+def _cubic(left, right, first, last):
     """A cubic from its values and slopes at 0 and 1.
 
     Returns

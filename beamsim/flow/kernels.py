@@ -72,7 +72,7 @@ def _exp(re: float, im: float, tau: float) -> complex:
 
 
 @kernel
-def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):  # type: ignore[no-untyped-def]
+def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):
     """Amplitudes of all sources at the start (time t, state y) of a segment in state s; ``rest`` (N,) is for work.
 
     Parameters
@@ -111,7 +111,7 @@ def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):  # type: ignore[n
 
 
 @summing
-def _project(projector, count, y, amplitude):  # type: ignore[no-untyped-def]
+def _project(projector, count, y, amplitude):
     """Amplitudes of ``count`` free motions in a state y; sums in an order that suits the processor.
 
     Parameters
@@ -131,7 +131,7 @@ def _project(projector, count, y, amplitude):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill_basis(exponent, power, nb, tau, value):  # type: ignore[no-untyped-def]
+def _fill_basis(exponent, power, nb, tau, value):
     """Basis functions at tau.
 
     Parameters
@@ -153,7 +153,7 @@ def _fill_basis(exponent, power, nb, tau, value):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
+def _state_at(tables, s, zeta, basis, y):
     """The state from the amplitudes of sources and the values of basis functions.
 
     Parameters
@@ -176,7 +176,7 @@ def _state_at(tables, s, zeta, basis, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _reset(tables, s, guard, zeta, basis, y):  # type: ignore[no-untyped-def]
+def _reset(tables, s, guard, zeta, basis, y):
     """Write the internal states after a guard's event into y; ``basis`` is evaluated at the event.
 
     Parameters

@@ -33,7 +33,7 @@ class Position(NamedTuple):
 
 
 @kernel
-def _fill_guards(tables, s, zeta, H, guards):  # type: ignore[no-untyped-def]
+def _fill_guards(tables, s, zeta, H, guards):
     """The guards of state s on a segment of length H, from the amplitudes of its sources.
 
     Parameters
@@ -61,7 +61,7 @@ def _fill_guards(tables, s, zeta, H, guards):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def march(tables, inputs, position, end, y, log, most_evaluations):  # type: ignore[no-untyped-def]
+def march(tables, inputs, position, end, y, log, most_evaluations):
     """Carry a motion on from event to event.
 
     Parameters

@@ -10,7 +10,7 @@ LEAST = 1.0  # size of an exponent from which (e^x - 1) / x keeps its digits
 
 
 @kernel
-def _moments(x, top, out):  # type: ignore[no-untyped-def]
+def _moments(x, top, out):
     """``int_0^1 s^q e^{x s} ds`` for q = 0 ... top: upward while q is no larger than x, then downward from a series.
 
     Parameters
@@ -43,7 +43,7 @@ def _moments(x, top, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def fill_moments(x, out):  # type: ignore[no-untyped-def]
+def fill_moments(x, out):
     """Moments (n, top + 1) of exponents (n,)."""
     for i in range(x.size):
         _moments(x[i], out.shape[1] - 1, out[i])

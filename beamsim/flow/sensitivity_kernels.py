@@ -45,7 +45,7 @@ class Segment(NamedTuple):
 
 
 @kernel
-def _fill_inputs(inputs, of, t, now):  # type: ignore[no-untyped-def]
+def _fill_inputs(inputs, of, t, now):
     """Inputs, exponentials from t = 0 on, with their slopes and changes, into an Instant.
 
     Parameters
@@ -71,7 +71,7 @@ def _fill_inputs(inputs, of, t, now):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _product(matrix, vector, out):  # type: ignore[no-untyped-def]
+def _product(matrix, vector, out):
     """The product of a matrix (k, n) and a vector (n,) into ``out`` (k,)."""
     for i in range(out.size):
         total = 0.0
@@ -81,7 +81,7 @@ def _product(matrix, vector, out):  # type: ignore[no-untyped-def]
 
 
 @summing
-def _differentiate(after, m, now, S, out):  # type: ignore[no-untyped-def]
+def _differentiate(after, m, now, S, out):
     """Changes of what follows from an Instant.
 
     Parameters
@@ -109,7 +109,7 @@ def _differentiate(after, m, now, S, out):  # type: ignore[no-untyped-def]
 
 
 @summing
-def _transit(tables, segment, first, free, S):  # type: ignore[no-untyped-def]
+def _transit(tables, segment, first, free, S):
     """Carry the change of a state over a segment, in place.
 
     Parameters
@@ -141,7 +141,7 @@ def _transit(tables, segment, first, free, S):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill_load(tables, inputs, of, segment, p, load):  # type: ignore[no-untyped-def]
+def _fill_load(tables, inputs, of, segment, p, load):
     """The load that a parameter's change is over a segment.
 
     Parameters
@@ -178,7 +178,7 @@ def _fill_load(tables, inputs, of, segment, p, load):  # type: ignore[no-untyped
 
 
 @kernel
-def _convolution(a, q, b, p, tau, moments):  # type: ignore[no-untyped-def]
+def _convolution(a, q, b, p, tau, moments):
     r"""The integral :math:`\int_0^\tau (\tau - s)^q e^{a (\tau - s)} s^p e^{b s} ds`.
 
     With x = (b - a) tau it is :math:`\tau^{p + q + 1} e^{a \tau} \int_0^1 (1 - s)^q s^p e^{x s} ds`; where
@@ -206,7 +206,7 @@ def _convolution(a, q, b, p, tau, moments):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _respond(tables, inputs, segment, load, moments, column):  # type: ignore[no-untyped-def]
+def _respond(tables, inputs, segment, load, moments, column):
     """Add the response at the end of a segment to a load.
 
     Parameters
@@ -242,7 +242,7 @@ def _respond(tables, inputs, segment, load, moments, column):  # type: ignore[no
 
 
 @kernel
-def _fill_jump(of, m, now, after, out):  # type: ignore[no-untyped-def]
+def _fill_jump(of, m, now, after, out):
     """Rate of the state after an event, if it came later, less that of the motion which goes on from it.
 
     Parameters
@@ -269,7 +269,7 @@ def _fill_jump(of, m, now, after, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def differentiate(tables, inputs, log, of, S, end, slope):  # type: ignore[no-untyped-def]
+def differentiate(tables, inputs, log, of, S, end, slope):
     """The derivatives of a motion's end.
 
     Parameters

@@ -92,7 +92,7 @@ class Steps(NamedTuple):
 
 
 @kernel
-def make_series(s, columns):  # type: ignore[no-untyped-def]
+def make_series(s, columns):
     """Room for the series of a system, with C columns."""
     n, nc, terms = s.omega2.size, s.cubic.shape[1], ORDER + 1
     return Series(
@@ -108,7 +108,7 @@ def _turned(angle: float) -> complex:
 
 
 @kernel
-def _fill_base(s, t, d):  # type: ignore[no-untyped-def]
+def _fill_base(s, t, d):
     """Taylor coefficients (ORDER + 1, C) of the base's displacement; ``t e^{i w t}`` has ``t e_k + e_{k-1}``.
 
     Parameters
@@ -128,7 +128,7 @@ def _fill_base(s, t, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _penetration_coefficient(s, j, series, k, p):  # type: ignore[no-untyped-def]
+def _penetration_coefficient(s, j, series, k, p):
     """Taylor coefficient k of contact j's penetration in column p.
 
     Parameters
@@ -151,7 +151,7 @@ def _penetration_coefficient(s, j, series, k, p):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _add_cubic(s, series, k):  # type: ignore[no-untyped-def]
+def _add_cubic(s, series, k):
     """Take the pull of the cubic springs from the rates of order k + 1, and fill in their series of order k.
 
     Parameters
@@ -185,7 +185,7 @@ def _add_cubic(s, series, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add_contact(s, j, series, k):  # type: ignore[no-untyped-def]
+def _add_contact(s, j, series, k):
     """Add the push of a closed contact to the rates of order k + 1.
 
     Parameters
@@ -209,7 +209,7 @@ def _add_contact(s, j, series, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def series_at(s, closed, t, y, series):  # type: ignore[no-untyped-def]
+def series_at(s, closed, t, y, series):
     """Fill in the series of a motion and its derivatives.
 
     Parameters
@@ -255,7 +255,7 @@ def series_at(s, closed, t, y, series):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill_guards(s, closed, series, H, guards):  # type: ignore[no-untyped-def]
+def _fill_guards(s, closed, series, H, guards):
     """The penetration of closed contacts, the gap of open ones, as polynomials on a step of length H.
 
     Parameters
@@ -279,7 +279,7 @@ def _fill_guards(s, closed, series, H, guards):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _length(s, series):  # type: ignore[no-untyped-def]
+def _length(s, series):
     """Step at which the last two terms are below the round-off of the motion."""
     q, v, n = series.q, series.v, s.omega2.size
     scale = 0.0
@@ -301,7 +301,7 @@ def _length(s, series):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add_up(series, h, y, slope):  # type: ignore[no-untyped-def]
+def _add_up(series, h, y, slope):
     """State and its derivatives (2n, C), and the time derivative of the state (2n,), at h into a step.
 
     Parameters
@@ -323,7 +323,7 @@ def _add_up(series, h, y, slope):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _cross(s, motion, series, h, j):  # type: ignore[no-untyped-def]
+def _cross(s, motion, series, h, j):
     """Take the derivatives across an event of contact j, whose dashpot makes the acceleration jump there.
 
     It lies at h into the step.
@@ -352,7 +352,7 @@ def _cross(s, motion, series, h, j):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def carry_smooth(s, t, t_end, begins, motion, log):  # type: ignore[no-untyped-def]
+def carry_smooth(s, t, t_end, begins, motion, log):
     """Carry a motion from t to t_end and log its steps and events.
 
     Parameters
@@ -408,7 +408,7 @@ def carry_smooth(s, t, t_end, begins, motion, log):  # type: ignore[no-untyped-d
 
 
 @kernel
-def sample_smooth(s, log_time, log_closed, log_y, times, out):  # type: ignore[no-untyped-def]
+def sample_smooth(s, log_time, log_closed, log_y, times, out):
     """States within a log of steps.
 
     Parameters

@@ -28,7 +28,6 @@ from beamsim.plots.drawing import (
 from beamsim.plots.style import plain_scale
 
 HIGHEST_ORDER, DEEPEST_DB = 12.5, 100.0  # of spectra
-MOST_NUMBERS = 150  # written into the cells of a matrix
 _PREDICTED: dict[str, Any] = {"color": DARK, "linestyle": "-", "linewidth": 1.2}
 _MEASURED: dict[str, Any] = {"color": RED, "linestyle": (0, (4, 2)), "linewidth": 1.2}
 
@@ -101,7 +100,7 @@ def plot_mac(result: ModeComparison, ax: Axes) -> Axes:
     """MAC by measured (down) and computed modes (across) with their frequencies; pairs are framed."""
     drawn = ax.imshow(result.mac, vmin=0.0, vmax=1.0, cmap="Greys", aspect="auto")
     rows, columns = result.mac.shape
-    for i, j in np.ndindex(rows, columns) if rows * columns <= MOST_NUMBERS else ():
+    for i, j in np.ndindex(rows, columns) if rows * columns <= 150 else ():
         value = float(result.mac[i, j])
         colour = "white" if value > 0.55 else "0.2"
         ax.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize="small", color=colour)

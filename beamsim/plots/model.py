@@ -26,7 +26,6 @@ from beamsim.system.structural import SnubberNumbers
 
 MOST_NAMES = 14  # of stops, masses, springs and probes together; more are not readable
 DEEPEST = 0.07  # of a body, over the distance of rows
-_LARGEST_GAP = 0.16
 Named = tuple[str, tuple[float, float]]  # what is drawn, and where
 
 
@@ -39,7 +38,7 @@ def plot_model(scenario: Scenario, stations: Stations, stops: Mapping[str, Snubb
     """
     sketch = Sketch(scenario, stations, stops)
     largest = max((stop.gap for stop in stops.values() if np.isfinite(stop.gap)), default=0.0)
-    factor = _LARGEST_GAP / largest if largest > 0.0 else 1.0
+    factor = 0.16 / largest if largest > 0.0 else 1.0
     places = sketch.draw(ax, sketch.rest, factor, 0.5 * DEEPEST)
     _depths(sketch, ax)
     names: list[Named] = [

@@ -32,7 +32,6 @@ from beamsim.plots.style import Scale
 from beamsim.typing import Floats
 
 FLOOR = -120.0  # dB, of a spectrum
-DRIFTED = 1e-6  # over the periods of the spectrum, from which the drift is shown
 WIDE = 20.0  # ratio of the largest to the smallest amplitude that asks for a logarithmic axis
 DECADE = 10.0  # the same of the energies: a logarithmic axis has no room for its numbers below
 
@@ -211,7 +210,8 @@ def plot_orbit_spectrum(result: NormalModeResult, ax: Axes) -> Axes:
     across = (f"Frequency in steps of {f[1]:.3g} Hz", HERTZ)
     draw_curves(ax, across, ("Amplitude (dB re largest)", ""), curves, of="probes")
     ax.set_ylim(FLOOR, 5.0)
-    drift = f"; unstable: {100 * motion.drift:.3g} % away at their end" if motion.drift > DRIFTED else ""
+    # a drift over the periods of the spectrum above 1e-6 is shown
+    drift = f"; unstable: {100 * motion.drift:.3g} % away at their end" if motion.drift > 1e-6 else ""
     legend(ax, f"{motion.periods} periods{drift}")
     return ax
 

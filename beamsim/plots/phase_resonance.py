@@ -16,8 +16,6 @@ from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale, scale_for
 from beamsim.structures.stations import Stations
 
-_HIGHEST_ORDER = 20.5
-
 
 def _level_scale(result: PhaseResonanceResult) -> Scale:
     """Levels of acceleration in g, others with an SI prefix."""
@@ -87,7 +85,7 @@ def plot_held_shapes(held: HeldMotion, ax: Axes, stations: Stations) -> Axes:
 
 def plot_held_spectrum(held: HeldMotion, ax: Axes) -> Axes:
     """Lines over all periods, in dB of the strongest."""
-    highest = _HIGHEST_ORDER * float(held.frequency_hz[held.departure.size])
+    highest = 20.5 * float(held.frequency_hz[held.departure.size])
     reach = held.frequency_hz <= highest
     top = max(float(a[1:].max()) for a in held.amplitude.values())
     curves = [

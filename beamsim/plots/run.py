@@ -37,8 +37,6 @@ from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.typing import Floats
 
 MOST_STATES = 2**18  # samples in a phase portrait
-PERIODS_SHOWN = 6  # in a close-up
-SHARE_SHOWN = 0.125  # of a run without excitation frequency
 MOST_BANDS = 400  # of the spectrum of a random motion
 SPECTRUM_DB = 60.0  # below the highest point of a spectrum, down to which its frequencies are shown
 DOUBTFUL_LINES = f"lines that change by more than {100 * ALLOWED_CHANGE:g} % with a finer model"
@@ -374,5 +372,6 @@ def _last_part(result: RunResult) -> float:
     """Start of a close-up: a few excitation periods before the end."""
     begin, end = float(result.time[0]), float(result.time[-1])
     excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
-    length = PERIODS_SHOWN / excitation if np.isfinite(excitation) else SHARE_SHOWN * (end - begin)
+    # six periods, or an eighth of a run without excitation frequency
+    length = 6 / excitation if np.isfinite(excitation) else 0.125 * (end - begin)
     return max(begin, end - length)

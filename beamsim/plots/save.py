@@ -11,8 +11,6 @@ from matplotlib.figure import Figure
 
 from beamsim.files import replacing
 
-DOTS_PER_INCH = 150.0
-
 
 def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, form: str = "png") -> list[Path]:
     """Save every plot as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
@@ -37,4 +35,4 @@ def draw(figure: Figure, target: Any, form: str = "png") -> None:
     packed: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}} if form == "png" else {}
     # logarithmic axes have 0.01, 0.6 and 200 in place of powers of ten; letters are as wide as in PDF and SVG
     with rc_context({"axes.formatter.min_exponent": 4, "text.hinting": "none"}):
-        figure.savefig(target, format=form, dpi=DOTS_PER_INCH, **packed)
+        figure.savefig(target, format=form, dpi=150.0, **packed)

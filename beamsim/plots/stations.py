@@ -12,8 +12,6 @@ from beamsim.plots.style import scale_for
 from beamsim.structures.stations import IN_PLANE, StationPart, Stations
 from beamsim.typing import Floats
 
-MOST_TICKS = 20  # of numbered masses or nodes
-
 
 def draw_along(ax: Axes, stations: Stations, words: str, shapes: Sequence[tuple[str, Floats, dict[str, Any]]]) -> None:
     """Shapes over the stations of all bodies, with labelled axes; of several bodies the name is at the end of each.
@@ -36,7 +34,7 @@ def draw_along(ax: Axes, stations: Stations, words: str, shapes: Sequence[tuple[
         unit = f" ({scale_for(part.axis.unit, x).unit})" if part.axis.continuous else ""
         names.append(part.axis.label + unit)
         if not part.axis.continuous and len(stations.parts) == 1:  # masses have whole numbers
-            ax.set_xticks(x[:: -(-x.size // MOST_TICKS)])
+            ax.set_xticks(x[:: -(-x.size // 20)])  # at most 20
     finish(ax, " / ".join(dict.fromkeys(names)), with_unit(words, scale))
     legend(ax)
 

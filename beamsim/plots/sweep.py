@@ -41,7 +41,6 @@ from beamsim.typing import Floats
 
 MOST_LEVELS = 4  # whose harmonics are drawn; limits of notches
 MOST_PERIODS = 8  # that an axis numbers
-MOST_MARKS = 8  # labelled peaks in one plot
 FEWEST_SAMPLES = 16  # in a window of a spectrogram, of which there are at least eight
 _MARKS = {
     "linear resonance": "o",
@@ -101,7 +100,8 @@ def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
     grey = {"color": "0.6", "linestyle": "-", "linewidth": 1.0, "zorder": 1}
     drawn = [_swept(f"sweep {c.direction}", c, c.displacement[probe].peak) for c in curves]
     drawn.append(Curve("without snubbers (linear)", result.linear.frequency_hz, linear, grey))
-    named = [p for p in result.peaks if p.curve in {c.name for c in curves} and p.probe == probe][:MOST_MARKS]
+    # more than eight labels are not readable
+    named = [p for p in result.peaks if p.curve in {c.name for c in curves} and p.probe == probe][:8]
     for kind in dict.fromkeys(p.kind for p in named):
         peaks, face = [(p.frequency_hz, p.value_m) for p in named if p.kind == kind], "harmonic" in kind
         marks = {"marker": _MARKS[kind], "markersize": 5, "markerfacecolor": "white" if face else "0.2"}

@@ -14,7 +14,6 @@ from beamsim.scenario import units
 from beamsim.scenario.base import Schema, counted, demand_rising, fail
 from beamsim.scenario.damping import Ratios
 
-_LARGEST_UNCERTAINTY = 0.2
 Probability = Annotated[float, q.Quantity(replace(units.RATIO, example="95 %"), above=0.0, below=1.0)]
 
 
@@ -309,7 +308,7 @@ class IdentifyStiffness(Schema):
                 ("uncertainty", given.index(0.0)),
             )
         for index, value in enumerate(given):
-            if value > _LARGEST_UNCERTAINTY:
+            if value > 0.2:
                 raise fail(
                     f"= {value:g} means {100 * value:g} % of a frequency",
                     f"write {value:g} % if that was meant",

@@ -12,8 +12,6 @@ from pydantic_core import ErrorDetails
 from beamsim.scenario.base import Path, Schema, descriptions, single_line, tag_of, words_of
 from beamsim.scenario.quantities import FieldType
 
-MOST_HOMES = 3  # sections that a remedy names
-
 
 def members(annotation: Any, tag: str = "") -> dict[str, type[Schema]]:
     """Return the classes a field may hold, by the tag that tells them apart (`""` where there is none)."""
@@ -140,7 +138,7 @@ def _where_it_belongs(key: str, schema: type[Schema]) -> str:
             return f"write {section}: " + ("{NAME: {kind: %s, ...}}" if named else "{kind: %s, ...}") % key
         if any(key in part.keys() for part in classes.values()):  # noqa: SIM118
             homes.append(section)
-    return "it belongs in " + " or ".join(homes[:MOST_HOMES]) if homes else ""
+    return "it belongs in " + " or ".join(homes[:3]) if homes else ""
 
 
 def _kind(path: Path, value: Any, field: FieldInfo | None) -> tuple[Path, str, str]:

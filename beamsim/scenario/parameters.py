@@ -166,7 +166,8 @@ def read_as(scenario: ScenarioParts, place: Path, value: object, at: Path = ()) 
     try:
         return field.read(value)
     except UnitError as error:
-        raise fail(f"{shown} {error.message} (as {path_text(place)})", error.remedy, at) from None
+        as_place = f" (as {path_text(place)})" if place != at else ""
+        raise fail(f"{shown} {error.message}{as_place}", error.remedy, at) from None
 
 
 def choices_at(scenario: ScenarioParts, place: Path) -> tuple[str, ...]:

@@ -59,7 +59,7 @@ def backbone_of(make_system, omega, shape, k, mode=0, end=1.0, points=90, energy
 def test_bilinear_oscillator(make_system, k):
     """2 w1 w2 / (w1 + w2), to 1e-12, all along the way."""
     orbits, backbone, points = backbone_of(make_system, np.array([1.0]), np.array([1.0]), k, points=20, tolerance=1e-13)
-    assert backbone.outcome.text == "complete: reached parameter 1"
+    assert backbone.outcome.text == "complete: reached the end of the range at parameter 1"
     for p in points:
         w2 = np.sqrt(1.0 + k * p.parameter)
         assert 2 * np.pi / orbits.orbit(p).period == pytest.approx(2 * w2 / (1 + w2), rel=1e-12)
@@ -70,7 +70,7 @@ def test_six_masses_with_a_unilateral_spring(make_system, mass, period):
     """Thesis chapter 3, epsilon = 0.5: 4.011 s and 3.97 s printed (computed apart: 4.0098 and 3.9697 s)."""
     w2, V = np.linalg.eigh(CHAIN)
     orbits, backbone, points = backbone_of(make_system, np.sqrt(w2), V[mass - 1], 0.5, mode=3, points=66)
-    assert backbone.outcome.text == "complete: reached parameter 1"
+    assert backbone.outcome.text == "complete: reached the end of the range at parameter 1"
     assert orbits.orbit(points[-1]).period == pytest.approx(period, abs=6e-5)
 
 
@@ -83,7 +83,7 @@ def test_six_masses_with_a_cubic_spring(make_system):
     start = solve_at(orbits, linear_mode(orbits, 3, 0.0), Settings(), 0.0)
     backbone = Backbone(orbits, start, 1.0, 3, points=75)
     points = list(backbone)
-    assert backbone.outcome.text == "complete: reached parameter 1"
+    assert backbone.outcome.text == "complete: reached the end of the range at parameter 1"
     assert len(points) >= 75
     assert max(p.residual for p in points) < 1e-10
     higher = BrakeOrbits(family, "energy", factor=1.0)
@@ -120,7 +120,7 @@ def beam_backbone(make_system):
 def test_first_mode_of_the_beam(beam_backbone):
     """75 points or more, each converged and with most of its energy in mode 1, past its tongues."""
     orbits, backbone, points = beam_backbone
-    assert backbone.outcome.text == "complete: reached parameter 1"
+    assert backbone.outcome.text == "complete: reached the end of the range at parameter 1"
     assert len(points) >= 75
     assert max(p.residual for p in points) < 1e-10
     assert min(backbone.share(p) for p in points) > 0.5
@@ -177,7 +177,7 @@ def test_first_mode_of_figure_3_16(make_system):
     """The thesis's figure 3.16: 10 elements, every degree of freedom, 107 kN/m, 75 steps; 20 hours in 2010."""
     omega, tip, k = cantilever()
     orbits, backbone, points = backbone_of(make_system, omega, tip, k, points=75)
-    assert backbone.outcome.text == "complete: reached parameter 1"
+    assert backbone.outcome.text == "complete: reached the end of the range at parameter 1"
     assert len(points) >= 75
     assert max(p.residual for p in points) < 1e-10
     assert orbits.orbit(points[0]).frequency_hz == pytest.approx(56.0, abs=0.1)
@@ -304,7 +304,7 @@ def test_a_non_brake_orbit(make_system):
     start = solve_at(orbits, near, Settings(iterations=12), 0.3)
     branch = Branch(orbits, start, 0.1, 1.0, Settings(step=0.05, largest_step=0.1))
     points = list(branch)
-    assert branch.outcome.text == "complete: reached parameter 1"
+    assert branch.outcome.text == "complete: reached the end of the range at parameter 1"
     for point in points:
         y, period, g, _ = orbits.split(point.u)
         r, w = circle(g)

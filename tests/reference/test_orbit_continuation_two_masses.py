@@ -61,7 +61,7 @@ def harmonics(problem, point, count=6, samples=2048):
 
 def test_the_branch_is_whole(curve):
     _, branch, points, _ = curve
-    assert branch.outcome.text == "complete: reached parameter 0.5"
+    assert branch.outcome.text == "complete: reached the end of the range at parameter 0.5"
     assert points[0].parameter == 0.8
     assert points[-1].parameter == 0.5
     assert max(p.residual for p in points) < 1e-11
@@ -165,7 +165,7 @@ def test_fold_followed_in_the_level(flow_of, curve):
     folds, start = start_of_fold_curve(problem, fold, "level", 1.0, forward=-1)
     branch = Branch(folds, start, 0.6, 1.5, Settings(tolerance=1e-9))
     last = list(branch)[-1]
-    assert branch.outcome.text == "complete: reached parameter 0.6"
+    assert branch.outcome.text == "complete: reached the end of the range at parameter 0.6"
     other = ForcedOrbits(VariationalFlow(problem.flow.system, problem.flow.forcing, 0.8, 0.6))
     _, _, found = walk(other)
     assert min(abs(s.parameter - last.u[-2]) for s in found if s.kind == "fold") < 1e-6
@@ -195,7 +195,7 @@ def test_grazing_followed_in_the_level(curve):
     curve_of_grazings, start = start_of_grazing_curve(problem, grazing, "level", 1.0, forward=-1)
     branch = Branch(curve_of_grazings, start, 0.6, 1.5, Settings(tolerance=1e-9))
     points = list(branch)
-    assert branch.outcome.text == "complete: reached parameter 0.6"
+    assert branch.outcome.text == "complete: reached the end of the range at parameter 0.6"
     assert len(points) < 40
     for p in points:
         omega, level = p.u[-2:]
@@ -243,7 +243,7 @@ def test_with_a_dashpot(flow_of, law, turns):
     """
     problem = ForcedOrbits(flow_of(**law))
     branch, points, special = walk(problem)
-    assert branch.outcome.text == "complete: reached parameter 0.5"
+    assert branch.outcome.text == "complete: reached the end of the range at parameter 0.5"
     grazing = [s for s in special if s.kind in ("grazing", "nonsmooth_fold")]
     np.testing.assert_allclose([s.parameter for s in grazing], [0.6534401404, 0.5818996390], atol=1e-8)
     folds = [s for s in special if s.kind == "fold"]

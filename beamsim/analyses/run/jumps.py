@@ -19,7 +19,6 @@ from beamsim.typing import Floats
 
 NOTED = 0.25  # of a peak acceleration: a larger jump may exceed it in a model of a few times the modes
 SETTLED = 0.8  # of the sum over all modes, that the lower half of them reaches where the sum converges
-SAME_PLACE = 1e-9  # of a shape
 
 
 def jump_warnings(
@@ -41,7 +40,7 @@ def jump_warnings(
     warnings = []
     for probe in system.probes:
         apart = np.minimum(np.abs(probe.shape - shapes).max(axis=1), np.abs(probe.shape + shapes).max(axis=1))
-        for row in np.flatnonzero(apart <= SAME_PLACE * np.abs(probe.shape).max()):
+        for row in np.flatnonzero(apart <= 1e-9 * np.abs(probe.shape).max()):  # of a shape
             j, snubber = damped[row]
             reached = np.cumsum(probe.shape[order] ** 2)
             if reached[reached.size // 2 - 1] >= SETTLED * reached[-1]:

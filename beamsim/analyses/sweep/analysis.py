@@ -314,7 +314,9 @@ def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, An
     summary = gapping(linear.contact, linear.frequency_hz, amplitude)
     for name, of in summary.items():
         at_rest = 1.0 if of["closed_at_rest"] else 0.0
-        changed = {curve.name: np.flatnonzero(curve.contact_share[name] != at_rest) for curve in curves.values()}
+        changed = {  # by more than round-off of a mean
+            curve.name: np.flatnonzero(np.abs(curve.contact_share[name] - at_rest) > 1e-12) for curve in curves.values()
+        }
         of["first_change_hz"] = {
             curve.name: float(curve.frequency_hz[changed[curve.name][0]]) if changed[curve.name].size else None
             for curve in curves.values()

@@ -26,7 +26,6 @@ LEVEL_STEP = 1.05  # ratio of the levels of two neighbouring cycles, above which
 # Behind a natural frequency fn that is passed at a rate r, its free motion beats with the excitation (f - fn)² / 2 r
 # times. The largest response is 0.37 beats behind it (undamped: F. M. Lewis, Trans. ASME 54 (1932) 253), the next
 # maximum 1.4.
-LATEST_BEAT = 0.9
 NARROWEST, UNKNOWN_WIDTH = 0.03, 0.1  # of a resonance, over its frequency: at least, and of contacts that stay closed
 ALWAYS = 1e-6  # contact shares within this distance of 0 or 1 count as never or always
 
@@ -135,7 +134,7 @@ def _has_passed_a_mode(curve: SweepCurve, modes: ModeTable, cycle: int) -> bool:
     near = slice(max(cycle - 1, 0), cycle + 2)
     rate = np.mean(np.gradient(curve.frequency_hz[near], curve.time[near]))
     behind = np.sign(rate) * (curve.frequency_hz[cycle] - natural)
-    return bool(np.any((behind > -width) & (behind < np.maximum(width, np.sqrt(2.0 * LATEST_BEAT * np.abs(rate))))))
+    return bool(np.any((behind > -width) & (behind < np.maximum(width, np.sqrt(2.0 * 0.9 * np.abs(rate))))))
 
 
 def _linear(curve: SweepCurve, part: Ints) -> bool:

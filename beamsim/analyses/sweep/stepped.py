@@ -29,8 +29,6 @@ from beamsim.system.equations import Forcing
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
-EXPONENT_CYCLES = 400
-UNSETTLED_CYCLES = 64  # measured if there is no period
 MOST_MEASURED = 240
 
 
@@ -150,9 +148,9 @@ def _point(
         most_cycles=settings.most_cycles,
     )  # fmt: skip
     kind, exponent, section = "periodic", float("nan"), settled.section[:0]
-    cycles = _cycles_to_measure(settings, settled.period) if settled.period else UNSETTLED_CYCLES
+    cycles = _cycles_to_measure(settings, settled.period) if settled.period else 64  # measured if there is no period
     if not settled.period:
-        lyapunov = largest_exponent(stepper, motion, min(EXPONENT_CYCLES, settings.most_cycles))
+        lyapunov = largest_exponent(stepper, motion, min(400, settings.most_cycles))
         kind, exponent, section = lyapunov.kind, lyapunov.value, settled.section
     measured = record_cycles(
         stepper.trajectory(motion, cycles), np.arange(cycles + 1.0) * stepper.period, outputs.rows(stepper.flow),
