@@ -166,7 +166,7 @@ def read_as(scenario: ScenarioParts, place: Path, value: object, at: Path = ()) 
     try:
         return field.read(value)
     except UnitError as error:
-        as_place = f" (as {path_text(place)})" if place != at else ""
+        as_place = f" (as {path_text(place)})" if at not in ((), place) else ""
         raise fail(f"{shown} {error.message}{as_place}", error.remedy, at) from None
 
 
