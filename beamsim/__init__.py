@@ -1,22 +1,8 @@
 """beamsim: exact simulation of structures that vibrate against one-sided elastic stops.
 
-One function a command, a result each, and its file:
-
-====================  ==========================  ======================
-function              writes                      reads
-====================  ==========================  ======================
-`run`                 `write_run`                 `open_run`
-`sweep`               `write_sweep`               `open_sweep`
-`continuation`        `write_continuation`        `open_continuation`
-`design_study`        `write_designs`             `open_designs`
-`ensemble`            `write_designs`             `open_designs`
-`identify_stiffness`  `write_identification`      `open_identification`
-`nnm`                 `write_nnm`                 `open_nnm`
-`compare`             `write_comparison`          `open_comparison`
-`compare_modes`       `write_mode_comparison`     `open_mode_comparison`
-====================  ==========================  ======================
-
-`write_result` and `open_result` write and read a result of any kind, `export_result` writes it in another format.
+One function a command, each with a frozen result: `run`, `sweep`, `continuation`, `design_study`, `ensemble`,
+`identify_stiffness`, `nnm`, `compare`, `compare_modes`. `write_result` and `open_result` write and read a result of any
+kind, `export_result` writes it in another format.
 
 >>> import beamsim
 >>> scenario = beamsim.load_scenario("configs/one_sided_65hz.yaml", {"run.duration": "0.2 s"})  # doctest: +SKIP
@@ -52,26 +38,7 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario, load_scenario
     from beamsim.store.export import export_result
     from beamsim.store.pairing import pair_channels
-    from beamsim.store.results import (
-        open_comparison,
-        open_continuation,
-        open_designs,
-        open_identification,
-        open_mode_comparison,
-        open_nnm,
-        open_result,
-        open_run,
-        open_sweep,
-        write_comparison,
-        write_continuation,
-        write_designs,
-        write_identification,
-        write_mode_comparison,
-        write_nnm,
-        write_result,
-        write_run,
-        write_sweep,
-    )
+    from beamsim.store.results import open_result, write_result
     from beamsim.store.shapes import read_shapes
     from beamsim.store.studies import ensemble
     from beamsim.trust.checked import continuation, nnm, run, sweep
@@ -85,26 +52,7 @@ _NAMES = {
     "beamsim.measurements.channels": ("read_tests",),
     "beamsim.store.pairing": ("pair_channels",),
     "beamsim.store.shapes": ("read_shapes",),
-    "beamsim.store.results": (
-        "open_comparison",
-        "open_designs",
-        "open_identification",
-        "open_mode_comparison",
-        "open_nnm",
-        "open_continuation",
-        "open_result",
-        "open_run",
-        "open_sweep",
-        "write_comparison",
-        "write_designs",
-        "write_continuation",
-        "write_identification",
-        "write_mode_comparison",
-        "write_nnm",
-        "write_result",
-        "write_run",
-        "write_sweep",
-    ),
+    "beamsim.store.results": ("open_result", "write_result"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 for _kind in KINDS.values():  # the function and the class of each
@@ -137,30 +85,14 @@ __all__ = [
     "identify_stiffness",
     "load_scenario",
     "nnm",
-    "open_comparison",
-    "open_continuation",
-    "open_designs",
-    "open_identification",
-    "open_mode_comparison",
-    "open_nnm",
     "open_result",
-    "open_run",
-    "open_sweep",
     "pair_channels",
     "plan_designs",
     "read_shapes",
     "read_tests",
     "run",
     "sweep",
-    "write_comparison",
-    "write_continuation",
-    "write_designs",
-    "write_identification",
-    "write_mode_comparison",
-    "write_nnm",
     "write_result",
-    "write_run",
-    "write_sweep",
 ]
 
 

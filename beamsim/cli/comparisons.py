@@ -19,7 +19,7 @@ from beamsim.errors import LimitExceededError, Problem, ScenarioError
 from beamsim.measurements.channels import history_named, read_tests
 from beamsim.scenario import load_scenario
 from beamsim.store.pairing import pair_channels
-from beamsim.store.results import kind_of, open_run, open_sweep
+from beamsim.store.results import kind_of, open_result
 from beamsim.store.shapes import read_shapes
 
 
@@ -54,7 +54,7 @@ def compare_signals(
     path = given.case
     target = output_file(given.output, f"{path.stem}_compare", ".h5", ".hdf5")
     if kind_of(path) == "sweep":
-        sweep = open_sweep(path)
+        sweep = open_result(path, "sweep")
         pairs = pair_channels(sweep, measured, **pairing)
         name, chosen = of_sweeps["reference"], {key: of_sweeps[key] for key in ("curve", "detector")}
 
@@ -63,7 +63,7 @@ def compare_signals(
             tracking = Tracking(of_sweeps["begin"], excitation, of_sweeps["cycles"])
             return compare_sweep(sweep, pairs, tracking=tracking, **chosen)
     else:
-        run = open_run(path)
+        run = open_result(path, "run")
         pairs = pair_channels(run, measured, **pairing)
         _refuse_of_sweeps({name: value for name, value in of_sweeps.items() if name != "cycles"})
 

@@ -14,7 +14,7 @@ from beamsim.cli.options import Reporting
 from beamsim.cli.preparation import located
 from beamsim.cli.progress import Progress
 from beamsim.scenario import Scenario
-from beamsim.store.results import open_sweep
+from beamsim.store.results import open_result
 from beamsim.trust import checked
 
 
@@ -35,7 +35,7 @@ def continue_motions(
     BeamsimError
         As `concluded`.
     """
-    stored = [(path, open_sweep(path)) for path in overlay]
+    stored = [(path, open_result(path, "sweep")) for path in overlay]
 
     def followed(progress: Progress, stop: Interruption) -> ContinuationResult:
         result = checked.continuation(scenario, progress, stop)

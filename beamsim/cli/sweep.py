@@ -12,10 +12,9 @@ from beamsim.cli.interruption import Interruption
 from beamsim.cli.options import Given, Reporting
 from beamsim.cli.preparation import located, prepared
 from beamsim.cli.progress import Progress
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import Problem, ResultFileError, ScenarioError
 from beamsim.scenario import Scenario
-from beamsim.store.results import write_sweep
-from beamsim.store.sweep import earlier_sweep
+from beamsim.store.results import open_result, write_result
 from beamsim.trust import checked
 
 _NEEDS_VARY = "leave out the option, or add vary"
@@ -76,11 +75,29 @@ def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resum
     def computed(progress: Progress, stop: Interruption) -> SweepResult:
         with located(scenario):
             result = checked.sweep(
-                scenario, progress, stop=stop, save=lambda part: write_sweep(part, target),
-                resume=earlier_sweep(target, scenario) if resume else None,
+                scenario, progress, stop=stop, save=lambda part: write_result(part, target),
+                resume=_earlier(target, scenario) if resume else None,
             )  # fmt: skip
         if not result.curves:  # it was interrupted before its first cycle
             raise KeyboardInterrupt
         return result
 
     concluded("sweep", target, reporting, computed, "sweeping")
+
+
+def _earlier(path: Path | str, scenario: Scenario) -> SweepResult | None:
+    """The partial result of an interrupted sweep of the same scenario; None if there is no file.
+
+    Raises
+    ------
+    ResultFileError
+        If the file is of another scenario, or damaged.
+    """
+    if not Path(path).exists():
+        return None
+    stored: SweepResult = open_result(path, "sweep")
+    if getattr(stored, "scenario_yaml", "") != scenario.to_yaml():
+        raise ResultFileError(
+            f"{path}: contains a sweep of another scenario; leave out --resume, or choose another path with -o"
+        )
+    return stored

@@ -26,15 +26,7 @@ from beamsim.store.hdf5 import opened, read_items, write_items
 from beamsim.version import __version__
 
 if TYPE_CHECKING:
-    from beamsim.analyses.compare.result import Comparison
-    from beamsim.analyses.compare_modes.result import ModeComparison
-    from beamsim.analyses.continuation.result import ContinuationResult
-    from beamsim.analyses.designs.result import DesignsResult
-    from beamsim.analyses.identify.result import IdentificationResult
-    from beamsim.analyses.nnm.result import NormalModeResult
     from beamsim.analyses.result import Result
-    from beamsim.analyses.run.result import RunResult
-    from beamsim.analyses.sweep.result import SweepResult
     from beamsim.scenario import Scenario
     from beamsim.scenario.input_files import Record
 
@@ -214,47 +206,3 @@ def _kind(file: Any, path: Path | str) -> str:
     if command not in KINDS:
         raise ResultFileError(f"{path}: written by `beamsim {command}`, which is unknown to this version")
     return str(command)
-
-
-write_run = write_sweep = write_continuation = write_designs = write_result
-write_identification = write_nnm = write_comparison = write_mode_comparison = write_result
-
-
-def open_run(path: Path | str) -> RunResult:
-    """Read a file written by ``beamsim run``; see `open_result`."""
-    return open_result(path, "run")  # type: ignore[no-any-return]
-
-
-def open_sweep(path: Path | str) -> SweepResult:
-    """Read a file written by ``beamsim sweep`` for a swept or stepped sine; see `open_result`."""
-    return open_result(path, "sweep")  # type: ignore[no-any-return]
-
-
-def open_continuation(path: Path | str) -> ContinuationResult:
-    """Read a file written by ``beamsim sweep`` with ``kind: continuation``; see `open_result`."""
-    return open_result(path, "continuation")  # type: ignore[no-any-return]
-
-
-def open_designs(path: Path | str) -> DesignsResult:
-    """Read a file written by ``beamsim sweep`` of a scenario with ``vary``; see `open_result`."""
-    return open_result(path, "designs")  # type: ignore[no-any-return]
-
-
-def open_nnm(path: Path | str) -> NormalModeResult:
-    """Read a file written by ``beamsim nnm``; see `open_result`."""
-    return open_result(path, "nnm")  # type: ignore[no-any-return]
-
-
-def open_identification(path: Path | str) -> IdentificationResult:
-    """Read a file written by ``beamsim identify-stiffness``; see `open_result`."""
-    return open_result(path, "identify-stiffness")  # type: ignore[no-any-return]
-
-
-def open_comparison(path: Path | str) -> Comparison:
-    """Read a file written by ``beamsim compare``; see `open_result`."""
-    return open_result(path, "compare")  # type: ignore[no-any-return]
-
-
-def open_mode_comparison(path: Path | str) -> ModeComparison:
-    """Read a file written by ``beamsim compare-modes``; see `open_result`."""
-    return open_result(path, "compare-modes")  # type: ignore[no-any-return]

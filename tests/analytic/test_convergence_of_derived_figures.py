@@ -68,7 +68,7 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     assert "dB, change" in listed
     assert "scatter" not in listed.partition(";")[0]  # a line has none
     assert any(row["relative_change"] > ALLOWED_CHANGE for row in result.summary["spectral_lines"])
-    stored = beamsim.open_run(beamsim.write_result(result, tmp_path / "run.h5"))
+    stored = beamsim.open_result(beamsim.write_result(result, tmp_path / "run.h5"))
     kept = stored.spectra["tip", "absolute_acceleration"]
     np.testing.assert_array_equal(*([line.relative_change for line in s.lines] for s in (kept, spectrum)))
     assert kept.rms_change == result.summary["convergence"]["rms_acceleration_g"]["tip"]

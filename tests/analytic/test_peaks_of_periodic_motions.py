@@ -38,7 +38,7 @@ def test_a_run_from_an_orbit_has_its_peaks(name, tmp_path):
     followed = {"kind": "continuation", "from": frequency, "to": 1.0003 * frequency, "seek_at": 0,
                 "side_branches": "none"}  # fmt: skip
     curve = beamsim.continuation(load_scenario(case(name, sweep=followed)))
-    beamsim.write_continuation(curve, tmp_path / "orbits.h5")
+    beamsim.write_result(curve, tmp_path / "orbits.h5")
     start = {"orbit": str(tmp_path / "orbits.h5"), "branch": 0, "point": 1}
     run = beamsim.run(load_scenario(case(name, run={"duration": 1 / frequency, "start": start, "convergence": "off"})))
     branch, s = curve.branches[0], run.summary

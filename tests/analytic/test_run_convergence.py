@@ -93,7 +93,7 @@ def test_status_table_file_and_pictures_say_so(damped, tmp_path):
     assert rows[1] == ("", damped.status.removeprefix("complete: "))
     assert sum("NOT CONVERGED" in text for _, text in rows) == 4
     path = beamsim.write_result(damped, tmp_path / "run.h5")
-    stored = beamsim.open_run(path)
+    stored = beamsim.open_result(path)
     assert stored.outcome == damped.outcome
     assert stored.summary["convergence"] == damped.summary["convergence"]
     probe = stored.probes["below_1.2"]

@@ -15,7 +15,7 @@ from beamsim.analyses.run.motion import with_limit
 from beamsim.flow.endings import too_many_events
 from beamsim.kinds import TemplateKind
 from beamsim.scenario import template
-from beamsim.store.results import write_run
+from beamsim.store.results import write_result
 from tests.helpers.commands import invoke
 
 CASE = """\
@@ -68,7 +68,7 @@ def solved(monkeypatch, fabricated_run):
 
 @pytest.fixture
 def stored(here, fabricated_run):
-    return write_run(fabricated_run(), here / "stored.h5")
+    return write_result(fabricated_run(), here / "stored.h5")
 
 
 # --- success ----------------------------------------------------------------------------------------------------------

@@ -213,7 +213,7 @@ def test_compare_asks_where_a_single_channel_was_measured(tmp_path):
         "probes: [{name: mass_1, mass: 1}, {name: mass_2, mass: 2}]\nrun: {duration: 60 s}\n"
     )
     assert invoke("run", case, "-q", "--no-plots", "-o", tmp_path / "run.h5").exit_code == 0
-    result = beamsim.open_run(tmp_path / "run.h5")
+    result = beamsim.open_result(tmp_path / "run.h5")
     rows = np.stack([result.time, result.probes["mass_2"].displacement], axis=1)
     rows = rows[result.time > 30]
     for heading, more in (("mass_2 (m)", ()), ("sensor (m)", ("--probe", "mass_2")), ("mass 2 displacement (m)", ())):

@@ -23,7 +23,7 @@ from beamsim.plots.nnm import nnm_figures
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.store import hdf5
-from beamsim.store.results import open_continuation, open_nnm
+from beamsim.store.results import open_result
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -201,8 +201,8 @@ def under_way(tmp_path):
 @pytest.mark.parametrize(
     ("command", "path", "read", "number", "code"),
     [
-        ("nnm", MODE, open_nnm, signal.SIGINT, 130),
-        pytest.param("sweep", RESPONSE, open_continuation, signal.SIGTERM, 143, marks=pytest.mark.slow),
+        ("nnm", MODE, open_result, signal.SIGINT, 130),
+        pytest.param("sweep", RESPONSE, open_result, signal.SIGTERM, 143, marks=pytest.mark.slow),
     ],
 )
 def test_a_signal_keeps_what_was_found(command, path, read, number, code, under_way, tmp_path):
@@ -303,11 +303,11 @@ def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkey
     assert len(solved) == 2
     assert "1 of 5 cases are in" in done.output
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    assert beamsim.open_designs(target).status == "1 of 5 cases computed"
+    assert beamsim.open_result(target).status == "1 of 5 cases computed"
     again = invoke("sweep", CONFIGS / "design_tolerances.yaml", *sets, "--resume", "-o", target)
     assert again.exit_code == 0, again.output
     assert len(solved) == 6
-    assert beamsim.open_designs(target).complete
+    assert beamsim.open_result(target).complete
 
 
 # --- while a result is written and drawn ------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_nnm
+from beamsim.store.results import open_result
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -237,7 +237,7 @@ def test_command(tmp_path):
         assert predicted["level"].attrs["units"] == "m/s^2"
         assert predicted["level"].dims[0][0] == predicted["point"]
         assert file["phase_resonance/levels/0/held/shapes"].dims[1][0] == file["position"]
-    m = open_nnm(tmp_path / "nnm_forced_backbone.h5").phase_resonance.motions[0]
+    m = open_result(tmp_path / "nnm_forced_backbone.h5").phase_resonance.motions[0]
     assert m.frequency_hz == level["frequency_hz"]
     assert m.curve.stable.dtype == bool
     assert m.held.displacement["tip"].size == m.held.time.size

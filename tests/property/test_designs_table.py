@@ -11,7 +11,7 @@ from beamsim.analyses.designs.plan import check_cases, plan_designs
 from beamsim.analyses.parallel import processes
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_designs
+from beamsim.store.results import open_result
 from tests.helpers.commands import invoke
 
 BASE = """\
@@ -119,7 +119,7 @@ def test_a_cluster_makes_no_difference(grid, tmp_path):
         done = invoke("sweep", *arguments)
     assert_same(grid, result)
     assert done.exit_code == 0, done.output
-    assert_same(grid, open_designs(tmp_path / "case.h5"))
+    assert_same(grid, open_result(tmp_path / "case.h5"))
 
 
 def test_nobody_at_the_address(monkeypatch):

@@ -22,7 +22,7 @@ def folder(tmp_path_factory):
 def continued(folder, name, sweep, *changes):
     case = load_scenario(BEAM, [f"sweep={{kind: continuation, seek_at: 0, longest_period: 1, {sweep}}}", *changes])
     result = beamsim.continuation(case)
-    return beamsim.write_continuation(result, folder / f"{name}.h5"), result.branches[0]
+    return beamsim.write_result(result, folder / f"{name}.h5"), result.branches[0]
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_what_was_followed_is_taken_over(folder, sweep, changes):
 def test_a_motion_of_a_fold_curve_is_periodic(folder, second, changed):
     """At the point's frequency and second parameter; at a fold the state returns, but slowly where it is disturbed."""
     path, _ = continued(folder, "folds", f"from: 78 Hz, to: 88 Hz, side_branches: none, follow_folds_in: {second}")
-    (curve, *_) = beamsim.open_continuation(path).fold_curves
+    (curve, *_) = beamsim.open_result(path).fold_curves
     k = curve.parameter.size // 2
     frequency = float(curve.frequency_hz[k])
     rate = f"run.sample_rate={1000 * frequency!r}"
@@ -121,7 +121,7 @@ def test_harmonic_balance_states_are_close(folder):
 
 def test_states_survive_the_file(in_frequency):
     path, branch = in_frequency
-    (read, *_) = beamsim.open_continuation(path).branches
+    (read, *_) = beamsim.open_result(path).branches
     np.testing.assert_array_equal(read.coordinates, branch.coordinates)
     np.testing.assert_array_equal(read.coordinate_velocities, branch.coordinate_velocities)
 
@@ -140,7 +140,7 @@ def test_refusals(in_frequency, folder):
     refused("it has none", **{"run.start": {**start, "fold_curve": 0}})
     refused("another structure", **{"run.start": start, "beam.thickness": 0.004})
     refused("harmonic excitation", **{"run.start": start, "excitation": {"kind": "none"}})
-    ran = beamsim.write_run(
+    ran = beamsim.write_result(
         beamsim.run(load_scenario(BEAM, {"run.duration": 0.01, "run.spectrum.last": None})), folder / "run.h5"
     )
     refused("holds no continuation", **{"run.start": {**start, "orbit": str(ran)}})

@@ -9,7 +9,7 @@ from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
 from beamsim.scenario import LinkSnubber, Scenario, Snubber, load_scenario
-from beamsim.store.results import open_run, write_run
+from beamsim.store.results import open_result, write_result
 
 CASE = """
 chain:
@@ -87,7 +87,7 @@ def result():
 
 
 def test_springs_are_stored_with_a_run(result, tmp_path):
-    read = open_run(write_run(result, tmp_path / "chain.h5"))
+    read = open_result(write_result(result, tmp_path / "chain.h5"))
     assert list(read.springs) == ["link_spring_1"]
     spring = read.springs["link_spring_1"]
     assert (spring.kind, spring.masses) == ("piecewise_linear", (2, 3))

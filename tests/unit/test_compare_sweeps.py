@@ -16,7 +16,7 @@ from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.plots.comparison import comparison_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_comparison, write_sweep
+from beamsim.store.results import open_result, write_result
 from tests.helpers.commands import invoke
 
 G = 9.80665
@@ -151,7 +151,7 @@ def test_a_tracked_history_is_what_the_sweep_computes(swept):
 
 def test_time_histories_of_a_test(swept, tmp_path):
     """A CSV with the excitation beside the response: where the sweep begins is found, and phases are compared."""
-    write_sweep(swept, tmp_path / "sweep.h5")
+    write_result(swept, tmp_path / "sweep.h5")
     time, drive, response = record_of(swept)
     rows = "".join(f"{t:.4f},{a:.6f},{b:.6f}\n" for t, a, b in zip(time, drive / G, response / G, strict=True))
     (tmp_path / "test.csv").write_text("time (s),drive (g),second (g)\n" + rows)
@@ -223,7 +223,7 @@ def test_csv_files_of_laboratories(swept, tmp_path, kind):
     assert all(signal.of_frequency for signal in signals)
     np.testing.assert_allclose(signals[1].y, columns[2], rtol=1e-8)
     assert [signal.unit for signal in read_file(path)] == ["Hz", "g", "g"]
-    write_sweep(swept, tmp_path / "sweep.h5")
+    write_result(swept, tmp_path / "sweep.h5")
     target = str(tmp_path / "sweep_compare.h5")
     done = invoke("compare", tmp_path / "sweep.h5", path, "--no-plots", "-o", target)
     assert done.exit_code == 0, done.output
@@ -242,7 +242,7 @@ def test_a_fault_right_above_the_samples_is_still_one(tmp_path):
 
 def test_universal_files(swept, tmp_path):
     """Written here, read by pyuff, compared again."""
-    write_sweep(swept, tmp_path / "sweep.h5")
+    write_result(swept, tmp_path / "sweep.h5")
     done = invoke("export", tmp_path / "sweep.h5", "--format", "uff", "-o", tmp_path)
     assert done.exit_code == 0, done.output
     file = pyuff.UFF(str(tmp_path / "sweep.uff"))
@@ -261,7 +261,7 @@ def test_universal_files(swept, tmp_path):
 def test_stored_and_drawn(swept, tmp_path):
     pairs = [(place, "absolute_acceleration", measured(swept, place, 1.1, 1.02)) for place in ("first", "second")]
     comparison = compare_sweep(swept, pairs)
-    write_comparison(comparison, tmp_path / "c.h5")
+    write_result(comparison, tmp_path / "c.h5")
     stored = open_result(tmp_path / "c.h5", "compare")
     np.testing.assert_array_equal(stored.assurance.fdac, comparison.assurance.fdac)
     qualities = [[peak.measured_q for peak in each.sweeps[0].peaks] for each in (stored, comparison)]

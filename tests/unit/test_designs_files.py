@@ -13,7 +13,7 @@ from beamsim.plots.designs import design_figures, shown_quantities
 from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.journal import journal_path, opened_journal
-from beamsim.store.results import holds, open_designs, write_designs
+from beamsim.store.results import holds, open_result, write_result
 
 BASE = """\
 title: Fabricated study
@@ -72,7 +72,7 @@ def fabricated(name, failed=(), missing=()):
 @pytest.mark.parametrize("name", STUDIES)
 def test_what_is_written_is_read(name, tmp_path):
     result = fabricated(name, failed=(1,))
-    stored = open_designs(write_designs(result, tmp_path / "study.h5"))
+    stored = open_result(write_result(result, tmp_path / "study.h5"))
     assert holds(tmp_path / "study.h5", "designs")
     for field in ("analysis", "kind", "status", "shape", "limits", "failures", "fingerprint", "warnings", "created"):
         assert getattr(stored, field) == getattr(result, field), field
@@ -110,7 +110,7 @@ def test_what_is_written_is_read(name, tmp_path):
 def test_xarray_sees_parameters_as_coordinates(tmp_path):
     xarray = pytest.importorskip("xarray")
     result = fabricated("map")
-    path = write_designs(result, tmp_path / "study.h5")
+    path = write_result(result, tmp_path / "study.h5")
     with xarray.open_dataset(path, group="designs", engine="h5netcdf") as data:
         assert data["bending_stress"].dims == ("snubbers.tip.stiffness", "snubbers.tip.gap")
         np.testing.assert_array_equal(data["snubbers.tip.gap"], [0.0, 1e-4, 3e-4])
@@ -118,7 +118,7 @@ def test_xarray_sees_parameters_as_coordinates(tmp_path):
         assert data["bending_stress"].attrs["units"] == "Pa"
         picked = data["bending_stress"].sel({"snubbers.tip.gap": 1e-4}).values
     np.testing.assert_array_equal(picked, result.responses["bending_stress"].values[:, 1])
-    path = write_designs(fabricated("sample"), tmp_path / "sample.h5")
+    path = write_result(fabricated("sample"), tmp_path / "sample.h5")
     with xarray.open_dataset(path, group="designs", engine="h5netcdf") as data:
         assert data["bending_stress"].dims == ("case",)
         assert {"beam.thickness", "snubbers.tip.gap", "case"} <= set(data["bending_stress"].coords)

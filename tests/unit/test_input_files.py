@@ -29,7 +29,7 @@ def solved(tmp_path_factory):
     shutil.copytree(CONFIGS / "matrices", case / "matrices")
     shutil.copy(CONFIGS / "imported_panel.yaml", case)
     result = beamsim.run(load_scenario(case / "imported_panel.yaml", SHORT))
-    beamsim.write_run(result, results / "panel.h5")
+    beamsim.write_result(result, results / "panel.h5")
     return case / "matrices", results / "panel.h5", result
 
 
@@ -77,9 +77,9 @@ def test_a_file_that_was_changed_during_the_run_is_not_taken_for_the_one_that_wa
     matrices, _, result = solved
     later = time.time() + 1e4  # the checkout may be old
     os.utime(matrices / "panel.op4", (later, later))
-    beamsim.write_run(result, tmp_path / "again.h5")
+    beamsim.write_result(result, tmp_path / "again.h5")
     table = (matrices / "panel_dofs.csv").rename(matrices / "gone.csv")
-    beamsim.write_run(result, tmp_path / "without.h5")
+    beamsim.write_result(result, tmp_path / "without.h5")
     table.rename(matrices / "panel_dofs.csv")
     scenario = open_result(tmp_path / "again.h5").scenario
     assert scenario.folder_of(*KEYS[2]) == matrices.parent

@@ -15,7 +15,7 @@ from beamsim.plots.run import plot_displacement
 from beamsim.report.interactive import thinned
 from beamsim.store import export, hdf5
 from beamsim.store.export import export_result
-from beamsim.store.results import open_run, write_result
+from beamsim.store.results import open_result, write_result
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RATE = 100e3
@@ -77,8 +77,8 @@ def test_a_long_run_is_read_and_drawn_in_little_memory(small_parts, tmp_path, mo
     path, result = tmp_path / "long.h5", long_run(**{"run.duration": "2 s"})
     write_result(result, path)
     column = 8 * 200_001
-    assert peak_memory(lambda: open_run(path)) < 0.5 * column
-    stored = open_run(path)
+    assert peak_memory(lambda: open_result(path)) < 0.5 * column
+    stored = open_result(path)
     plot_displacement(stored, Figure().subplots())
     displacement = stored.probes["tip"].displacement
     assert isinstance(displacement, np.memmap)
@@ -104,7 +104,7 @@ def test_a_history_of_a_file_that_was_replaced_is_that_of_the_earlier_one(small_
     monkeypatch.setattr(hdf5, "MAPPED_BYTES", 2**15)
     path, short = tmp_path / "replaced.h5", long_run(**{"run.duration": "0.5 s"})
     write_result(short, path)
-    stored = open_run(path)
+    stored = open_result(path)
     write_result(long_run(**{"run.duration": "0.6 s"}), path)
     assert isinstance(stored.snubbers["tip"].closed, np.memmap)
     np.testing.assert_array_equal(stored.snubbers["tip"].force, short.snubbers["tip"].force)

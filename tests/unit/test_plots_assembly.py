@@ -8,7 +8,7 @@ from beamsim.plots.bodies import body_figures
 from beamsim.plots.run import run_figures
 from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_run, write_result
+from beamsim.store.results import open_result, write_result
 
 BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
 PLATE = {"kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.003, "youngs_modulus": 70e9,
@@ -60,7 +60,7 @@ def test_instant_of_the_largest_contact_force(result, tmp_path):
     penetration = {"below": -at.gap - end, "above": end - at.gap}[at.side]
     assert at.stiffness * penetration == pytest.approx(contact.force, rel=1e-6)
     write_result(result, tmp_path / "r.h5")
-    np.testing.assert_array_equal(open_run(tmp_path / "r.h5").contact.deflection(result.modes), shape)
+    np.testing.assert_array_equal(open_result(tmp_path / "r.h5").contact.deflection(result.modes), shape)
 
 
 def test_sketch_puts_bodies_joints_and_stops_in_place(result):

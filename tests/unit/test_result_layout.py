@@ -13,14 +13,14 @@ from beamsim.store.results import kind_of
 
 FILES = sorted((Path(__file__).parents[1] / "data" / "results").glob("*.h5.gz"))
 WRITERS = {
-    "run": beamsim.write_run,
-    "sweep": beamsim.write_sweep,
-    "continuation": beamsim.write_continuation,
-    "designs": beamsim.write_designs,
-    "identify-stiffness": beamsim.write_identification,
-    "nnm": beamsim.write_nnm,
-    "compare": beamsim.write_comparison,
-    "compare-modes": beamsim.write_mode_comparison,
+    "run": beamsim.write_result,
+    "sweep": beamsim.write_result,
+    "continuation": beamsim.write_result,
+    "designs": beamsim.write_result,
+    "identify-stiffness": beamsim.write_result,
+    "nnm": beamsim.write_result,
+    "compare": beamsim.write_result,
+    "compare-modes": beamsim.write_result,
 }
 OF_HDF5 = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"}
 VERSION = "/@beamsim_version"

@@ -25,7 +25,7 @@ DRIVE = "excitation={kind: harmonic, applied_to: base, level: 0.3 g, frequency: 
 @pytest.fixture(scope="module")
 def run_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("files") / "run.h5"
-    beamsim.write_run(beamsim.run(load_scenario(EXAMPLE, [*CHANGES, "run.duration=0.05", DRIVE])), path)
+    beamsim.write_result(beamsim.run(load_scenario(EXAMPLE, [*CHANGES, "run.duration=0.05", DRIVE])), path)
     return path
 
 
@@ -35,7 +35,7 @@ def curve(tmp_path_factory):
     path = "{kind: continuation, longest_period: 1, continue_in: {kind: position, snubber: base, from: 0.75, to: 0.77}}"
     result = beamsim.continuation(load_scenario(EXAMPLE, [*CHANGES, DRIVE, f"sweep={path}"]))
     file = tmp_path_factory.mktemp("files") / "curve.h5"
-    beamsim.write_continuation(result, file)
+    beamsim.write_result(result, file)
     return result, file
 
 

@@ -11,7 +11,7 @@ from beamsim.analyses.compare_modes.analysis import compare_modes
 from beamsim.errors import ResultFileError
 from beamsim.scenario import load_scenario
 from beamsim.store.export import export_result
-from beamsim.store.results import write_run
+from beamsim.store.results import write_result
 from beamsim.store.shapes import read_shapes
 from beamsim.store.uff import Source, record_55, write_uff
 from tests.helpers.commands import invoke
@@ -20,7 +20,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def export_run(result, target, form):
-    return export_result(write_run(result, target.parent / "run.h5"), target, form)
+    return export_result(write_result(result, target.parent / "run.h5"), target, form)
 
 
 def test_uff_is_read_back_by_pyuff(fabricated_run, tmp_path):
@@ -141,7 +141,7 @@ def test_modes_of_imported_bodies_are_in_the_universal_file(tmp_path, several, p
         text += IMPORTED.format(name="other", configs=CONFIGS, dofs=tmp_path / "dofs.csv").replace("\nbodies:\n", "")
     scenario = load_scenario(text + SHORT)
     result = beamsim.run(scenario)
-    path = write_run(result, tmp_path / "case.h5")
+    path = write_result(result, tmp_path / "case.h5")
     done = invoke("export", path, "--format", "uff", "-o", tmp_path)
     assert done.exit_code == 0, done.output
     assert ("cannot draw" in done.output) is not placed

@@ -9,7 +9,7 @@ from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.measurements.channels import read_tests
 from beamsim.plots.identification import identification_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_identification, write_identification
+from beamsim.store.results import open_result, write_result
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -40,7 +40,7 @@ def result(request):
 
 
 def test_round_trip(result, tmp_path):
-    again = open_identification(write_identification(result, tmp_path / "case.h5"))
+    again = open_result(write_result(result, tmp_path / "case.h5"))
     for name in result.__dataclass_fields__:
         if name not in ("update", "nonlinear"):
             assert same(getattr(result, name), getattr(again, name)), name

@@ -12,7 +12,7 @@ import pytest
 import beamsim
 from beamsim.errors import ResultFileError
 from beamsim.files import check_writable, replacing
-from beamsim.store.results import SCHEMA_VERSION, open_run, write_run
+from beamsim.store.results import SCHEMA_VERSION, open_result, write_result
 
 pytestmark = pytest.mark.quick
 
@@ -77,7 +77,7 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_round_trip(case, fabricated_run, tmp_path):
     result = fabricated_run(**CASES[case])
-    path = write_run(result, tmp_path / "case.h5")
+    path = write_result(result, tmp_path / "case.h5")
     read = beamsim.open_result(path)
     for field in dataclasses.fields(result):
         if field.name == "spectra":
@@ -97,7 +97,7 @@ def test_round_trip(case, fabricated_run, tmp_path):
 
 
 def test_every_dataset_is_described_and_every_axis_has_its_scale(fabricated_run, tmp_path):
-    path = write_run(fabricated_run(snubbers=("a", "b")), tmp_path / "case.h5")
+    path = write_result(fabricated_run(snubbers=("a", "b")), tmp_path / "case.h5")
     seen = []
 
     def check(name, item):
@@ -138,18 +138,18 @@ def test_long_scenario_fits(fabricated_run, tmp_path):
         def to_yaml(self):
             return "title: long\n" + "# padding\n" * 200_000
 
-    path = write_run(dataclasses.replace(fabricated, scenario=Long()), tmp_path / "long.h5")
-    assert len(open_run(path).scenario_yaml) > 2_000_000
+    path = write_result(dataclasses.replace(fabricated, scenario=Long()), tmp_path / "long.h5")
+    assert len(open_result(path).scenario_yaml) > 2_000_000
 
 
 def test_write_replaces_through_a_link_and_makes_the_folder(fabricated_run, tmp_path):
     real = tmp_path / "deep" / "real.h5"
     link = tmp_path / "link.h5"
     link.symlink_to(real)
-    write_run(fabricated_run(), link)
+    write_result(fabricated_run(), link)
     assert link.is_symlink()
     assert real.stat().st_size > 0
-    assert open_run(link).complete
+    assert open_result(link).complete
 
 
 def test_places_that_cannot_be_written(tmp_path, monkeypatch):
