@@ -16,7 +16,7 @@ from beamsim.plots.model import excitation_text, model_figure
 from beamsim.plots.style import amount, margin_text
 from beamsim.report.interactive import interactive_plots
 from beamsim.report.page import NOTE, Cells, Page, Verdict, captioned, labelled, listing, picture, table
-from beamsim.report.trust import changes, checks, doubts, untrusted, versions
+from beamsim.report.trust import changes, checks, doubts, versions
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Schema, plain
 from beamsim.structures.assembly import snubber_site
@@ -90,7 +90,7 @@ def verdict_of(result: Result) -> Verdict:
     reasons = doubts(result)
     if exceeded:
         return Verdict("bad", f"Limit exceeded: {', '.join(exceeded)}", reasons)
-    if untrusted(result):
+    if not result.outcome.complete:
         return Verdict("bad", "Incomplete or not to be trusted", reasons)
     if reasons:
         within = " All limits are kept." if margins else ""

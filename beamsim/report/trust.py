@@ -8,7 +8,6 @@ from typing import Any
 
 from beamsim.analyses.result import Result
 from beamsim.fields import figure_in_words, place_in_words
-from beamsim.outcomes import OutcomeKind
 from beamsim.plots.style import scale_for
 
 METHODS = {
@@ -30,11 +29,6 @@ def doubts(result: Result) -> list[str]:
         more = f" and {len(doubtful) - 6} more" if len(doubtful) > 6 else ""
         texts.append(f"not converged: {named}{more} (see the table of changes below)")
     return texts
-
-
-def untrusted(result: Result) -> bool:
-    """Whether the outcome says that the numbers are incomplete or wrong."""
-    return result.outcome.kind not in (OutcomeKind.COMPLETE, OutcomeKind.NOTED)
 
 
 def checks(result: Result) -> Iterator[Row]:

@@ -264,7 +264,7 @@ _SUMMARY = (
     Entry("interval_first_order_n_per_m", of="estimate.interval_first_order"),
     Entry("monte_carlo_standard_deviation_n_per_m", of="estimate.monte_carlo_standard_deviation", label="Monte Carlo"),
     Entry("monte_carlo_interval_n_per_m", of="estimate.monte_carlo_interval"),
-    Entry("total_standard_deviation_n_per_m", of="estimate.total_standard_deviation", label="with the structure"),
+    Entry("total_standard_deviation_n_per_m", of="estimate.total_standard_deviation", label="structure included"),
     Entry("stiffness_by_mode_n_per_m", of="estimate.individual", label="each mode alone"),
     Entry("reachable_hz", of="estimate.reach_hz", label="reach"),
     Entry("residual", of="estimate.residual"),
