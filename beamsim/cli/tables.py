@@ -139,7 +139,10 @@ def _is_table(value: Any) -> bool:
 
 
 def _table(records: Sequence[Mapping[str, Any]], change: Callable[[str], str]) -> list[str]:
-    """Records below each other under headings; side by side if that is too wide. What no record tells is left out."""
+    """Records below each other under headings; side by side if that is too wide and the narrower way.
+
+    What no record tells is left out.
+    """
     flat = [dict(_flat(record)) for record in records]
     texts = [{name: told(name, item) for name, item in record.items() if not _is_table(item)} for record in flat]
     for text in texts:
@@ -150,5 +153,5 @@ def _table(records: Sequence[Mapping[str, Any]], change: Callable[[str], str]) -
     rows = [[words(name) for name in columns], *([text.get(name) or NONE for name in columns] for text in texts)]
     if len({*columns} - {"", "change"}) == 1 and "" in columns:
         return aligned(rows[1:])  # the one thing that is told has the name of the entry
-    shown = aligned(rows)
-    return shown if max(map(len, shown)) <= WIDTH else aligned(list(zip(*rows, strict=True)))
+    below, beside = aligned(rows), aligned(list(zip(*rows, strict=True)))
+    return below if max(map(len, below)) <= max(WIDTH, *map(len, beside)) else beside
