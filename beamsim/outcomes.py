@@ -139,6 +139,11 @@ class Outcome:
         return self.kind in _MISSING or any(part.cut_short for part in self.parts)
 
     @property
+    def unless_complete(self) -> tuple[Outcome, ...]:
+        """This outcome, for the parts of another one; nothing where it is complete."""
+        return () if self.complete else (self,)
+
+    @property
     def message(self) -> str:
         """What happened, and where."""
         where = "" if self.place is None else f" {self.place.phrase}"
@@ -228,6 +233,22 @@ class Outcome:
 
 COMPLETE = Outcome(OutcomeKind.COMPLETE, "complete")
 """Everything requested was computed."""
+
+
+def interruption(when: str = "", *parts: Outcome, at: Where | None = None) -> Outcome:
+    """The outcome of what ended on request.
+
+    Parameters
+    ----------
+    when : what follows "interrupted": "during the search", "after 2 of 3 levels".
+    parts : outcomes that accompany it.
+    at : where it ended.
+
+    Returns
+    -------
+    Outcome
+    """
+    return Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", when, *parts, at=at)
 
 
 def combined(outcomes: Iterable[Outcome]) -> Outcome:

@@ -18,6 +18,6 @@ def reduction_checked(outcome: Outcome, modes: ModeTable) -> Outcome:
         "the error of the reduced model's receptance at contacts and loads up to "
         f"{modes.highest_frequency_hz:.6g} Hz is bounded only by {modes.reduction_bound:.2g} of its size, more than "
         f"{WORTHLESS_REDUCTION:g}",
-        *(() if outcome.complete else (outcome,)),
+        *outcome.unless_complete,
         remedy="keep more modes (reduction.modes: all), or leave reduction out", bound=modes.reduction_bound,
     )  # fmt: skip

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from beamsim.codecs import JSON
 from beamsim.fields import Entry, attribute, declared, ending, stored, summary_of
 from beamsim.kinds import kind_of_class, named
-from beamsim.outcomes import Outcome, OutcomeKind
+from beamsim.outcomes import Outcome, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.input_files import Record
 
@@ -112,8 +112,7 @@ class Result:
 
     def interrupted(self, during: str) -> Self:
         """The result, marked as incomplete because something was given up on request."""
-        parts = () if self.outcome.complete else (self.outcome,)
-        outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", f"during {during}", *parts)
+        outcome = interruption(f"during {during}", *self.outcome.unless_complete)
         return replace(self, outcome=outcome, summary={**self.summary, "status": outcome.text})
 
     @property

@@ -190,12 +190,13 @@ def stress_text(summary: Mapping[str, Any]) -> str:
     """The largest bending stress, on which body if there are several, and where."""
     body = f"{summary['largest_bending_stress_body']}, " if "largest_bending_stress_body" in summary else ""
     y = summary.get("largest_bending_stress_across_m", math.nan)
-    across = "" if math.isnan(y) else f", y = {_place(y)}"
+    across = "" if math.isnan(y) else f", y = {length_text(y)}"
     value = amount(summary["largest_bending_stress_pa"], "Pa")
-    return f"{value} at {body}x = {_place(summary['largest_bending_stress_position_m'])}{across}"
+    return f"{value} at {body}x = {length_text(summary['largest_bending_stress_position_m'])}{across}"
 
 
-def _place(metres: float) -> str:
+def length_text(metres: float) -> str:
+    """A place along a body."""
     return amount(metres, "m") if metres else "0"
 
 

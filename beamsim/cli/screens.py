@@ -11,7 +11,7 @@ from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.analyses.values import STANDARD_GRAVITY
-from beamsim.cli.report import predicted
+from beamsim.cli.report import length_text, predicted
 from beamsim.cli.sweep_report import at_frequency, notch_texts
 from beamsim.cli.tables import NONE, aligned, counted, percent
 from beamsim.plots.style import is_known, scale_for
@@ -184,7 +184,7 @@ def run_screen(result: RunResult) -> Screen:
     facts, stress = list(_modes(result)), s.get("largest_bending_stress_pa")
     if stress is not None and is_known(stress):
         body = f"{s['largest_bending_stress_body']}, " if "largest_bending_stress_body" in s else ""
-        where = f"{body}x = {_length(s['largest_bending_stress_position_m'])}"
+        where = f"{body}x = {length_text(s['largest_bending_stress_position_m'])}"
         facts.insert(0, f"bending stress {printed.number(stress, 'Pa', 'largest_bending_stress_pa')} at {where}")
     lines = [*(["; ".join(facts)] if facts else []), *_contact_levels(result)]
     outputs = [
@@ -208,11 +208,6 @@ def _until(result: RunResult, compared: Mapping[str, Any]) -> str:
     until = compared["agrees_until_s"]
     whole = until >= result.time[-1]
     return "" if whole else f" until {until:.4g} s, where the contact sequences diverge"
-
-
-def _length(metres: float) -> str:
-    scale = scale_for("m", metres)
-    return f"{metres * scale.factor:.4g} {scale.unit}" if metres else "0"
 
 
 def _place(s: Mapping[str, Any], printed: Printed, name: str, limits: Mapping[str, list[str]]) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from beamsim.flow.event_kernels import BEGINNING
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march_kernels import BUDGET, DONE, NEED_STATE, STUCK, Position, march
 from beamsim.interrupts import never
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
 from beamsim.typing import Floats, Ints
 
 
@@ -165,7 +165,7 @@ class March:
             elif self.events > self.max_events:
                 self.outcome = too_many_events(motion.time, self.events)
             elif self.stop():
-                self.outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", at=Where(motion.time, "s"))
+                self.outcome = interruption(at=Where(motion.time, "s"))
             elif self.progress is not None:
                 self.progress(motion.time)
         return Log.join(parts)

@@ -19,7 +19,7 @@ from beamsim.flow.endings import too_many_events
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.held import held_contacts
 from beamsim.interrupts import never
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
 from beamsim.typing import Bools, Floats, Ints
 
 Powers = tuple[OutputOf, OutputOf, Floats]  # two factors (k,) and weights (k, 2): dissipated power and power in
@@ -121,7 +121,7 @@ def integrate(
         if solution.status == 1:
             hit = next(g for g, happened in enumerate(solution.t_events) if happened.size)
             if hit == right_hand_side.watched.guards:
-                outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", at=Where(record.t, "s"))
+                outcome = interruption(at=Where(record.t, "s"))
                 break
             right_hand_side.reset(hit, record.t, record.y)
             record.meet(int(right_hand_side.watched.contact[hit]), int(right_hand_side.watched.following[hit]))

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.outcomes import Outcome, OutcomeKind
+from beamsim.outcomes import Outcome, OutcomeKind, interruption
 from beamsim.typing import Complexes, Floats
 
 SpecialKind = Literal[
@@ -19,7 +19,7 @@ SpecialKind = Literal[
 BranchKind = Literal["response", "backbone", "tongue", "non_brake"]
 
 NOT_BEGUN = Outcome.of(OutcomeKind.STOPPED, "not_begun", "not started")
-INTERRUPTED = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted")
+INTERRUPTED = interruption()
 POINT_LIMIT, REACHED_END, SEARCH_FAILED = "point_limit", "reached_end", "search_failed"
 
 

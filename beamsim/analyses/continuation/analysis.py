@@ -49,7 +49,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch, SpecialPoint
 from beamsim.orbits.shooting import STABLE
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.limits import OF_OUTPUTS
 from beamsim.scenario.sweep import Continuation, HarmonicBalance
@@ -121,7 +121,7 @@ def continuation(
     if interrupted or missing:
         parts = outcome.parts if outcome.code == COMPLETE.code else (outcome,)
         left = f"before {', '.join(missing)}" if missing else ""
-        outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", left, *parts)
+        outcome = interruption(left, *parts)
     f, second = model.followed, model.second
     return ContinuationResult(
         scenario=scenario,

@@ -36,7 +36,7 @@ from beamsim.analyses.identify.tables import SoughtSegment, sought_segments
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
-from beamsim.outcomes import Outcome, OutcomeKind, together
+from beamsim.outcomes import Outcome, OutcomeKind, interruption, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.identification import IdentifyStiffness, MeasuredTest, NonlinearFit
@@ -128,7 +128,7 @@ def _outcome(stopped: str | None, best: Best, without: list[str]) -> Outcome:
     """How the fit ended: where it was stopped, and the parameters without a derivative."""
     outcomes = []
     if stopped is not None:
-        outcomes.append(Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", stopped))
+        outcomes.append(interruption(stopped))
     if not best.converged:
         outcomes.append(
             Outcome.of(

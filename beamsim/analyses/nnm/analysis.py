@@ -36,7 +36,7 @@ from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.reversible import linear_mode
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, combined
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, combined, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.nnm import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
@@ -357,7 +357,7 @@ def _outcome(work: _MethodResults, resonance: PhaseResonanceResult | None) -> Ou
     if resonance is not None:
         ends.append(resonance.outcome)
     if work.left_out:
-        ends.append(Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", f"before {', '.join(work.left_out)}"))
+        ends.append(interruption(f"before {', '.join(work.left_out)}"))
     outcome = combined(ends)
     backbone = work.followed.backbone.outcome
     return backbone if outcome is COMPLETE and backbone.parts else outcome

@@ -16,7 +16,7 @@ from beamsim.orbits.continuation import Settings, follow_orbits
 from beamsim.orbits.free_orbits import FullPeriodPath
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.symmetry_breaking import BACK_TO_BRAKE_ORBITS, NonBrakeBranch, SymmetryBreaking, breaking_between
-from beamsim.outcomes import Outcome, OutcomeKind
+from beamsim.outcomes import Outcome, interruption
 from beamsim.scenario.nnm import FullPeriodMethod
 from beamsim.typing import Floats
 
@@ -40,7 +40,7 @@ class FullPeriodBranches:
     def outcome(self) -> Outcome:
         """How all of it ended."""
         if self.backbone.outcome.complete and self.unfinished:
-            return Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", "during the search for non-brake orbits")
+            return interruption("during the search for non-brake orbits")
         return self.backbone.outcome
 
 

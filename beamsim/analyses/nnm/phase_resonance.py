@@ -41,7 +41,7 @@ from beamsim.orbits.phase_resonance import (
 )
 from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, together
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
@@ -251,7 +251,7 @@ def hold_mode(
     outcome = COMPLETE
     if len(motions) < len(levels):
         done = f"after {len(motions)} of {len(levels)} levels of nnm.phase_resonance"
-        outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", done)
+        outcome = interruption(done)
     elif missing:
         outcome = Outcome.of(
             OutcomeKind.INCOMPLETE, "no_phase_resonance",

@@ -14,7 +14,7 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
 from beamsim.orbits.reversible import BrakeOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
 from beamsim.scenario.nnm import RelaxedMinimisationMethod
 from beamsim.typing import Floats
 
@@ -56,9 +56,7 @@ def compare_relaxed(
             outcome = _why(step, settings)
             break
     if outcome.complete and len(steps) < settings.steps:
-        outcome = Outcome.of(
-            OutcomeKind.INTERRUPTED, "interrupted", "during relaxed minimisation", at=_place(steps[-1])
-        )
+        outcome = interruption("during relaxed minimisation", at=_place(steps[-1]))
     return _compared(orbits, steps, exact[: len(steps)], settings, outcome, field, shooting_passages, shooting_time_s)
 
 

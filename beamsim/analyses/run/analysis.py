@@ -32,7 +32,7 @@ from beamsim.analyses.table_reach import compressed_beyond_tables
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, PENETRATION, STRESS, largest
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop
-from beamsim.outcomes import Outcome, OutcomeKind
+from beamsim.outcomes import interruption
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
 from beamsim.system.shared import SharedBuilds
@@ -133,8 +133,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         fields["srs"], notes = _shock_response(system, motion, histories, settings.srs)
         warnings += notes
     if derived.left_out and result.complete:
-        before = f"before {', '.join(derived.left_out)}"
-        fields["outcome"] = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", before)
+        fields["outcome"] = interruption(f"before {', '.join(derived.left_out)}")
     result = replace(result, **fields, warnings=tuple(warnings))
     result = result.with_summary(**summary, **figures_of_parts(result))
     result = replace(result, wall_time_s=clock.perf_counter() - begin)

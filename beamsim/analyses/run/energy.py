@@ -59,12 +59,11 @@ class EnergyBalance:
             return outcome
         if not np.isfinite(self.error):
             return not_finite(self.lost_at)
-        parts = () if outcome.complete else (outcome,)
         return Outcome.of(
             OutcomeKind.UNTRUSTED, "energy_not_balanced",
             f"the energy balance is wrong by {self.error:.2g} of the energy, from {self.lost_at:.6g} s on by more than "
             f"{LARGEST_ERROR:g}",
-            *parts, remedy=remedy, error=self.error, time=self.lost_at,
+            *outcome.unless_complete, remedy=remedy, error=self.error, time=self.lost_at,
         )  # fmt: skip
 
 

@@ -40,7 +40,6 @@ from beamsim.scenario import Run, Scenario
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
-MOST_SAMPLES = 50_000_000
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 
 

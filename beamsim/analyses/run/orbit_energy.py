@@ -82,8 +82,8 @@ def balanced(outcome: Outcome, branches: Sequence[MotionBranch], unit: str) -> O
     if not np.any(bad):
         return outcome
     worst = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
-    parts = () if outcome.complete else (outcome,)
-    return unbalanced(float(error[worst]), int(bad.sum()), Where(float(parameter[worst]), unit)).but(*parts)
+    lost = unbalanced(float(error[worst]), int(bad.sum()), Where(float(parameter[worst]), unit))
+    return lost.but(*outcome.unless_complete)
 
 
 def unbalanced(error: float, points: int, at: Where) -> Outcome:

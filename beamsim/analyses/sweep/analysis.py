@@ -33,7 +33,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.profile_file import read_profile
 from beamsim.interrupts import never
-from beamsim.outcomes import Outcome, OutcomeKind, combined
+from beamsim.outcomes import Outcome, combined, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.limits import BASE_FORCE, OF_OUTPUTS
@@ -142,12 +142,7 @@ class _LevelsDone:
         if len(self.work) == self.count:
             return outcome
         doubts = () if outcome.trusted else (outcome,)
-        return Outcome.of(
-            OutcomeKind.INTERRUPTED,
-            "interrupted",
-            f"after {len(self.work)} of {self.count} levels of the sweep",
-            *doubts,
-        )
+        return interruption(f"after {len(self.work)} of {self.count} levels of the sweep", *doubts)
 
     def base_correction(self) -> CorrectionSize | None:
         """The largest correction of the motion of the base."""

@@ -38,7 +38,7 @@ def balanced(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:
     parts = [part for curve in curves for part in _lost(curve)]
     if not parts:
         return outcome
-    return together([*parts, *(() if outcome.complete else (outcome,))])
+    return together([*parts, *outcome.unless_complete])
 
 
 def _lost(curve: SweepCurve) -> Iterator[Outcome]:

@@ -22,7 +22,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.interrupts import never
 from beamsim.orbits.lyapunov import largest_exponent
 from beamsim.orbits.steady import CycleStepper, Settled, settle
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.equations import Forcing
@@ -76,7 +76,7 @@ def step_level(
         points: list[_Point] = []
         for f in frequencies:
             if done and stop():
-                outcome = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", f"before {f:.6g} Hz")
+                outcome = interruption(f"before {f:.6g} Hz")
                 break
             forcing, observers, period = under(float(f))
             stepper.use(stepper.flow.under(forcing, observers, period), period, motion)

@@ -21,7 +21,6 @@ from beamsim.inputs.profiles import Profile, make_profile, phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.interrupts import never
-from beamsim.outcomes import together
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SweptSine
@@ -30,7 +29,6 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
 MOST_CYCLES = 5_000_000
-MOST_SAMPLES = 50_000_000
 CONTROL = 0.8  # share of the work of a notched sweep that chooses the level
 
 
@@ -131,7 +129,7 @@ def sweep_level(
     if notching is not None:
         curves = tuple(replace(curve, notching=compared(notching, notch_limits, curve)) for curve in curves)
         missed = [out for curve in curves if (out := not_held(curve, notch_limits)) is not None]
-        outcome = together([missed[0], *(() if outcome.complete else (outcome,))]) if missed else outcome
+        outcome = missed[0].but(*outcome.unless_complete) if missed else outcome
     return LevelRun(curves, LevelWork(float(one.value), outcome, windows.truncation, work, correction), history)
 
 
