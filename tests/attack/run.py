@@ -1,6 +1,6 @@
-"""The whole attack by one command: random systems, mutants, kills, full disks, damaged files, figures, seeded faults.
+"""The whole attack by one command: random systems, and faults seeded into the search for contacts.
 
-    python tests/attack/run.py --systems 10000 --mutants 2500 --jobs 1 --seed 1
+    python tests/attack/run.py --systems 10000 --jobs 1 --seed 1
 
 Prints the counts for each feature and writes them to a file; exit code 1 where anything was found. What came of each
 system is written as it comes (`attack.systems.jsonl` beside `attack.json`); the same command goes on from there.
@@ -14,7 +14,6 @@ import sys
 import tempfile
 import time
 import warnings
-from collections import Counter
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -113,11 +112,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--systems", type=int, default=10_000)
     parser.add_argument("--large", type=int, default=300, help="systems of many modes")
-    parser.add_argument("--mutants", type=int, default=2500)
-    parser.add_argument("--kills", type=int, default=60)
-    parser.add_argument("--disks", type=int, default=40)
-    parser.add_argument("--damaged", type=int, default=300)
-    parser.add_argument("--figures", type=int, default=60, help="chains of which figures are computed again")
     parser.add_argument("--faults", type=int, default=12, help="seeded faults of the event search")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--seed", type=int, default=1)
@@ -148,25 +142,6 @@ def main():
         if count:
             findings = systems(first + options.seed * 1_000_000, count, options.jobs, say, file)
             keep(name, *report_systems(findings))
-    if options.mutants:
-        import yaml_mutants
-
-        codes, found = yaml_mutants.attack(
-            options.mutants, options.seed, lambda k, _: say("mutants", k, options.mutants)
-        )
-        keep("mutants", [f"mutants: {options.mutants}; {_counts(codes)}"], found)
-    import adversity
-
-    for name in ("kills", "disks", "damaged"):
-        count = getattr(options, name)
-        if count:
-            codes, found = getattr(adversity, name)(count, options.seed)
-            keep(name, [f"{name}: {count}; {_counts(codes)}"], found)
-    if options.figures:
-        import summary_figures
-
-        lines, found = summary_figures.attack(options.figures, options.seed * 1000, say)
-        keep("figures", ["figures computed again:", *lines], found)
     if options.faults:
         import seeded_faults
 
@@ -180,10 +155,6 @@ def main():
         keep("seeded faults", lines, found)
     print(f"{len(faults)} found in {time.monotonic() - begin:.0f} s; see {options.output}")
     return 1 if faults else 0
-
-
-def _counts(codes):
-    return ", ".join(f"{code}: {n}" for code, n in sorted(Counter(codes).items(), key=str))
 
 
 if __name__ == "__main__":
