@@ -10,12 +10,10 @@ from scipy.linalg import expm
 from scipy.sparse import csc_array
 
 import beamsim
-from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.errors import ScenarioError
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
-from beamsim.structures.base_motion import BaseDirection
 from beamsim.structures.dof_table import DofTable, write_dof_table
 from beamsim.system.build import build_system
 
@@ -106,14 +104,6 @@ def test_a_free_plate_stays_where_it_is(direction):
     assert result.summary["energy_error"] < 1e-10
 
 
-def test_turning_about_a_point_is_turning_about_another_and_moving_up():
-    structure = assemble(case(TURN))
-    here, up, there = (
-        structure.base_load(BaseDirection(*motion))[0] for motion in (("ry",), ("z",), ("ry", (0.37, 0.0, 0.0)))
-    )
-    np.testing.assert_allclose(there, here + 0.37 * up, rtol=0, atol=1e-15 * np.abs(here).max())
-
-
 def test_energies_balance_with_contact_while_the_base_turns():
     result = beamsim.run(
         case(TURN, snubbers=[{"name": "s", "position": L, "side": "below", "stiffness": 2e4, "gap": 1e-4}])
@@ -121,25 +111,6 @@ def test_energies_balance_with_contact_while_the_base_turns():
     assert result.summary["contacts"]["s"] >= 2
     assert result.summary["energy_error"] < 1e-10
     assert result.base_unit == "rad"
-
-
-def test_a_rotation_and_its_angular_acceleration_are_the_same_motion():
-    omega = 2 * np.pi * 23.0
-    degrees = np.degrees(30 / omega**2)
-    given = case({**TURN, "level": f"{degrees} deg", "phase": "180 deg"})
-    assert given.excitation.quantity == "rotation"
-    a, b = (beamsim.run(scenario).probes["p"].displacement for scenario in (given, case(TURN)))
-    np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * np.abs(b).max())
-
-
-def test_a_stepped_sine_of_a_rotation_has_the_linear_response():
-    scenario = case(TURN, sweep={"kind": "stepped", "from": 15, "to": 17, "points": 2, "levels": ["30 rad/s^2"],
-                                 "accelerations": True})  # fmt: skip
-    result = sweep_alone(scenario)
-    curve = next(iter(result.curves.values()))
-    assert curve.excitation_unit == "rad/s^2"
-    expected = np.interp(curve.frequency_hz, result.linear.frequency_hz, np.abs(result.linear.acceleration["p"]))
-    np.testing.assert_allclose(curve.acceleration["p"].maximum / 30, expected, rtol=2e-3)
 
 
 # --- imported matrices ------------------------------------------------------------------------------------------------
@@ -231,11 +202,6 @@ def test_gravity_as_a_vector_is_the_scalar_where_they_coincide(tmp_path):
     drawn = 0.5 * along_x.static_equilibrium**2 @ along_x.dynamics.stiffness
     f = 2.0 * mass[np.ix_([2, 4], [2, 4])] @ np.ones(2)
     assert drawn == pytest.approx(0.5 * f @ np.linalg.solve(stiffness[np.ix_([2, 4], [2, 4])], f), rel=1e-10)
-
-
-def test_gravity_as_a_vector_on_a_beam():
-    a, b = (build_system(case({"kind": "none"}, gravity=g)).static_equilibrium for g in (9.0, [0, 0, -9.0]))
-    np.testing.assert_allclose(a, b, rtol=1e-12)
 
 
 CHAIN = {"masses": [1.0, 1.0], "springs": [100.0, 100.0]}

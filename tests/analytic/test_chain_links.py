@@ -8,14 +8,12 @@ from scipy.integrate import quad
 from scipy.special import ellipj, ellipk
 
 import beamsim
-from beamsim.analyses.identify.contact_point import snubber_point
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.scenario import Scenario
-from beamsim.scenario.parameters import find_parameters, with_values
-from beamsim.structures.point_sensitivity import stiffness_sensitivities
+from beamsim.scenario.parameters import with_values
 from beamsim.system.build import build_system
 
 
@@ -55,16 +53,6 @@ def test_free_masses_with_a_bumper_between_keep_the_bilinear_frequency(resists):
     assert np.all(stretch[pushed] < 0) if resists == "approach" else np.all(stretch[pushed] > 0)
     assert result.summary["contact_share"]["link"] == pytest.approx(np.pi / CLOSED / period, abs=0.02)
     assert (result.snubbers["link"].side, result.snubbers["link"].position) == (resists, 1.5)
-
-
-@pytest.mark.slow
-def test_the_nonlinear_mode_of_two_free_masses():
-    case = chain([M1, M2], [0, SPRING], {"snubbers": [{"between": [2, 1], "stiffness": BUMPER}]}, nnm={"mode": 2})
-    backbone = nnm(case).branches[0]
-    factor = backbone.parameter
-    closed = np.sqrt((SPRING + factor * BUMPER) / REDUCED)
-    np.testing.assert_allclose(2 * np.pi * backbone.frequency_hz, 2 * OPEN * closed / (OPEN + closed), rtol=1e-11)
-    assert factor[-1] == 1.0
 
 
 def test_gap_preload_and_statics_between_masses():
@@ -248,29 +236,6 @@ def test_what_a_spring_ties_to_a_held_mass_does_not_float():
     assert np.sum(s.dynamics.stiffness == 0.0) == 1
     s = build_system(chain([1, 1, 1], [2, 0, 0], {"springs_between": [{**loose, "stiffness": 0.0}]}))
     assert np.sum(s.dynamics.stiffness == 0.0) == 2
-
-
-# -- identification through a link ------------------------------------------------------------------------------------
-def test_stiffness_of_a_bumper_between_masses_is_identified_with_its_sensitivities():
-    bent = {"masses": [2, 3], "kind": "piecewise_linear", "breakpoints": [0.1], "stiffnesses": [3.0, 7.0]}
-    case = chain(
-        [1.0, 2.0, 1.5], [4, 1, 2],
-        {"snubbers": [{"name": "stop", "between": [1, 3], "stiffness": 5.0}], "springs_between": [bent]},
-    )  # fmt: skip
-    point = snubber_point(case, "stop")
-    closed = build_system(case).modes.closed_frequencies_hz * 2 * np.pi
-    np.testing.assert_allclose(point.frequencies(5.0, 3), closed, rtol=1e-12)
-    omega = float(closed[0])
-    for place, rate in stiffness_sensitivities(case, "stop", omega).items():
-        assert place in find_parameters(case, beamsim.scenario.base.path_text(place))
-        from beamsim.scenario.parameters import value_at
-
-        k = [
-            float(snubber_point(with_values(case, {place: value_at(case, place) * (1 + h)}), "stop").stiffness(omega))
-            for h in (-1e-5, 1e-5)
-        ]
-        assert np.diff(np.log(k))[0] / 2e-5 == pytest.approx(rate, rel=1e-5, abs=1e-8)
-    assert ("chain", "springs_between", 0, "stiffnesses", 0) in stiffness_sensitivities(case, "stop", omega)
 
 
 def test_breakpoints_moved_out_of_order_by_a_design_are_refused():

@@ -22,33 +22,6 @@ def beam(**more):
     return load_scenario({"beam": BEAM, "snubbers": [TIP], "excitation": SHAKEN, "run": run} | more)
 
 
-def by_frequency(result, quantity="absolute_acceleration"):
-    return {round(line.frequency_hz, 6): line for line in result.spectra["tip", quantity].lines}
-
-
-@pytest.fixture(scope="module")
-def shaken():
-    return beamsim.run(beam())
-
-
-def test_changes_are_those_of_the_finer_model_itself(shaken):
-    modes = shaken.summary["convergence_model"]["modes"]
-    finer = beamsim.run(beam(beam=BEAM | {"elements": 40}, reduction={"modes": modes}, run={"convergence": "off"}))
-    for quantity in ("absolute_acceleration", "displacement"):
-        other, compared = by_frequency(finer, quantity), 0
-        for frequency, line in by_frequency(shaken, quantity).items():
-            if line.kind in ("fundamental", "superharmonic") and frequency in other:
-                a, b = line.amplitude, other[frequency].amplitude
-                # the set of lines that are projected together is not quite the same
-                assert line.relative_change == pytest.approx(abs(a - b) / max(a, b), rel=0.05, abs=1e-5)
-                compared += 1
-        assert compared > 4
-    changes = shaken.summary["convergence"]
-    for figure in ("rms_displacement_m", "rms_acceleration_g"):
-        a, b = (result.summary[figure]["tip"] for result in (shaken, finer))
-        assert changes[figure]["tip"] == pytest.approx(abs(a - b) / max(a, b), rel=1e-5, abs=1e-12)
-
-
 def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     """Table, JSON, file and picture; the largest change over the strongest line is that of the spectrum."""
     result = beamsim.run(beam(reduction={"modes": 1}))
@@ -78,13 +51,6 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     within = [line for line in changed if line.frequency_hz <= above.get_xlim()[1] * spectrum.excitation_hz]
     assert len(marks.get_xdata()) == len(within) > 0
     assert any("lines not converged" in text.get_text() for text in above.texts)
-
-
-def test_a_good_model_has_none(shaken):
-    assert not any("spectral_lines" in name or "rms" in name for name in shaken.summary["doubtful"])
-    below = run_figures(shaken)["spectrum"].axes[1]
-    assert DOUBTFUL_LINES not in {line.get_label() for line in below.lines}
-    assert not below.texts
 
 
 def test_a_free_line_is_found_again_at_its_own_frequency():
@@ -120,16 +86,3 @@ def test_statistics_of_a_random_response(stop):
     table = " ".join(text for _, text in rows[first:last])
     assert "crest factor" in table
     assert len(re.findall(r"no change|change \d", table)) == len(signals) == 2 + (stop is not None)  # not of the input
-
-
-def test_after_the_sequences_part_lines_are_compared_in_parts():
-    """A strongly shaken beam beside a hard stop bounces differently in every model, with the same first harmonics."""
-    stop = TIP | {"stiffness": "1000 kN/m", "gap": "1 mm"}  # as in test_run_convergence
-    shaken = SHAKEN | {"level": "10 g", "frequency": "75 Hz"}
-    light = BEAM | {"damping": {"kind": "modal", "ratio": 0.01}}
-    run = {"duration": 4.0, "spectrum": {"last": 3.0}}
-    result = beamsim.run(beam(beam=light, snubbers=[stop], excitation=shaken, run=run))
-    assert result.summary["convergence_model"]["sequences_part_s"] < 1.0
-    assert "rms_displacement_m.tip" not in result.summary["doubtful"]
-    assert "spectral_lines.tip displacement" not in result.summary["doubtful"]
-    assert 0.0 < by_frequency(result, "displacement")[75.0].relative_change < 0.1

@@ -9,11 +9,9 @@ import yaml
 import beamsim
 from beamsim.cli.structures import MatrixForm, exported
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.formats import write_matrices
 from beamsim.matrix_files.nastran import read_op4
 from beamsim.scenario import load_scenario
-from beamsim.structures.assembly import assemble
-from beamsim.structures.dof_table import read_dof_table, write_dof_table
+from beamsim.structures.dof_table import read_dof_table
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 DAMPING = {"kind": "modal", "ratio": 0.01}
@@ -127,16 +125,6 @@ def test_joined_bodies(tmp_path, joint, modes):
     same_motion(known, beamsim.run(read_back(tmp_path, built, acting, modes, damping)))
 
 
-def test_mass_and_rigid_motion_of_joined_bodies(tmp_path):
-    """The base node of the whole structure moves it without force, and with all of its mass."""
-    built = {**hinged("rigid"), **at_tip({"body": "second", "position": 0.4}), **SHAKEN}
-    scenario = read_back(tmp_path, built, at_tip({"body": "structure", "node": 14, "direction": "z"}))
-    given = assemble(scenario).named_matrices
-    moved = given.table.of_direction("z")
-    assert np.abs(given.stiffness @ moved).max() <= 1e-9 * abs(given.stiffness).max()
-    assert moved @ (given.mass @ moved) == pytest.approx(2700 * 0.4 * 0.05 * 0.009, rel=1e-12)
-
-
 def test_a_boundary_between_nodes_is_refused(tmp_path):
     built = {"bodies": {"panel": PANEL}, **plate({"position": [0.7, 0.0]}, {"position": [0.77, 0.44]}), **SHAKEN}
     with pytest.raises(ScenarioError, match=r"boundary is not at a node: \(0.7, 0\) m; change the number of elements"):
@@ -161,21 +149,3 @@ def test_springs_to_the_ground_are_refused(tmp_path):
     }
     with pytest.raises(ScenarioError, match="springs to the ground hold the structure"):
         exported(load_scenario(built), tmp_path / "it.op4", MatrixForm())
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_the_order_of_bodies_and_of_imported_degrees_of_freedom_changes_nothing(tmp_path, seed):
-    """Bodies in reverse, and rows of a Craig-Bampton model in random order: the same contact run."""
-    tip = {"body": "second", "position": 0.4}
-    case = {**hinged("rigid"), **at_tip(tip), **SHAKEN}
-    known = beamsim.run(load_scenario(case))
-    bodies = dict(reversed(case["bodies"].items()))
-    same_motion(known, beamsim.run(load_scenario({**case, "bodies": bodies})))
-    read = read_back(tmp_path, case, at_tip({"node": 14, "direction": "z"}), 99)
-    straight = beamsim.run(read)
-    matrices = {each.name: each.values for each in read_op4(tmp_path / "it.op4")}
-    table = read_dof_table(tmp_path / "it_dofs.csv")
-    order = np.random.default_rng(seed).permutation(len(table.dofs))
-    write_matrices(tmp_path / "it.op4", {name: values[order][:, order] for name, values in matrices.items()})
-    write_dof_table(tmp_path / "it_dofs.csv", table.part(order))
-    same_motion(straight, beamsim.run(load_scenario(tmp_path / "again.yaml")))

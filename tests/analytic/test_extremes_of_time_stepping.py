@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 
 import beamsim
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.analyses.values import STANDARD_GRAVITY
 from beamsim.flow.dense_extremes import NODES, polynomials
 from beamsim.flow.extrema import Search
 from beamsim.scenario import Scenario
@@ -141,24 +140,6 @@ def test_continuation_with_a_cubic_spring_and_a_stop():
     assert branch.peak_force["stop"][point] == pytest.approx(force, rel=1e-3)
     assert branch.peak_acceleration["m"][point] == pytest.approx(acceleration, rel=1e-3)
     assert branch.contact_share["stop"][point] == pytest.approx(share, rel=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("cubic", "run"), [(CUBIC, {}), (0.0, {"method": "reference", "rtol": 1e-10})])
-def test_low_passed_peaks_do_not_depend_on_the_sample_rate(cubic, run):
-    """The filter runs through the integrator's dense output, not through samples."""
-
-    def peak(rate):
-        result = beamsim.run(case(rate, cubic, {**run, "low_pass": "12 Hz", "duration": 1.8}))
-        assert result.summary["contacts"]["stop"] > 1
-        return result.summary["peak_acceleration_g"]["m"], result.probes["m"].low_passed_acceleration
-
-    coarse, few = peak(45.0)
-    fine, many = peak(45.0 * 400)
-    assert coarse == pytest.approx(fine, rel=2e-6)
-    np.testing.assert_allclose(few, many[::400], atol=1e-7 * np.abs(many).max())  # the histories are those of one curve
-    assert np.abs(few).max() / STANDARD_GRAVITY < 0.9999 * coarse
-    assert np.abs(many).max() / STANDARD_GRAVITY == pytest.approx(coarse, rel=1e-5)
 
 
 def test_low_passed_acceleration_of_a_time_stepped_run_is_that_of_the_exact_one():

@@ -86,16 +86,6 @@ def problems(folder, mass, stiffness, table, **given):
     return str(caught.value)
 
 
-def test_a_free_beam_keeps_its_rigid_motions(tmp_path):
-    model = exported(BEAM.replace("left: clamped", "left: free"))
-    case = imported(tmp_path, model.mass, model.stiffness, model.table, base="free")
-    assert model.base == ()
-    known = frequencies(built(BEAM.replace("left: clamped", "left: free")))
-    read = frequencies(case)
-    assert np.array_equal(read[:2], [0.0, 0.0])
-    np.testing.assert_allclose(read[2:], known[2:], rtol=1e-8)
-
-
 def test_motions_without_mass_follow_statically(tmp_path):
     """Rotations without inertia: the condensed eigenproblem in closed form."""
     model = exported()
@@ -279,39 +269,6 @@ def test_structural_damping_is_refused_or_converted_at_a_frequency(tmp_path):
     system = build_system(parse_scenario(text))
     assert system.modes.damping_ratios[0] == pytest.approx(0.02, rel=1e-6)
     assert any("viscous damping that has the same effect" in warning for warning in system.warnings)
-
-
-def test_viscous_matrices_are_taken(tmp_path):
-    model = exported()
-    write_matrices(tmp_path / "b.op4", {"bxx": model.stiffness * 1e-5})
-    body = BODY.replace("    damping:", "    viscous: {{file: {folder}/b.op4}}\n    damping:").replace(
-        "ratio: 1 %", "ratio: 0"
-    )
-    system = build_system(imported(tmp_path, model.mass, model.stiffness, model.table, body=body))
-    omega = 2 * np.pi * system.modes.open_frequencies_hz
-    np.testing.assert_allclose(system.modes.damping_ratios, 0.5e-5 * omega, rtol=1e-6)
-
-
-def test_a_small_model_that_is_joined_needs_no_reduction_section(tmp_path):
-    """It has no more modes than by default are kept: all of them are counted, whatever the frequency."""
-    chain = """
-  mass:
-    kind: chain
-    masses: [50 g]
-    springs: [0]
-joints:
-  - {{kind: spring, stiffness: 2 kN/m, between: [{{body: panel, node: 9, direction: z}}, {{body: mass, mass: 1}}]}}
-"""
-    model, found = exported(), {}
-    for name, reduction in (("default", ""), ("all", "reduction: {{modes: all}}\n")):
-        case = CASE.replace("reduction: {{modes: 5}}\n", reduction)
-        found[name] = build_system(
-            imported(tmp_path, model.mass, model.stiffness, model.table, body=BODY + chain, case=case)
-        )
-    assert (
-        found["default"].modes.kept_modes == found["all"].modes.kept_modes == model.mass.shape[0]
-    )  # the mass for the base
-    np.testing.assert_allclose(found["default"].modes.open_frequencies_hz, found["all"].modes.open_frequencies_hz)
 
 
 def test_a_beam_with_a_dashpot_is_exported_with_it(tmp_path):

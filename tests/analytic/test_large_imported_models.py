@@ -5,19 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.sparse import diags_array, identity, kron
 
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures import sturm
 from beamsim.structures.assembly import assemble
-from beamsim.structures.dissection import dissection
 from beamsim.structures.dof_table import write_dof_table
 from beamsim.structures.matrices import structure_of
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place
 from beamsim.structures.sturm import negative_eigenvalues
-from beamsim.structures.symmetric_lu import symmetric_lu
 
 pytestmark = pytest.mark.quick
 
@@ -87,23 +84,6 @@ def test_signs_of_inaccurate_factors_count_where_no_eigenvalue_is_near_zero(pane
     monkeypatch.setattr(sturm, "_DENSE", 1000)
     assert negative_eigenvalues(between) == 10
     assert negative_eigenvalues(at) is None
-
-
-def test_nested_dissection_leaves_less_fill_than_minimum_degree_in_a_solid():
-    """On a grid of 20^3 points with 27 neighbours each; rows without a place come last."""
-    count = 20
-    line = diags_array([1.0, 1.0, 1.0], offsets=[-1, 0, 1], shape=(count, count))
-    grid = kron(line, kron(line, line)).tocsc() + 30 * identity(count**3)
-    places = np.stack(np.unravel_index(np.arange(count**3), 3 * [count]), axis=1).astype(float)
-    places[7] = np.nan
-    order = dissection(grid, places)
-    np.testing.assert_array_equal(np.sort(order), np.arange(count**3))
-    assert order[-1] == 7
-    found, expected = (symmetric_lu(grid, each) for each in (order, None))
-    assert found.lu.L.nnz < 0.8 * expected.lu.L.nnz
-    load = np.linspace(1.0, 2.0, 2 * count**3).reshape(-1, 2)
-    np.testing.assert_allclose(found.solve(load), expected.solve(load), rtol=1e-12)
-    assert dissection(grid, None) is None
 
 
 def test_an_order_of_elimination_changes_no_result(panel, monkeypatch):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.structures.chain import floating_groups
 from beamsim.system.build import build_system
@@ -40,22 +39,6 @@ def test_floating_chain_has_an_exact_zero():
     assert np.isnan(s.modes.damping_ratios[0])
 
 
-def test_broken_chain_has_a_zero_for_every_loose_group():
-    s = system({"masses": [1, 2, 3, 4, 5], "springs": [1, 0, 1, 0, 1, 0]})
-    np.testing.assert_array_equal(s.dynamics.stiffness == 0, [True, True, False, False, False])
-
-
-def test_a_spring_to_ground_holds_a_loose_group():
-    springs = [{"mass": 2, "kind": "linear", "stiffness": 4.0}]
-    s = system({"masses": [1.0, 2.0], "springs": [1.0, 0.0], "springs_to_ground": springs})
-    np.testing.assert_allclose(s.dynamics.stiffness, [1.0, 2.0], rtol=1e-14)
-
-
-def test_a_very_soft_wall_spring_is_no_rigid_body():
-    s = system({"masses": [1, 1, 1], "springs": [1e-12, 1, 1]})
-    assert s.dynamics.stiffness[0] == pytest.approx(1e-12 / 3, rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("springs", "grounded", "expected"),
     [
@@ -86,13 +69,6 @@ def test_dashpots_project():
     stiffness = np.linalg.inv(shape).T @ np.diag(s.dynamics.stiffness) @ np.linalg.inv(shape)
     np.testing.assert_allclose(stiffness, [[7, -4], [-4, 9]], atol=1e-13)
     np.testing.assert_allclose(np.linalg.inv(shape @ shape.T), np.diag([1.0, 2.0]), atol=1e-14)
-
-
-def test_modal_damping_adds_to_dashpots():
-    chain = {"masses": [1], "springs": [4], "dashpots": [0.1], "damping": {"kind": "modal", "ratio": 0.05}}
-    s = system(chain)
-    assert s.dynamics.damping[0, 0] == pytest.approx(0.1 + 2 * 0.05 * 2)
-    assert s.modes.damping_ratios[0] == pytest.approx((0.1 + 0.2) / 4)
 
 
 def test_moving_walls_push_relative_coordinates_with_the_inertia():
@@ -136,41 +112,3 @@ def test_gravity_and_stop_on_a_mass():
     assert s.snubbers[0].stiffness_ratio == np.inf
     assert s.stress is None
     np.testing.assert_array_equal(s.stations.position, [1.0])
-
-
-def test_reduction_of_a_chain_keeps_the_contact_compliance():
-    chain = {
-        "masses": [1] * 30,
-        "springs": [1] * 31,
-        "snubbers": [{"mass": 17, "side": "above", "stiffness": 5, "gap": 0.1}],
-    }
-    full, reduced = system(chain), system(chain, reduction={"modes": 4})
-    assert (full.modes.kept_modes, full.modes.static_vectors) == (30, 0)
-    assert (reduced.modes.kept_modes, reduced.modes.static_vectors) == (4, 1)
-    row = reduced.snubbers[0].shape
-    assert row @ (row / reduced.dynamics.stiffness) == pytest.approx(17 * 14 / 31, rel=1e-12)
-    np.testing.assert_allclose(reduced.modes.closed_frequencies_hz[:3], full.modes.closed_frequencies_hz[:3], rtol=1e-2)
-    assert 0 < reduced.modes.reduction_bound < 2e-2
-    assert full.modes.reduction_bound == 0.0
-
-
-@pytest.mark.parametrize("start", [{"displacement": [1, 2, 3]}, {"velocity": [1, 2, 3]}])
-def test_initial_state_is_a_number_a_mass(start):
-    chain = {"masses": [1, 2, 3], "springs": [1, 1, 1]}
-    probes = [{"name": f"m{i}", "mass": i} for i in (1, 2, 3)]
-    s = system(chain, run={**RUN, "start": start}, probes=probes)
-    shape = np.array([p.shape for p in s.probes])
-    q, v = np.split(s.initial_state, 2)
-    np.testing.assert_allclose(shape @ q, start.get("displacement", [0, 0, 0]), atol=1e-14)
-    np.testing.assert_allclose(shape @ v, start.get("velocity", [0, 0, 0]), atol=1e-14)
-    assert s.warnings == ()
-
-
-def test_a_mode_start_of_a_chain():
-    s = system({"masses": [1] * 6, "springs": [1] * 7}, run={**RUN, "start": {"mode": 2, "amplitude": 0.5}})
-    w = s.modes.shapes.T @ s.initial_state[:6]
-    assert np.abs(w).max() == pytest.approx(0.5)
-    expected = np.sin(2 * np.pi * np.arange(1, 7) / 7)
-    np.testing.assert_allclose(np.abs(w) / 0.5, np.abs(expected) / np.abs(expected).max(), atol=1e-13)
-    with pytest.raises(ScenarioError, match=r"run\.start\.mode"):
-        system({"masses": [1, 1], "springs": [1, 1]}, run={**RUN, "start": {"mode": 3, "amplitude": 0.5}})

@@ -8,7 +8,6 @@ from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.contact_point import free_frequencies, mode_shapes
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.scenario.parameters import find_parameters, value_at, with_values
 
 BASE = {
     "beam": {
@@ -142,14 +141,3 @@ def test_wrong_parameters_are_explained(update, says):
     with pytest.raises(ScenarioError, match=says) as caught:
         case(frequencies(3), update)
     assert all(p.path.startswith("identify_stiffness") for p in caught.value.problems)
-
-
-def test_paths_read_and_write_every_place():
-    scenario = load_scenario(BASE)
-    places = find_parameters(scenario, "beam.point_masses[*].mass")
-    assert [value_at(scenario, place) for place in places] == [0.004, 0.004]
-    changed = with_values(scenario, {places[1]: 0.009})
-    assert [m.mass for m in changed.beam.point_masses] == [0.004, 0.009]
-    assert [m.mass for m in scenario.beam.point_masses] == [0.004, 0.004]
-    (place,) = find_parameters(scenario, "snubbers.tip.stiffness")
-    assert value_at(scenario, place) == 150e3

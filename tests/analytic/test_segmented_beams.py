@@ -71,24 +71,6 @@ def test_beam_on_end_springs_has_the_frequencies_of_its_characteristic_equation(
     np.testing.assert_allclose(got, exact_frequencies(determinant, 4), rtol=1e-6)
 
 
-def test_rotary_inertia_on_the_tip_of_a_cantilever():
-    mass, inertia = 0.2, 4e-3
-
-    def determinant(omega):
-        beta = (omega**2 * M / EI) ** 0.25
-        left, right = shapes(beta, 0.0), shapes(beta, L)
-        moment = EI * right[2] - omega**2 * inertia * right[1]
-        shear = EI * right[3] + omega**2 * mass * right[0]
-        matrix = np.array([left[0], left[1], moment, shear])
-        return np.linalg.det(matrix / np.linalg.norm(matrix, axis=1, keepdims=True))
-
-    tip = {"position": "100 %", "mass": mass, "rotary_inertia": inertia}
-    got = frequencies(beam(**THIN, point_masses=[tip]))[:4]
-    np.testing.assert_allclose(got, exact_frequencies(determinant, 4), rtol=1e-6)
-    without = frequencies(beam(**THIN, point_masses=[{**tip, "rotary_inertia": 0.0}]))[:4]
-    assert np.all(without[1:] / got[1:] - 1 > 0.01)
-
-
 def test_rotary_inertia_inside_a_stepped_beam():
     """Moment and shear jump at the mass, where the section changes too."""
     mass, inertia, at = 0.2, 4e-3, 0.4 * L
@@ -111,30 +93,6 @@ def test_rotary_inertia_inside_a_stepped_beam():
     np.testing.assert_allclose(got, exact_frequencies(determinant, 4), rtol=1e-6)
     without = frequencies(beam(segments=segments, elements=160, point_masses=[{**inside, "rotary_inertia": 0.0}]))[:4]
     assert np.all(without / got - 1 > 1e-3)
-
-
-def test_deflections_at_structural_nodes_are_exact():
-    """Of a coarse mesh under a load along the beam: between nodes they lack the particular solution."""
-    at, load = 0.371 * L, -3.0
-
-    def deflection(nodes):
-        case = beam(**THIN, elements=2, nodes=nodes)
-        case |= {
-            "constant_forces": [{"line": "whole", "force_per_length": load}],
-            "probes": [{"name": "inside", "position": at}],
-            "reduction": {"modes": "all"},
-            "run": {"duration": 0.01, "sample_rate": 1000.0},
-        }
-        system = build_system(load_scenario(case))
-        return float(system.probes[0].shape @ system.static_equilibrium), system
-
-    exact = load * at**2 * (6 * L**2 - 4 * L * at + at**2) / (24 * EI)
-    got, system = deflection([at])
-    assert got == pytest.approx(exact, rel=1e-9)
-    assert np.abs(system.bodies[0].position - at).min() < 1e-12
-    moment = system.bodies[0].bending_moment @ system.static_equilibrium
-    assert abs(deflection([])[0] / exact - 1) > 1e-4
-    assert moment[np.abs(system.bodies[0].position - at).argmin()] == pytest.approx(load * (L - at) ** 2 / 2, rel=1e-6)
 
 
 def test_static_deflection_of_a_beam_on_end_springs_and_the_moment_at_a_rotational_one():

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag, eigh
 
@@ -140,35 +139,6 @@ def test_two_chains_are_one_chain_with_a_spring_of_nothing():
         np.testing.assert_allclose(
             two.probes[name].displacement, one.probes[name].displacement, rtol=0, atol=1e-9
         )  # fmt: skip
-
-
-def test_given_initial_states_belong_to_one_body_each():
-    """A body that starts by itself moves as it does alone; the other stays where it is."""
-    shape = {"displacement": [0, 0, 3e-3, -2e-3], "velocity": [0, 0, 0.1]}
-    changes = ["snubbers=[]", "excitation={kind: none}", "run.duration=0.05", "run.sample_rate=2 kHz", "probes=null"]
-    two = load_scenario(EXAMPLE, [*changes, f"run.start={{bodies: {{outer: {shape}}}}}", "reduction.modes=all"])
-    both = beamsim.run(two)
-    alone_data = yaml.safe_load(two.to_yaml())
-    alone_data["bodies"] = {"outer": alone_data["bodies"]["outer"]}
-    alone = beamsim.run(load_scenario({**alone_data, "run": {**alone_data["run"], "start": shape}}))
-    probe = next(iter(alone.probes))
-    moved = both.probes[f"outer_{probe}"].displacement
-    np.testing.assert_allclose(moved, alone.probes[probe].displacement, rtol=0, atol=1e-9 * np.abs(moved).max())
-    assert np.abs(moved).max() > 1e-4
-    assert not np.any(both.probes[f"inner_{probe}"].displacement)
-
-
-def test_a_beam_by_its_stiffness_moves_like_one_by_its_section():
-    section_case = load_scenario(EXAMPLE)
-    section = build_system(section_case)
-    panel = {"kind": "beam", "length": 0.77, "bending_stiffness": 70e9 * 0.44 * 0.005**3 / 12, "youngs_modulus": 70e9,
-             "mass_per_length": 5.94, "extreme_fibre": 0.0025}  # fmt: skip
-    data = yaml.safe_load(section_case.to_yaml())
-    data["bodies"]["inner"] = {**panel, "damping": {"kind": "modal", "ratio": 0.01}}
-    other = build_system(load_scenario(data))
-    np.testing.assert_allclose(other.modes.open_frequencies_hz, section.modes.open_frequencies_hz, rtol=1e-9)
-    np.testing.assert_allclose(other.bodies[0].stress_per_moment, section.bodies[0].stress_per_moment, rtol=1e-9)
-    assert section.bodies[1].stress_per_moment is None  # no modulus
 
 
 @pytest.mark.parametrize(

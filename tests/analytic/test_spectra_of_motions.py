@@ -61,20 +61,6 @@ def test_the_highest_line_is_told_by_what_lies_beyond_it(periods, seen):
     assert ("Hz (" in text) if seen else "no distinct line, at a resolution of 20 Hz" in text
 
 
-@pytest.mark.parametrize("case", [RELEASED, BOUNCING], ids=["released", "bouncing"])
-def test_spectra_do_not_depend_on_the_output_rate(case):
-    # the modes kept follow the rate where their number is not given
-    one, other = (run(case, run__sample_rate=rate, reduction__modes=5) for rate in (500.0, 7000.0))
-    assert one.time.size != other.time.size
-    for key, spectrum in one.spectra.items():
-        np.testing.assert_allclose(spectrum.frequency_hz, other.spectra[key].frequency_hz, rtol=1e-13)
-        largest = spectrum.amplitude.max()
-        np.testing.assert_allclose(spectrum.amplitude, other.spectra[key].amplitude, atol=1e-11 * largest)
-        for a, b in zip(spectrum.lines, other.spectra[key].lines, strict=True):
-            assert (a.kind, a.frequency_hz) == (b.kind, pytest.approx(b.frequency_hz, rel=1e-9))
-            assert a.amplitude == pytest.approx(b.amplitude, rel=1e-9, abs=1e-11 * largest)
-
-
 @pytest.fixture(scope="module")
 def bouncing():
     scenario = beamsim.load_scenario(BOUNCING)
@@ -125,39 +111,6 @@ def test_windowed_integrals_against_quadrature(bouncing, window):
     np.testing.assert_allclose(found / size, expected / size, atol=1e-11)
 
 
-def test_mean_squares_against_quadrature(bouncing):
-    trajectory, outputs = bouncing
-    part = MotionPart.of(trajectory, outputs, 0.1, 0.4, np.inf)
-    square = lambda t: trajectory.sample(t, outputs)  # noqa: E731
-    expected = np.diag(quadrature(trajectory, outputs, 0.1, 0.4, square)) / 0.3
-    np.testing.assert_allclose(part.mean_squares, expected, rtol=1e-11)
-
-
-@pytest.mark.parametrize(("samples", "close"), [(4096, 3e-2), (16384, 3e-3), (65536, 3e-4)])
-def test_fourier_sums_of_samples_approach_the_integrals(bouncing, samples, close):
-    """Over the band of a curve, with the square of the rate: accelerations jump at impacts."""
-    trajectory, outputs = bouncing
-    begin, end = 0.1, 0.4
-    T = end - begin
-    part = MotionPart.of(trajectory, outputs, begin, end, np.inf)
-    window = Window("hann")
-    omega = 2 * np.pi * np.linspace(1, 1024 / 2.56, 60).astype(int) / T
-    x = part.samples(samples) * window.values(np.arange(samples) / samples)[:, None]
-    sums = T / samples * np.exp(-1j * np.outer(omega, np.arange(samples) * T / samples)) @ x
-    for j in range(2):
-        exact = window.weigh(lambda nu, j=j: part.integrals(nu, j), omega, T)
-        error = np.abs(sums[:, j] - exact).max()
-        print(samples, j, error / np.abs(exact).max())
-        assert error < close * np.abs(exact).max()
-
-
-def test_samples_are_those_of_the_motion(bouncing):
-    trajectory, outputs = bouncing
-    part = MotionPart.of(trajectory, outputs, 0.1, 0.4, np.inf)
-    expected = trajectory.sample(0.1 + 0.3 * np.arange(5000) / 5000, outputs)
-    np.testing.assert_allclose(part.samples(5000), expected, rtol=0, atol=1e-11 * np.abs(expected).max())
-
-
 def test_lines_and_rms_of_a_mass_on_a_spring():
     """A released undamped mass: a cosine, seen through any window as its amplitude."""
     case = {
@@ -194,16 +147,6 @@ def test_a_shock_is_seen_from_its_beginning():
     assert level[0] > level[1] + 6.0
 
 
-@pytest.mark.parametrize(("case", "expected"), [(BOUNCING, None), (RELEASED, "no motion")], ids=["bouncing", "at rest"])
-def test_none_is_never_said_of_a_motion(case, expected):
-    changes = {"run__start": "rest"} if expected else {"run__duration": 0.02}
-    rows = [text for _, text in table_rows("run", run(case, **changes))]
-    said = [text for text in rows if text.startswith(("tip absolute acceleration", "tip displacement"))]
-    assert len(said) == 2
-    assert not any(text.endswith("none") for text in said)
-    assert all((expected in text) if expected else ("no motion" not in text) for text in said)
-
-
 def test_amplitudes_at_chosen_frequencies(tmp_path):
     """A mass that swings at 5.3 Hz with an amplitude of 20 mm; nothing is at 9 Hz; 5.3 Hz is listed as it is given."""
     case = {
@@ -223,17 +166,6 @@ def test_amplitudes_at_chosen_frequencies(tmp_path):
     assert [(k.frequency_hz, k.amplitude, k.kind) for k in kept] == [
         (k.frequency_hz, k.amplitude, k.kind) for k in spectrum.lines
     ]
-
-
-def test_a_chosen_order_of_the_excitation_is_that_line_and_others_are_found_beside():
-    plain, with_chosen = (run(BOUNCING, run__spectrum__frequencies=f) for f in ([], ["20 Hz", "33.3 Hz"]))
-    strong = {line.frequency_hz: line.kind for line in lines_of(with_chosen)}
-    assert strong[20.0] == "chosen"  # no line of the acceleration, which is listed all the same
-    a, b = ({line.frequency_hz: line for line in lines_of(r, "displacement")} for r in (plain, with_chosen))
-    assert b[20.0].kind == "fundamental"
-    assert b[20.0].amplitude == pytest.approx(a[20.0].amplitude, rel=0.02)  # one more sinusoid is projected on
-    assert b[33.3].kind == "chosen"
-    assert set(a) - set(b) <= {f for f in a if abs(f - 33.3) < 2.0}
 
 
 @pytest.mark.parametrize(

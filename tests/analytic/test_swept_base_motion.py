@@ -7,7 +7,7 @@ from scipy.special import exp1, wofz
 from sweep_windows import frequency_at
 
 import beamsim
-from beamsim.inputs.drift import CorrectionSize, drift_free, jumps, motion_without_drift
+from beamsim.inputs.drift import CorrectionSize, drift_free, jumps
 from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile
 from beamsim.inputs.swept import cut_into_windows
@@ -128,20 +128,6 @@ def test_factors_of_a_constant_level_in_closed_form(change, sign):
         np.testing.assert_allclose(drift_free(logarithmic, 0.0, np.array([f]))[0], z * np.exp(z) * exp1(z), rtol=1e-11)
     for leg in (linear, logarithmic):  # constant velocity
         np.testing.assert_allclose(drift_free(leg, 1.0, np.array([f]))[0], 1.0, rtol=1e-13)
-
-
-@pytest.mark.parametrize("power", [-3.0, 0.0, 0.7, 2.0, 4.0])
-@pytest.mark.parametrize("leg", [Leg(10, 11, 40.0, False), Leg(10, 11, 3000.0, False), Leg(11, 10, 2.0, True)])
-def test_velocity_and_acceleration_are_derivatives(leg, power):
-    h = 1e-3 / leg.first_hz / (1 + np.abs(leg.change_per_radian(np.array(10.5))))
-    t = 0.3 * leg.duration + h * np.arange(-3, 4)
-    f = leg.frequency_after(np.array(leg.first_hz), t)
-    sine = f**power * np.exp(2j * np.pi * leg.turns_after(np.array(leg.first_hz), t))
-    profile = Profile(np.ones(1), np.ones(1), np.array([power]))
-    velocity, displacement = motion_without_drift(leg, profile, 0, f, sine)
-    slope = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * h)
-    assert abs(slope @ displacement - velocity[3]) < 1e-9 * abs(velocity[3])
-    assert abs(slope @ velocity - sine[3]) < 1e-9 * abs(sine[3])
 
 
 def scenario(duration=0.9, **changes):

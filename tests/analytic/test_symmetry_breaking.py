@@ -94,14 +94,6 @@ def test_a_fold_in_frequency():
     assert fold.frequency_hz == pytest.approx(lowest.fun, rel=1e-9)
 
 
-def test_full_period_follows_the_same_mode(cubic, stops):
-    for result in (cubic, stops):
-        assert result.complete
-        assert result.half_period_difference.max() < 1e-9
-        assert result.backbone.residual.max() < 1e-10
-        assert result.backbone.least_kinetic.max() < 1e-12
-
-
 def integrated(result, branch, k, kick=0.0):
     """State of the masses after a period by an eighth-order Runge-Kutta method, from a point of a branch."""
     shapes = result.modes.shapes.T
@@ -139,35 +131,6 @@ def test_the_integrator_would_see_a_motion_that_is_not_periodic(stops):
     branch = stops.non_brake[0]
     y0, end, _ = integrated(stops, branch, int(np.argmax(branch.least_kinetic)), kick=1e-3)
     assert np.abs(end - y0).max() > 1e-4
-
-
-def test_reversed_motion_is_another_one(stops):
-    """The loop in the plane is run through one way: no reversal of the motion is a shift of it in time."""
-    motion = stops.motion
-    a, b = motion.displacement["first"][:-1], motion.displacement["second"][:-1]
-    va, vb = motion.velocity["first"][:-1], motion.velocity["second"][:-1]
-    there = np.stack([a, b, va, vb])
-    for k in range(0, a.size, 64):
-        back = np.stack([a, b, -va, -vb])[:, (k - np.arange(a.size)) % a.size]
-        assert np.abs(back - there).max() > 0.1
-
-
-@pytest.mark.slow
-def test_a_branch_in_the_stiffness_factor(request):
-    """The beam: with mode 2 near 6:1, where the half-period path only finds the tongue."""
-    changes = {
-        "nnm.method": {"kind": "full_period", "branches": 1},
-        "nnm.continue_in.to": 0.02,
-        "reduction": {"modes": 4},
-    }
-    result = nnm(load_scenario(request.config.rootpath / "configs" / "nnm_first.yaml", changes))
-    (branch,) = result.non_brake
-    assert (branch.mode, branch.ratio) == (2, 6)
-    assert branch.residual.max() < 1e-10
-    assert branch.least_kinetic.max() > 1e-3
-    tongue = result.tongues[0]
-    assert tongue.least_kinetic.max() == 0.0
-    np.testing.assert_allclose(branch.parameter, tongue.parameter[0], atol=2e-3)
 
 
 def test_full_period_shooting_would_see_a_wrong_half_period(make_system):
