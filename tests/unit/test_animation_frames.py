@@ -36,16 +36,6 @@ def test_frames_are_the_motion_of_the_run(result):
     np.testing.assert_allclose(frames.ends["tip"][:, 0], frames.deflection[:, -1], rtol=1e-12)
 
 
-def test_shapes_are_the_cubics_of_the_elements(result):
-    """Between two nodes the fourth difference of the points drawn is round-off; across a node it is not."""
-    frames = frames_of_run(result)
-    shape = frames.deflection[np.abs(frames.deflection[:, -1]).argmax()]
-    fourth = np.abs(np.diff(shape, 4))  # 81 points, 20 spaces an element
-    inside = np.concatenate([fourth[first : first + 17] for first in (0, 20, 40, 60)])
-    assert inside.max() < 1e-12 * np.abs(shape).max()
-    assert fourth[17:20].max() > 1e-9 * np.abs(shape).max()
-
-
 def test_contact_is_slow_and_its_peak_is_shown(result):
     frames = frames_of_run(result)
     assert frames.force["tip"].max() == pytest.approx(result.summary["peak_force_n"]["tip"], rel=1e-4)

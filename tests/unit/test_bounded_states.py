@@ -11,8 +11,6 @@ from beamsim.analyses.run.motion import memory_of
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension
-from beamsim.flow import exact
-from beamsim.flow.contact_state import contact_modes
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.fourier import MotionPart, fourier_integrals
 from beamsim.flow.transient import simulate
@@ -72,43 +70,6 @@ def test_everything_is_that_of_a_motion_that_keeps_all(law, most):
     parts = [MotionPart.of(m, of, 3.0, END, 100.0) for m, of in ((whole, one), (bounded, other))]
     lines = [fourier_integrals(part.motion, part.table, np.array([1.0, 6.0, 9.0])) for part in parts]
     np.testing.assert_allclose(*lines, atol=1e-13)
-
-
-def test_parts_hold_no_more_states_than_are_kept_and_build_those_that_are_not(monkeypatch):
-    """All were built anew for each part: with 265 of 334 states kept a run of 100 stops took ten times as long."""
-    bounded = simulate(flow_of(4), np.zeros(2 * N))
-    built = []
-    monkeypatch.setattr(exact, "contact_modes", lambda *given: built.append(given[4]) or contact_modes(*given))
-    parts = list(bounded.parts())
-    kept = {state.phases.tobytes() for state in bounded.flow.states}
-    assert 0 < len(built) <= sum(state.phases.tobytes() not in kept for part in parts for state in part.flow.states)
-    assert not kept & {phases.tobytes() for phases in built}
-    assert len(parts) > 3
-    assert all(len(part.flow.states) <= 4 for part in parts)
-    assert sum(part.time.size for part in parts) == bounded.time.size
-    assert [part.end for part in parts[:-1]] == [part.time[0] for part in parts[1:]]
-    assert parts[-1].end == END
-
-
-def test_the_least_recently_used_state_goes_first():
-    flow = flow_of(3)
-    phases = np.zeros((4, M), dtype=np.int64)
-    phases[1, 0] = phases[2, 1] = phases[3, 2] = 1
-    for one in phases[:3]:
-        flow.state_index(one)
-    guard = list(flow.tables().guard_contact[0]).index
-    assert [flow.follow(0, guard(0)), flow.follow(0, guard(1))] == [1, 2]
-    flow.visits(np.array([2, 0]))  # 1 was used longest ago
-    assert flow.state_index(phases[3]) == 1
-    follower = flow.tables().follower
-    assert follower[0, guard(0)] == -1  # the one that was dropped
-    assert follower[0, guard(1)] == 2
-    assert flow.built == 4
-    flow.state_index(phases[0])
-    assert flow.built == 4
-    flow.state_index(phases[1])
-    assert flow.built == 5
-    assert len(flow.visited) == 4
 
 
 def test_the_summary_says_how_many_states_are_kept_where_some_were_dropped():

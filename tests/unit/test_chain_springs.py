@@ -8,8 +8,7 @@ import beamsim
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
-from beamsim.scenario import LinkSnubber, Scenario, Snubber, load_scenario
-from beamsim.store.results import open_result, write_result
+from beamsim.scenario import LinkSnubber, Snubber, load_scenario
 
 CASE = """
 chain:
@@ -86,17 +85,6 @@ def result():
     return beamsim.run(load_scenario(CASE))
 
 
-def test_springs_are_stored_with_a_run(result, tmp_path):
-    read = open_result(write_result(result, tmp_path / "chain.h5"))
-    assert list(read.springs) == ["link_spring_1"]
-    spring = read.springs["link_spring_1"]
-    assert (spring.kind, spring.masses) == ("piecewise_linear", (2, 3))
-    for name in ("stretch", "force"):
-        np.testing.assert_array_equal(getattr(spring, name), getattr(result.springs["link_spring_1"], name))
-    assert list(read.snubbers) == ["snubber_1", "stop"]
-    assert read.snubbers["snubber_1"].side == "approach"
-
-
 def test_breakpoints_are_no_contacts(result):
     s = result.summary
     assert list(s["contacts"]) == list(s["peak_force_n"]) == ["snubber_1", "stop"]
@@ -140,11 +128,3 @@ def test_sweeps_do_not_take_breakpoints_for_snubbers(kind):
         np.testing.assert_allclose(values, other.peak_gap[name], rtol=1e-6, atol=1e-9)
     assert curve.bent.any()
     assert not other.bent.any()  # its breakpoints are snubbers
-
-
-def test_a_linear_curve_closes_snubbers_only(result):
-    straight = {"chain.springs_between": [{"masses": [2, 3], "kind": "linear", "stiffness": 1}]}
-    assert result.modes.closed_frequencies_hz == pytest.approx(
-        beamsim.run(load_scenario(CASE, straight)).modes.closed_frequencies_hz
-    )
-    assert isinstance(result.scenario, Scenario)

@@ -153,28 +153,6 @@ def test_limited_quantities_come_first_and_their_limit_is_drawn():
     assert ax.get_xscale() == "log"
 
 
-def test_cells_of_small_maps_are_numbered():
-    result = fabricated("map")
-    ax = design_figures(result)["maps"].axes[0]
-    force = result.responses["snubbers/tip/peak_force"].values
-    texts = [text.get_text() for text in ax.texts]
-    assert {text.split(" ")[-1] for text in texts} == {f"{value:.3g}" for value in force.ravel()}
-    assert {text.split(" ")[-1] for text in texts if "✕" in text} == {f"{x:.3g}" for x in force[force > 30.0]}
-
-
-def test_cases_beyond_the_limit_are_marked():
-    result = fabricated("sample")
-    ax = design_figures(result)["scatter"].axes[0]
-    force = result.responses["snubbers/tip/peak_force"].values
-    within, beyond = (np.sort(line.get_ydata()) for line in ax.lines[:2])
-    np.testing.assert_allclose(within, np.sort(force[force <= 30.0]))
-    np.testing.assert_allclose(beyond, np.sort(force[force > 30.0]))
-
-
-def test_nothing_solved_is_no_picture():
-    assert design_figures(fabricated("words", failed=(0, 1))) == {}
-
-
 # --- journal ----------------------------------------------------------------------------------------------------------
 
 

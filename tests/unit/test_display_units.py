@@ -1,8 +1,6 @@
 """Units that a scenario chooses for tables, plots and reports; files and --json stay in SI units."""
 
-import gzip
 import json
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +15,6 @@ from beamsim.plots.style import amount, level_text, scale_for, shown_in
 from beamsim.scenario import load_scenario
 from tests.helpers.commands import invoke
 
-STORED = Path(__file__).parents[1] / "data" / "results"
 MASS = {"chain": {"masses": [1.0], "springs": [1000.0]}}
 CHOSEN = {"acceleration": "m/s^2", "length": "um", "force": "kN", "time": "min", "stress": "MPa"}
 CASE = {
@@ -103,23 +100,6 @@ def test_units_are_those_that_quantities_are_written_in():
     assert load_scenario(WRITTEN, ["excitation.level=2 g", "run.duration=500 ms"]).units.scales.keys() == {"m/s^2", "m"}
 
 
-def test_metres_keep_a_prefix_that_suits_the_size():
-    metres = WRITTEN.replace("270 mm", "1.2 m").replace("50 mm", "0.4 m").replace("27 cm", "1 m")
-    scenario = load_scenario(metres)
-    assert scenario.units.length is None
-    with shown_in(scenario.display_scales):
-        assert amount(0.0015, "m") == "1.5 mm"
-    assert load_scenario(metres.replace("0.005", "5 mm")).units.length == "mm"
-
-
-def test_ties_go_to_the_smaller_unit_and_densities_count():
-    psd = [{"frequency": f, "density": "1 m^2/s^3"} for f in ("20 Hz", "50 Hz")]
-    excitation = {"kind": "random", "applied_to": "base", "seed": 1, "psd": psd}
-    assert load_scenario({**CASE, "excitation": excitation}).units.acceleration == "m/s^2"
-    snubber = {"name": "s", "mass": 1, "side": "below", "stiffness": 1e4, "gap": "100 um"}
-    assert load_scenario({**CASE, "snubbers": [snubber], "run": {"duration": 1.0}}).units.length == "um"
-
-
 def test_long_times_are_in_units_that_a_reader_uses():
     assert [amount(t, "s") for t in (599.0, 900.0, 5.4e4, 1e6)] == ["599 s", "15 min", "15 h", "11.57 days"]
     assert amount(101.5e9, "s") == "3216 years"
@@ -158,10 +138,3 @@ def test_run_info_and_plots_use_them_and_json_does_not(tmp_path, monkeypatch):
     animated = invoke("animate", tmp_path / "case.h5", "-o", tmp_path / "case.gif")
     assert animated.exit_code == 0, animated.output
     assert drawn == ["um"]
-
-
-def test_peaks_of_a_sweep_name_their_frequency(tmp_path):
-    (tmp_path / "sweep.h5").write_bytes(gzip.decompress((STORED / "sweep.h5.gz").read_bytes()))
-    printed = invoke("info", tmp_path / "sweep.h5").output
-    assert "2.348 N at 0.09025 Hz" in printed
-    assert "1.708 m at 0.132 Hz" in printed

@@ -5,15 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from balance import energy_history, energy_of_segments
 
 import beamsim
-from beamsim.analyses.run.energy import LARGEST_ERROR, LEAST_SEGMENTS, EnergyBalance
+from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance
 from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.analyses.sweep.analysis import sweep_system
-from beamsim.analyses.sweep.outputs import SweepLevel
-from beamsim.analyses.sweep.swept_sine import sweep_level
 from beamsim.cli.conclusion import exit_code
 from beamsim.flow import stretches
 from beamsim.flow.endings import too_many_events
@@ -90,45 +86,6 @@ def test_energies_beyond_floating_point_are_an_outcome(size):
     limit = too_many_events(1.0, 7)
     kept = EnergyBalance.of(times, EnergyHistory(0 * times, 0 * times, times), 0.0).checked(limit)
     assert (kept.code, kept.parts) == ("energy_not_balanced", (limit,))
-
-
-def test_a_sweep_that_is_not_finite_has_an_outcome():
-    scenario = load_scenario(
-        CASE.with_name("sweep_up_down.yaml"), ["sweep.from=60 Hz", "sweep.to=70 Hz", "sweep.rate=20 oct/min"]
-    )
-    system = sweep_system(scenario)
-    whole = sweep_level(SweepLevel(system, scenario.sweep, scenario.excitation, 1.0, 0))
-    assert whole.work.outcome.complete
-    lost = replace(system, initial_state=np.nan * system.initial_state)
-    record = sweep_level(SweepLevel(lost, scenario.sweep, scenario.excitation, 1.0, 0))
-    assert record.work.outcome.code == "not_finite"
-    assert record.curves == ()
-
-
-@pytest.mark.parametrize(
-    ("name", "changes"),
-    [
-        ("one_sided_65hz", {}),
-        ("one_sided_65hz", {"snubbers[0].mounted_on": "ground", "snubbers[0].law": "no_tension", "gravity": "1 g"}),
-        ("chain_bumpers", {}),
-        ("two_panels", {}),
-    ],
-)
-def test_energies_of_segments_are_those_at_their_ends(name, changes):
-    """The quadratic forms of the contact states against integrals of the products themselves."""
-    scenario = load_scenario(CASE.with_name(f"{name}.yaml"), changes)
-    system = build_system(scenario)
-    motion = simulate(exact_flow(system, scenario.run.duration), system.initial_state)
-    assert motion.time.size >= LEAST_SEGMENTS
-    one = energy_of_segments(motion)
-    times, first = np.unique(np.append(motion.time, motion.end), return_index=True)
-    other = energy_history(motion, times)
-    assert max(one.error, other.error) < 1e-11
-    size = other.history.stored.max()
-    for name in ("work_in", "dissipated", "stored"):
-        np.testing.assert_allclose(
-            getattr(one.history, name)[first], getattr(other.history, name), rtol=0, atol=1e-12 * size, err_msg=name
-        )
 
 
 @pytest.mark.parametrize(("share", "trusted"), [(0.0, True), (1e-8, True), (1e-4, False)])

@@ -1,7 +1,5 @@
 """Histories of long runs are read, drawn and exported in parts: little memory, the same numbers."""
 
-import os
-import tracemalloc
 from pathlib import Path
 
 import h5py
@@ -11,11 +9,9 @@ import pytest
 import beamsim
 from beamsim.analyses.run import histories
 from beamsim.flow import moments, trajectory
-from beamsim.plots.run import plot_displacement
-from beamsim.report.interactive import thinned
 from beamsim.store import export, hdf5
 from beamsim.store.export import export_result
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import write_result
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RATE = 100e3
@@ -34,16 +30,6 @@ def small_parts(monkeypatch):
     monkeypatch.setattr(trajectory, "VALUES_AT_ONCE", 2**14)
     monkeypatch.setattr(moments, "AT_ONCE", 2**15)
     monkeypatch.setattr(export, "ROWS_AT_ONCE", PART)
-
-
-def peak_memory(work):
-    """Largest memory, bytes, that was allocated during some work beyond what there was."""
-    tracemalloc.start()
-    try:
-        work()
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
 
 
 def along_time(path):
@@ -69,23 +55,6 @@ def test_histories_are_the_same_in_one_piece_and_in_parts(monkeypatch, tmp_path)
     np.testing.assert_array_equal(stored["/base/acceleration"], whole.base_acceleration)
 
 
-@pytest.mark.slow
-def test_a_long_run_is_read_and_drawn_in_little_memory(small_parts, tmp_path, monkeypatch):
-    from matplotlib.figure import Figure
-
-    monkeypatch.setattr(hdf5, "MAPPED_BYTES", 2**15)
-    path, result = tmp_path / "long.h5", long_run(**{"run.duration": "2 s"})
-    write_result(result, path)
-    column = 8 * 200_001
-    assert peak_memory(lambda: open_result(path)) < 0.5 * column
-    stored = open_result(path)
-    plot_displacement(stored, Figure().subplots())
-    displacement = stored.probes["tip"].displacement
-    assert isinstance(displacement, np.memmap)
-    assert peak_memory(lambda: thinned(stored.time, displacement, 2000)) < 0.4 * column
-    assert peak_memory(lambda: np.array(displacement)) > 0.9 * column  # the measure sees a whole column
-
-
 def test_tables_in_parts_hold_every_sample(small_parts, tmp_path):
     path = tmp_path / "long.h5"
     write_result(long_run(**{"run.duration": "0.15 s", "run.spectrum.last": "0.1 s"}), path)
@@ -97,18 +66,6 @@ def test_tables_in_parts_hold_every_sample(small_parts, tmp_path):
     np.testing.assert_array_equal(rows[:, names.index("time_s")], stored["/time"])
     np.testing.assert_array_equal(rows[:, names.index("snubber_tip_force_n")], stored["/snubbers/tip/force"])
     np.testing.assert_array_equal(rows[:, names.index("snubber_tip_closed")], stored["/snubbers/tip/closed"])
-
-
-@pytest.mark.skipif(os.name != "posix", reason="open files are not replaced elsewhere")
-def test_a_history_of_a_file_that_was_replaced_is_that_of_the_earlier_one(small_parts, tmp_path, monkeypatch):
-    monkeypatch.setattr(hdf5, "MAPPED_BYTES", 2**15)
-    path, short = tmp_path / "replaced.h5", long_run(**{"run.duration": "0.5 s"})
-    write_result(short, path)
-    stored = open_result(path)
-    write_result(long_run(**{"run.duration": "0.6 s"}), path)
-    assert isinstance(stored.snubbers["tip"].closed, np.memmap)
-    np.testing.assert_array_equal(stored.snubbers["tip"].force, short.snubbers["tip"].force)
-    np.testing.assert_array_equal(stored.snubbers["tip"].closed, short.snubbers["tip"].closed)
 
 
 def test_the_bound_on_memory_is_in_the_summary_and_ends_a_motion_that_exceeds_it(monkeypatch):

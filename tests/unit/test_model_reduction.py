@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.scenario import Beam, Scenario
-from beamsim.structures.base_motion import UPWARDS
-from beamsim.structures.basis import LoadPattern
-from beamsim.structures.beam import assemble_beam
-from beamsim.structures.places import Place
-from beamsim.structures.reduction import reduce_model
+from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
 
 pytestmark = pytest.mark.quick
@@ -35,15 +30,6 @@ def test_default_covers_64_times_the_first_bending_frequency_about():
     assert s.modes.static_vectors == 1
 
 
-@pytest.mark.parametrize(
-    ("rate", "duration"), [(50.0, 1.0), (1e5, 1.0), (1e4, 0.01), (2e3, 50.0), (None, 0.01), (None, 50.0)]
-)
-def test_the_output_has_no_part_in_the_model(rate, duration):
-    modes, expected = (s.modes for s in (system(rate=rate, duration=duration), system()))
-    assert modes.kept_modes == expected.kept_modes
-    assert modes.highest_frequency_hz == expected.highest_frequency_hz
-
-
 def test_without_a_run_the_default_keeps_six_flexible_modes():
     def of(supports):
         return build_system(Scenario.model_validate({"beam": {**BEAM, "supports": supports}}))
@@ -52,12 +38,6 @@ def test_without_a_run_the_default_keeps_six_flexible_modes():
     assert s.modes.kept_modes == 6
     assert s.modes.highest_frequency_hz == pytest.approx(s.modes.open_frequencies_hz[5] / 1.5)
     assert of({"left": "free", "right": "free"}).modes.kept_modes == 8
-
-
-def test_a_high_excitation_stops_at_what_the_mesh_carries():
-    s = system(rate=1e6, excitation={**SHAKE, "frequency": 20e3})
-    assert s.modes.kept_modes == 20
-    assert s.modes.highest_frequency_hz < 1e6
 
 
 def test_explicit_choices():
@@ -86,42 +66,6 @@ def test_a_static_vector_for_every_kind_of_load():
     }
     assert system(reduction={"modes": 3}, **everything).modes.static_vectors == 5
     assert system(reduction={"modes": 3}).modes.static_vectors == 0
-
-
-@pytest.mark.parametrize("supports", [("clamped", "free"), ("pinned", "free"), ("free", "free")])
-@pytest.mark.parametrize("count", [2, 6, 20, 30])
-def test_basis_is_orthonormal_and_diagonal(supports, count):
-    beam = Beam.model_validate({**BEAM, "supports": dict(zip(("left", "right"), supports, strict=True))})
-    model = assemble_beam(beam)
-    patterns = [LoadPattern(model.row(Place("beam", x)), Place("beam", x)) for x in (0.31, 0.5, 1.0)] + [
-        LoadPattern(model.base_load(UPWARDS)[0], UPWARDS)
-    ]
-    basis = reduce_model(model, patterns, count=count)
-    v = basis.vectors
-    assert basis.static_vectors >= 3
-    np.testing.assert_allclose(v.T @ (model.mass @ v), np.eye(basis.size), atol=1e-8)
-    scaled = (model.factor @ v) / np.where(basis.omega > 0, basis.omega, 1.0)
-    np.testing.assert_allclose(scaled.T @ scaled, np.diag((basis.omega > 0).astype(float)), atol=1e-6)
-
-
-def test_columns_satisfy_the_equilibrium_they_claim():
-    model = assemble_beam(Beam.model_validate({**BEAM, "supports": {"left": "pinned", "right": "free"}}))
-    inertia = LoadPattern(model.base_load(UPWARDS)[0], UPWARDS)
-    patterns = [LoadPattern(model.row(Place("beam", 0.6)), Place("beam", 0.6)), inertia]
-    basis = reduce_model(model, patterns, count=4)
-    acceleration = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
-    loads = np.array([p.vector for p in patterns]).T @ basis.pattern
-    left = model.factor.T @ (model.factor @ basis.vectors)
-    right = model.mass @ acceleration + loads
-    size = np.abs(left).max(axis=0) + 1.0
-    np.testing.assert_allclose(left / size, right / size, atol=1e-7)
-
-
-def test_modal_damping_list_and_static_vectors():
-    s = system({"damping": {"kind": "modal", "ratio": [0.01, 0.03]}}, reduction={"modes": 3}, snubbers=[STOP])
-    np.testing.assert_allclose(s.modes.damping_ratios, [0.01, 0.03, 0.03, 0.03])
-    expected = np.diag(2 * np.array([0.01, 0.03, 0.03, 0.03]) * np.sqrt(s.dynamics.stiffness))
-    np.testing.assert_allclose(s.dynamics.damping, expected)
 
 
 def test_rigid_body_modes_take_no_modal_damping():

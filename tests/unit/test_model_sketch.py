@@ -78,16 +78,6 @@ def test_no_label_lies_over_another(case):
     assert not crossing
 
 
-def test_too_many_labels_are_left_out():
-    snubbers = [
-        {"name": f"s{k}", "position": 0.01 + 0.012 * k, "side": "below", "stiffness": 1e4, "gap": 1e-3}
-        for k in range(30)
-    ]
-    figure = sketched(load_scenario({"beam": BEAM, "snubbers": snubbers}))
-    assert len(faces(figure)) == 30
-    assert not any("kN/m" in text for text in texts(figure))
-
-
 def test_validate_draws_the_model(tmp_path):
     shutil.copy(CONFIGS / "two_forces.yaml", tmp_path / "case.yaml")
     done = invoke("validate", tmp_path / "case.yaml", "--sketch", "-o", tmp_path, "--json")

@@ -11,7 +11,7 @@ from matplotlib.text import Text
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.report import table_rows
 from beamsim.plots.drawing import name_beside
-from beamsim.plots.nnm import plot_backbone, plot_configuration, plot_frequency_energy
+from beamsim.plots.nnm import plot_configuration
 from beamsim.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -38,26 +38,6 @@ def test_names_beside_a_panel_stay_clear_of_each_other_and_of_curves():
         assert not any(box.overlaps(other) for other in boxes[:k])
         assert ax.bbox.x1 < box.x0 < box.x1 <= figure.bbox.x1
     assert [text.get_text() for text in ax.texts] == list(names)[::-1]  # in the order of their heights
-
-
-def test_branches_in_energy(result):
-    """The backbone curve is deflection over frequency; the frequency-energy plot has jumps, marks and names too."""
-    figure = Figure()
-    curve, plot = figure.subplots(1, 2)
-    plot_backbone(result, curve)
-    plot_frequency_energy(result, plot)
-    assert curve.get_xlabel() == "Frequency (Hz)"
-    assert curve.get_ylabel().startswith("Largest deflection")
-    assert plot.get_xlabel() == "Energy (J)"
-    for ax in (curve, plot):
-        labels = set(ax.get_legend_handles_labels()[1])
-        assert {"backbone", "tongue of internal resonance", "non-brake orbits", "jump over a tongue", "grazing",
-                "symmetry breaking"} <= labels  # fmt: skip
-        assert [text.get_text() for text in ax.texts] == ["2:1, mode 2"]
-    marks = next(line for line in plot.lines if line.get_label() == "symmetry breaking")
-    breakings = [e for e in result.backbone.special if e.kind == "symmetry_breaking"]
-    np.testing.assert_allclose(marks.get_xdata(), [e.parameter for e in breakings], rtol=0.02)
-    np.testing.assert_allclose(marks.get_ydata(), [e.frequency_hz for e in breakings], rtol=0.005)
 
 
 def test_a_motion_that_goes_back_the_way_it_came_is_drawn_once(result):

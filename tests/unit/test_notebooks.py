@@ -38,14 +38,6 @@ def test_the_table_is_the_printed_one(result):
     assert (lines[0], repr(result)) == ("One mass & its stop", "<RunResult 'One mass & its stop': complete>")
 
 
-def test_figures_are_those_that_the_command_saves(result):
-    from matplotlib.figure import Figure
-
-    figures = result.plot()
-    assert {"displacement", "contact_force", "spectrum"} <= figures.keys()
-    assert all(isinstance(figure, Figure) for figure in figures.values())
-
-
 def test_data_frames_and_trees_hold_the_same_bits(result):
     pytest.importorskip("pandas")
     histories = result.to_pandas()["time_histories"]
@@ -58,15 +50,6 @@ def test_data_frames_and_trees_hold_the_same_bits(result):
     np.testing.assert_array_equal(displacement["time"], result.time)
     assert displacement.attrs["units"] == "m"
     assert displacement.attrs["long_name"]
-
-
-def test_a_result_read_from_its_file_shows_the_same(result, tmp_path):
-    read = beamsim.open_result(beamsim.write_result(result, tmp_path / "case.h5"))
-    assert read._repr_html_() == result._repr_html_()
-    assert read.plot().keys() == result.plot().keys()
-    pytest.importorskip("pandas")
-    histories = read.to_pandas()["time_histories"]
-    np.testing.assert_array_equal(histories["probe_first_displacement_m"], result.probes["first"].displacement)
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,7 @@ import pytest
 
 import beamsim
 from beamsim.plots.bodies import body_figures
-from beamsim.plots.run import run_figures
-from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_result
 
 BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
 PLATE = {"kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.003, "youngs_modulus": 70e9,
@@ -48,21 +45,6 @@ def line(ax, label, number=0):
     return [each for each in ax.lines if each.get_label() == label][number].get_xydata()
 
 
-def test_instant_of_the_largest_contact_force(result, tmp_path):
-    contact, at = result.contact, result.snubbers[result.contact.snubber]
-    assert (
-        contact.force == result.summary["peak_force_n"][contact.snubber] == max(result.summary["peak_force_n"].values())
-    )
-    shape = contact.deflection(result.modes)
-    stations = result.modes.stations
-    place = next(part for part in stations if part.body == "tip").stations
-    end = shape[place][stations.position[place].argmax()]
-    penetration = {"below": -at.gap - end, "above": end - at.gap}[at.side]
-    assert at.stiffness * penetration == pytest.approx(contact.force, rel=1e-6)
-    write_result(result, tmp_path / "r.h5")
-    np.testing.assert_array_equal(open_result(tmp_path / "r.h5").contact.deflection(result.modes), shape)
-
-
 def test_sketch_puts_bodies_joints_and_stops_in_place(result):
     ax = body_figures(result)["assembly_contact"].axes[0]
     # the tip begins where the arm ends, with the hinge between them; the plate is a row above
@@ -86,13 +68,6 @@ def test_sketch_puts_bodies_joints_and_stops_in_place(result):
     pressed = min(-1e-3 * factor, tip[-1, 1])  # one in contact is where the body is
     np.testing.assert_allclose(faces, [pressed, 1e-3 * factor], rtol=1e-9)
     assert any(each.get_label() == "stop in contact" for each in ax.lines)
-
-
-def test_modes_of_an_assembly_are_drawn_with_their_frequencies(result):
-    figure = body_figures(result)["assembly_modes"]
-    titles = [ax.get_title(loc="left") for ax in figure.axes if ax.get_visible()]
-    assert titles == [f"mode {k}, {f:.4g} Hz" for k, f in enumerate(result.modes.open_frequencies_hz[:6], 1)]
-    assert figure.legends
 
 
 def test_single_bodies_have_no_sketch():
@@ -119,20 +94,3 @@ def test_plate_pictures_fill_their_figure_and_name_the_snubbers():
     assert texts == ["snubber below", "snubber above"]
     straight = body_figures(beamsim.run(load_scenario({**case, "gravity": 0.0})))["plate_deflections"]
     assert len([ax for ax in straight.axes if ax.get_title(loc="left")]) == 2  # nothing bends it at rest
-
-
-def test_a_body_with_nodes_alone_has_its_pictures(tmp_path):
-    (tmp_path / "dofs.csv").write_text("node,direction\n1,z\n2,z\n3,z\n")
-    np.savez(tmp_path / "m.npz", mass=np.diag([1.0, 1.0, 0.5]),
-             stiffness=1e4 * np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]]))  # fmt: skip
-    case = {
-        "excitation": SHAKEN["excitation"], "run": SHAKEN["run"],
-        "bodies": {"m": {"kind": "matrices", "mass": {"file": str(tmp_path / "m.npz"), "name": "mass"},
-                         "stiffness": {"file": str(tmp_path / "m.npz"), "name": "stiffness"},
-                         "dofs": str(tmp_path / "dofs.csv"), "base": {"nodes": [1], "direction": "z"}}},
-        "probes": [{"name": "end", "at": {"node": 3}}],
-    }  # fmt: skip
-    result = beamsim.run(load_scenario(case))
-    assert result.modes.stations.parts[0].body == "matrices"
-    files = save_figures(run_figures(result), tmp_path, "m")
-    assert {path.name for path in files} >= {"m_displacement.png", "m_spectrum.png"}

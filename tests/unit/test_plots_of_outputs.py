@@ -4,8 +4,6 @@ import numpy as np
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
-from beamsim.plots.continuation import continuation_figures
-from beamsim.plots.designs import design_figures
 from beamsim.plots.run import run_figures
 from beamsim.plots.sweep import sweep_figures
 from beamsim.scenario import load_scenario
@@ -58,18 +56,3 @@ def test_of_a_sweep():
     np.testing.assert_allclose(np.asarray(peaks) * 1e3, result.curves["up_0"].outputs["wall"].peak, rtol=1e-15)
     assert list(limit) == [2.0, 2.0]
     assert len(figure.axes[1].lines) == 1
-
-
-def test_of_a_continuation():
-    sweep = {"kind": "continuation", "from": 2.0, "to": 2.5}
-    figures = continuation_figures(beamsim.continuation(load_scenario(CASE, {"sweep": sweep})))
-    assert labels(figures["output_wall"]) == ["Peak of wall (kN)"]
-    assert labels(figures["output_mass"]) == ["Peak of mass (g)"]
-
-
-def test_of_a_study():
-    vary = {"kind": "grid", "parameters": [{"path": "excitation.level", "values": [100.0, 200.0]}]}
-    result = beamsim.design_study(load_scenario(CASE, {"run": RUN, "vary": vary}))
-    shown = labels(design_figures(result)["curves"])
-    assert {"Peak of wall (N)", "Peak of mass (g)"} <= set(shown)
-    assert not any("output" in label for label in shown)

@@ -11,7 +11,6 @@ from sampling import slow_after
 
 import beamsim
 from beamsim.plots import run as plots
-from beamsim.plots.bodies import plot_deflected_shapes
 from beamsim.plots.run import run_figures
 from beamsim.plots.save import save_figures
 from beamsim.report.interactive import thinned
@@ -71,15 +70,6 @@ def test_force_is_over_penetration_in_contact_alone(ax, fabricated_run):
     assert np.any(stop.closed)
 
 
-def test_acceleration_is_in_g(ax, fabricated_run):
-    result = fabricated_run()
-    plots.plot_absolute_acceleration(result, ax, last_part=True)
-    shown = ax.lines[0].get_ydata()
-    assert shown[-1] == pytest.approx(result.probes["tip"].absolute_acceleration[-1] / 9.80665)
-    assert ax.get_xlim()[0] == pytest.approx(0.4 - 6 / 65)
-    assert ax.get_ylabel() == "Absolute acceleration (g)"
-
-
 def test_spectrum_is_over_the_excitation_frequency(ax, fabricated_run):
     result = fabricated_run()
     plots.plot_spectrum(result, ax)
@@ -90,17 +80,6 @@ def test_spectrum_is_over_the_excitation_frequency(ax, fabricated_run):
     free = Figure().subplots()
     plots.plot_spectrum(fabricated_run(frequency=math.nan), free)
     assert free.get_xlabel() == "Frequency (Hz)"
-
-
-def test_of_many_snubbers_the_strongest_are_shown(ax, fabricated_run):
-    plots.plot_contact_force(fabricated_run(snubbers=tuple("hgfedcba")), ax)
-    assert [line.get_label() for line in ax.lines] == list("hgfedc")
-    assert ax.get_legend().get_title().get_text() == "6 of 8 snubbers"
-
-
-def test_a_chain_has_no_deflected_shape(ax, fabricated_run):
-    with pytest.raises(ValueError, match="chain"):
-        plot_deflected_shapes(fabricated_run(chain=True), ax)
 
 
 @pytest.mark.parametrize("how", [{}, {"snubbers": tuple("abcdefgh")}])

@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 import beamsim
 from beamsim.analyses.run.outputs import exact_flow
-from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.laws import kelvin_voigt
@@ -244,30 +243,6 @@ def test_nothing_sticks_that_would_have_to_hold_more_than_it_can():
 
 
 @pytest.mark.parametrize(
-    "force", [pytest.param(60.0, marks=pytest.mark.slow), {"snubber": "guide"}], ids=["constant", "snubber"]
-)
-def test_intervals_of_random_input(force):
-    """The jackknife over blocks, once more from the histories; the linear laws between blocks make it easy."""
-    psd = [{"frequency": f, "density": 5.0} for f in (1.0, 20.0)]
-    case = scenario(
-        {"normal_force": force}, excitation={"kind": "random", "applied_to": "base", "psd": psd, "seed": 1},
-        run={"duration": 20.0, "sample_rate": 2000.0, "start": "rest", "convergence": "off"},
-    )  # fmt: skip
-    result = beamsim.run(case)
-    pad, time = result.friction["pad"], result.time[:]
-    intervals = {row.figure: row for row in pad.intervals}
-    normal = np.full(time.size, 60.0) if force == 60.0 else result.snubbers["guide"].force[:]
-    wear = np.where(pad.stuck[:], 0.0, normal * np.abs(np.gradient(pad.displacement[:], time)))
-    blocks = np.array([np.trapezoid(part) / 2000.0 for part in np.array_split(wear[time >= 2.0][:-1], 20)]) / 0.9
-    row = intervals["wear_power_w"]
-    assert row.value == pytest.approx(blocks.mean(), rel=0.02)
-    half = 2.093 * blocks.std(ddof=1) / np.sqrt(20)  # Student's t of 19
-    assert row.high - row.value == pytest.approx(half, rel=0.05)
-    assert intervals["sliding_share"].low < pad.sliding_share < intervals["sliding_share"].high
-    assert result.summary["friction"]["pad"]["intervals"]["wear_power_w"] == [row.low, row.high]
-
-
-@pytest.mark.parametrize(
     ("pad", "guide", "others", "says"),
     [
         ({"normal_force": {"snubber": "guid"}}, {}, {}, "snubber = guid is an unknown snubber"),
@@ -284,40 +259,3 @@ def test_what_is_not_followed_is_refused(pad, guide, others, says):
     with pytest.raises(ScenarioError) as refused:
         beamsim.run(scenario(pad, guide, **others))
     assert says in str(refused.value)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("pad", [{}, {"stiffness": 2e4}])
-def test_sliding_of_a_stepped_sine_is_that_of_a_run(pad):
-    """Distance, energy lost and wear per cycle; the energy balances."""
-    damped = {"masses": [2, 2, 1], "springs": [2000, 5000, 8000], "damping": {"kind": "modal", "ratio": 0.2}}
-    stepped = {"kind": "stepped", "from": 6.0, "to": 6.01, "points": 2, "impacts": True}
-    result = sweep_alone(scenario(pad, chain=damped, run=None, sweep=stepped))
-    assert result.summary["energy_error"] < 1e-12
-    cycle = result.curves["up_0"].sliding["pad"]
-    assert result.curves["up_0"].steady.period_cycles[0] == 1
-    run = {"sample_rate": 200.0, "start": "rest", "convergence": "off"}
-    early, late = (
-        beamsim.run(scenario(pad, chain=damped, run={**run, "duration": t})).friction["pad"] for t in (3.0, 3.5)
-    )
-    of_run = (late.sliding_distance - early.sliding_distance, late.dissipated_energy - early.dissipated_energy)
-    wear = 3.5 * late.wear_power - 3.0 * early.wear_power
-    np.testing.assert_allclose([cycle.distance[0], cycle.energy_lost[0]], np.array(of_run) / 3, rtol=1e-6)
-    assert cycle.wear_power[0] == pytest.approx(wear / 0.5, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_sliding_of_a_swept_sine_adds_up_to_that_of_a_run():
-    """What the spring springs back where sliding begins follows the snubber's force there, which is on the ground."""
-    sine = {"kind": "swept_sine", "from": 6.0, "to": 7.0, "rate": "2 Hz/s"}
-    stop = {"stiffness": 2e4, "mounted_on": "ground"}
-    (curve,) = sweep_alone(
-        scenario({"stiffness": 2e4}, stop, run=None, sweep={**sine, "impacts": True})
-    ).curves.values()
-    of_run = {**sine, "applied_to": "base", "level": 20.0}
-    run = {"duration": float(curve.time[-1]), "sample_rate": 200.0, "convergence": "off"}
-    pad = beamsim.run(scenario({"stiffness": 2e4}, stop, excitation=of_run, run=run)).friction["pad"]
-    before, cycles = curve.time < run["duration"] - 1e-9, curve.sliding["pad"]
-    assert pad.slides >= 3
-    assert cycles.distance[before].sum() == pytest.approx(pad.sliding_distance, rel=1e-6)
-    assert cycles.energy_lost[before].sum() == pytest.approx(pad.dissipated_energy, rel=1e-6)

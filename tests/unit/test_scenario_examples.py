@@ -1,14 +1,10 @@
 """The user's interface: the example files load as they stand, with the values they mean."""
 
-import math
 from pathlib import Path
 
 import pytest
 
 from beamsim.scenario import (
-    AtPlace,
-    Continuation,
-    CubicGroundSpring,
     EnergyContinuation,
     Harmonic,
     ModalDamping,
@@ -71,15 +67,6 @@ def test_one_sided():
     assert (run.method, run.integrator) == ("exact", "BDF")
 
 
-def test_beam_properties():
-    beam = load_scenario(EXAMPLES / "one_sided_65hz.yaml").beam
-    assert beam.cross_section.area == pytest.approx(2.5e-4)
-    assert beam.cross_section.second_moment == pytest.approx(0.05 * 0.005**3 / 12)
-    assert beam.cross_section.extreme_fibre == pytest.approx(0.0025)
-    assert beam.bending.bending_stiffness == pytest.approx(69e9 * 0.05 * 0.005**3 / 12)
-    assert beam.bending.mass_per_length == pytest.approx(0.675)
-
-
 def test_extending_files_change_only_what_they_say():
     base = load_scenario(EXAMPLES / "one_sided_65hz.yaml")
     swept = load_scenario(EXAMPLES / "sweep_up_down.yaml")
@@ -102,24 +89,6 @@ def test_identification():
     assert section.fit_to == (1,)
     assert section.uncertainty == 0.003
     assert (section.pad.height, section.pad.area) == (0.02, 250e-6)
-
-
-def test_chains():
-    two = load_scenario(EXAMPLES / "chain_two_dof.yaml")
-    assert (two.chain.masses, two.chain.springs, two.chain.dashpots) == ((1, 1), (0, 1, 1), (0, 0.03, 0.03))
-    assert [(s.name, s.mass, s.side, s.stiffness, s.gap) for s in two.all_snubbers] == [
-        ("stop", 1, "above", 100.0, 1.0)
-    ]
-    assert two.excitation.applied_to == AtPlace(mass=2)
-    assert two.excitation.quantity == "force"
-    assert two.excitation.frequency == pytest.approx(0.8 / (2 * math.pi), rel=1e-15)
-    assert isinstance(two.sweep, Continuation)
-    assert two.sweep.to < two.sweep.from_
-    cubic = load_scenario(EXAMPLES / "chain_cubic.yaml")
-    assert cubic.chain.springs_to_ground == (CubicGroundSpring(name="ground_spring_1", mass=6, stiffness=0.5),)
-    assert (cubic.nnm.mode, cubic.nnm.energy) == (4, 0.5)
-    assert cubic.chain.dashpots == (0.0,) * 7
-    assert cubic.run is None
 
 
 def test_released_panel():

@@ -131,17 +131,6 @@ def test_every_dataset_is_described_and_every_axis_has_its_scale(fabricated_run,
         assert name in seen
 
 
-def test_long_scenario_fits(fabricated_run, tmp_path):
-    fabricated = fabricated_run()
-
-    class Long(type(fabricated.scenario)):
-        def to_yaml(self):
-            return "title: long\n" + "# padding\n" * 200_000
-
-    path = write_result(dataclasses.replace(fabricated, scenario=Long()), tmp_path / "long.h5")
-    assert len(open_result(path).scenario_yaml) > 2_000_000
-
-
 def test_write_replaces_through_a_link_and_makes_the_folder(fabricated_run, tmp_path):
     real = tmp_path / "deep" / "real.h5"
     link = tmp_path / "link.h5"

@@ -1,20 +1,15 @@
 """Swept and stepped sines are held to their energy balance, as runs are."""
 
-from dataclasses import replace
-
 import h5py
 import numpy as np
 import pytest
 
 import beamsim
 from beamsim.analyses.run.energy import LARGEST_ERROR
-from beamsim.analyses.sweep import swept_sine
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.cycles import CycleRecord
 from beamsim.cli.conclusion import exit_code
-from beamsim.contacts.contacts import Contacts
 from beamsim.flow.contact_state import ContactModes
-from beamsim.outcomes import COMPLETE
 from beamsim.scenario import Scenario
 from beamsim.store.results import write_result
 
@@ -89,33 +84,6 @@ def test_a_wrong_response_is_not_trusted(monkeypatch, sweep):
     assert "at level 1.5 m/s^2" in result.status
     assert exit_code(result.outcome) == 3
     assert all(np.all(np.isfinite(curve.displacement["m"].peak)) for curve in result.curves.values())  # kept
-
-
-@pytest.mark.parametrize("law", ["kelvin_voigt", "no_tension"])
-def test_a_wrong_dashpot_is_not_trusted_where_it_works(monkeypatch, law):
-    """The stop dissipates 1 % more than the balance counts; the sweep up meets it far from where it begins."""
-    losses = Contacts.losses
-
-    def less(contacts, phases):
-        dashpot, internal = losses(contacts, phases)
-        return 0.99 * dashpot, 0.99 * internal
-
-    scenario = case({"law": law, "gap": 0.2}, SWEPT | {"from": 0.3, "direction": "up"})
-    right = sweep_alone(scenario).curves["up_0"]
-    monkeypatch.setattr(Contacts, "losses", less)
-    result = sweep_alone(scenario)
-    assert result.outcome.code == "sweep_energy_not_balanced"
-    touched = right.frequency_hz[right.contact_share["stop"] > 0.0][0]
-    assert touched > 0.4
-    assert touched <= result.outcome.numbers["frequency"] < touched + 0.1
-
-
-def test_energies_that_are_not_finite_have_an_outcome():
-    curve = sweep_alone(case({}, STEPPED)).curves["up_0"]
-    lost = replace(curve, energy_error=np.array([0.0, np.nan, np.nan]))
-    outcome = swept_sine.balanced(COMPLETE, [lost])
-    assert outcome.code == "not_finite"
-    assert outcome.place.value == curve.time[1]
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,6 @@ from beamsim.inputs.swept import cut_into_windows, swept_signals
 
 pytestmark = pytest.mark.quick
 
-OCTAVES = float(np.log(2) / 30)  # 2 oct/min
-
 
 def sine(leg, t, profile):
     r, f = leg.signed_rate, leg.first_hz
@@ -42,38 +40,6 @@ def test_windows_are_the_sine_to_the_bound(first, last, rate, logarithmic, power
     # what is compared with loses the digits of a phase of many radians
     tolerance = (1e-11 + 1e-15 * 2 * np.pi * leg.cycles) * largest
     assert np.abs(values_at(windows, windows.coefficient, t) - sine(leg, t, profile)).max() < tolerance
-
-
-def test_the_number_of_cycles_of_the_thesis_sweep():
-    windows = cut_into_windows([Leg(20.0, 400.0, OCTAVES, True)], Profile.constant(1.0))
-    assert windows.cycles == 16447
-    assert windows.duration == pytest.approx(129.66, abs=0.01)
-    assert windows.count == windows.cycles  # a window a cycle is short enough
-    assert windows.frequency_hz[0] == pytest.approx(20.0, abs=0.02)
-    assert np.diff(windows.edge[:-1]) @ windows.frequency_hz[:-1] == pytest.approx(windows.cycles - 1, rel=1e-6)
-
-
-def test_phase_runs_on_from_up_to_down():
-    legs = [Leg(20.0, 30.3, 0.1, True), Leg(30.3, 20.0, 0.1, True)]
-    windows = cut_into_windows(legs, Profile.constant(1.0))
-    turn = legs[0].duration
-    values = values_at(windows, windows.coefficient, np.array([turn - 1e-9, turn + 1e-9]))
-    assert abs(values[0] - values[1]) < 1e-6
-    assert np.all(np.diff(windows.cycle) <= 1)
-    assert np.all(np.diff(windows.cycle) >= 0)
-    lengths = np.bincount(windows.cycle, windows.length)
-    np.testing.assert_allclose(lengths[:-1], np.diff(windows.edge[:-1]), rtol=1e-9)
-    assert set(windows.cycle_leg) == {0, 1}
-
-
-@pytest.mark.parametrize("carrier_hz", [0.0, 10.0, 17.0, 25.0])
-def test_signals_are_the_windows(carrier_hz):
-    windows = cut_into_windows([Leg(10.0, 25.0, 0.3, True)], Profile.constant(2.0), corrections=())
-    t = np.linspace(0, windows.duration, 4000)
-    coefficients = (windows.coefficient, windows.velocity, windows.displacement)
-    for coefficient, signal in zip(coefficients, swept_signals(windows, 2 * np.pi * carrier_hz), strict=True):
-        expected = values_at(windows, coefficient, t)
-        assert np.abs(signal(t) - expected).max() < 1e-13 * np.abs(expected).max()
 
 
 def test_windows_of_some_cycles_are_those_of_the_sweep():
