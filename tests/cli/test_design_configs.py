@@ -7,7 +7,6 @@ import beamsim
 from beamsim.analyses.designs.analysis import design_study
 
 CONFIGS = PATHS[0].parent
-STUDIES = [path for path in PATHS if shipped(path).vary and shipped(path).sweep is None]
 
 
 def shortened(path, count=3):
@@ -21,10 +20,6 @@ def shortened(path, count=3):
         if getattr(parameter, "points", 0) > count:
             changes[f"vary.parameters[{index}].points"] = count
     return beamsim.load_scenario(path, changes)
-
-
-def test_there_are_studies():
-    assert {"design_stiffness_gap", "design_tolerances", "spring_position"} <= {path.stem for path in STUDIES}
 
 
 def test_a_spring_nearer_to_the_tip_raises_the_first_closed_frequency_up_to_a_maximum():

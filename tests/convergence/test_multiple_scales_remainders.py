@@ -163,23 +163,6 @@ def test_hardening_fold_with_a_gap(oscillator):
     assert at_tip.phase == pytest.approx(np.pi / 2, abs=1e-3)
 
 
-def test_thesis_forced_oscillator(oscillator):
-    """e = 0.1, xi = 1, omega = 1.1: the fundamental and its even harmonics, whatever the force (no gap)."""
-    system = oscillator(1.0)
-    resonant = ResonantForcing(system, 0, np.array([1.0 + 0j]))
-    (motion,) = steady(resonant, 1.0)
-    found = resonant.response(motion, 0.1, 1)[:, 0]
-    t, exact, _ = steady_motion(
-        weakened(system, 0.1, 0.1), 0.1 * resonant.load, 1.1, resonant.states(found[:, None], 1.1, np.zeros(1))[0]
-    )
-    c = 2 * np.fft.rfft(exact[:, 0]) / t.size
-    c[0] /= 2
-    assert motion.amplitude == pytest.approx(0.5 / np.hypot(0.75, 0.5), rel=1e-12)
-    assert abs(found[1]) == pytest.approx(abs(c[1]), rel=0.01)
-    np.testing.assert_allclose(np.abs(found[[0, 2, 4]] / found[1]), np.abs(c[[0, 2, 4]] / c[1]), rtol=0.1)
-    assert np.abs(c[[3, 5]] / c[1]).max() < 0.02 * np.abs(c[2] / c[1])  # odd ones are of second order
-
-
 def test_energy_chooses_the_amplitude(six):
     for gap in (0.0, 0.1, -0.1):
         system = six(5, gap=gap)

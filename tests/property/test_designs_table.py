@@ -63,28 +63,6 @@ def test_the_responses_asked_for_and_those_with_limits_are_computed(grid):
         plan_designs(load_scenario(BASE + GRID, {"vary.responses": ["contacts", "peak_forse"]}))
 
 
-def test_margins_are_limit_over_value_less_one(grid):
-    force = grid.responses["snubbers/tip/peak_force"].values
-    np.testing.assert_allclose(grid.margins["peak_force"].values, 20.0 / force - 1.0, rtol=1e-14)
-    worst = grid.summary["margins"]["peak_force"]
-    assert worst["value"] == force.max()
-    assert worst["exceeded"] == bool(force.max() > 20.0)
-    assert worst["cases_exceeding"] == int((force > 20.0).sum())
-    where = np.unravel_index(force.argmax(), force.shape)
-    assert worst["parameters"]["snubbers.tip.stiffness"] == (50e3, 200e3)[where[0]]
-    assert grid.case_values(worst["case"]) == tuple(worst["parameters"].values())
-
-
-def test_the_number_of_workers_makes_no_difference(grid):
-    seen = []
-    fractions = []
-    two = design_study(load_scenario(BASE + GRID), workers=2, each=seen.append, progress=fractions.append)
-    assert_same(grid, two)
-    assert sorted(outcome.index for outcome in seen) == list(range(6))
-    assert fractions == sorted(fractions)
-    assert (fractions[0], fractions[-1]) == (0.0, 1.0)
-
-
 def test_known_cases_are_not_computed_again(grid):
     plan = plan_designs(load_scenario(BASE + GRID))
     seen = []
@@ -154,18 +132,6 @@ def test_words_and_whole_numbers_are_varied_too():
     assert np.all(f[1] > f[0])  # a guided end stiffens
     assert result.coordinates[0].values.tolist() == ["free", "guided"]
     assert np.ptp(f[0]) < 1e-3 * f[0, 0]
-
-
-def test_zipped_values_go_together():
-    text = BASE + (
-        "vary:\n  kind: zip\n  parameters:\n"
-        "    - {path: beam.length, values: [250 mm, 290 mm]}\n"
-        "    - {path: snubbers.tip.position, values: [250 mm, 290 mm]}\n"
-    )
-    result = design_study(load_scenario(text, {"snubbers[0].position": "250 mm"}), workers=1)
-    assert result.complete
-    assert result.shape == (2,)
-    assert result.case_values(1) == (0.29, 0.29)
 
 
 def test_a_latin_hypercube_has_one_value_in_every_part_of_every_range():
@@ -255,36 +221,6 @@ def test_a_study_of_sweeps():
         alone.curves["up_0"].displacement["tip"].peak.max(), rel=1e-9
     )
     assert result.summary["margins"]["peak_force"]["exceeded"]
-
-
-@pytest.mark.slow
-def test_a_study_of_stepped_sweeps_at_several_levels():
-    text = BASE[: BASE.index("limits")] + (
-        "sweep: {kind: stepped, from: 40 Hz, to: 50 Hz, points: 2, levels: [1 g, 2 g]}\n"
-        "vary: {kind: grid, parameters: [{path: snubbers.tip.gap, values: [0 mm, 5 mm]}]}\n"
-    )
-    result = design_study(load_scenario(text), workers=1)
-    assert result.complete, result.status
-    one, two = (result.responses[f"up_{k}/probes/tip/peak_displacement"].values for k in range(2))
-    np.testing.assert_allclose(two, 2.0 * one, rtol=1e-4)  # no gap, or no contact
-    assert result.responses["up_1/snubbers/tip/contacts"].values[1] == 0.0
-
-
-def test_snubbers_of_chains():
-    text = """
-chain: {masses: [1, 1], springs: [0, 1, 1], dashpots: [0, 0.03, 0.03],
-  snubbers: [{name: stop, mass: 1, side: above, stiffness: 100, gap: 1}]}
-excitation: {kind: harmonic, applied_to: {mass: 2}, level: 0.1 N, frequency: 0.8 rad/s}
-run: {duration: 60 s, start: rest}
-vary: {kind: grid, parameters: [{path: chain.snubbers.stop.gap, values: [1e-3, 10]},
-  {path: 'chain.masses[1]', values: [1 kg, 1100 g]}]}
-"""
-    result = design_study(load_scenario(text), workers=1)
-    assert result.complete, result.status
-    assert result.responses["snubbers/stop/contacts"].values[0].min() > 0
-    assert result.responses["snubbers/stop/contacts"].values[1].max() == 0
-    assert result.coordinates[1].values.tolist() == [1.0, 1.1]
-    assert "bending_stress" not in result.responses
 
 
 def _die(item):

@@ -4,9 +4,7 @@ import numpy as np
 from balance import energy_history
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.linalg import expm
 
-from beamsim.flow.contact_state import state_matrices
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
@@ -64,29 +62,6 @@ def test_energy_balance(make_contacts, seed):
     assert trajectory.evaluations < 400 * (trajectory.event_time.size + 20 + fastest_cycles)
     error = energy_history(trajectory, np.linspace(0, trajectory.end, 200)).error
     assert error < 1e-8
-
-
-@settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 1_000_000))
-def test_every_contact_state_is_the_matrix_exponential(make_contacts, seed):
-    """The tabulated free response of each visited state against ``expm``, over a short time."""
-    flow, start = random_case(make_contacts, seed)
-    simulate(flow, start, max_events=2000, max_evaluations=1_000_000)
-    n, first = flow.system.size, flow.sources.count
-    fastest = np.sqrt(flow.system.stiffness.max())
-    for state in flow.states:
-        stiffness, damping = state_matrices(flow.system, state.phases)
-        A = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])
-        tau = min(state.horizon, 3.0 / fastest)
-        total = np.zeros((flow.size, flow.size))
-        for vector, basis, source in zip(state.term_vector, state.term_basis, state.term_source, strict=True):
-            if source >= first:
-                factor = tau ** state.power[basis] * np.exp(state.exponent[basis] * tau)
-                total += (np.outer(vector, state.projector[source - first]) * factor).real
-        own = np.sqrt(flow.system.stiffness)
-        scale = np.concatenate([np.where(own > 0, own, own[own > 0].min()), np.ones(n)])
-        difference = scale[:, None] * (total[: 2 * n, : 2 * n] - expm(A * tau)) / scale
-        assert np.abs(difference).max() < 1e-8
 
 
 def test_a_rigid_body_mode_left_free_beside_coupled_damping(make_contacts):

@@ -101,21 +101,6 @@ def test_extremes_between_edges_are_those_of_each_part(motion):
     np.testing.assert_allclose(found.high[1:-1].max(axis=0), all_of_it.high, rtol=1e-9)
 
 
-def test_half_the_sums_of_squares(motion):
-    whole, outputs = motion
-    first = np.array([0, 2, 5])
-    found = whole.extrema(outputs, squares=first)
-    _, values = samples(whole, outputs)
-    sums = 0.5 * np.add.reduceat(values**2, first, axis=1)
-    assert np.all(sums.max(axis=0) <= found.high * (1.0 + 1e-10))
-    assert np.all(sums.min(axis=0) >= found.low - 1e-10 * found.high)
-    np.testing.assert_allclose(found.high, sums.max(axis=0), rtol=0.05)
-    for value, when in ((found.low, found.when_low), (found.high, found.when_high)):
-        order = np.argsort(when)
-        at = 0.5 * np.add.reduceat(whole.sample(when[order], outputs) ** 2, first, axis=1)[np.arange(3), order]
-        np.testing.assert_allclose(at, value[order], atol=1e-7 * found.high.max())
-
-
 def test_turning_points_are_those_of_fine_samples(motion):
     """Between two of them every output rises or falls throughout; none is missed that samples show."""
     whole, outputs = motion
@@ -241,13 +226,6 @@ def extrema_of(waves):
     search = Search.of(1)
     search.add([waves])
     return search.extrema()
-
-
-def test_no_output_has_no_extremes():
-    whole, outputs = one_mode(2.0, 0.1, [1.0, 0.0], 5.0)
-    found = whole.extrema(lambda phases: outputs(phases).some(np.zeros(0, dtype=np.int64)), np.array([0.0, 1.0, 2.0]))
-    assert found.high.shape == found.low.shape == (2, 0)
-    assert found.evaluations == 0
 
 
 def test_a_peak_between_samples_is_found_to_round_off():

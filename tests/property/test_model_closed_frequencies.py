@@ -79,24 +79,3 @@ def test_bounded_by_the_pinned_point():
 def test_a_spring_on_a_node_does_nothing():
     s = build(0.135, supports=("pinned", "pinned"))  # the middle is a node of every even mode
     np.testing.assert_allclose(omega_closed(s, 1e6)[1], np.sqrt(s.dynamics.stiffness[1]), rtol=1e-12)
-
-
-@pytest.mark.parametrize("count", [4, 6, 8])
-def test_few_modes_and_a_static_vector_against_the_full_model(count):
-    full, reduced = build(), build(modes=count)
-    assert (reduced.modes.kept_modes, reduced.modes.static_vectors) == (count, 1)
-    below = full.modes.closed_frequencies_hz <= reduced.modes.highest_frequency_hz
-    error = reduced.modes.closed_frequencies_hz[: below.sum()] / full.modes.closed_frequencies_hz[below] - 1
-    assert np.all(error >= -1e-12)  # Rayleigh-Ritz
-    assert error.max() < 3e-4
-    assert error[0] < 1e-7
-
-
-def test_rigid_body_modes_that_no_snubber_holds_stay_at_zero():
-    s = build(supports=("free", "free"))
-    assert s.modes.open_frequencies_hz[:2].tolist() == [0.0, 0.0]
-    assert s.modes.closed_frequencies_hz[0] == 0.0
-    assert s.modes.closed_frequencies_hz[1] > 1.0
-    pinned = build(supports=("pinned", "free"))
-    assert pinned.modes.open_frequencies_hz[0] == 0.0
-    assert pinned.modes.closed_frequencies_hz[0] > 1.0

@@ -1,7 +1,5 @@
 """Piecewise-linear springs, softening ones among them: equivalence, statics, energy, steady motions."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +7,6 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.analyses.nnm.analysis import nnm
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import FLOATS, UNBALANCED, CubicSprings, Springs, find_equilibrium
 from beamsim.contacts.laws import kelvin_voigt
@@ -44,27 +41,6 @@ def random_chain(rng, count, springs, between):
             "run": run,
         }
     )
-
-
-def random_law(rng):
-    bends = np.sort(rng.normal(size=rng.integers(1, 5)))
-    if rng.random() < 0.2:
-        bends[rng.integers(bends.size)] = 0.0
-    slopes = rng.uniform(0, 3, bends.size + 1) * rng.integers(0, 2, bends.size + 1)
-    return {"kind": "piecewise_linear", "breakpoints": np.unique(bends).tolist(), "stiffnesses": slopes.tolist()}
-
-
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 1_000_000))
-def test_energy_balance_of_random_chains(seed):
-    rng = np.random.default_rng(seed)
-    count = int(rng.integers(2, 5))
-    pair = sorted(rng.choice(count, 2, replace=False) + 1)
-    ground = [{"mass": int(rng.integers(1, count + 1)), **random_law(rng)}]
-    case = random_chain(rng, count, ground, [{"masses": [int(p) for p in pair], **random_law(rng)}])
-    result = beamsim.run(case)
-    assert result.complete
-    assert result.summary["energy_error"] < 1e-10
 
 
 @settings(max_examples=15, deadline=None)
@@ -131,25 +107,6 @@ def test_static_equilibrium_with_softening_springs(seed):
     least = energy(found.q)
     for _ in range(20):
         assert energy(found.q + rng.normal(size=n) * np.abs(found.q).max()) >= least - 1e-9 * abs(least)
-
-
-def one_mass(slopes, load, bends=(-1.0, 1.0)):
-    law = {"kind": "piecewise_linear", "breakpoints": list(bends), "stiffnesses": slopes}
-    chain = {"masses": [1], "springs": [0], "springs_to_ground": [{"mass": 1, **law}]}
-    forces = [{"mass": 1, "force": load}] if load else []
-    return build_system(Scenario.model_validate({"chain": chain, "constant_forces": forces}))
-
-
-def test_statics_of_one_mass_on_a_softening_spring():
-    s = one_mass([0.5, 2.0, 0.5], 3.0)
-    assert s.probes[0].shape @ s.static_equilibrium == pytest.approx(3.0, rel=1e-12)  # 2 + 0.5 (x - 1) = 3
-    assert one_mass([0.5, 2.0, 0.5], 0.0).static_equilibrium == pytest.approx([0.0])
-    assert one_mass([0.0, 2.0, 0.0], 3.0).static_reason == UNBALANCED
-    assert one_mass([0.0, 2.0, 0.0], 2.0).static_reason == FLOATS  # anywhere beyond the breakpoint
-    assert one_mass([0.0, 2.0, 0.0], 1.0).static_reason == ""
-    assert one_mass([2.0, 0.0, 2.0], 0.0).static_reason == FLOATS  # a dead band
-    assert one_mass([2.0, 1.0, 0.0, 4.0], 3.0, (-1.0, 1.0, 2.0)).static_reason == ""
-    assert one_mass([2.0, 1.0, 0.0, 4.0], 1.0, (-1.0, 1.0, 2.0)).static_reason == FLOATS
 
 
 @pytest.mark.parametrize("load", [0.0, 1e-3])
@@ -301,48 +258,3 @@ def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
     times = np.array([1.0, 1.0 + 1e-6])
     delta, rate = flow().penetration_of(flow().states_at(passage, times), times)
     np.testing.assert_allclose(np.diff(delta, axis=0)[0] / 1e-6, rate[0], atol=1e-5)
-
-
-def test_cubic_springs_on_a_moving_base_by_shooting_and_harmonic_balance():
-    spring = {"kind": "cubic", "stiffness": 2.0}
-    case = Scenario.model_validate(
-        {
-            "chain": {
-                "masses": [1, 1], "springs": [1, 0.5, 1], "dashpots": [0.1, 0.1, 0.1],
-                "springs_between": [{"masses": [1, 2], **spring}], "springs_to_ground": [{"mass": 1, **spring}],
-            },
-            "excitation": {"kind": "harmonic", "applied_to": "base", "level": 0.4, "frequency": "1.5 rad/s"},
-        }
-    )  # fmt: skip
-    system, omega = build_system(case), 1.5
-    loads, cubic = periodic_loads(system, omega), system.cubic
-    np.testing.assert_array_equal(cubic.felt, [1.0, 0.0])
-    found = {}
-    for name, on_ground in (("right", cubic.felt), ("twin", np.ones(2))):
-        flow = SmoothFlow(system.dynamics, loads, omega, springs=replace(cubic, ground=on_ground))
-        found[name] = find_orbit(ForcedOrbits(flow)).u[:4]
-    balance = ForcedBalance(system.dynamics, loads, 25, omega=omega, cubic=cubic)
-    motion = solve_at(balance, balance.linear_guess(omega), Settings(iterations=60), omega)
-    np.testing.assert_allclose(motion.data.states(np.zeros(1))[0], found["right"], atol=1e-10)
-    assert np.abs(found["twin"] - found["right"]).max() > 1e-2
-
-
-# -- nonlinear modes -------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("law", LAWS)
-def test_modes_of_a_chain_with_a_piecewise_linear_spring_in_the_stiffness_factor(law):
-    """At the last factor the motion is that of the spring as given: a run from it returns after a period."""
-    spring = {"masses": [1, 3], "kind": "piecewise_linear", "breakpoints": [-0.2, 0.3], "stiffnesses": LAWS[law]}
-    chain = {"masses": [1, 1.5, 0.8], "springs": [1, 1, 1, 1], "springs_between": [spring]}
-    probes = [{"name": f"m{i}", "mass": i} for i in (1, 2, 3)]
-    case = Scenario.model_validate({"chain": chain, "nnm": {"mode": 3, "energy": 0.5}, "probes": probes})
-    backbone = nnm(case).branches[0]
-    assert backbone.outcome.complete
-    assert backbone.residual.max() < 1e-10
-    period = 1 / backbone.frequency_hz[-1]
-    start = {"displacement": backbone.initial_displacement[-1].tolist()}
-    run = {"duration": period * 1.0001, "sample_rate": 1 / period, "start": start}
-    motion = beamsim.run(Scenario.model_validate({"chain": chain, "run": run, "probes": probes}))
-    for probe in motion.probes.values():
-        assert probe.displacement[1] == pytest.approx(probe.displacement[0], abs=1e-8)
-    assert motion.work.events >= 4
-    assert (period < 1 / backbone.frequency_hz[0]) == (law == "hardening")

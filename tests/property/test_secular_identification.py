@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from beamsim.analyses.identify.analysis import identify_stiffness
@@ -38,22 +38,6 @@ def points(draw):
     return snubber_point(scenario, "stop")
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(point=points(), mode=st.integers(1, 8), decades=st.floats(-3, 9))
-def test_own_frequencies_give_the_stiffness_back(point, mode, decades):
-    k = 10.0**decades
-    assume(not point.on_node(mode))  # refused: test_secular_closed_form.py
-    omega = float(point.frequencies(k, mode)[mode - 1])
-    assume(omega > 0)
-    slope = float(point.slope(omega))
-    assume(slope > 0)
-    condition = omega / (k * slope)
-    assume(condition < 1e11)  # else the mode sits on a node, or the spring is all but rigid or nothing: refused
-    found = fit_stiffness(point, MeasuredModes((mode,), np.array([omega]), np.zeros(1)))
-    assert abs(found - k) <= 1e-12 * condition * k
-    assert point.mode_number(omega) == mode  # interlacing
-
-
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(point=points(), decades=st.floats(-2, 8))
 def test_roots_are_those_of_an_independent_decomposition(point, decades):
@@ -64,18 +48,6 @@ def test_roots_are_those_of_an_independent_decomposition(point, decades):
     assert own == pytest.approx(
         independent, rel=1e-9, abs=1e-12 * max(point.omega[-1], np.sqrt(k) * abs(point.shape).max())
     )
-
-
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(point=points(), decades=st.floats(2, 6), modes=st.sampled_from([(1, 2), (1, 2, 3), (2, 3)]))
-def test_several_consistent_modes_agree(point, decades, modes):
-    k = 10.0**decades
-    omega = point.frequencies(k, 3)[np.array(modes) - 1]
-    assume(omega.min() > 0)
-    slope = point.slope(omega)
-    assume(np.max(k * slope / omega) > 1e-4)
-    found = fit_stiffness(point, MeasuredModes(modes, omega, np.zeros(len(modes))))
-    assert found == pytest.approx(k, rel=1e-9 / np.max(k * slope / omega))
 
 
 def test_the_comparison_can_fail():

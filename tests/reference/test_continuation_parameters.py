@@ -10,7 +10,6 @@ from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.continuation.contact_rates import MovedContact
 from beamsim.flow.variational import VariationalFlow
 from beamsim.scenario import load_scenario
-from beamsim.structures.moving_point import ACCURATE, compliance_defect
 from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point
 
@@ -66,19 +65,6 @@ def test_both_ends_are_the_motions_that_transients_come_to(case):
     assert abs(other - expected) > 0.01 * expected  # the comparison can fail
 
 
-def test_a_curve_in_frequency_crosses_it(case):
-    """At a value halfway, the curve in frequency passes the same motion."""
-    kind, key, result = case
-    (branch,) = result.branches
-    k = branch.parameter.size // 2
-    sweep = "{kind: continuation, from: 65 Hz, to: 66 Hz, longest_period: 1, seek_at: 0}"
-    crossing = continuation(load_scenario(BEAM, [f"sweep={sweep}", f"{key}={float(branch.parameter[k])!r}"]))
-    rel = 1e-4 if kind == "position" else 1e-7  # another basis
-    assert crossing.branches[0].peak_displacement["tip"][0] == pytest.approx(
-        branch.peak_displacement["tip"][k], rel=rel
-    )
-
-
 @pytest.fixture(scope="module")
 def moving():
     scenario = load_scenario(BEAM, {"run": None})
@@ -100,32 +86,6 @@ def test_contacts_have_exact_derivatives(moving, quantity, value, h):
         np.testing.assert_allclose(exact, difference, rtol=2e-5, atol=1e-8 * np.abs(difference).max(initial=1e-3))
         changed += bool(np.any(exact))
     assert changed == (1 if quantity == "gap" else 2)
-
-
-def test_one_basis_serves_the_whole_way(moving):
-    """Compliance everywhere; the basis made for the tip alone lacks it."""
-    from beamsim.structures.places import Place
-    from beamsim.system.parts import reduced_parts
-
-    scenario, system, shape_at = moving
-    at = np.linspace(0.15, 0.27, 25)
-    full = build_system(
-        scenario.model_copy(update={"reduction": load_scenario(BEAM, {"reduction.modes": "all"}).reduction})
-    )
-    assert system.dynamics.size < 0.6 * full.dynamics.size
-    parts = reduced_parts(scenario)
-    places = [Place(parts.structure.name, float(x)) for x in at]
-    assert compliance_defect(parts.structure, parts.basis, places).max() > 2 * ACCURATE
-    moved = np.array([shape_at(x)[0] for x in at])
-    compliance = np.sum(moved**2 / system.dynamics.stiffness, axis=1)
-    deflection = [
-        load_scenario(BEAM, {"probes": [{"name": "p", "position": float(x)}], "reduction.modes": "all"})
-        for x in at[::6]
-    ]
-    for k, s in enumerate(deflection):
-        whole = build_system(s)
-        exact = np.sum(whole.probes[0].shape ** 2 / whole.dynamics.stiffness)
-        assert compliance[6 * k] == pytest.approx(exact, rel=2 * ACCURATE)
 
 
 def test_extremes_are_those_of_a_stepped_sine():
@@ -150,14 +110,3 @@ def test_extremes_are_those_of_a_stepped_sine():
     for ours, exact in pairs:
         np.testing.assert_allclose(ours[[0, -1]], exact, rtol=2e-4)
     assert curve.summary["margins"]["peak_force"]["value"] == branch.peak_force["tip"].max()
-
-
-@pytest.mark.slow
-def test_margins_count_stable_motions_only():
-    changes = ["limits={peak_displacement: 1.85 m}", "sweep.longest_period=1"]
-    result = continuation(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
-    margin = result.summary["margins"]["peak_displacement"]
-    top = max(float(b.peak_displacement["first"].max()) for b in result.branches)
-    stable = max(float(b.peak_displacement["first"][b.stable].max()) for b in result.branches)
-    assert margin["value"] == stable < 1.85 < top
-    assert not margin["exceeded"]

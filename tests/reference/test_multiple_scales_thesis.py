@@ -178,40 +178,9 @@ def gapped(gap=1e-4):
     return conservative_system(load_scenario(CONFIGS / "nnm_first.yaml", {"snubbers[0].gap": gap}))
 
 
-def test_observed_orders_of_the_initial_vector_with_a_gap():
-    """Not yet 2 and 3 at the factors used: harmonic 148 is close to the stiffest coordinate, a pole at e = 1e-4.
-
-    The uniform expansion, which has the motion's own frequency in its divisors, says which orders to expect there, and
-    has orders 2 and 3 (nearly) itself. It is no matter of the gap: without one the pole is there as well.
-    """
-    factors = 5e-4 * 0.5 ** np.arange(6)
-    for gap in (1e-4, 0.0):
-        c = compare_expansion(gapped(gap), expansion_path(gapped(gap), 1, 1e-3, factors))
-        assert c.path.pole < 2.1e-4
-        assert c.path.pole_mode == 7
-        assert c.path.pole_harmonic > 100
-        slow, uniform = c.initial_orders[1:4, 2], c.uniform_orders[1:4, 2]
-        assert np.all(slow < 2.85)
-        assert np.all(uniform > slow + 0.05)
-        np.testing.assert_allclose(c.initial_orders[:5, 1:], c.expected_orders[:5, 1:], atol=0.08)
-
-
 def test_the_pole_is_where_a_harmonic_meets_a_mode():
     """The linear frequency moved by the first order times the pole is a mode's over the harmonic."""
     path = expansion_path(gapped(), 1, 1e-3)
     omega = np.sqrt(gapped().dynamics.stiffness)[path.pole_mode - 1] / (2 * np.pi)
     met = [path.linear_frequency_hz + sign * path.pole * path.first_hz for sign in (1, -1)]
     assert min(abs(f * path.pole_harmonic / omega - 1) for f in met) < 1e-9
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("last", [7.0, 10.0])
-def test_exact_motions_beside_an_expansion_are_those_of_the_backbone(last):
-    """One mass, no gap: pi + pi / sqrt(1 + k e). Far out the expansion is near none, or near one run twice."""
-    stop = {"mass": 1, "side": "above", "stiffness": 0.3, "gap": 0}
-    chain = {"masses": [1], "springs": [1], "snubbers": [stop]}
-    section = {"mode": 1, "continue_in": {"kind": "stiffness_factor", "to": last}}
-    comparison = nnm(load_scenario({"chain": chain, "nnm": section}), compare=["multiple_scales"]).expansion
-    exact = 1 / (np.pi + np.pi / np.sqrt(1 + 0.3 * comparison.path.factor))
-    assert comparison.path.factor.max() == last
-    np.testing.assert_allclose(comparison.exact.frequency_hz, exact, rtol=1e-10)

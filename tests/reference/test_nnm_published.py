@@ -9,8 +9,6 @@ from scipy.linalg import eigh
 from scipy.special import ellipk
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.flow.exact import ExactFlow
-from beamsim.flow.transient import simulate
 from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
 from beamsim.orbits.free_orbits import FreeOrbits
@@ -191,18 +189,6 @@ def test_second_mode_of_the_beam(make_system):
     assert backbone.outcome.complete
     assert orbits.orbit(points[0]).frequency_hz == pytest.approx(351.0, abs=1.0)
     assert orbits.orbit(points[-1]).frequency_hz == pytest.approx(354.91, rel=0.005)
-
-
-@pytest.mark.slow
-def test_motion_is_periodic_for_the_transient_solver(beam_backbone, no_forcing):
-    """The end of the path, run for a period by the other solver, comes back."""
-    orbits, _, points = beam_backbone
-    mode = orbits.orbit(points[-1])
-    system = orbits.family.system
-    start = np.concatenate([mode.state[:7], np.zeros(7)])
-    end = simulate(ExactFlow(system, no_forcing(7), mode.period), start).final_y
-    np.testing.assert_allclose(end[:7] * system.stiffness**0.5, mode.state[:7] * system.stiffness**0.5, atol=1e-9)
-    np.testing.assert_allclose(end[7:], 0.0, atol=1e-9)
 
 
 def test_stability_from_half_a_period(make_system):

@@ -128,16 +128,6 @@ def test_special_points_are_what_they_are_called(curve):
             assert abs(pair.imag) > 1e-3
 
 
-@pytest.mark.slow
-def test_finer_steps_give_the_same_special_points(flow_of, curve):
-    """Located, not interpolated: another step size finds the same numbers."""
-    _, _, _, special = curve
-    problem = ForcedOrbits(flow_of())
-    _, _, finer = walk(problem, step=0.005, largest_step=0.013)
-    assert [s.kind for s in finer] == [s.kind for s in special]
-    np.testing.assert_allclose([s.parameter for s in finer], [s.parameter for s in special], atol=1e-8)
-
-
 def test_branch_of_doubled_period(curve):
     problem, _, _, special = curve
     doubling = next(s for s in special if s.kind == "period_doubling" and s.parameter < 0.75)
@@ -169,21 +159,6 @@ def test_fold_followed_in_the_level(flow_of, curve):
     other = ForcedOrbits(VariationalFlow(problem.flow.system, problem.flow.forcing, 0.8, 0.6))
     _, _, found = walk(other)
     assert min(abs(s.parameter - last.u[-2]) for s in found if s.kind == "fold") < 1e-6
-
-
-@pytest.mark.slow  # tests/cli/test_continuation_cli.py follows folds as well
-def test_fold_followed_in_the_gap(flow_of, curve):
-    """Lengths scale: a fold at (level 1, gap g) is the fold at level 1/g of the original."""
-    problem, _, _, special = curve
-    fold = [s for s in special if s.kind == "fold"][1]
-    flow = flow_of()
-    path = straight_path(flow, ContactDirection.of(flow.system.contacts, gap=1.0))
-    folds, start = start_of_fold_curve(problem, fold, path, 0.0)
-    last = list(Branch(folds, start, -0.1, 0.25, Settings(tolerance=1e-9)))[-1]
-    level, start = start_of_fold_curve(problem, fold, "level", 1.0, forward=-1)
-    other = list(Branch(level, start, 0.8, 1.5, Settings(tolerance=1e-9)))[-1]
-    assert last.parameter == 0.25
-    assert last.u[-2] == pytest.approx(other.u[-2], abs=1e-8)
 
 
 def test_grazing_followed_in_the_level(curve):
@@ -232,31 +207,6 @@ def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
         np.testing.assert_allclose(J[:, i], difference, atol=2e-5 * max(1.0, np.abs(J).max()))
 
 
-@pytest.mark.parametrize(
-    ("law", "turns"),
-    slow_after(1, [({"dashpot": 5.0, "no_tension": True}, "nonsmooth_fold"), ({"dashpot": 1.0}, "fold")]),
-)
-def test_with_a_dashpot(flow_of, law, turns):
-    """The force jumps at contact: the branch has corners at grazing and is followed through them.
-
-    Without tension it turns back at the first one, and no multiplier is 1 there.
-    """
-    problem = ForcedOrbits(flow_of(**law))
-    branch, points, special = walk(problem)
-    assert branch.outcome.text == "complete: reached the end of the range at parameter 0.5"
-    grazing = [s for s in special if s.kind in ("grazing", "nonsmooth_fold")]
-    np.testing.assert_allclose([s.parameter for s in grazing], [0.6534401404, 0.5818996390], atol=1e-8)
-    folds = [s for s in special if s.kind == "fold"]
-    assert (grazing[0] if turns == "nonsmooth_fold" else folds[0]).kind == turns
-    assert max(np.abs(problem.multipliers(s.point) - 1.0).min() for s in folds) < 1e-8
-    contacting = [p for p in points if p.data.event_time.size and problem.orbit(p).stable]
-    orbit = problem.orbit(contacting[len(contacting) // 2])
-    problem.flow = problem.flow.under(omega=orbit.parameter)
-    long = 300 * orbit.period
-    end = simulate(problem.flow.exact, orbit.state[:4] * (1 + 1e-4), duration=long)
-    np.testing.assert_allclose(end.final_y[:4], orbit.state[:4], atol=1e-6)
-
-
 def test_level_does_not_matter_without_gap(flow_of):
     """z = 0: homogeneous of degree one."""
     flow = flow_of(omega=0.7, gap=0.0)
@@ -266,26 +216,6 @@ def test_level_does_not_matter_without_gap(flow_of):
     for p in points:
         np.testing.assert_allclose(p.u[:-1] / p.parameter, start.u[:-1], rtol=1e-8, atol=1e-10)
     assert points[-1].parameter == 3.0
-
-
-@pytest.mark.slow  # tests/reference/test_continuation_parameters.py follows them as well
-@pytest.mark.parametrize("what", ["gap", "shape"])
-def test_followed_in_a_contact_parameter(flow_of, what):
-    """The end of a path of systems is the motion of the system at its end."""
-    flow = flow_of(omega=0.7)
-    full = {"gap": 0.3, "stiffness": 40.0, "shape": 0.2 * V[1]}[what]
-    direction = ContactDirection.of(flow.system.contacts, **{what: full})
-    problem = ForcedOrbits(flow, straight_path(flow, direction))
-    plain = ForcedOrbits(flow)
-    upper = next(p for p in walk(plain)[1] if p.data.event_time.size and 0.69 < p.parameter < 0.71)
-    start = solve_at(problem, np.append(solve_at(plain, upper.u, Settings(), 0.7).u[:-1], 0.0), Settings(), 0.0)
-    branch = follow_orbits(problem, start, -0.5, 1.0, Settings(largest_step=0.1))
-    problem.omega = 0.7
-    last = list(branch)[-1]
-    assert branch.outcome.complete
-    moved = flow.with_system(moved_system(flow.system, direction, last.parameter)).under(omega=0.7)
-    z = last.u[:-1]
-    np.testing.assert_allclose(moved.carry(z, 2 * np.pi / 0.7).end, z, atol=1e-10)
 
 
 def test_a_branch_that_ends_says_why(flow_of):
