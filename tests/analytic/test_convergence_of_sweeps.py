@@ -85,7 +85,7 @@ def test_a_continuation_where_it_is_asked_for():
 
 
 def test_a_normal_mode_where_it_is_asked_for():
-    mode = {"mode": 1, "energy": "1 mJ", "continue_in": {"kind": "stiffness_factor", "from": 0.0, "to": 0.2}}
+    mode = {"mode": 1, "energy": "1 mJ", "continue_in": {"kind": "stiffness_factor", "from": 0.0, "to": 0.02}}
     result = beamsim.nnm(case(3, sweep=None, excitation={"kind": "none"}, nnm=mode | {"convergence": "on"}))
     changes = result.summary["convergence"]
     assert set(changes["frequency_hz"]) >= {"start", "end"}

@@ -162,7 +162,7 @@ def test_first_order_monte_carlo_and_carried_over_intervals_agree():
 
 
 def test_several_modes_share_the_information():
-    scenario = beam(0.9, elements=20)
+    scenario = beam(0.9, elements=8)
     f = snubber_point(scenario, "stop").frequencies(2e4, 3) / (2 * np.pi)
     changes = {"identify_stiffness.measured_with": f.tolist(), "identify_stiffness.uncertainty": 2e-3}
     one = identify_stiffness(load_scenario(scenario, changes)).estimate

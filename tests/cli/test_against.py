@@ -73,10 +73,8 @@ def test_the_command_prints_one_table_and_json(tmp_path):
     case.write_text((CONFIGS / "one_sided_65hz.yaml").read_text())
     sets = ("run.duration=0.02 s", "run.spectrum.last=0.01 s", "run.convergence=off", "reduction.modes=3")
     short = [x for override in sets for x in ("--set", override)] + ["--no-plots", "-o", str(tmp_path / "a.h5")]
-    done = invoke("run", case, *short, "--against", "reference:1e-7")
-    assert done.exit_code == 0, done.output
-    assert "reference (DOP853, rtol 1e-07): displacements differ by at most " in done.stdout
     done = invoke("run", case, *short, "--against", "reference:1e-7", "-v")
+    assert done.exit_code == 0, done.output
     assert "reference (DOP853, rtol 1e-07)" in done.stdout
     assert "processor time" in done.stdout
     done = invoke("run", case, *short, "--against", "reference", "--json")

@@ -20,7 +20,7 @@ chain:
   snubbers: [{name: stop, mass: 1, side: above, stiffness: 20, gap: 0.3}]
 excitation: {kind: harmonic, applied_to: {mass: 2}, level: 0.2 N, frequency: 0.2 Hz}
 probes: [{name: first, mass: 1}, {name: second, mass: 2}]
-sweep: {kind: swept_sine, from: 0.1, to: 0.4, rate: 1 oct/min, direction: both, levels: [0.1, 0.3]}
+sweep: {kind: swept_sine, from: 0.1, to: 0.4, rate: 4 oct/min, direction: both, levels: [0.1, 0.3]}
 """
 STEPPED = "sweep={kind: stepped, from: 0.1, to: 0.4, points: 9, direction: both}"
 

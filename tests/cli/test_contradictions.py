@@ -19,10 +19,6 @@ run: {duration: 0.4 s, convergence: off, spectrum: {last: 0.2 s}}
 KINDS = {  # command, sections, a curve
     "run": ("run", "", "probes/mass/displacement"),
     "base": ("run", "", "base/displacement"),
-    "continuation": (
-        "sweep", "sweep: {kind: continuation, from: 9 Hz, to: 10 Hz, seek_at: 0}",
-        "branches/0/probes/mass/peak_displacement",
-    ),
     "sweep": (
         "sweep", "sweep: {kind: swept_sine, from: 9 Hz, to: 10 Hz, rate: 2 Hz/s, direction: up}",
         "up_0/probes/mass/max_displacement",

@@ -70,7 +70,7 @@ def test_a_mode_keeps_the_points_it_has(mode, points):
     nnm_figures(part)
 
 
-@pytest.mark.parametrize("points", slow_after(1, [1, 20]))
+@pytest.mark.parametrize("points", slow_after(0, [1, 20]))
 def test_a_response_keeps_the_points_it_has(response, points):
     request = After(points)
     part = continuation(load_scenario(RESPONSE), request, request.stop)

@@ -28,12 +28,6 @@ def compared():
     return nnm(load_scenario(CHAIN, changes), compare=["multiple_scales"])
 
 
-@pytest.fixture(scope="module")
-def beam():
-    changes = {"nnm.continue_in.to": 0.1, "reduction": {"modes": 4}}
-    return nnm(load_scenario(FIRST, changes))
-
-
 def test_thesis_method_beside_shooting(compared):
     """As close as its tolerance lets it, and not closer; what was computed is counted."""
     relaxed = compared.relaxed
@@ -126,17 +120,16 @@ def test_an_unstable_motion_drifts_from_its_period(compared):
     assert "spectrum" not in dict(table_rows("nnm", compared))
 
 
-def test_jumps_that_nothing_explains(beam):
+def test_jumps_that_nothing_explains(compared):
     """A jump without a known resonance has neither mode nor ratio, and the table says what it is."""
     jumps = [
         {"start": 0.1, "end": 0.2, "mode": 2, "ratio": 5},
         {"start": 0.3, "end": 0.4, "mode": None, "ratio": None},
     ]
-    changed = dataclasses.replace(beam, summary={**beam.summary, "jumps": jumps})
+    changed = dataclasses.replace(compared, summary={**compared.summary, "jumps": jumps})
     rows = [text.split(maxsplit=2) for _, text in table_rows("nnm", changed)]
     assert ["0.1", "0.2", "5:1 with mode 2"] in rows
     assert ["0.3", "0.4", "of high order, not traced"] in rows
-    assert all((j["ratio"] is None) == (j["mode"] is None) for j in beam.summary["jumps"])
 
 
 @pytest.mark.parametrize("method", ["thesis", {"kind": "thesis", "steps": 12}])

@@ -178,6 +178,7 @@ def test_pictures_and_table(held):
     assert any(cells[:1] == ["stable"] and "yes" in cells for cells in rows)
 
 
+@pytest.mark.slow
 def test_command(tmp_path):
     overrides = ["nnm.continue_in.from=6 mJ", "nnm.continue_in.to=7 mJ", "nnm.phase_resonance.levels=[0.65 g]",
                  "nnm.phase_resonance.periods=6"]  # fmt: skip

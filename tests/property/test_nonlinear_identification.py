@@ -65,6 +65,7 @@ def test_the_steady_response_is_where_the_transient_ends():
     assert steady == pytest.approx(transient, abs=1e-6 * abs(steady).max())
 
 
+@pytest.mark.slow
 def test_four_parameters_from_three_noiseless_tests(vibrations):
     signals = [signal(f, c, delay=1e-3 * k) for k, (f, c) in enumerate(vibrations.items())]
     found = identify_stiffness(case(vibrations), signals).nonlinear

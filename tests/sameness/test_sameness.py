@@ -17,7 +17,18 @@ SOME = "beam that touches one stop"
 
 
 pytestmark = pytest.mark.recorded
-LONG = ("nonlinear mode forced in phase resonance",)
+LONG = (
+    "nonlinear mode forced in phase resonance",
+    "contact identified from a nonlinear response",
+    "notched sweep of a plate",
+    "nonlinear mode of the beam",
+    "continuation of folds",
+    "continuation with side branches",
+    "two panels that open",
+    "stepped sweep",
+    "nonlinear mode of a chain, other methods beside",
+    "beam by the reference integrator",
+)
 
 
 @pytest.mark.parametrize(
