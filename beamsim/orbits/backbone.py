@@ -16,7 +16,7 @@ import numpy as np
 
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch, reached_end, too_many_points
 from beamsim.orbits.continuation import Settings, at_parameter, follow_orbits, solve_at
-from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.orbits.tongues import LEAST_SHARE, Tongues, resonance_between
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
 from beamsim.typing import Floats

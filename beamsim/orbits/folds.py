@@ -21,9 +21,9 @@ import numpy as np
 from beamsim.flow.passage import ContactDirection, Frequency, Parameter, Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, SpecialPoint
-from beamsim.orbits.continuation import ContinuationProblem, Settings, solve_at
-from beamsim.orbits.grazing import extremum
+from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.orbits.special_points import extremum
 from beamsim.typing import Floats
 
 SecondParameter = Literal["level"] | Callable[[float], tuple[PeriodicFlow, ContactDirection]]
@@ -53,6 +53,10 @@ class TwoParameterCurve:
         """The shooting residual (N,) with its Jacobian (N, N + 2), and the motion."""
         flow, parameters = self.flow_at(u)
         return self._along.shoot(flow, u[:-2], parameters)
+
+    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
+        """The flow at a point, and its motion over a period."""
+        return self.flow_at(point.u)[0], point.data
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """As the shooting problem's; the further equation has the scale one."""
@@ -129,25 +133,15 @@ class GrazingCurve(TwoParameterCurve):
         return scale, residual
 
 
-def _start(curve: ContinuationProblem, special: SpecialPoint, value: float, forward: float) -> BranchPoint | None:
-    """The first point of a curve, at a value of the second parameter, from what was located on a branch."""
-    settings = Settings(tolerance=1e-9, iterations=12)
-    return solve_at(curve, np.append(special.point.u, value), settings, value, forward)
-
-
-def start_of_fold_curve(
-    orbits: ForcedOrbits,
-    fold: SpecialPoint,
-    second: SecondParameter,
-    value: float,
-    forward: float = 1.0,
-) -> tuple[FoldCurve, BranchPoint] | None:
-    """The curve of folds through one that was located, from its value of the second parameter on.
+def start_of_curve(
+    orbits: ForcedOrbits, at: SpecialPoint, second: SecondParameter, value: float, forward: float = 1.0
+) -> tuple[FoldCurve | GrazingCurve, BranchPoint] | None:
+    """The curve of folds, or of grazings, through one that was located, from its value of the second parameter on.
 
     Parameters
     ----------
     orbits : shooting in frequency.
-    fold : on a branch of it.
+    at : a fold on a branch of it; a grazing, or a nonsmooth fold, for a curve of grazings.
     second : the second parameter.
     value : of the second parameter on that branch.
     forward : whether the curve begins to larger values (> 0) or smaller ones.
@@ -156,33 +150,14 @@ def start_of_fold_curve(
     -------
     The problem and its first point; None where Newton's method does not converge.
     """
-    scale = orbits.scale(fold.point.u)[0][:-1]
-    A = orbits.monodromy(fold.point) - np.eye(orbits.flow.size)
-    U, _, V = np.linalg.svd(A * scale / scale[:, None])
-    curve = FoldCurve(orbits, second, (U[:, -1], V[-1]))
-    point = _start(curve, fold, value, forward)
-    return None if point is None else (curve, point)
-
-
-def start_of_grazing_curve(
-    orbits: ForcedOrbits,
-    grazing: SpecialPoint,
-    second: SecondParameter,
-    value: float,
-    forward: float = 1.0,
-) -> tuple[GrazingCurve, BranchPoint] | None:
-    """The curve of grazings through one that was located, from its value of the second parameter on.
-
-    Parameters
-    ----------
-    orbits, second, value, forward : as those of `start_of_fold_curve`.
-    grazing : on a branch of the orbits.
-
-    Returns
-    -------
-    The problem and its first point; None where Newton's method does not converge.
-    """
-    share = grazing.time / grazing.point.data.duration
-    curve = GrazingCurve(orbits, second, grazing.contact, grazing.top, share, grazing.level)
-    point = _start(curve, grazing, value, forward)
+    curve: FoldCurve | GrazingCurve
+    if at.kind == "fold":
+        scale = orbits.scale(at.point.u)[0][:-1]
+        A = orbits.monodromy(at.point) - np.eye(orbits.flow.size)
+        U, _, V = np.linalg.svd(A * scale / scale[:, None])
+        curve = FoldCurve(orbits, second, (U[:, -1], V[-1]))
+    else:
+        curve = GrazingCurve(orbits, second, at.contact, at.top, at.time / at.point.data.duration, at.level)
+    settings = Settings(tolerance=1e-9, iterations=12)
+    point = solve_at(curve, np.append(at.point.u, value), settings, value, forward)
     return None if point is None else (curve, point)

@@ -35,7 +35,7 @@ from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, correct
-from beamsim.orbits.panels import gauss_panels
+from beamsim.orbits.period import gauss_panels
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
@@ -69,7 +69,7 @@ def appropriate_force(
     ----------
     damped : the structure with its damping and dashpots; contacts on the ground feel no base motion here.
     flow, whole : the undamped structure's flow and the mode's motion over one period
-        (:meth:`beamsim.orbits.reversible.BrakeOrbits.cycle`).
+        (:meth:`beamsim.orbits.free_orbits.BrakeOrbits.cycle`).
     load : (n,) complex generalised force of a level of one, at the mode's frequency.
 
     Returns

@@ -19,8 +19,7 @@ from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
-from beamsim.orbits.grazing import cyclic
-from beamsim.orbits.paths import DampingPath
+from beamsim.orbits.period import cyclic
 from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
@@ -238,20 +237,42 @@ def find_orbit(
 def _from_heavy_damping(
     problem: ForcedOrbits, flow: PeriodicFlow, value: float, settings: Settings, forward: float
 ) -> BranchPoint | None:
-    """The motion at the end of a path of falling damping."""
+    """The motion at the end of a path of falling damping.
+
+    A heavily damped structure has one motion of the excitation's period, and it attracts. Followed while the added
+    damping goes away it leads to the motion that continues the linear response, where transients end in chaos or in a
+    motion of another period and Newton's method from a guess may end on any of many unstable ones.
+
+    The parameter x goes from ``heavy`` to 1 (the structure itself); the ratio ``unit (e^(x - 1) - 1)`` is added to
+    every mode.
+    """
     if StructureDirection not in flow.differentiates:
         return None
-    path = DampingPath(flow)
-    damped = ForcedOrbits(flow, path, problem.multiple)
-    heavy, _ = damped.flow_at(path.heavy)
+    omega, own = np.sqrt(flow.system.stiffness), flow.system.damping
+    elastic = omega > 0
+    # a rigid-body mode is damped like the lowest elastic one
+    critical = 2.0 * np.where(elastic, omega, omega[elastic].min() if elastic.any() else flow.omega)
+    ratio = float(np.median(np.diag(own)[elastic] / critical[elastic])) if elastic.any() else 0.0
+    # 1e-3: unit in which the added damping is counted where the structure has less
+    unit = max(ratio, 1e-3)
+    # 0.5: added damping ratio at the beginning
+    beginning = 1.0 + float(np.log1p(0.5 / unit))
+
+    def with_added(x: float) -> tuple[PeriodicFlow, StructureDirection]:
+        grown = float(np.exp(x - 1.0))
+        direction = StructureDirection.of(flow.system.size, damping=unit * grown * critical)
+        return flow.with_damping(own + np.diag(unit * (grown - 1.0) * critical)), direction
+
+    damped = ForcedOrbits(flow, with_added, problem.multiple)
+    heavy, _ = damped.flow_at(beginning)
     period = 2 * np.pi * problem.multiple / flow.omega
     z = linear_guess(heavy)
     for _ in range(EARLY):
         z = heavy.carry(z, period).end
-    start = solve_at(damped, np.append(z, path.heavy), settings, path.heavy, -1.0)
+    start = solve_at(damped, np.append(z, beginning), settings, beginning, -1.0)
     if start is None:
         return None
-    branch = follow_orbits(damped, start, 1.0, 2.0 * path.heavy, Settings(largest_step=0.2, most_points=400))
+    branch = follow_orbits(damped, start, 1.0, 2.0 * beginning, Settings(largest_step=0.2, most_points=400))
     last = list(branch)[-1]
     if last.parameter != 1.0:
         return None

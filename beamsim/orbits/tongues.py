@@ -12,7 +12,7 @@ import numpy as np
 
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, too_many_points
 from beamsim.orbits.continuation import Settings, correct
-from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Floats
 

@@ -8,10 +8,10 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
 from beamsim.analyses.nnm.analysis import nnm
+from beamsim.analyses.nnm.full_period import FullPeriodPath
 from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.free_orbits import FullPeriodPath
-from beamsim.orbits.reversible import BrakeOrbits, linear_mode
+from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.scenario import load_scenario
 

@@ -10,9 +10,9 @@ from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.free import observed_orders
-from beamsim.orbits.panels import gauss_panels
+from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
+from beamsim.orbits.period import gauss_panels
 from beamsim.orbits.phase_resonance import appropriate_force, find_phase_resonance, quadrature
-from beamsim.orbits.reversible import BrakeOrbits, linear_mode
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.spring_families import SpringFamily
 

@@ -7,7 +7,7 @@ import pytest
 from sampling import slow_after
 
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.analyses.continuation.contact_rates import MovedContact
+from beamsim.analyses.continuation.paths import MovedContact
 from beamsim.flow.variational import VariationalFlow
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Place

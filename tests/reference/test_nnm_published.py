@@ -11,8 +11,7 @@ from scipy.special import ellipk
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
-from beamsim.orbits.free_orbits import FreeOrbits
-from beamsim.orbits.reversible import BrakeOrbits, linear_mode
+from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, linear_mode
 from beamsim.orbits.special_points import special_points
 from beamsim.orbits.spring_families import SpringFamily
 

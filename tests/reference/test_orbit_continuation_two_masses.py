@@ -11,8 +11,7 @@ from beamsim.flow.passage import ContactDirection, PeriodicForcing, moved_system
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
-from beamsim.orbits.folds import GrazingCurve, start_of_fold_curve, start_of_grazing_curve
-from beamsim.orbits.paths import ContactPath
+from beamsim.orbits.folds import GrazingCurve, start_of_curve
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.orbits.special_points import special_points, switch_at_period_doubling
 
@@ -22,7 +21,7 @@ W2, V = np.linalg.eigh(K)
 
 def straight_path(flow, direction):
     """Systems whose contacts move along a straight line with the parameter."""
-    return ContactPath(flow, lambda x: (moved_system(flow.system, direction, x).contacts, direction))
+    return lambda x: (flow.with_contacts(moved_system(flow.system, direction, x).contacts), direction)
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +151,7 @@ def test_branch_of_doubled_period(curve):
 def test_fold_followed_in_the_level(flow_of, curve):
     problem, _, _, special = curve
     fold = [s for s in special if s.kind == "fold"][1]
-    folds, start = start_of_fold_curve(problem, fold, "level", 1.0, forward=-1)
+    folds, start = start_of_curve(problem, fold, "level", 1.0, forward=-1)
     branch = Branch(folds, start, 0.6, 1.5, Settings(tolerance=1e-9))
     last = list(branch)[-1]
     assert branch.outcome.text == "complete: reached the end of the range at parameter 0.6"
@@ -167,7 +166,7 @@ def test_grazing_followed_in_the_level(curve):
     fold = next(s for s in special if s.kind == "fold")
     grazing = next(s for s in special if s.kind == "grazing")
     assert 0 < abs(fold.parameter - grazing.parameter) < 1e-8
-    curve_of_grazings, start = start_of_grazing_curve(problem, grazing, "level", 1.0, forward=-1)
+    curve_of_grazings, start = start_of_curve(problem, grazing, "level", 1.0, forward=-1)
     branch = Branch(curve_of_grazings, start, 0.6, 1.5, Settings(tolerance=1e-9))
     points = list(branch)
     assert branch.outcome.text == "complete: reached the end of the range at parameter 0.6"

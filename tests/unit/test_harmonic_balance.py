@@ -11,9 +11,8 @@ from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import MethodError
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.orbits.aft import close_intervals, cubic, one_sided, to_complex, to_real, toeplitz
-from beamsim.orbits.condensation import Condensation
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.harmonic_balance import ForcedBalance
+from beamsim.orbits.harmonic_balance import Condensation, ForcedBalance
 
 pytestmark = pytest.mark.quick
 

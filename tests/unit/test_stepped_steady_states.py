@@ -9,8 +9,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Motion
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
-from beamsim.orbits.lyapunov import largest_exponent
-from beamsim.orbits.steady import CycleStepper, settle
+from beamsim.orbits.steady import CycleStepper, largest_exponent, settle
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario import load_scenario
 from beamsim.system.equations import Forcing

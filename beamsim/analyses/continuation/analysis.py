@@ -21,7 +21,6 @@ from beamsim.analyses.branch import (
 from beamsim.analyses.continuation.branches import (
     COVERED,
     Budget,
-    Tracer,
     coexisting_branches,
     coincides,
     covered,
@@ -38,7 +37,7 @@ from beamsim.analyses.continuation.paths import FollowedParameter, ResponseModel
 from beamsim.analyses.continuation.refinement import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
 from beamsim.analyses.continuation.side_branches import leavings, side_branches
-from beamsim.analyses.continuation.tracers import ShootingTracer, balance_tracer, neglected
+from beamsim.analyses.continuation.tracers import Tracer
 from beamsim.analyses.deflections import deflection_warnings
 from beamsim.analyses.limits import margins_of
 from beamsim.analyses.reduction import reduction_checked
@@ -47,7 +46,8 @@ from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.analyses.values import ACCELERATION, BY_ENTRY, DISPLACEMENT, FORCE, LIMITED, PENETRATION, STRESS, Value
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
-from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch, SpecialPoint
+from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, BranchPoint, OrbitBranch, SpecialPoint
+from beamsim.orbits.harmonic_balance import ForcedBalance, truncation
 from beamsim.orbits.shooting import STABLE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
 from beamsim.scenario import Scenario
@@ -160,11 +160,7 @@ def _trace(
     f = model.followed
     first, last = f.inward(f.first), f.inward(f.last)
     reach = reach_of(first, last, beyond=f.moved is None)
-    tracer: Tracer
-    if isinstance(settings.method, HarmonicBalance):
-        tracer = balance_tracer(model, settings.method.harmonics, level, reach)
-    else:
-        tracer = ShootingTracer(model.orbits(level), lambda x: model.flow_at(float(f.outward(x)), level), reach)
+    tracer = Tracer(model.problem(level), reach)
     branches = trace_range(tracer, first, last, budget, report)
     if not branches and budget.spent() is not INTERRUPTED:
         at = "sweep.from" if settings.continue_in is None else "sweep.continue_in.from"
@@ -308,7 +304,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
 
     from_balance = None
     if isinstance(settings.method, HarmonicBalance):
-        from_balance = neglected(traced)
+        from_balance = np.array([_neglected(problem, point) for point in traced.points])
     return ResponseBranch(
         level=float("nan") if f.kind == "level" else level,
         period_multiple=problem.multiple,
@@ -339,6 +335,14 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         },
         neglected_harmonics=from_balance,
     )
+
+
+def _neglected(problem: ForcedBalance, point: BranchPoint) -> float:
+    """What the neglected harmonics are worth, against the motion."""
+    try:
+        return truncation(problem, point, across=True).error
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return np.inf
 
 
 def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum]:

@@ -8,15 +8,17 @@ then in the middle of the longest stretch that is left. A branch that runs into 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
-from beamsim.analyses.continuation.stopping_contacts import explained
+from beamsim.analyses.continuation.tracers import Tracer
+from beamsim.contacts.friction import drops
+from beamsim.contacts.hardening import ELASTIC, LOADING
 from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.branch import (
     INTERRUPTED,
@@ -28,14 +30,14 @@ from beamsim.orbits.branch import (
     too_many_points,
     with_failed_searches,
 )
-from beamsim.orbits.continuation import Branch, Settings, interpolated
+from beamsim.orbits.continuation import NOT_SMOOTH, STEP_TOO_SMALL, Branch, Settings, interpolated
+from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 
 BACK_TO_PERIOD = "back_to_period"
 
 Report = Callable[[float], None]
 SpecialBetween = Callable[[BranchPoint, BranchPoint, Settings, list[FailedSearch]], list[SpecialPoint]]
-Half = tuple[list[BranchPoint], Outcome, list[SpecialPoint]]  # of a branch, followed in one direction
 
 MOST_BEGINNINGS = 12  # of branches that cover the range
 EXCURSION = 1.5  # how far beyond the first frequency or level, as a ratio, a branch may go
@@ -108,28 +110,6 @@ class Budget:
 def limited(outcome: Outcome, limit: str) -> Outcome:
     """The outcome of what ended at a setting's limit."""
     return outcome.but(remedy=f"raise {limit}", numbers={**outcome.numbers, "limit": limit})
-
-
-class Tracer(Protocol):
-    """A way to find and follow motions: shooting, or harmonic balance."""
-
-    @property
-    def problem(self) -> Any:
-        """What is followed along the parameter."""
-
-    def begin(self, value: float, forward: float) -> BranchPoint | None:
-        """A motion at a value, its tangent pointing forward; stable if one can be reached."""
-
-    def sought(self, value: float) -> Iterator[BranchPoint | None]:
-        """Motions at a value beside those that are followed, with repetitions; None where one was sought in vain."""
-
-    def branch(self, start: BranchPoint, settings: Settings) -> Branch:
-        """The continuation of a motion."""
-
-    def special(
-        self, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch]
-    ) -> list[SpecialPoint]:
-        """Special points between two neighbours; searches that fail are appended."""
 
 
 def reach_of(first: float, last: float, beyond: bool) -> tuple[float, float]:
@@ -207,12 +187,7 @@ def trace_range(
         if start is not None:
             # forward from the first value and back from the last, from anywhere else both ways
             directions = [1.0] if begin in (first, last) else [1.0, -1.0]
-            branches.append(
-                joined(
-                    tracer.problem,
-                    [follow(tracer, start, direction, budget, branches, tell) for direction in directions],
-                )
-            )
+            branches.append(joined(*(follow(tracer, start, way, budget, branches, tell) for way in directions)))
         gaps = missing(branches, first, last)
         if not gaps or budget.spent():
             break
@@ -256,7 +231,7 @@ def coexisting_branches(
             if start is None or coincides(start, [*known, *branches]):
                 continue
             halves = [follow(tracer, start, direction, budget, [*known, *branches]) for direction in (1.0, -1.0)]
-            branches.append(joined(tracer.problem, halves))
+            branches.append(joined(*halves))
     return branches
 
 
@@ -267,10 +242,10 @@ def follow(
     budget: Budget,
     known: list[OrbitBranch],
     tell: Report | None = None,
-) -> Half:
-    """Points, outcome and special points in one direction from a start, up to a known branch."""
+) -> OrbitBranch:
+    """What goes on in one direction from a start, up to a known branch."""
     if direction < 0:
-        start = replace(start, tangent=-start.tangent, orientation=-start.orientation)
+        start = start.reversed()
     most = min(budget.branch_points, budget.left)
     limit = "sweep.most_branch_points" if most == budget.branch_points else "sweep.most_points"
     return walk(
@@ -311,7 +286,7 @@ def walk(
     budget: Budget,
     limit: str,
     ends: Callable[[BranchPoint], Outcome | None],
-) -> Half:
+) -> OrbitBranch:
     """The points of a branch with the special ones among them, until it ends by itself, by a test or by the budget.
 
     ``limit`` is the setting behind the branch's own number of points, empty where that is no setting.
@@ -344,7 +319,7 @@ def walk(
         budget.cut(outcome)
     if points:
         outcome = explained(outcome, branch.problem, points[-1])
-    return points, with_failed_searches(outcome, failed), special
+    return OrbitBranch(branch.problem, points, with_failed_searches(outcome, failed), tuple(special))
 
 
 def along(a: BranchPoint, b: BranchPoint, special: list[SpecialPoint]) -> list[SpecialPoint]:
@@ -380,12 +355,59 @@ def _on_curve(point: BranchPoint, a: BranchPoint, b: BranchPoint) -> bool:
     return float(np.linalg.norm(away[:-1])) < COINCIDES
 
 
-def joined(problem: Any, halves: list[Half]) -> OrbitBranch:
+def joined(forward: OrbitBranch, back: OrbitBranch | None = None) -> OrbitBranch:
     """One branch from what was followed in one direction or both."""
-    points, outcome, special = halves[0]
-    if len(halves) == 2:
-        back = halves[1]
-        points = [*back[0][::-1][:-1], *points]
-        special = [*back[2][::-1], *special]
-        outcome = both_directions(back[1], outcome)
-    return OrbitBranch(problem, tuple(points), outcome, tuple(special))
+    if back is None:
+        return forward
+    points = (*back.points[::-1][:-1], *forward.points)
+    outcome, special = both_directions(back.outcome, forward.outcome), (*back.special[::-1], *forward.special)
+    return replace(forward, points=points, outcome=outcome, special=special)
+
+
+_SAMPLES = 4000  # of a period
+_REACHES = 1e-3  # of the yield force: a motion that comes closer just reaches it
+
+
+def explained(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
+    """The outcome of a branch, with what its contacts have to do with its end; ``last`` is its last point."""
+    if not isinstance(problem, ForcedOrbits):
+        return outcome
+    laws = problem.flow.system.contacts.laws
+    if outcome.code == STEP_TOO_SMALL and any(drops(law) for law in laws):
+        return outcome.but(
+            code="sticking_jumps",
+            sentence="where a friction contact with a static coefficient above the sliding one begins to stick or to "
+            "slide, it does so at once for a time that is not short, and the motions beyond are not neighbours of "
+            "these",
+            remedy="follow the range beyond with a stepped sine, begin the continuation there, or give the contact one "
+            "coefficient",
+        )
+    if outcome.code == NOT_SMOOTH and any(law.yields for law in laws) and _just_yields(problem, last):
+        return outcome.but(
+            code="just_yields",
+            sentence="the motion just reaches the yield force of a stop; with any larger crush it is periodic as well, "
+            "so that no single branch goes on",
+            remedy="follow the range beyond with a stepped sine or a study of runs, where the crush is that of their "
+            "past",
+        )
+    return outcome
+
+
+def _just_yields(problem: ForcedOrbits, point: BranchPoint) -> bool:
+    """Whether in an elastic motion the force of a stop that yields comes close to its yield force."""
+    flow, passage = problem.cycle(point)
+    contacts, n = flow.system.contacts, 2 * flow.system.size
+    times = np.linspace(0.0, passage.duration, _SAMPLES, endpoint=False)
+    y = flow.states_at(passage, times)
+    penetration = flow.penetration_of(y, times)[0]
+    segment = np.searchsorted(passage.time, times, side="right") - 1
+    phases = passage.phases[segment]
+    for j, law in enumerate(contacts.laws):
+        if not law.yields or np.any(phases[:, j] >= LOADING):
+            continue
+        (guard,) = (guard for guard in law.phases[ELASTIC].guards if guard.next == LOADING)
+        slider = y[:, n + contacts.first[j]]
+        left = guard.row.constant + guard.row.penetration * penetration[:, j] + guard.row.internal[0] * slider
+        if np.any(left[phases[:, j] == ELASTIC] < _REACHES * guard.row.constant):
+            return True
+    return False

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.branch import FoldBranch, of_states
-from beamsim.analyses.continuation.branches import Budget, walk
+from beamsim.analyses.continuation.branches import Budget, joined, walk
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import ResponseModel
 from beamsim.analyses.values import DISPLACEMENT
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings
-from beamsim.orbits.folds import TwoParameterCurve, start_of_fold_curve, start_of_grazing_curve
+from beamsim.orbits.folds import start_of_curve
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 from beamsim.structures.assembly import snubber_site
@@ -21,6 +22,7 @@ from beamsim.structures.assembly import snubber_site
 SETTINGS = Settings(tolerance=1e-9, most_points=600)  # of one curve, in each direction
 CORNER = 1e-5  # relative distance in frequency within which a fold lies on a grazing
 SAME = 1e-6  # relative distance within which a fold lies on a curve that is known
+TOO_CLOSE = Outcome.of(OutcomeKind.STOPPED, "corner_too_close", "the fold is too close to a corner of the curve")
 BEYOND = 3.0  # how far the frequency may leave the range it was found in, as a ratio
 
 
@@ -100,61 +102,41 @@ def _curve(
             at=Where(at / (2 * np.pi), "Hz"),
         )  # fmt: skip
 
-    halves: list[list[BranchPoint]] = []
-    outcomes: list[Outcome] = []
+    halves: list[OrbitBranch] = []
     for direction in (1.0, -1.0):
         edge = high if direction > 0 else low
         if abs(second.inward(present) - edge) < 1e-9 * max(abs(edge), 1.0):
             continue
-        begun: tuple[TwoParameterCurve, BranchPoint] | None
-        try:
-            if touching is None:
-                begun = start_of_fold_curve(orbits, fold, path, second.inward(present), direction)
-            else:
-                begun = start_of_grazing_curve(orbits, touching, path, second.inward(present), direction)
-        except (ArithmeticError, np.linalg.LinAlgError):
-            begun = None
+        begun = None
+        with suppress(ArithmeticError, np.linalg.LinAlgError):
+            begun = start_of_curve(orbits, touching or fold, path, second.inward(present), direction)
         if begun is None:
-            outcomes.append(
-                Outcome.of(OutcomeKind.STOPPED, "corner_too_close", "the fold is too close to a corner of the curve")
+            close = Outcome.of(
+                OutcomeKind.STOPPED, "corner_too_close", "the fold is too close to a corner of the curve"
             )
-            continue
-        curve, start = begun
-        points, outcome, _ = walk(Branch(curve, start, low, high, SETTINGS), None, budget, "", within)
-        halves.append(points)
-        outcomes.append(second.shown(outcome))
-    points = [*halves[1][::-1][:-1], *halves[0]] if len(halves) == 2 else halves[0] if halves else []
-    outcome = both_directions(outcomes[-1], outcomes[0])
+            halves.append(OrbitBranch(None, (), close))
+        else:
+            curve, start = begun
+            halves.append(walk(Branch(curve, start, low, high, SETTINGS), None, budget, "", within))
+    # what was followed comes first, so that its points are kept
+    followed = joined(*sorted(halves, key=lambda half: not half.points))
     names = [p.name for p in model.system.probes]
     measurement = Measurement(model.system, model.excitation, model.system.channels.of_keys(DISPLACEMENT))
-    peak = np.empty((len(points), len(names)))
-    parameter = np.array([second.outward(p.parameter) for p in points])
-    for k, point in enumerate(points):
-        local = _at(model, orbits, path, point, level)
-        orbit = BranchPoint(point.u[:-1], point.tangent[:-1], point.scale[:-1], point.residual, point.orientation,
-                            point.iterations, point.data)  # fmt: skip
-        peak[k] = measurement.of(local, orbit).peak
+    motions = [measurement.of(followed.problem, point) for point in followed.points]
+    peak = np.array([motion.peak for motion in motions]).reshape(-1, len(names))
+    points = followed.points
     states = np.array([p.u[:-2] for p in points]).reshape(len(points), orbits.flow.size)
     return FoldBranch(
         touching="" if touching is None else model.system.contact_names[touching.contact],
         level=float("nan") if second.kind == "level" else level,
         branch=branch,
         start_hz=fold.parameter / (2 * np.pi),
-        outcome=outcome,
+        outcome=second.shown(both_directions(halves[-1].outcome, halves[0].outcome)),
         frequency_hz=np.array([p.u[-2] for p in points]) / (2 * np.pi),
-        parameter=parameter,
+        parameter=np.array([second.outward(p.parameter) for p in points]),
         unit=second.unit,
         parameter_meaning=f"second parameter: {second.kind} {second.snubber}".strip(),
         peak_displacement={name: peak[:, j] for j, name in enumerate(names)},
         residual=np.array([p.residual for p in points]),
         **of_states(states, model.system.dynamics.size),
     )
-
-
-def _at(model: ResponseModel, orbits: ForcedOrbits, path: Any, point: BranchPoint, level: float) -> ForcedOrbits:
-    """The shooting problem at a point of a fold curve, in frequency."""
-    if path == "level":
-        flow, held = orbits.flow, point.parameter
-    else:
-        flow, held = path(point.parameter)[0], level
-    return ForcedOrbits(flow.under(level=held))

@@ -25,8 +25,8 @@ from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import VariationalFlow, motion_on
 from beamsim.inputs.profiles import acceleration_amplitude, phase_of_acceleration
 from beamsim.orbits.branch import BranchPoint
-from beamsim.orbits.extrema import PIECES, polynomial_extrema
 from beamsim.orbits.harmonic_balance import ForcedBalance
+from beamsim.orbits.period import PIECES, polynomial_extrema
 from beamsim.scenario.excitation import Sine
 from beamsim.system.channels import ChannelSet
 from beamsim.system.structural import StructuralSystem

@@ -1,22 +1,29 @@
-"""The parameter of a response: from a scenario to a continuation problem, and from its unknown to SI numbers."""
+r"""The parameter of a response: from a scenario to a continuation problem, and from its unknown to SI numbers.
+
+A parameter of one snubber moves the contacts, with exact derivatives. The dashpot of a damping ratio follows,
+:math:`c = 2 \xi k / \Omega`, with :math:`\Omega` the first natural frequency with the snubber closed. From its mode v,
+:math:`\partial\Omega^2/\partial k = (\phi^T v)^2` and
+:math:`\partial\Omega^2/\partial x = 2 k\, (\phi^T v)(\phi'^T v)`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.analyses.continuation.contact_rates import MovedContact
 from beamsim.analyses.continuation.motion import sine_of
 from beamsim.contacts.contacts import Contacts
-from beamsim.errors import Problem, ScenarioError
+from beamsim.contacts.snubbers import dashpot_from_ratio
+from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.passage import ContactDirection, PeriodicForcing
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.profiles import power_of
-from beamsim.orbits.paths import ContactPath
+from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
@@ -24,11 +31,12 @@ from beamsim.scenario.checks import snubber_index
 from beamsim.scenario.excitation import Forces, Harmonic, Sine
 from beamsim.scenario.quantities import FACTOR
 from beamsim.scenario.quantities import level_unit as unit_of
-from beamsim.scenario.sweep import Continuation, PositionPath, SnubberPath
+from beamsim.scenario.sweep import Continuation, HarmonicBalance, PositionPath, SnubberPath
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point
 from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats
 
 
 @dataclass(frozen=True)
@@ -68,18 +76,19 @@ class FollowedParameter:
         what = "excitation frequency" if self.kind == "frequency" else self.kind
         return f"{what} {self.snubber}".strip()
 
-    def contacts_at(self, unknown: float) -> tuple[Contacts, ContactDirection]:
-        """The contacts, and their derivatives by the unknown."""
-        assert self.moved is not None
-        contacts, rates = self.moved(self.outward(unknown))
-        step = self.last - self.first
-        return contacts, ContactDirection(
-            step * rates.stiffness, step * rates.dashpot, step * rates.gap, step * rates.shape
-        )
+    def path(self, flow: PeriodicFlow) -> Callable[[float], tuple[PeriodicFlow, ContactDirection]]:
+        """The systems by the unknown, of which a flow is one, and their derivatives by it."""
 
-    def path(self, flow: PeriodicFlow) -> ContactPath:
-        """The path of systems through a flow."""
-        return ContactPath(flow, self.contacts_at)
+        def at(unknown: float) -> tuple[PeriodicFlow, ContactDirection]:
+            assert self.moved is not None
+            contacts, rates = self.moved(self.outward(unknown))
+            step = self.last - self.first
+            by_unknown = ContactDirection(
+                step * rates.stiffness, step * rates.dashpot, step * rates.gap, step * rates.shape
+            )
+            return flow.with_contacts(contacts), by_unknown
+
+        return at
 
 
 @dataclass(frozen=True)
@@ -114,21 +123,27 @@ class ResponseModel:
                 Problem("chain.snubbers", f"cannot be followed: {error}", "use method: harmonic_balance")
             ) from error
 
-    def flow_at(self, value: float, level: float) -> PeriodicFlow:
-        """The flow at one value of the parameter."""
-        f = self.followed
-        if f.moved is not None:
-            return f.path(self.flow(self.frequency_hz, level))(f.inward(value))[0]
-        return self.flow(value, level) if f.kind == "frequency" else self.flow(self.frequency_hz, value)
+    def problem(self, level: float) -> ForcedOrbits | ForcedBalance:
+        """Motions along the parameter, by the method that is asked for.
 
-    def orbits(self, level: float) -> ForcedOrbits:
-        """Shooting along the parameter."""
-        f = self.followed
-        if f.kind == "frequency":
-            return ForcedOrbits(self.flow(f.first, level))
-        if f.kind == "level":
-            return ForcedOrbits(self.flow(self.frequency_hz, f.first), "level")
-        flow = self.flow(self.frequency_hz, level)
+        Raises
+        ------
+        ScenarioError : where the snubbers' law is beyond harmonic balance.
+        """
+        f, settings = self.followed, self.scenario.sweep
+        assert isinstance(settings, Continuation)
+        hz = f.first if f.kind == "frequency" else self.frequency_hz
+        parameter: Literal["frequency", "level"] = "frequency" if f.kind == "frequency" else "level"
+        if isinstance(settings.method, HarmonicBalance):
+            cubic = self.system.cubic if self.system.cubic.count else None
+            with locating({"contacts": "snubbers", "harmonics": "sweep.method.harmonics"}):
+                return ForcedBalance(
+                    self.system.dynamics, self.loads, settings.method.harmonics, parameter, 2 * np.pi * hz, level,
+                    cubic=cubic,
+                )  # fmt: skip
+        if f.moved is None:
+            return ForcedOrbits(self.flow(hz, f.first if f.kind == "level" else level), parameter)
+        flow = self.flow(hz, level)
         return ForcedOrbits(flow, f.path(flow))
 
 
@@ -269,3 +284,62 @@ def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicFo
         np.append(np.zeros(count), np.full(base, held - 2.0)),
         omega,
     )
+
+
+@dataclass(frozen=True)
+class MovedContact:
+    """One snubber with another gap, stiffness or position.
+
+    Parameters
+    ----------
+    contacts : the unchanged contacts.
+    omega_squared : (n,) diagonal stiffness of the open structure, rad^2/s^2.
+    index : of the snubber.
+    quantity : "gap" (m), "stiffness" (N/m) or "position" (m).
+    damping_ratio : of the snubber's dashpot; None if the dashpot is given by its coefficient, or there is none.
+    rigid : number of rigid-body coordinates.
+    shape_at : for positions, the deflection (n,) for a unit of each coordinate, and its derivative.
+    """
+
+    contacts: Contacts
+    omega_squared: Floats
+    index: int
+    quantity: str
+    damping_ratio: float | None = None
+    rigid: int = 0
+    shape_at: Callable[[float], tuple[Floats, Floats]] | None = None
+
+    def __call__(self, value: float) -> tuple[Contacts, ContactDirection]:
+        """The contacts at a value of the parameter, and their derivatives by it.
+
+        Raises
+        ------
+        ArithmeticError : at a stiffness that is not positive.
+        ValueError : where stiffness or dashpot changes, and the law is not made of these two.
+        """
+        c, i = self.contacts, self.index
+        shape, gap = c.shape.copy(), c.gap.copy()
+        stiffness, dashpot = c.laws[i].stiffness, c.laws[i].dashpot  # of slow motions
+        rates = ContactDirection(np.zeros_like(gap), np.zeros_like(gap), np.zeros_like(gap), np.zeros_like(shape))
+        if self.quantity == "gap":
+            gap[i], rates.gap[i] = value, 1.0
+        elif self.quantity == "stiffness":
+            if value <= 0:
+                raise ArithmeticError("the stiffness became negative")
+            stiffness, rates.stiffness[i] = value, 1.0
+        else:
+            assert self.shape_at is not None
+            shape[i], rates.shape[i] = self.shape_at(value)
+        if self.damping_ratio is not None and self.quantity != "gap":
+            omega, k, phi = np.sqrt(self.omega_squared), stiffness, shape[i]
+            c_i = dashpot_from_ratio(self.damping_ratio, k, omega, phi, self.rigid)
+            square = (2 * self.damping_ratio * k / c_i) ** 2 if c_i else 1.0
+            values, vectors = np.linalg.eigh(np.diag(self.omega_squared) + k * np.outer(phi, phi))
+            v = vectors[:, int(np.argmin(np.abs(values - square)))]
+            moved = float(phi @ v)
+            slope = moved**2 * rates.stiffness[i] + 2 * k * moved * float(rates.shape[i] @ v)
+            dashpot = c_i
+            rates.dashpot[i] = c_i * (rates.stiffness[i] / k - 0.5 * slope / square)
+        if (stiffness, dashpot) != (c.laws[i].stiffness, c.laws[i].dashpot):
+            c = c.with_numbers(i, stiffness, dashpot)
+        return replace(c, shape=shape, gap=gap), rates

@@ -9,16 +9,15 @@ import numpy as np
 from beamsim.analyses.continuation.branches import (
     BACK_TO_PERIOD,
     Budget,
-    Half,
     coincides,
-    joined,
     joining,
     walk,
 )
+from beamsim.analyses.continuation.tracers import Tracer
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
-from beamsim.orbits.continuation import Settings, follow_orbits
+from beamsim.orbits.continuation import Settings
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.orbits.special_points import special_points, switch_at_branch_point, switch_at_period_doubling
+from beamsim.orbits.special_points import switch_at_branch_point, switch_at_period_doubling
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Floats
 
@@ -122,7 +121,7 @@ def _followed(
     """A branch until it returns: with its halves alike again, or on a known branch."""
     most = min(budget.side_points, share, budget.left)
     limit = "sweep.most_side_points" if most == budget.side_points else "sweep.most_points"
-    branch = follow_orbits(problem, start, *reach, Settings(most_points=most))
+    tracer = Tracer(problem, reach)
     last: Floats | None = None
 
     def halves_alike(point: BranchPoint) -> Outcome | None:
@@ -134,11 +133,8 @@ def _followed(
         last = unlike
         return None
 
-    half: Half = walk(
-        branch, lambda a, b, settings, failed: special_points(problem, a, b, settings, failed), budget, limit,
-        joining(known, leaves=True) if known else halves_alike,
-    )  # fmt: skip
-    return joined(problem, [half])
+    return walk(tracer.branch(start, Settings(most_points=most)), tracer.special, budget, limit,
+                joining(known, leaves=True) if known else halves_alike)  # fmt: skip
 
 
 def _unlike(problem: ForcedOrbits, point: BranchPoint) -> Floats:

@@ -14,12 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.paths import ResponseModel
-from beamsim.errors import locating
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.orbits.branch import BranchPoint, FailedSearch, OrbitBranch, SpecialPoint
+from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, at_parameter, follow_orbits, solve_at
-from beamsim.orbits.harmonic_balance import ForcedBalance, truncation
+from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess
 from beamsim.orbits.special_points import special_points
 from beamsim.typing import Floats
@@ -34,37 +32,49 @@ IN_LEVEL = Settings(largest_step=0.2, most_points=150)
 
 
 @dataclass(frozen=True)
-class ShootingTracer:
-    """By shooting.
+class Tracer:
+    """Finds and follows the motions of a problem, by shooting or by harmonic balance.
 
     Parameters
     ----------
     problem : along the parameter.
-    flow_at : the system at one value of the parameter, to find motions with.
     reach : values that a branch must not leave.
     """
 
-    problem: ForcedOrbits
-    flow_at: Callable[[float], PeriodicFlow]
+    problem: ForcedOrbits | ForcedBalance
     reach: tuple[float, float]
 
     def begin(self, value: float, forward: float) -> BranchPoint | None:
-        """A motion at a value: a stable one if a transient reaches it."""
-        try:
-            orbit = first_orbit(ForcedOrbits(self.flow_at(value)))
-        except ArithmeticError:
-            return None
-        if orbit is None:
-            return None
-        return solve_at(self.problem, np.append(orbit.u[:-1], value), SETTINGS, value, forward)
+        """A motion at a value, its tangent pointing forward: a stable one if a transient reaches it."""
+        with suppress(ArithmeticError, np.linalg.LinAlgError):
+            if isinstance(self.problem, ForcedBalance):
+                return self.problem.first_motion(value, forward, first_orbit)
+            orbit = first_orbit(ForcedOrbits(self.problem.flow_at(value)[0]))
+            if orbit is not None:
+                return solve_at(self.problem, np.append(orbit.u[:-1], value), SETTINGS, value, forward)
+        return None
 
     def sought(self, value: float) -> Iterator[BranchPoint | None]:
-        """Motions at a value, with repetitions; None where Newton's method fails."""
-        for state in periodic_states(self.flow_at(value)):
-            try:
-                yield solve_at(self.problem, np.append(state, value), SETTINGS, value)
-            except (ArithmeticError, np.linalg.LinAlgError):
-                yield None
+        """Motions at a value beside those that are followed, with repetitions; None where one was sought in vain.
+
+        Harmonic balance has them from shooting, and none with cubic springs.
+        """
+        if isinstance(self.problem, ForcedOrbits):
+            for state in periodic_states(self.problem.flow_at(value)[0]):
+                yield self._found(solve_at, self.problem, np.append(state, value), SETTINGS, value)
+        elif self.problem.cubic is None:
+            local, basis = self.problem.by_shooting(value)
+            flow, period = local.flow, 2 * np.pi * self.problem.multiple / local.omega
+            for state in periodic_states(flow, self.problem.multiple):
+                local.flow = flow
+                yield self._found(self.problem.from_passage, local, basis, flow.carry(state, period), value)
+
+    @staticmethod
+    def _found(find: Callable[..., BranchPoint | None], *of: Any) -> BranchPoint | None:
+        try:
+            return find(*of)
+        except (ArithmeticError, np.linalg.LinAlgError):
+            return None
 
     def branch(self, start: BranchPoint, settings: Settings) -> Branch:
         """The continuation of a motion."""
@@ -73,81 +83,9 @@ class ShootingTracer:
     def special(
         self, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch]
     ) -> list[SpecialPoint]:
-        """Special points between two neighbours."""
-        return special_points(self.problem, a, b, settings, failed)
-
-
-@dataclass(frozen=True)
-class BalanceTracer:
-    """Finds and follows sums of harmonics."""
-
-    problem: ForcedBalance
-    reach: tuple[float, float]
-
-    def begin(self, value: float, forward: float) -> BranchPoint | None:
-        """A motion at a value, of a stable orbit where a transient comes to one."""
-        try:
-            return self.problem.first_motion(value, forward, first_orbit)
-        except (ArithmeticError, np.linalg.LinAlgError):
-            return None
-
-    def sought(self, value: float) -> Iterator[BranchPoint | None]:
-        """Motions at a value, by shooting from several starts; none with cubic springs."""
-        if self.problem.cubic is not None:
-            return
-        local, basis = self.problem.by_shooting(value)
-        flow, period = local.flow, 2 * np.pi * self.problem.multiple / local.omega
-        for state in periodic_states(flow, self.problem.multiple):
-            local.flow = flow
-            try:
-                yield self.problem.from_passage(local, basis, flow.carry(state, period), value)
-            except (ArithmeticError, np.linalg.LinAlgError):
-                yield None
-
-    def branch(self, start: BranchPoint, settings: Settings) -> Branch:
-        """What goes on from a motion."""
-        return Branch(self.problem, start, *self.reach, settings)
-
-    def special(
-        self, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch]
-    ) -> list[SpecialPoint]:
-        """Folds, period doublings, Neimark–Sacker and branch points; sums of harmonics have no corners."""
-        problem: Any = self.problem  # has what shooting's search asks for
+        """Special points between two neighbours; searches that fail are appended. Sums of harmonics have no corners."""
+        problem: Any = self.problem  # a balance has what is asked of motions without corners
         return special_points(problem, a, b, settings, failed)
-
-
-def balance_tracer(model: ResponseModel, harmonics: int, level: float, reach: tuple[float, float]) -> BalanceTracer:
-    """The tracer of one level (or of the level, where that is followed).
-
-    Raises
-    ------
-    ScenarioError : where the snubbers' law is beyond the method.
-    """
-    f = model.followed
-    omega = 2 * np.pi * (f.first if f.kind == "frequency" else model.frequency_hz)
-    cubic = model.system.cubic if model.system.cubic.count else None
-    with locating({"contacts": "snubbers", "harmonics": "sweep.method.harmonics"}):
-        problem = ForcedBalance(
-            model.system.dynamics,
-            model.loads,
-            harmonics,
-            "frequency" if f.kind == "frequency" else "level",
-            omega,
-            level,
-            cubic=cubic,
-        )
-    return BalanceTracer(problem, reach)
-
-
-def neglected(branch: OrbitBranch) -> Floats:
-    """(np,) what the neglected harmonics are worth at each point, against the motion."""
-    errors = np.empty(len(branch.points))
-    for k, point in enumerate(branch.points):
-        try:
-            errors[k] = truncation(branch.problem, point, across=True).error
-        except (ArithmeticError, np.linalg.LinAlgError):
-            errors[k] = np.inf
-    return errors
 
 
 def first_orbit(local: ForcedOrbits) -> BranchPoint | None:

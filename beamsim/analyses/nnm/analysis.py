@@ -35,7 +35,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.reversible import linear_mode
+from beamsim.orbits.free_orbits import linear_mode
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, combined, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation

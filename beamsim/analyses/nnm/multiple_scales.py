@@ -18,7 +18,7 @@ from beamsim.orbits.expansions.free import (
     expand_mode_at_energy,
     observed_orders,
 )
-from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats

@@ -16,8 +16,7 @@ from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import Settings
-from beamsim.orbits.free_orbits import slowest_instant
-from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.orbits.free_orbits import BrakeOrbits, slowest_instant
 from beamsim.orbits.special_points import special_points as special_between
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats

@@ -16,7 +16,7 @@ from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.backbone import MODE_LOST, Backbone
 from beamsim.orbits.branch import INTERRUPTED, REACHED_END, BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
-from beamsim.orbits.reversible import BrakeOrbits, linear_mode
+from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.orbits.tongues import LEAST_SHARE
 from beamsim.outcomes import Outcome, OutcomeKind, Where

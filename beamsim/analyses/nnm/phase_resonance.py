@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.branches import Half, joined
+from beamsim.analyses.continuation.branches import joined
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import level_unit, periodic_flow, periodic_forcing
 from beamsim.analyses.nnm.orbits import RATE, amplitudes_of_lines, carried, line_frequencies
@@ -31,15 +31,15 @@ from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.interrupts import Stop, never
-from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import CLOSED_CURVE, Settings, follow_orbits, locate, solve_at
+from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.orbits.phase_resonance import (
     Appropriation,
     appropriate_force,
     find_phase_resonance,
     quadrature,
 )
-from beamsim.orbits.reversible import BrakeOrbits
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, together
 from beamsim.scenario import Scenario
@@ -414,17 +414,17 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
     """The response on both sides of a resonance."""
     low, high = (1.0 - span) * point.parameter, (1.0 + span) * point.parameter
     first = point.towards(1.0)
-    halves: list[Half] = []
+    halves: list[OrbitBranch] = []
     for start in (first, first.reversed()):
         branch = follow_orbits(problem, start, low, high, Settings(most_points=MOST_POINTS))
         points = list(branch)
-        halves.append((points, branch.outcome.shown(lambda omega: omega / (2 * np.pi), "Hz"), []))
+        halves.append(OrbitBranch(problem, points, branch.outcome.shown(lambda omega: omega / (2 * np.pi), "Hz")))
         if branch.outcome.code == CLOSED_CURVE:
             break
-    followed = joined(problem, halves)
+    followed = joined(*halves)
     motions = [held.forced.of(problem, p) for p in followed.points]
     return ResponseAboutResonance(
-        outcome=COMPLETE if all(outcome.complete for _, outcome, _ in halves) else followed.outcome,
+        outcome=COMPLETE if all(half.outcome.complete for half in halves) else followed.outcome,
         frequency_hz=followed.values / (2 * np.pi),
         peak_displacement={p.name: np.array([m.peak[k] for m in motions]) for k, p in enumerate(held.damped.probes)},
         stable=np.array([orbit.stable for orbit in followed.orbits]),

@@ -13,7 +13,7 @@ from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
-from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
 from beamsim.scenario.nnm import RelaxedMinimisationMethod
 from beamsim.typing import Floats

@@ -19,9 +19,8 @@ from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint
-from beamsim.orbits.harmonic_balance import ForcedBalance
-from beamsim.orbits.harmonic_motion import HarmonicMotion
-from beamsim.orbits.panels import gauss_panels
+from beamsim.orbits.harmonic_balance import ForcedBalance, HarmonicMotion
+from beamsim.orbits.period import gauss_panels
 from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.typing import Floats, Ints
 

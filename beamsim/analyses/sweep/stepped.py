@@ -20,8 +20,7 @@ from beamsim.flow.transient import start
 from beamsim.inputs.profiles import acceleration_amplitude, phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.interrupts import never
-from beamsim.orbits.lyapunov import largest_exponent
-from beamsim.orbits.steady import CycleStepper, Settled, settle
+from beamsim.orbits.steady import CycleStepper, Settled, largest_exponent, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SteppedSine

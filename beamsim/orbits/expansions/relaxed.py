@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.orbits.reversible import BrakeOrbits
+from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.typing import Floats
 
 SHORTEST, LONGEST = 0.5, 1.5  # of the last step's period: J vanishes as the period does, which is no motion
@@ -39,7 +39,7 @@ def relaxed_path(
 ) -> Iterator[RelaxedStep]:
     """Minimise J at each factor by a quasi-Newton method (L-BFGS-B), from the last result.
 
-    ``start`` are unknowns as of :func:`~beamsim.orbits.reversible.linear_mode`: a motion at the factor before the
+    ``start`` are unknowns as of :func:`~beamsim.orbits.free_orbits.linear_mode`: a motion at the factor before the
     first one.
 
     Parameters

@@ -1,8 +1,12 @@
-"""Extremes over a periodic motion, whatever carries it: the search of :mod:`beamsim.flow.extrema`."""
+"""What belongs to one period of a motion, whatever carries it: the order of its events, extremes, and integrals.
+
+Extremes are those of the search in :mod:`beamsim.flow.extrema`, integrals those of Gauss-Legendre rules on panels
+between events.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +22,12 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.typing import Floats, Ints
 
 PIECES = 64  # of a period, on each of which a power series is a polynomial
+
+
+def cyclic(passage: Passage, without: Collection[int] = ()) -> tuple[tuple[int, int], ...]:
+    """The order of events over a period, whatever event comes first, and without those of some contacts."""
+    s = tuple(event for event in passage.signature if event[0] not in without)
+    return min((s[i:] + s[:i] for i in range(len(s))), default=())
 
 
 def extrema_of(
@@ -79,3 +89,25 @@ def polynomial_extrema(
     search = Search.of(at_points.shape[1], edges.size - 1, squares=squares)
     search.add([replace(waves, window=np.searchsorted(edges, ends[:-1], side="right") - 1)])
     return search.extrema()
+
+
+def gauss_panels(edges: Floats, fastest: float) -> tuple[Floats, Floats]:
+    """Nodes and weights (N,) of a rule for a function that is smooth between edges.
+
+    Parameters
+    ----------
+    edges : (G + 1,) increasing, s.
+    fastest : rad/s, of the motion that the function is a product of.
+
+    Returns
+    -------
+    Nodes in increasing order, and the weights that belong to them, s.
+    """
+    # 20: of a panel
+    node, weight = np.polynomial.legendre.leggauss(20)
+    # 15.0: rad, of the fastest motion on a panel: the error of a power is then below 1e-12
+    parts = np.maximum(np.ceil(np.diff(edges) * fastest / 15.0), 1).astype(np.int64)
+    half = np.repeat(0.5 * np.diff(edges) / parts, parts)
+    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    middle = np.repeat(edges[:-1], parts) + half * (2 * number + 1)
+    return (middle[:, None] + half[:, None] * node).ravel(), (half[:, None] * weight).ravel()
