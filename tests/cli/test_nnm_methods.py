@@ -28,6 +28,12 @@ def compared():
     return nnm(load_scenario(CHAIN, changes), compare=["multiple_scales"])
 
 
+@pytest.fixture(scope="module")
+def beam():
+    changes = {"nnm.continue_in.to": 0.1, "reduction": {"modes": 4}}
+    return nnm(load_scenario(FIRST, changes))
+
+
 def test_thesis_method_beside_shooting(compared):
     """As close as its tolerance lets it, and not closer; what was computed is counted."""
     relaxed = compared.relaxed

@@ -1,5 +1,7 @@
 """Motions under random input that are not kept as a whole: the same as kept ones, in bounded memory."""
 
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 
@@ -33,13 +35,12 @@ def small_parts():
         yield
 
 
-@pytest.fixture(scope="module")
-def in_stretches():
-    return beamsim.run(scenario())
+LIFE = {"stress_range": 100e6, "cycles": 1e6, "exponent": 5.0}
+ASKED = {"low_pass": 1000.0, "impacts": {"minimum_rest": 1e-3}, "fatigue": LIFE, "sample_rate": 20000.0}
 
 
-@pytest.fixture
-def pieces_made(monkeypatch):
+@contextmanager
+def counted_pieces():
     """Numbers of pieces of which sources were made."""
     counts = []
     make = exact.sources_of_pieces
@@ -48,8 +49,22 @@ def pieces_made(monkeypatch):
         counts.append(last - first)
         return make(channels, first, last, duration)
 
-    monkeypatch.setattr(exact, "sources_of_pieces", counted)
-    return counts
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(exact, "sources_of_pieces", counted)
+        yield counts
+
+
+@pytest.fixture(scope="module")
+def both():
+    """A run that is kept and the same in stretches, with accelerations behind a filter, impacts and fatigue."""
+    with counted_pieces() as counts:
+        whole = beamsim.run(scenario(memory=1e9, **ASKED))
+        assert counts == [PIECES + 2]  # it was kept
+        counts.clear()
+        parts = beamsim.run(scenario(**ASKED))
+        assert len(counts) > 20
+        assert max(counts) <= PIECES // 2
+    return whole, parts
 
 
 def histories(result):
@@ -64,13 +79,8 @@ def histories(result):
     return arrays
 
 
-def test_a_motion_in_stretches_is_that_which_is_kept(pieces_made):
-    whole = beamsim.run(scenario(memory=1e9))
-    assert pieces_made == [PIECES + 2]  # it was kept
-    pieces_made.clear()
-    parts = beamsim.run(scenario())
-    assert len(pieces_made) > 20
-    assert max(pieces_made) <= PIECES // 2
+def test_a_motion_in_stretches_is_that_which_is_kept(both):
+    whole, parts = both
     assert parts.work.events == whole.work.events > 20
     assert parts.work.segments == whole.work.segments > PIECES
     for name, values in histories(whole).items():
@@ -95,16 +105,16 @@ def test_a_motion_in_stretches_is_that_which_is_kept(pieces_made):
     np.testing.assert_allclose(parts.only_body.extreme_shapes, shapes, rtol=0, atol=1e-7 * np.abs(shapes).max())
 
 
-def test_an_interrupted_motion_keeps_what_it_reached(in_stretches, pieces_made):
+def test_an_interrupted_motion_keeps_what_it_reached(both):
     reached = []
-    result = beamsim.run(scenario(), progress=reached.append, stop=lambda: reached[-1:] > [0.4])
+    result = beamsim.run(scenario(**ASKED), progress=reached.append, stop=lambda: reached[-1:] > [0.4])
     assert result.outcome.code == "interrupted"
     assert np.all(np.diff(reached) > 0)
     assert 0.2 * 0.14 < result.time[-1] < 0.8 * 0.14
-    pieces_made.clear()
-    assert result.only_body.peak_bending_stress.max() > 0.0
-    assert not pieces_made  # nothing is marched again
-    whole = in_stretches
+    with counted_pieces() as counts:
+        assert result.only_body.peak_bending_stress.max() > 0.0
+    assert not counts  # nothing is marched again
+    whole = both[0]
     kept = np.isin(whole.time, result.time)
     tip = result.probes["tip"].displacement
     np.testing.assert_allclose(tip, whole.probes["tip"].displacement[kept], rtol=1e-12, atol=1e-18)
@@ -117,18 +127,8 @@ def test_what_needs_the_whole_motion_is_refused():
         beamsim.run(scenario(srs={"from": 20.0, "to": 500.0}))
 
 
-@pytest.fixture(scope="module")
-def filtered_and_counted():
-    """The same run kept and in stretches, with accelerations behind a filter, impacts and fatigue."""
-    life = {"stress_range": 100e6, "cycles": 1e6, "exponent": 5.0}
-    asked = {"low_pass": 1000.0, "impacts": {"minimum_rest": 1e-3}, "fatigue": life, "sample_rate": 20000.0}
-    return beamsim.run(scenario(memory=1e9, **asked)), lambda: beamsim.run(scenario(**asked))
-
-
-def test_a_filter_impacts_and_fatigue_of_stretches_are_those_of_a_kept_motion(filtered_and_counted, pieces_made):
-    whole, again = filtered_and_counted
-    parts = again()
-    assert len(pieces_made) > 20
+def test_a_filter_impacts_and_fatigue_of_stretches_are_those_of_a_kept_motion(both):
+    whole, parts = both
     for name, probe in whole.probes.items():
         values, scale = probe.low_passed_acceleration, np.abs(probe.low_passed_acceleration).max()
         np.testing.assert_allclose(parts.probes[name].low_passed_acceleration, values, rtol=0, atol=1e-9 * scale)
@@ -152,6 +152,7 @@ def test_a_filter_impacts_and_fatigue_of_stretches_are_those_of_a_kept_motion(fi
     assert {name: body.damage for name, body in parts.fatigue.items()} == pytest.approx(damage, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_finer_model_is_compared_on_the_first_part():
     result = beamsim.run(scenario(convergence="on", memory=128e6))
     assert result.summary["convergence"]["peak_displacement_m"]["tip"] > 0.0
