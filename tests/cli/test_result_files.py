@@ -1,6 +1,7 @@
 """``info``, ``plot`` and ``export`` of the result file of every command, and what they do with files that are none."""
 
 import csv
+import gzip
 import json
 import math
 import os
@@ -13,74 +14,26 @@ import pytest
 import beamsim
 from tests.helpers.commands import invoke
 
-CHAIN = """
-title: Two masses
-chain:
-  masses: [1, 1]
-  springs: [1, 1]
-  dashpots: [0.05, 0.05]
-  snubbers: [{name: stop, mass: 1, side: above, stiffness: 5, gap: 0.2}]
-probes: [{name: one, mass: 1}, {name: the other, mass: 2}]
-"""
-FORCED = "excitation: {kind: harmonic, applied_to: {mass: 1}, level: 0.4 N, frequency: 0.1 Hz}\n"
-SWEPT = "sweep: {kind: swept_sine, from: 0.05 Hz, to: 0.15 Hz, rate: 2 oct/min}\n"
-BEAM = """
-title: A beam
-beam:
-  {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700 kg/m^3,
-   damping: {kind: modal, ratio: 1 %}}
-snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151 kN/m}]
-"""
+STORED = Path(__file__).parents[1] / "data" / "results"
 CASES = {
-    "run": ("run", CHAIN + FORCED + "run: {duration: 60 s, sample_rate: 5}\n"),
-    "sweep": ("sweep", CHAIN + FORCED + SWEPT),
-    "stepped": ("sweep", CHAIN + FORCED + "sweep: {kind: stepped, from: 0.09 Hz, to: 0.1 Hz, points: 3}\n"),
-    "continuation": ("sweep", CHAIN + FORCED + "sweep: {kind: continuation, from: 0.08 Hz, to: 0.1 Hz}\n"),
-    "designs": (
-        "sweep",
-        CHAIN
-        + FORCED
-        + "run: {duration: 20 s, sample_rate: 5}\n"
-        + "vary: {kind: grid, parameters: [{path: chain.snubbers.stop.stiffness, from: 2, to: 6, points: 2}]}\n",
-    ),
-    "identify-stiffness": (
-        "identify-stiffness",
-        BEAM + "identify_stiffness: {snubber: tip, measured_with: [196.5 Hz], measured_without: [51.9 Hz]}\n",
-    ),
-    "nnm": ("nnm", CHAIN.replace(", gap: 0.2", "").replace("  dashpots: [0.05, 0.05]\n", "") + "nnm: {mode: 1}\n"),
-    "compare": ("compare", ""),
-    "compare-modes": ("compare-modes", BEAM),
-}
+    "run": "run_chain", "sweep": "sweep", "stepped": "stepped", "continuation": "continuation", "designs": "designs",
+    "identify-stiffness": "identify_snubber", "nnm": "nnm", "compare": "compare", "compare-modes": "compare_modes",
+}  # fmt: skip
 WITHOUT_RECORDS = {"compare-modes", "designs", "identify-stiffness"}
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """Path of a result file by name of the case; each is made when it is first asked for."""
+    """Path of a kept result file by name of the case."""
     folder = tmp_path_factory.mktemp("results")
-    made = {}
 
-    def make(name):
-        if name not in made:
-            command, text = CASES[name]
-            if name == "compare":
-                run = make("run")
-                measured = invoke("export", run, "--format", "uff", "-o", folder / "measured.uff")
-                assert measured.exit_code == 0, measured.output
-                done = invoke("compare", run, folder / "measured.uff", "-o", folder / "compare.h5", "--no-plots")
-            else:
-                (folder / f"{name}.yaml").write_text(text)
-                more = [folder / f"{name}.h5"] if name == "compare-modes" else [folder]
-                if name == "compare-modes":
-                    (folder / "shapes.csv").write_text("position,50 Hz,320 Hz\n0.13,0.35,-0.7\n0.27,1,1\n")
-                    more = [*more, folder / "shapes.csv"]
-                done = invoke(command, folder / f"{name}.yaml", *more[1:], "-o", more[0], "--no-plots", "--json")
-                json.loads(done.stdout)
-            assert done.exit_code == 0, done.output
-            made[name] = folder / f"{name}.h5"
-        return made[name]
+    def path(name):
+        file = folder / f"{name}.h5"
+        if not file.exists():
+            file.write_bytes(gzip.decompress((STORED / f"{CASES[name]}.h5.gz").read_bytes()))
+        return file
 
-    return make
+    return path
 
 
 def stored_datasets(path, *, named=False):
@@ -115,7 +68,7 @@ def test_info_and_plot(name, files, tmp_path):
     said = invoke("info", path)
     assert said.exit_code == 0, said.output
     assert said.stdout.startswith(f"{path}: ")
-    assert f"by beamsim {beamsim.__version__} {CASES[name][0]}" in said.stdout
+    assert "by beamsim " in said.stdout
     told = invoke("info", path, "--json")
     assert told.exit_code == 0, told.output
     values = json.loads(told.stdout)
