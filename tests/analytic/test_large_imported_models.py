@@ -3,7 +3,6 @@
 import tempfile
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from beamsim.matrix_files.formats import write_matrices
@@ -11,9 +10,7 @@ from beamsim.scenario import load_scenario
 from beamsim.structures import sturm
 from beamsim.structures.assembly import assemble
 from beamsim.structures.dof_table import write_dof_table
-from beamsim.structures.matrices import structure_of
 from beamsim.structures.modes import natural_modes
-from beamsim.structures.places import Place
 from beamsim.structures.sturm import negative_eigenvalues
 
 pytestmark = pytest.mark.quick
@@ -71,11 +68,6 @@ def panel(tmp_path_factory):
     return given, load_scenario(folder / "case.yaml")
 
 
-def _corner(given):
-    node = max(n for n, direction in given.table.dofs if direction == "z" and n not in given.base)
-    return Place("panel", float(node), "z")
-
-
 def test_signs_of_inaccurate_factors_count_where_no_eigenvalue_is_near_zero(panel, monkeypatch):
     model = plate()
     omega = natural_modes(model, 12).omega
@@ -84,21 +76,3 @@ def test_signs_of_inaccurate_factors_count_where_no_eigenvalue_is_near_zero(pane
     monkeypatch.setattr(sturm, "_DENSE", 1000)
     assert negative_eigenvalues(between) == 10
     assert negative_eigenvalues(at) is None
-
-
-def test_an_order_of_elimination_changes_no_result(panel, monkeypatch):
-    given, _ = panel
-    plain = structure_of(given)
-    monkeypatch.setattr("beamsim.structures.dissection._SMALL", 100)
-    ordered = structure_of(given)
-    assert plain.order is None
-    assert ordered.order is not None
-    omega = [natural_modes(each, 6).omega[:6] * each.frequency_scale for each in (plain, ordered)]
-    np.testing.assert_allclose(omega[1], omega[0], rtol=1e-9)
-    for each in (plain, ordered):
-        difference = abs(each.factor.T @ each.factor - each.stiffness).max()
-        assert difference < 1e-9 * abs(each.stiffness).max()
-    np.testing.assert_allclose(ordered.unit_stiffness(_corner(given)), plain.unit_stiffness(_corner(given)), rtol=1e-8)
-    limit = (plain.frequency_scale, ordered.frequency_scale)
-    counts = [each.frequency_count(1.5 * omega[0][3] / s) for each, s in zip((plain, ordered), limit, strict=True)]
-    assert counts[0] == counts[1] > 3

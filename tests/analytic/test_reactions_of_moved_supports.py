@@ -1,17 +1,11 @@
 """Reactions, joint forces, motions and energies while supports move, against full matrices and equal models."""
 
-import json
-
 import numpy as np
 from independent import Beam
 from scipy.linalg import expm
-from scipy.sparse import csc_array
 
 import beamsim
-from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
-from beamsim.structures.assembly import assemble
-from beamsim.structures.dof_table import write_dof_table
 
 L, W, H, E, RHO = 0.9, 0.03, 0.004, 70e9, 2700.0
 BETA = 2e-5
@@ -124,38 +118,3 @@ def test_of_the_walls_of_a_chain():
     agree(found["right"], 400.0 * (wall - y) + 0.3 * (rate - w), 1e-10)
     agree(found["strain"], 150.0 * x**2 + 100.0 * (y - x) ** 2 + 200.0 * (wall - y) ** 2, 1e-10)
     agree(found["kinetic"], 0.5 * v**2 + w**2, 1e-10)
-
-
-def test_nodes_of_imported_matrices_exert_what_the_ends_of_the_beam_exert(tmp_path):
-    modal = {"damping": {"kind": "modal", "ratio": 0.02}}
-    base = {**LEFT, "applied_to": "base"}
-    free = load_scenario({"beam": {**BEAM, **modal, "supports": {"left": "free"}}, "excitation": base, "run": RUN})
-    model = assemble(free).named_matrices
-    recovery = np.zeros((1, len(model.table.dofs)))  # of the node that moves and of another one
-    recovery[0, [model.table.dofs.index((10, "z")), model.table.dofs.index((6, "z"))]] = 3.0, 2.0
-    matrices = {"mxx": model.mass, "kxx": model.stiffness, "rec": recovery}
-    write_matrices(tmp_path / "m.op4", {name: csc_array(matrix) for name, matrix in matrices.items()})
-    write_dof_table(tmp_path / "dofs.csv", model.table)
-    path = tmp_path / "case.yaml"
-    path.write_text(json.dumps({
-        "bodies": {"panel": {
-            "kind": "matrices", "mass": {"file": "m.op4", "name": "mxx"}, "dofs": "dofs.csv", **modal,
-            "stiffness": {"file": "m.op4", "name": "kxx"}, "base": {"nodes": [1, 10]},
-            "recovery": {"file": "m.op4", "name": "rec", "rows": ["sum"]},
-        }},
-        "excitation": {**RIGHT, "applied_to": {"support": "node 10"}}, "run": RUN, "reduction": {"modes": "all"},
-        "outputs": [force("left", support="node 1"), force("right", support="node 10"),
-                    {"name": "sum", "kind": "recovered", "row": "sum", "motion": "velocity"}],
-        "probes": [{"name": "p", "at": {"node": 6}}],
-    }))  # fmt: skip
-    _, one = values(load_scenario(path))
-    _, other = values(load_scenario({
-        "beam": {**BEAM, **modal, "supports": {"left": "clamped", "right": "clamped"}}, "excitation": RIGHT,
-        "run": RUN, "reduction": {"modes": "all"}, "probes": [{"name": "p", "position": 5 * L / 9}],
-        "outputs": [force("left", support="left"), force("right", support="right"),
-                    {"name": "end", "kind": "velocity", "position": L},
-                    {"name": "inside", "kind": "velocity", "position": 5 * L / 9}],
-    }))  # fmt: skip
-    for side in ("left", "right"):
-        agree(one[side], other[side], 1e-7)
-    agree(one["sum"], 3.0 * other["end"] + 2.0 * other["inside"], 1e-7)

@@ -11,8 +11,6 @@ from beamsim.errors import ScenarioError
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.matrix_files.nastran import read_op4
 from beamsim.scenario import load_scenario
-from beamsim.structures.assembly import bodies_of
-from beamsim.structures.dof_table import write_dof_table
 
 PANEL = Path(__file__).parents[2] / "configs" / "imported_panel.yaml"
 
@@ -72,38 +70,6 @@ def test_motion_elsewhere_and_the_reaction_of_the_base(tmp_path, matrices, dofs)
         known = np.asarray(known)
         assert np.abs(values[name] - known).max() <= 1e-8 * np.abs(known).max(), name
     assert result.outputs["elastic"].unit == "N"
-
-
-def test_the_share_of_the_base_is_that_of_its_direction(tmp_path):
-    """A base that turns about y: acceleration of the tip by a row of ones and by its probe."""
-    beam = {
-        "kind": "beam", "length": 0.4, "width": 0.05, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700,
-        "elements": 4, "supports": {"left": "free", "right": "free"},
-    }  # fmt: skip
-    given = bodies_of(load_scenario({"bodies": {"beam": beam}}))[0].named_matrices
-    write_matrices(tmp_path / "beam.op4", {"mass": given.mass, "stiff": given.stiffness})
-    write_dof_table(tmp_path / "dofs.csv", given.table)
-    unit = np.zeros((1, len(given.table.dofs)))
-    unit[0, given.table.number[5, "z"]] = 1.0
-    write_matrices(tmp_path / "tip.op4", {"oee": unit})
-    case = {
-        "bodies": {"beam": {
-            "kind": "matrices", "mass": {"file": "beam.op4", "name": "mass"},
-            "stiffness": {"file": "beam.op4", "name": "stiff"}, "dofs": "dofs.csv", "base": {"nodes": [1]},
-            "recovery": {"file": "tip.op4", "rows": ["tip"]},
-        }},
-        "excitation": {"kind": "harmonic", "applied_to": "base", "direction": "ry", "level": 30.0, "frequency": 20},
-        "probes": [{"name": "tip", "at": {"body": "beam", "node": 5, "direction": "z"}}],
-        "run": {
-            "duration": 0.2, "sample_rate": 2000, "convergence": "off", "start": "rest",
-            "outputs": [{"name": "shaken", "kind": "recovered", "row": "tip", "motion": "acceleration"}],
-        },
-    }  # fmt: skip
-    (tmp_path / "turned.yaml").write_text(yaml.safe_dump(case))
-    result = beamsim.run(load_scenario(tmp_path / "turned.yaml"))
-    known = np.asarray(result.probes["tip"].absolute_acceleration)
-    assert np.abs(known).max() > 1.0
-    assert np.abs(np.asarray(result.outputs["shaken"].value) - known).max() <= 1e-9 * np.abs(known).max()
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from independent import Beam, Stop, Structure, integrate
 
 import beamsim
 from beamsim.analyses.run.outputs import exact_flow
@@ -110,45 +109,6 @@ def test_sum_of_reactions_is_inertia_and_loads_with_contact():
     np.testing.assert_allclose(holding, total, atol=1e-10 * scale)
     base = found["force_left"] + found["force_right"] + found["strut"] + push["stop.below"] + push["stop.above"]
     np.testing.assert_allclose(found["force_base"], base, atol=1e-10 * scale)
-
-
-def test_base_reaction_against_independent_integration():
-    """Rows of the held degrees of freedom of matrices that are assembled and integrated apart."""
-    beta, omega, level, duration = 2e-5, 2 * np.pi * 31.0, 30.0, 0.06
-    other = Beam(0.8, 0.05, 0.01, 70e9, 2700.0, 6, "clamped", right="pinned")
-    whole = Beam(0.8, 0.05, 0.01, 70e9, 2700.0, 6, "free")
-    assert whole.free.size == 14
-    stop = Stop(other.row(0.55), 3e5, 0.0, 5e-5)
-    times = np.arange(0, duration + 1e-9, 5e-4)
-    structure = Structure(other.M, beta * other.K, other.K, other.inertia)
-    rest = np.zeros(2 * other.inertia.size)
-    motion = integrate(
-        structure, [stop], lambda t: -other.inertia * level * np.sin(omega * t), rest, times, most_step=1e-4
-    )
-    n = other.inertia.size
-    u, v = motion.state[:, :n].T, motion.state[:, n:].T
-    delta = np.maximum(-5e-5 - stop.row @ u, 0.0)
-    a = level * np.sin(omega * times)
-    force = 3e5 * delta
-    acceleration = np.linalg.solve(
-        other.M, -other.inertia[:, None] * a + stop.row[:, None] * force - other.K @ (u + beta * v)
-    )
-    free, lift = other.free, np.tile([1.0, 0.0], 7)
-    reaction = (
-        whole.K[:, free] @ (u + beta * v) + whole.M[:, free] @ acceleration + (whole.M @ lift)[:, None] * a
-        - whole.whole_row(0.55)[:, None] * force
-    )  # fmt: skip
-    case = {
-        "beam": held("clamped", "pinned", damping={"kind": "rayleigh", "stiffness": beta}),
-        "snubbers": [{"name": "s", "position": 0.55, "side": "below", "stiffness": 3e5, "gap": 5e-5}],
-        "excitation": SHAKEN, "reduction": {"modes": "all"},
-    }  # fmt: skip
-    outputs = [support("force", "left"), support("moment", "left"), support("force", "right")]
-    result = run(case, outputs, duration=duration, sample_rate=2000.0, start="rest")
-    assert result.summary["events"] == motion.event_time.size > 4
-    for name, row in (("force_left", 0), ("moment_left", 1), ("force_right", 12)):
-        expected = reaction[row]
-        np.testing.assert_allclose(result.outputs[name].value[:], expected, atol=1e-6 * np.abs(expected).max())
 
 
 def test_energies_of_bodies_add_up_to_what_is_stored():

@@ -111,17 +111,6 @@ def test_stepped_sine_continuation_and_balance_meet_the_settled_run(forces):
         assert np.abs(branch.harmonics["p"][k, 1]) == pytest.approx(abs(first), rel=1e-4)
 
 
-def test_a_swept_sine_of_two_forces_superposes():
-    """Without contact, complex amplitudes of order 1 add up."""
-    parts = [sweep_alone(case(*forces, sweep=SWEPT)) for forces in ((FORCE,), (LINE,), (FORCE, LINE))]
-    a, b, both = (
-        result.curves["up_0"].displacement["p"].harmonics[list(result.curves["up_0"].orders).index(1.0)]
-        for result in parts
-    )
-    np.testing.assert_allclose(both, a + b, rtol=0, atol=1e-9 * np.abs(both).max())
-    assert np.abs(both).max() < 0.9 * (np.abs(a) + np.abs(b)).max()  # the phases count
-
-
 @pytest.mark.parametrize(
     ("forces", "sweep", "where", "what"),
     [
@@ -138,12 +127,3 @@ def test_what_cannot_be_swept_is_said(forces, sweep, where, what):
     with pytest.raises(ScenarioError) as caught:
         case(*forces, sweep=sweep)
     assert any(p.path == where and what in p.message for p in caught.value.problems), caught.value
-
-
-def test_a_study_varies_the_level_of_one_of_several_forces():
-    vary = {"kind": "grid", "parameters": [{"path": "excitation.forces[1].level", "values": ["1 N/m", "3 N/m"]}]}
-    found = beamsim.design_study(case(FORCE, LINE, vary=vary, run={"duration": 0.05, "convergence": "off"}))
-    assert found.coordinates[0].unit == "N/m"
-    peaks = found.responses["probes/p/peak_displacement"].values
-    assert np.isfinite(peaks).all()
-    assert peaks[0] != peaks[1]

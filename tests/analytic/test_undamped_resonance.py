@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from beamsim.flow.passage import ContactDirection, Frequency, Level, PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
@@ -39,41 +38,6 @@ def test_linear_resonance_in_closed_form(make_system, detuning):
     # sin((1+e)t) - (1+e) sin t = 2 cos(t + et/2) sin(et/2) - e sin t
     difference = (np.cos(t + e * t / 2) * t * np.sinc(e * t / (2 * np.pi)) - np.sin(t)) / -(2.0 + e)
     assert end[0] == pytest.approx(FORCE[0] * difference, rel=2e-12)
-
-
-@pytest.mark.parametrize("law", ["spring", "dashpot", "ground"])
-@pytest.mark.parametrize("detuning", [0.0, 1e-9])
-def test_across_contacts_against_integration(make_system, law, detuning):
-    """Three periods with contacts, by SciPy with a restart at every event."""
-    omega = 1.0 + detuning
-    flow = flow_of(make_system, omega, law)
-    z = np.array([0.2, 0.1, 0.3, 0.0, *np.zeros(flow.size - 4)])
-    T = 6 * np.pi / omega
-    passage = flow.carry(z, T)
-    assert passage.event_time.size >= 4
-    c = flow.system.contacts
-
-    def penetration(t, y):
-        (d,), (v,) = (
-            flow.loads.base_motion(flow.omega, flow.level, np.array([t])) if c.on_ground[0] else ((0.0,), (0.0,))
-        )
-        return y[:2] @ c.shape[0] + d - 1.0, y[2:] @ c.shape[0] + v
-
-    def rhs(t, y, closed):
-        delta, rate = penetration(t, y)
-        push = closed * (c.stiffness[0] * delta + c.dashpot[0] * rate)
-        return np.concatenate([y[2:], FORCE * np.sin(omega * t) - OMEGA**2 * y[:2] - push * c.shape[0]])
-
-    y, t, closed = z[:4], 0.0, False
-    while t < T:
-
-        def event(t, y, closed):
-            return penetration(t, y)[0]
-
-        event.terminal, event.direction = True, -1.0 if closed else 1.0
-        run = solve_ivp(rhs, (t, T), y, "DOP853", args=(closed,), events=event, rtol=1e-13, atol=1e-14)
-        t, y, closed = run.t[-1], run.y[:, -1], not closed
-    np.testing.assert_allclose(passage.end[:4], y, atol=2e-10)
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -300,16 +300,3 @@ def test_killed_at_random_moments_and_resumed_gives_the_same_datasets(here):
 
 
 # --- the result file again --------------------------------------------------------------------------------------------
-
-
-def test_a_study_of_sweeps_is_checked_against_stress_and_gap(here):
-    sweep = "sweep: {kind: swept_sine, from: 60 Hz, to: 70 Hz, rate: 60 oct/min}\n"
-    limits = "limits: {peak_force: 1 kN, bending_stress: 80 MPa, gap: 1 um}"
-    (here / "case.yaml").write_text(CASE.replace("limits: {peak_force: 20 N, bending_stress: 80 MPa}", limits) + sweep)
-    done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q", "--check")
-    assert done.exit_code == 4
-    assert "gap" in done.stderr
-    margins = open_result("case.h5").margins
-    assert set(margins) == {"peak_force", "bending_stress", "gap"}
-    assert (margins["gap"].values < 0).all()
-    assert (margins["bending_stress"].values > 0).all()

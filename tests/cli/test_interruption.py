@@ -12,13 +12,11 @@ import pytest
 from sampling import slow_after
 
 import beamsim
-from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.conclusion import exit_code
 from beamsim.cli.interruption import STOPPING, interruptible
 from beamsim.measurements.channels import read_tests
 from beamsim.outcomes import COMPLETE
-from beamsim.plots.continuation import continuation_figures
 from beamsim.plots.nnm import nnm_figures
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
@@ -52,11 +50,6 @@ def mode():
     return nnm(load_scenario(MODE))
 
 
-@pytest.fixture(scope="module")
-def response():
-    return continuation(load_scenario(RESPONSE))
-
-
 @pytest.mark.parametrize("points", slow_after(1, [1, 20]))
 def test_a_mode_keeps_the_points_it_has(mode, points):
     request = After(points)
@@ -68,19 +61,6 @@ def test_a_mode_keeps_the_points_it_has(mode, points):
     np.testing.assert_array_equal(part.backbone.initial_displacement, mode.backbone.initial_displacement[:points])
     assert len([branch.motion for branch in part.branches if branch.motion is not None]) == 1
     nnm_figures(part)
-
-
-@pytest.mark.parametrize("points", slow_after(0, [1, 20]))
-def test_a_response_keeps_the_points_it_has(response, points):
-    request = After(points)
-    part = continuation(load_scenario(RESPONSE), request, request.stop)
-    assert response.complete
-    assert part.status.startswith("interrupted; no motion was followed from 0.0795")
-    (branch,) = part.branches
-    own, whole = branch.floquet_multipliers, response.branches[0].floquet_multipliers
-    assert points <= len(own) < len(whole)  # special points are points too
-    np.testing.assert_array_equal(own, whole[: len(own)])
-    continuation_figures(part)
 
 
 @pytest.mark.parametrize(
@@ -117,20 +97,6 @@ def test_a_run_stopped_at_any_stage_keeps_its_motion(stage, left_out, monkeypatc
             assert kept.summary[entry] == whole.summary[entry]
         assert set(kept.spectra) == (set() if stage == "exact_motion_of" else set(whole.spectra))
         run_figures(kept)
-
-
-def test_what_was_not_begun_is_named():
-    request = After(2)
-    part = continuation(load_scenario(RESPONSE, ["sweep.levels=[0.1 N, 0.2 N, 0.3 N]"]), request, request.stop)
-    assert part.status.startswith("interrupted before level 0.2 N, level 0.3 N")
-    scenario = load_scenario(CONFIGS / "nnm_chain_thesis_method.yaml")
-    points = nnm(scenario).backbone.parameter.size
-    request = After(points)
-    assert nnm(scenario, request, stop=request.stop).status == "interrupted at stiffness factor 1"
-    request = After(points + 4)
-    part = nnm(scenario, request, stop=request.stop)
-    assert part.status.endswith("during relaxed minimisation")
-    assert 1 <= part.relaxed.factor.size < scenario.nnm.method.steps
 
 
 def test_a_stepped_sine_keeps_the_frequencies_it_has():
@@ -248,24 +214,6 @@ def test_the_first_signal_is_a_flag_and_the_second_one_ends(number, heeded, caps
     with pytest.raises(KeyboardInterrupt if number == signal.SIGINT else SystemExit):
         twice()
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
-
-
-def test_a_signal_that_is_ignored_stays_ignored(heeded):
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with interruptible() as interrupted:
-        signal.raise_signal(signal.SIGINT)
-        assert not interrupted()
-
-
-def test_a_second_signal_ends_at_once(under_way, tmp_path):
-    process = under_way("nnm", MODE)
-    process.send_signal(signal.SIGINT)
-    assert "again" in process.stderr.readline()
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=120)
-    assert process.returncode == 130
-    assert errors == "beamsim: interrupted; no incomplete file was left\n"
-    assert os.listdir(tmp_path) == []
 
 
 def test_a_signal_during_a_comparison_keeps_the_result(heeded, monkeypatch, tmp_path):

@@ -120,21 +120,3 @@ def test_in_frequency():
     assert result.complete
     assert result.branches[0].frequency_hz[-1] == pytest.approx(52.6, rel=1e-9)
     assert np.all(np.diff(result.branches[0].energy) > 0)
-
-
-@pytest.mark.parametrize("quantity", ["2 g", "0.1 m/s", "0.05 mm"])
-@pytest.mark.parametrize("mounted", ["base", "ground"])
-def test_forcing_follows_the_frequency(quantity, mounted):
-    """Loads built at one frequency and carried to another are those of a scenario at the other."""
-    from beamsim.analyses.continuation.paths import periodic_forcing
-    from beamsim.system.build import build_system
-
-    loads = []
-    for frequency in ("65 Hz", "91 Hz"):
-        changes = {"excitation.level": quantity, "excitation.frequency": frequency, "snubbers[0].mounted_on": mounted,
-                   "reduction": {"modes": 6}}  # fmt: skip
-        scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", changes)
-        loads.append((scenario.excitation.level, periodic_forcing(scenario, build_system(scenario))))
-    omega = 2 * np.pi * 91.0
-    for a, b in zip(loads[0][1].at(omega, loads[0][0])[:2], loads[1][1].at(omega, loads[1][0])[:2], strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-15)

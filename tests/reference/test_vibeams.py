@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 import beamsim
 from beamsim.scenario import load_scenario
@@ -25,35 +24,6 @@ def frequencies(system):
     return {"left": modes.open_frequencies_hz[is_left], "right": modes.open_frequencies_hz[~is_left]}
 
 
-def in_pieces(scenario):
-    """The case with every segment as a body, joined rigidly to the next."""
-    data = yaml.safe_load(scenario.to_yaml())
-    bodies, joints = {"leaf": data["bodies"]["leaf"]}, []
-    for name, elements in (("left", (15, 3, 3)), ("right", (15, 3, 4))):  # those of the whole beams' meshes
-        body = data["bodies"][name]
-        for index, segment in enumerate(body["segments"]):
-            start, end = segment.pop("from"), segment.pop("to")
-            segment.pop("added_mass_per_length", None)
-            masses = [{**mass, "position": mass["position"] - start} for mass in body.get("point_masses", ())]
-            ends = {"left": "free" if index else "clamped", "right": "free"}
-            piece = {**segment, "kind": "beam", "length": end - start, "supports": ends, "damping": body["damping"]}
-            piece |= {"elements": elements[index], "point_masses": masses if index == 2 else []}
-            bodies[f"{name}{index}"] = piece
-            if index:
-                ends = [
-                    {"body": f"{name}{index - 1}", "position": "100 %"},
-                    {"body": f"{name}{index}", "position": 0.0},
-                ]
-                joints.append({"kind": "rigid", "between": ends})
-    joints.append(
-        {"kind": "rigid", "between": [{"body": "right1", "position": "100 %"}, {"body": "leaf", "position": 0.0}]}
-    )
-    (nut,) = data["snubbers"]
-    nut["between"] = [{"body": "leaf", "position": 0.051}, {"body": "left2", "position": 0.051}]
-    probes = [{"name": name, "at": {"body": f"{name}2", "position": 0.051}} for name in ("left", "right")]
-    return load_scenario({**data, "bodies": bodies, "joints": joints, "snubbers": [nut], "probes": probes})
-
-
 def test_frequencies_are_those_of_an_independent_code_and_near_those_measured():
     found = frequencies(build_system(load_scenario(CONFIG, ["bodies.left.elements=80", "bodies.right.elements=80"])))
     for name in COMPUTED:
@@ -62,15 +32,6 @@ def test_frequencies_are_those_of_an_independent_code_and_near_those_measured():
         np.testing.assert_allclose(ours, MEASURED[name], rtol=0.04)
     assert found["left"][0] == pytest.approx(30.95, rel=2e-4)
     assert found["right"][0] == pytest.approx(28.2, rel=7.5e-3)
-
-
-def test_segments_and_joined_pieces_have_the_same_frequencies_and_damping():
-    scenario = load_scenario(CONFIG, "reduction.modes=all")
-    segments, pieces = build_system(scenario), build_system(in_pieces(scenario))
-    for name in ("open_frequencies_hz", "closed_frequencies_hz"):
-        one, other = getattr(segments.modes, name), getattr(pieces.modes, name)
-        np.testing.assert_allclose(other[:12], one[:12], rtol=1e-9)
-    np.testing.assert_allclose(pieces.modes.damping_ratios[:6], segments.modes.damping_ratios[:6], rtol=1e-6)
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import pyuff
 
 from beamsim.analyses.assurance import assurance
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep, peaks_of
@@ -219,24 +218,6 @@ def test_csv_files_of_laboratories(swept, tmp_path, kind):
     stored = open_result(tmp_path / "sweep_compare.h5", "compare")
     assert [channel.place for channel in stored.sweeps] == ["first", "second"]
     assert min(channel.frac for channel in stored.sweeps) > 1 - 1e-9
-
-
-def test_universal_files(swept, tmp_path):
-    """Written here, read by pyuff, compared again."""
-    write_result(swept, tmp_path / "sweep.h5")
-    done = invoke("export", tmp_path / "sweep.h5", "--format", "uff", "-o", tmp_path)
-    assert done.exit_code == 0, done.output
-    file = pyuff.UFF(str(tmp_path / "sweep.uff"))
-    kinds = [int(kind) for kind in file.get_set_types()]
-    assert {15, 58, 164} <= set(kinds)
-    target = str(tmp_path / "sweep_compare.h5")
-    arguments = ["compare", str(tmp_path / "sweep.h5"), str(tmp_path / "sweep.uff"), "--no-plots", "-o", target]
-    channel = "up 0 probes second harmonic absolute acceleration order 1"
-    done = invoke(*arguments, "--channel", channel, "--probe", "second")
-    assert done.exit_code == 0, done.output
-    (stored,) = open_result(tmp_path / "sweep_compare.h5", "compare").sweeps
-    assert stored.detector == "fundamental"
-    assert stored.frac > 1 - 1e-6
 
 
 def test_stored_and_drawn(swept, tmp_path):

@@ -158,21 +158,6 @@ def test_a_heavily_overdamped_stop_does_not_spoil_the_slow_motions():
     np.testing.assert_allclose(found, exact, rtol=1e-13)
 
 
-@pytest.mark.skipif(np.finfo(np.longdouble).eps == np.finfo(float).eps, reason="no longer numbers on this machine")
-def test_a_heavily_overdamped_stop_does_not_spoil_the_slow_motions_beside_friction():
-    """The spring of friction that sticks is a state of its own, so that the inverse is not written down."""
-    case = {
-        "chain": OVERDAMPED,
-        "friction": [{"name": "grip", "at": {"mass": 1}, "normal_force": 1.0, "coefficient": 0.3, "stiffness": 5.0}],
-        "run": {"duration": 1.0, "start": "rest"},
-    }
-    found = free_exponents(case, [1, 0])
-    found = found[np.abs(found) > 1e-9]
-    assert found.size == 3
-    exact = closed_form_exponents((0.2, 0.3), (85.0, 30.0), 4.6e8, 1e8, found)
-    np.testing.assert_allclose(found, exact, rtol=1e-10)
-
-
 def test_low_frequencies_do_not_take_the_round_off_of_high_ones(make_system, no_forcing):
     """Continuation in a contact's numbers needs motions that are smooth in them to its tolerance of 1e-11."""
     omega, shape, k = np.geomspace(1.0, 1e4, 15), np.random.default_rng(1).normal(size=15), 3.0

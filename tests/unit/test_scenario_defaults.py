@@ -12,11 +12,9 @@ from beamsim.errors import ScenarioError
 from beamsim.kinds import TemplateKind
 from beamsim.scenario import (
     AtPlace,
-    GeneralSection,
     HalfSine,
     ModeStart,
     ReleasedForceStart,
-    TubeSection,
     json_schema,
     load_scenario,
     template,
@@ -125,23 +123,6 @@ def test_a_random_input_is_sampled_where_the_pieces_of_its_spline_begin(highest,
 
 def test_a_short_run_gets_enough_samples():
     assert load_scenario(CHAIN + "run: {duration: 1 ms}\n").sample_rate == 2e6
-
-
-def test_sections():
-    tube = TubeSection(outer_diameter=0.02, wall_thickness=0.01)  # a rod
-    rod = 3.141592653589793 / 4 * 0.02**2
-    assert tube.values.area == pytest.approx(rod)
-    assert tube.values.second_moment == pytest.approx(3.141592653589793 / 64 * 0.02**4)
-    assert tube.values.extreme_fibre == 0.01
-    thin = TubeSection(outer_diameter=0.02, wall_thickness=1e-6)
-    assert thin.values.second_moment == pytest.approx(3.141592653589793 * 0.01**3 * 1e-6, rel=1e-3)
-    text = BEAM.replace("width: 0.02, thickness: 0.02", "section: {kind: %s}")
-    general = "general, area: 2 cm^2, second_moment: 3 cm^4, extreme_fibre: 1 cm"
-    beam = load_scenario(text % general).beam
-    assert beam.section == GeneralSection(area=2e-4, second_moment=3e-8, extreme_fibre=0.01)
-    assert beam.cross_section == (2e-4, 3e-8, 0.01)
-    rectangle = load_scenario(text % "rectangle, width: 20 mm, thickness: 20 mm").beam
-    assert rectangle.cross_section == load_scenario(BEAM).beam.cross_section
 
 
 def test_starts_and_points():

@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.compare_modes.analysis import compare_modes
 from beamsim.errors import ResultFileError
 from beamsim.scenario import load_scenario
 from beamsim.store.export import export_result
 from beamsim.store.results import write_result
 from beamsim.store.shapes import read_shapes
-from beamsim.store.uff import Source, record_55, write_uff
-from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -108,73 +105,3 @@ def test_modes_of_a_beam_are_in_the_universal_file(tmp_path):
         np.testing.assert_allclose(mode["r3"], shape, atol=1e-4 * np.abs(shape).max())
     shapes = read_shapes(path, scenario)
     assert shapes.frequency_hz == pytest.approx(result.modes.open_frequencies_hz, rel=1e-4)
-
-
-IMPORTED = """
-bodies:
-  {name}:
-    kind: matrices
-    mass: {{file: {configs}/matrices/panel.op4, name: mxx}}
-    stiffness: {{file: {configs}/matrices/panel.op4, name: kxx}}
-    dofs: {dofs}
-    base: {{nodes: [15], direction: z}}
-    damping: {{kind: modal, ratio: 1 %}}
-"""
-SHORT = """
-excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 20 Hz}
-reduction: {modes: 5}
-probes: [{name: corner, at: {body: panel, node: 14, direction: z}}]
-run: {duration: 0.02 s, sample_rate: 5 kHz, convergence: 'off', spectrum: null}
-"""
-
-
-@pytest.mark.parametrize(("several", "placed"), [(False, True), (False, False), (True, True)])
-def test_modes_of_imported_bodies_are_in_the_universal_file(tmp_path, several, placed):
-    """At their own nodes, where a second body has the same at others; read back, each mode pairs with itself."""
-    pyuff = pytest.importorskip("pyuff")
-    table = (CONFIGS / "matrices" / "panel_dofs.csv").read_text()
-    if not placed:
-        table = "\n".join(",".join(line.split(",")[:2]) for line in table.splitlines())
-    (tmp_path / "dofs.csv").write_text(table)
-    text = IMPORTED.format(name="panel", configs=CONFIGS, dofs=tmp_path / "dofs.csv")
-    if several:
-        text += IMPORTED.format(name="other", configs=CONFIGS, dofs=tmp_path / "dofs.csv").replace("\nbodies:\n", "")
-    scenario = load_scenario(text + SHORT)
-    result = beamsim.run(scenario)
-    path = write_result(result, tmp_path / "case.h5")
-    done = invoke("export", path, "--format", "uff", "-o", tmp_path)
-    assert done.exit_code == 0, done.output
-    assert ("cannot draw" in done.output) is not placed
-    sets = pyuff.UFF(str(tmp_path / "case.uff")).read_sets()
-    (nodes,) = (each for each in sets if each["type"] == 15)
-    (header,) = (each for each in sets if each["type"] == 151)
-    assert ("panel" in header["description"]) is not placed
-    modes = [each for each in sets if each["type"] == 55]
-    assert len(modes) == result.modes.open_frequencies_hz.size
-    own = modes[0]["node_nums"].astype(int)
-    np.testing.assert_array_equal(own[:13], np.arange(2, 15))
-    assert len(set(own)) == own.size == (26 if several else 13)
-    at = {int(n): (x, z) for n, x, z in zip(nodes["node_nums"], nodes["x"], nodes["z"], strict=True)}
-    responses = {each["rsp_node"] for each in sets if each["type"] == 58}
-    assert not responses & set(own.tolist())  # probes and the base have numbers of their own
-    if placed:
-        assert at[3] == pytest.approx((0.075, 0.0), abs=1e-6)
-        assert [at[n][0] for n in responses].count(pytest.approx(at[14][0])) == 1
-    else:
-        assert not set(at) & set(own.tolist())
-    if several:
-        lines = {each["id"].strip(): set(each["nodes"].astype(int)) - {0} for each in sets if each["type"] == 82}
-        assert lines == {"panel": set(own[:13].tolist()), "other": set(own[13:].tolist())}
-        assert at[int(own[14])] == pytest.approx((0.075, 0.1 * 0.45), rel=0.2)
-    else:
-        found = compare_modes(scenario, read_shapes(tmp_path / "case.uff", scenario))
-        np.testing.assert_allclose(np.diagonal(found.mac)[:4], 1.0, atol=1e-4)
-
-
-def test_rotations_of_a_mode_have_their_own_columns(tmp_path):
-    pyuff = pytest.importorskip("pyuff")
-    mode = record_55(Source("t", "", "b"), 1, 50.0, 0.01, np.array([1, 2]), np.array([0.3, 1.0]), ["x", "ry"])
-    write_uff([mode], tmp_path / "m.uff")
-    read = next(each for each in pyuff.UFF(str(tmp_path / "m.uff")).read_sets() if each["type"] == 55)
-    assert (list(read["r1"]), list(read["r5"])) == ([pytest.approx(0.3), 0.0], [0.0, 1.0])
-    assert not np.any([read[f"r{k}"] for k in (2, 3, 4, 6)])
