@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from beamsim.scenario import Scenario
-from beamsim.scenario.warnings import large_deflections
+from beamsim.scenario.scenario import large_deflections
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Floats
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from beamsim.analyses.values import LIMITED
 from beamsim.scenario import Scenario
-from beamsim.scenario.limits import OF_OUTPUTS, Limits
+from beamsim.scenario.reporting import OF_OUTPUTS, Limits
 
 
 def limit_unit(scenario: Scenario, name: str) -> str:

@@ -16,7 +16,7 @@ from beamsim.fields import Entry, attribute, declared, ending, stored, summary_o
 from beamsim.kinds import kind_of_class, named
 from beamsim.outcomes import Outcome, interruption
 from beamsim.scenario import Scenario
-from beamsim.scenario.input_files import Record
+from beamsim.scenario.scenario import Record
 
 if TYPE_CHECKING:
     import pandas

@@ -23,7 +23,7 @@ from beamsim.plots.style import shown_in
 from beamsim.report.contents import SketchedModel, page_of
 from beamsim.report.page import animation_page, plotly
 from beamsim.scenario import Scenario
-from beamsim.scenario.input_files import named_files
+from beamsim.scenario.scenario import named_files
 from beamsim.store.consistency import open_consistent
 from beamsim.store.results import kind_of
 from beamsim.system.build import build_system

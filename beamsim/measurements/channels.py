@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.measurements.headings import split_heading
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError, split_heading
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS

@@ -1,11 +1,287 @@
-"""All channels of a file, by its ending."""
+"""All channels of a file of test data: CSV, HDF5, UFF (data set 58), by its ending."""
 
 from __future__ import annotations
 
+import csv
+import re
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, NamedTuple
 
-from beamsim.measurements.csv_table import read_csv
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError
+import h5py
+import numpy as np
+
+from beamsim.files import text_of
+from beamsim.measurements.signal import (
+    MeasuredSignal,
+    MeasurementError,
+    is_frequency,
+    is_time,
+    label_of,
+    split_heading,
+    stated,
+)
+from beamsim.scenario.units import ACCELERATION, FORCE, FREQUENCY, LENGTH, TIME, VELOCITY, UnitError, read_level
+
+_MEASURED = (TIME, FREQUENCY, ACCELERATION, VELOCITY, LENGTH, FORCE)
+_WORD = re.compile(r"\S+(?:\s+[(\[][^)\]]*[)\]])?")  # with its unit
+
+
+class TextRow(NamedTuple):
+    """The cells of a line of a file."""
+
+    line: int  # from 1
+    cells: list[str]
+
+
+def read_rows(path: Path) -> tuple[list[TextRow], str]:
+    """The cells of a file, and what separates them: semicolon, tab, comma or, in words, blanks.
+
+    Empty lines and comments, which begin with # or %, are left out. The mark of most lines separates; decimal commas
+    stand between semicolons or tabs.
+
+    Raises
+    ------
+    MeasurementError
+        If the file cannot be read, is no text or has nothing in it.
+    """
+    try:
+        text = text_of(path)
+    except UnicodeDecodeError:
+        raise MeasurementError("is not text", "export it as CSV again") from None
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    lines = [(number, line) for number, line in lines if not line.lstrip().startswith(("#", "%"))]
+    if not lines:
+        raise MeasurementError("contains no data", "export it again")
+    mark = max(";\t,", key=lambda mark: sum(mark in line for _, line in lines))
+    if not any(mark in line for _, line in lines):
+        return [TextRow(number, _WORD.findall(line)) for number, line in lines], " "
+    reader = csv.reader((line for _, line in lines), delimiter=mark, skipinitialspace=True)
+    return [TextRow(lines[reader.line_num - 1][0], [cell.strip() for cell in row]) for row in reader], mark
+
+
+def read_csv(path: Path) -> list[MeasuredSignal]:
+    """The columns of a file, the first as the axis of the others; cells that are empty are nan.
+
+    Raises
+    ------
+    MeasurementError
+        If it holds no table of numbers, or a cell of it is none: with its line and heading.
+    """
+    rows, mark = read_rows(path)
+
+    def number(cell: str) -> float | None:
+        try:
+            return float(cell if mark == "," else cell.replace(",", "."))
+        except ValueError:
+            return None if cell else np.nan
+
+    first = next((i for i, row in enumerate(rows) if row.cells[0] and number(row.cells[0]) is not None), -1)
+    if first < 0:
+        raise MeasurementError("has no samples: no line starts with a number", "export the measurement again")
+    # a row with numbers beside its first cell, right above the samples, is a sample with a fault
+    while first > 1 and any(cell and number(cell) is not None for cell in rows[first - 1].cells):
+        first -= 1
+    width = len(rows[first].cells)
+    headings = headings_of([row.cells for row in rows[:first]]) if first else [f"column {k + 1}" for k in range(width)]
+    if width == 1:
+        headings = [" ".join(headings)]
+    if mark == "," and width == 2 * len(headings):
+        raise MeasurementError("has decimal commas between commas", "export it with decimal points")
+    if width != len(headings):
+        raise MeasurementError(f"has {len(headings)} headings for {width} columns", "give each column one heading")
+    values = np.empty((len(rows) - first, width))
+    for i, row in enumerate(rows[first:]):
+        if len(row.cells) != width:
+            message = f"has {len(row.cells)} columns in line {row.line} instead of {width}"
+            raise MeasurementError(message, "correct the line")
+        for j, cell in enumerate(row.cells):
+            value = number(cell)
+            if value is None:
+                where = f"in line {row.line}, sample {i + 1} of {headings[j]}"
+                raise MeasurementError(f"has {cell!r} {where}: it is not a number", "only numbers follow the headings")
+            values[i, j] = value
+    units = [split_heading(heading)[1] for heading in headings]
+    axis, of_frequency = values[:, 0], is_frequency(headings[0])
+    return [MeasuredSignal(headings[0], np.arange(axis.size, dtype=float), axis, unit=units[0], source=str(path))] + [
+        MeasuredSignal(headings[j], axis, values[:, j], of_frequency, units[j], str(path), headings[0], units[0])
+        for j in range(1, width)
+    ]
+
+
+def headings_of(rows: list[list[str]]) -> list[str]:
+    """Headings of the columns from the rows above the numbers: the last row, with the units that may stand below it.
+
+    >>> headings_of([["Test 7"], ["Frequency", "tip"], ["Hz", "g"]])
+    ['Frequency (Hz)', 'tip (g)']
+    """
+    last = rows[-1]
+    if len(rows) < 2 or len(rows[-2]) != len(last) or not all(map(_is_unit, last)):
+        return last
+    units = (stated(cell.strip("()[] ")) for cell in last)
+    return [f"{name} ({unit})" if unit else name for name, unit in zip(rows[-2], units, strict=True)]
+
+
+def _is_unit(text: str) -> bool:
+    """Whether a cell is a unit of what is measured, or says that there is none."""
+    unit = stated(text.strip("()[] "))
+    if not unit:
+        return True
+    try:
+        read_level(f"1 {unit}", _MEASURED)
+    except UnitError:
+        return False
+    return True
+
+
+LIST = "DIMENSION_LIST"  # attribute in which HDF5 keeps references to the scales
+
+
+def read_hdf5(path: Path) -> list[MeasuredSignal]:
+    """The data sets of a file, named by their path; the axis of each is its dimension scale, else the time or
+    frequency of as many values in the nearest enclosing group.
+
+    Raises
+    ------
+    MeasurementError
+        If it is not an HDF5 file, or damaged.
+    """
+    try:
+        file = h5py.File(path, "r")
+    except OSError:
+        raise MeasurementError("is not an HDF5 file, or is damaged", "export the measurement again") from None
+    found: dict[str, h5py.Dataset] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.dtype.kind in "iufc" and 2 <= item.size == max(item.shape):
+            found[name] = item
+
+    with file:
+        file.visititems(visit)
+        try:
+            return [_data_set(name, item, found, path) for name, item in found.items()]
+        except ValueError as error:
+            raise MeasurementError(f"is damaged: {error}", "export the measurement again") from None
+
+
+def _data_set(name: str, item: h5py.Dataset, found: dict[str, h5py.Dataset], path: Path) -> MeasuredSignal:
+    axis = _axis_of(name, item, found)
+    x = np.arange(item.size, dtype=float) if axis is None else np.asarray(found[axis][()], dtype=float).ravel()
+    of_frequency = axis is not None and is_frequency(axis.rpartition("/")[2])
+    y = np.asarray(item[()]).ravel()
+    y = y.astype(complex if np.iscomplexobj(y) else float)
+    axis_unit = "" if axis is None else _unit(axis, found[axis])
+    return MeasuredSignal(label_of(name), x, y, of_frequency, _unit(name, item), str(path), axis or "", axis_unit)
+
+
+def _unit(name: str, item: h5py.Dataset) -> str:
+    return stated(str(item.attrs.get("units", ""))) or split_heading(name)[1]
+
+
+def _axis_of(name: str, item: h5py.Dataset, found: dict[str, h5py.Dataset]) -> str | None:
+    """The dimension scale, else time or frequency in an enclosing group; None where it has another size."""
+    if (scale := scale_along(item, 0)) is not None:
+        axes = [str(scale.name).lstrip("/")]
+    else:
+        folders = name.split("/")[:-1]
+        groups = ["/".join(folders[:k]) for k in range(len(folders), -1, -1)]
+        axes = [other for group in groups for other in found if other.rpartition("/")[0] == group]
+    axes = [axis for axis in axes if is_time(last := axis.rpartition("/")[2]) or is_frequency(last)]
+    if not axes or axes[0] == name or axes[0] not in found or found[axes[0]].size != item.size:
+        return None
+    return axes[0]
+
+
+def scale_along(dataset: h5py.Dataset, axis: int) -> h5py.Dataset | None:
+    """The first scale of one dimension, None where it has none.
+
+    HDF5 takes the references of the attribute as they are: of another type or size they are addresses of nothing.
+
+    Raises
+    ------
+    ValueError
+        If the attribute that refers to the scales is not one that HDF5 writes.
+    """
+    if LIST not in dataset.attrs:
+        return None
+    listed = dataset.attrs.get_id(LIST)
+    kind = h5py.check_vlen_dtype(listed.dtype)
+    if kind is None or h5py.check_ref_dtype(kind) is not h5py.Reference or listed.shape != (dataset.ndim,):
+        raise ValueError(f"attribute {LIST} of {dataset.name} does not refer to its axes")
+    scales = dataset.dims[axis]
+    return scales[0] if len(scales) else None
+
+
+_AXES = {17: "s", 18: "Hz"}  # the format has no other units of time
+# By how many of them an SI unit is: what data set 164 states.
+_LENGTHS = {1.0: "m", 1e3: "mm", 1e2: "cm", 1 / 0.0254: "in", 1 / 0.3048: "ft"}
+_FORCES = {1.0: "N", 1e3: "mN", 1e2: "cN", 1 / 4.4482216: "lbf", 1 / 9.80665: "kgf"}
+
+
+def data_sets(path: Path) -> list[dict[str, Any]]:
+    """All data sets of a file that pyuff knows.
+
+    Raises
+    ------
+    MeasurementError
+        If it cannot be read.
+    """
+    import pyuff
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            file = pyuff.UFF(str(path))
+            known = [i for i, kind in enumerate(file.get_set_types()) if int(kind) in (15, 55, 58, 82, 164)]
+            return [file.read_sets(i) for i in known]
+    except Exception as error:  # pyuff raises exceptions of all types on damaged files
+        raise MeasurementError(f"cannot be read as a universal file ({error})", "export it again") from None
+
+
+def read_uff(path: Path) -> list[MeasuredSignal]:
+    """The functions of a file.
+
+    Raises
+    ------
+    MeasurementError
+        If it cannot be read, or has none.
+    """
+    sets = data_sets(path)
+    units = next(({"length": _named(s.get("length"), _LENGTHS), "force": _named(s.get("force"), _FORCES)}
+                  for s in sets if s["type"] == 164), {})  # fmt: skip
+    signals = [_function(each, units, path) for each in sets if each["type"] == 58]
+    if not signals:
+        raise MeasurementError("contains no dataset 58", "export functions at nodal degrees of freedom (dataset 58)")
+    return signals
+
+
+def _function(record: Mapping[str, Any], units: Mapping[str, str], path: Path) -> MeasuredSignal:
+    kind = int(record.get("abscissa_spec_data_type", 0))
+    axis_unit, unit = (stated(str(record.get(f"{name}_axis_units_lab", ""))) for name in ("abscissa", "ordinate"))
+    texts = [str(record.get(key, "")).strip() for key in ("id1", "rsp_ent_name")]
+    name = next((text for text in texts if text.upper() not in ("", "NONE")), f"node {record.get('rsp_node', 0)}")
+    y = np.asarray(record["data"])
+    return MeasuredSignal(
+        name, np.asarray(record["x"], dtype=float), y.astype(complex if np.iscomplexobj(y) else float), kind == 18,
+        unit or _unit_of(int(record.get("ordinate_spec_data_type", 0)), units), str(path), f"of {name}",
+        axis_unit or _AXES.get(kind, ""),
+    )  # fmt: skip
+
+
+def _unit_of(kind: int, units: Mapping[str, str]) -> str:
+    """Unit of an ordinate by its specific data type; empty if unknown."""
+    if kind == 13:
+        return units.get("force", "")
+    per_time = {8: "", 11: "/s", 12: "/s^2"}.get(kind)
+    return units["length"] + per_time if per_time is not None and units.get("length") else ""
+
+
+def _named(factor: Any, names: Mapping[float, str]) -> str:
+    """Name of the unit of which an SI unit has so many; files state few digits."""
+    value = float(factor or 0.0)
+    return next((name for known, name in names.items() if abs(value / known - 1) < 1e-3), "")
+
 
 TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn")
 HDF5 = (".h5", ".hdf5", ".hdf")
@@ -29,12 +305,8 @@ def read_file(path: Path) -> list[MeasuredSignal]:
         if suffix in TEXT:
             return read_csv(path)
         if suffix in HDF5:
-            from beamsim.measurements.hdf5_file import read_hdf5
-
             return read_hdf5(path)
         if suffix in UFF:
-            from beamsim.measurements.universal_file import read_uff
-
             return read_uff(path)
     except OSError as error:
         raise MeasurementError(f"cannot be read ({error.strerror or error})", "check the path") from None

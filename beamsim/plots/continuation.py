@@ -30,7 +30,7 @@ from beamsim.plots.drawing import (
     plain_logarithmic,
 )
 from beamsim.plots.style import level_text, scale_for
-from beamsim.scenario.limits import OF_OUTPUTS
+from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.typing import Floats
 
 DECADES = 0.6  # largest over smallest amplitude, as a power of ten, from which the axis is logarithmic

@@ -31,7 +31,7 @@ from beamsim.plots.drawing import (
     with_unit,
 )
 from beamsim.plots.style import scale_for
-from beamsim.scenario.limits import OF_OUTPUTS
+from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.typing import Floats
 
 SHOWN = (

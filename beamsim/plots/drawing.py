@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import ArrayLike
 
 from beamsim.plots.style import Scale, scale_for
-from beamsim.scenario.limits import Limits
+from beamsim.scenario.reporting import Limits
 from beamsim.typing import Bools, Floats
 
 MOST_CURVES = 6  # in one plot; more cannot be distinguished

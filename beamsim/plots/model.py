@@ -15,7 +15,7 @@ from beamsim.plots.drawing import GREEN, legend_below, picture
 from beamsim.plots.sketch import BODY, Sketch, scale_bar
 from beamsim.plots.style import amount, level_text, round_length
 from beamsim.scenario import Scenario
-from beamsim.scenario.place import MovedSupport
+from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.distributed import Distributed

@@ -32,7 +32,7 @@ from beamsim.plots.drawing import (
 from beamsim.plots.impacts import impact_figures
 from beamsim.plots.random_response import has_transmissibility, plot_crossings, plot_density, plot_transmissibility
 from beamsim.plots.style import plain_scale, scale_for
-from beamsim.scenario.limits import OF_OUTPUTS
+from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.typing import Floats
 

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from beamsim.plots.drawing import DARK, RED
 from beamsim.plots.style import plain_scale
 from beamsim.scenario import Scenario
-from beamsim.scenario.joint import placed
+from beamsim.scenario.connections import placed
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.structures.places import Link, Place, Site, ends_of
 from beamsim.structures.stations import StationPart, Stations

@@ -35,8 +35,8 @@ from beamsim.plots.drawing import (
     picture,
 )
 from beamsim.plots.style import Scale, level_text, scale_for
-from beamsim.scenario.limits import OF_OUTPUTS, limited_quantity
 from beamsim.scenario.quantities import amplitude_unit
+from beamsim.scenario.reporting import OF_OUTPUTS, limited_quantity
 from beamsim.typing import Floats
 
 MOST_LEVELS = 4  # whose harmonics are drawn; limits of notches

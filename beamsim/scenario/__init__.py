@@ -15,21 +15,23 @@ Begin with `scenario`, the whole, and `loading`; every section has a module of i
 from __future__ import annotations
 
 from beamsim.scenario.beam import Beam, GeneralSection, TubeSection
-from beamsim.scenario.body import Located
+from beamsim.scenario.body import AtPlace, Located, ModalDamping, Probe, RayleighDamping
 from beamsim.scenario.chain import Chain
-from beamsim.scenario.contact import LinkSnubber, Snubber, SnubberRatioDamping, SnubberViscousDamping
-from beamsim.scenario.damping import ModalDamping, RayleighDamping
+from beamsim.scenario.connections import (
+    CubicGroundSpring,
+    LinkSnubber,
+    Snubber,
+    SnubberRatioDamping,
+    SnubberViscousDamping,
+)
 from beamsim.scenario.excitation import Excitation, HalfSine, Harmonic, MultiTone, NoExcitation, Step
-from beamsim.scenario.joint import CubicGroundSpring
 from beamsim.scenario.jsonschema import json_schema
-from beamsim.scenario.limits import Limits
 from beamsim.scenario.loading import load_scenario, template
-from beamsim.scenario.nnm import EnergyContinuation, StiffnessFactorContinuation
-from beamsim.scenario.place import AtPlace, Probe
 from beamsim.scenario.quantities import Rate, Share
+from beamsim.scenario.reporting import Limits
 from beamsim.scenario.run import ModeStart, PolynomialStart, Reduction, ReleasedForceStart, Run, SpectrumSettings
 from beamsim.scenario.scenario import Scenario
-from beamsim.scenario.sweep import Continuation, SweptSine
+from beamsim.scenario.sweep import Continuation, EnergyContinuation, StiffnessFactorContinuation, SweptSine
 
 __all__ = [
     "AtPlace",

@@ -13,9 +13,7 @@ from pydantic import Field, Tag
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, fail, path_text, problem
-from beamsim.scenario.body import Body
-from beamsim.scenario.damping import BeamDamping, ModalDamping
-from beamsim.scenario.place import AtPlace, Where
+from beamsim.scenario.body import AtPlace, BeamDamping, Body, ModalDamping, WrittenPosition
 
 
 class CrossSection(NamedTuple):
@@ -602,11 +600,11 @@ class BeamBody(Body):
                 return end, support
         return None
 
-    def holds(self, position: Where) -> bool:
+    def holds(self, position: WrittenPosition) -> bool:
         """Whether a support is at a position."""
         return not isinstance(position, tuple) and self.held_end(position) is not None
 
-    def position_problems(self, where: Path, at: Path, position: Where, what: str) -> Iterator[Problem]:
+    def position_problems(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
         """What is wrong with a position; ``what`` does nothing on a support, and is empty for what may stand there."""
         if isinstance(position, tuple):
             remedy = "give the distance from its left end, position: 270 mm"

@@ -11,11 +11,8 @@ from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario.base import Path, counted, fail, path_text, problem
-from beamsim.scenario.body import Body
-from beamsim.scenario.contact import AnySnubber
-from beamsim.scenario.damping import ChainDamping
-from beamsim.scenario.joint import GroundSpring, LinkSpring, PiecewiseLinearSpring, has_own_law
-from beamsim.scenario.place import AtPlace, numbered
+from beamsim.scenario.body import AtPlace, Body, ChainDamping, numbered
+from beamsim.scenario.connections import AnySnubber, GroundSpring, LinkSpring, PiecewiseLinearSpring, has_own_law
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
 
 _NAMED = ("snubbers", "springs_to_ground", "springs_between")

@@ -11,29 +11,39 @@ from pydantic_core import PydanticCustomError
 from beamsim.errors import Problem
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, fail, path_parts, path_text, problem, refused, unknown, walk
-from beamsim.scenario.body import Body, Located
-from beamsim.scenario.designs import Sobol, Vary, Zipped
+from beamsim.scenario.body import AtPlace, BetweenPlaces, Body, Located, MovedSupport, Sited
+from beamsim.scenario.connections import SpringToGround, placed
 from beamsim.scenario.distributed import DistributedLoad, LineLoad, TableShape
 from beamsim.scenario.excitation import Forces, Harmonic, Notch, ProfilePoint, sine_problems
-from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes, SoughtParameter
-from beamsim.scenario.joint import SpringToGround, placed
-from beamsim.scenario.limits import BASE_FORCE, QUANTITIES_OF, limited_quantity, output_dimension, unit_of_dimension
-from beamsim.scenario.nnm import PhaseResonance
-from beamsim.scenario.output import BendingOutput, JointOutput, MotionOutput, ReactionOutput, RecoveredOutput
-from beamsim.scenario.parameters import choices_at, find_parameters, read_as, value_at
-from beamsim.scenario.parts import ScenarioParts
-from beamsim.scenario.place import AtPlace, BetweenPlaces, MovedSupport, Sited
-from beamsim.scenario.quantities import SHAPE_DISPLACEMENTS, SHAPE_VELOCITIES, LevelValue, meant
-from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
-from beamsim.scenario.sweep import Continuation, HarmonicBalance, LevelPath, PositionPath, SnubberPath
-from beamsim.scenario.varied import (
+from beamsim.scenario.parameters import (
     VariedParameter,
     case_count,
+    choices_at,
+    find_parameters,
+    read_as,
     resolve_parameter,
     tolerances_of,
+    value_at,
     value_count,
     varied_parameters,
 )
+from beamsim.scenario.parts import ScenarioParts
+from beamsim.scenario.quantities import SHAPE_DISPLACEMENTS, SHAPE_VELOCITIES, LevelValue, meant
+from beamsim.scenario.reporting import (
+    BASE_FORCE,
+    QUANTITIES_OF,
+    BendingOutput,
+    JointOutput,
+    MotionOutput,
+    ReactionOutput,
+    RecoveredOutput,
+    limited_quantity,
+    output_dimension,
+    unit_of_dimension,
+)
+from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
+from beamsim.scenario.studies import IdentifyStiffness, MeasuredShapes, Sobol, SoughtParameter, Vary, Zipped
+from beamsim.scenario.sweep import Continuation, HarmonicBalance, LevelPath, PhaseResonance, PositionPath, SnubberPath
 
 MOST_SAMPLES = 50_000_000
 """Largest number of samples of histories; more would not fit into memory."""

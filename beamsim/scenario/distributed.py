@@ -7,8 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, Tag
 
 from beamsim.scenario.base import BY_FORM, Schema, Variants, fail
-from beamsim.scenario.body import Body
-from beamsim.scenario.place import AtPlace, ConstantForce, Where
+from beamsim.scenario.body import AtPlace, Body, ConstantForce, WrittenPosition
 from beamsim.scenario.quantities import Coefficient, Count, ForcePerLength, Name, PositionOrShare, Pressure
 
 Row = Annotated[tuple[Coefficient, ...], Field(min_length=1)]
@@ -161,7 +160,7 @@ class DistributedLoad(Schema):
         return ()
 
     @property
-    def ends(self) -> tuple[Where, Where] | None:
+    def ends(self) -> tuple[WrittenPosition, WrittenPosition] | None:
         """The loaded part: its ends, or opposite corners; None for the whole body."""
         raise NotImplementedError
 
@@ -189,7 +188,7 @@ class LineLoad(DistributedLoad):
     """The loaded part of the beam: whole, or where it begins and ends, [100 mm, 60 %]."""
 
     @property
-    def ends(self) -> tuple[Where, Where] | None:
+    def ends(self) -> tuple[WrittenPosition, WrittenPosition] | None:
         """Both ends."""
         return None if self.line == "whole" else self.line
 
@@ -207,7 +206,7 @@ class AreaLoad(DistributedLoad):
     """The loaded part of the plate: whole, or its lower left and upper right corner, [[0, 0], [100 mm, 50 %]]."""
 
     @property
-    def ends(self) -> tuple[Where, Where] | None:
+    def ends(self) -> tuple[WrittenPosition, WrittenPosition] | None:
         """Both corners."""
         return None if self.area == "whole" else self.area
 

@@ -11,8 +11,8 @@ from beamsim.errors import Problem
 from beamsim.scenario import quantities
 from beamsim.scenario import quantities as q
 from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, demand_rising, fail
+from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedSupport, NodeDirection
 from beamsim.scenario.distributed import AreaLoad, LineLoad
-from beamsim.scenario.place import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedSupport, NodeDirection
 from beamsim.scenario.quantities import Coordinate, Frequency, Level, meant
 from beamsim.scenario.units import UnitError
 

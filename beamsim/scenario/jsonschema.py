@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from beamsim.scenario.base import Schema, descriptions
-from beamsim.scenario.merge import REPLACED_WHOLE
-from beamsim.scenario.messages import members
+from beamsim.scenario.loading import members
 from beamsim.scenario.quantities import NUMBER_WITH_UNIT, example_of
 from beamsim.scenario.scenario import Scenario
+from beamsim.scenario.tree import REPLACED_WHOLE
 
 _COMPLETE = "Complete"
 _WITH_UNIT = "NumberWithUnit"

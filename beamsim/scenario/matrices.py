@@ -11,9 +11,7 @@ from pydantic import Field
 from beamsim.errors import Problem
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Variants, fail
-from beamsim.scenario.body import Body
-from beamsim.scenario.damping import ChainDamping
-from beamsim.scenario.place import NodeDirection, NodeNumber
+from beamsim.scenario.body import Body, ChainDamping, NodeDirection, NodeNumber
 from beamsim.scenario.quantities import FileName, Frequency, Name, Text, UnitType
 
 _INCH, _FOOT, _POUND_FORCE = 0.0254, 0.3048, 4.4482216152605

@@ -9,24 +9,18 @@ from pydantic import Field, Tag
 
 from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, kind_of
 from beamsim.scenario.beam import AnyBeam, Beam, SandwichBeam, SegmentedBeam, StiffnessBeam, beam_tag
-from beamsim.scenario.body import Body, Located
+from beamsim.scenario.body import AtPlace, Body, Located, Probe, numbered
 from beamsim.scenario.chain import Chain
-from beamsim.scenario.contact import AnyFriction, AnySnubber
-from beamsim.scenario.designs import Vary
-from beamsim.scenario.display import DisplayUnits
+from beamsim.scenario.connections import AnyFriction, AnyJoint, AnySnubber, GroundSpring, LinkSpring, has_own_law
 from beamsim.scenario.distributed import AnyDeadLoad
 from beamsim.scenario.excitation import Excitation, NoExcitation
-from beamsim.scenario.identification import IdentifyStiffness
-from beamsim.scenario.joint import AnyJoint, GroundSpring, LinkSpring, has_own_law
-from beamsim.scenario.limits import Limits
 from beamsim.scenario.matrices import MatricesBody
-from beamsim.scenario.nnm import NonlinearMode
-from beamsim.scenario.output import AnyOutput, ReactionOutput
-from beamsim.scenario.place import AtPlace, Probe, numbered
 from beamsim.scenario.plate import Plate, StiffnessPlate, plate_by_stiffness
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
+from beamsim.scenario.reporting import AnyOutput, DisplayUnits, Limits, ReactionOutput
 from beamsim.scenario.run import Reduction, Run
-from beamsim.scenario.sweep import Sweep
+from beamsim.scenario.studies import IdentifyStiffness, Vary
+from beamsim.scenario.sweep import NonlinearMode, Sweep
 
 MANY_SAMPLES = 5_000_000
 """More output samples than this make a file of a gigabyte or so."""

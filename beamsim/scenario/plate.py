@@ -11,9 +11,7 @@ from pydantic import Field
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario.base import Path, Schema, fail, path_text, problem
-from beamsim.scenario.body import Body
-from beamsim.scenario.damping import ChainDamping, ModalDamping
-from beamsim.scenario.place import AtPlace, PlatePoint, Where
+from beamsim.scenario.body import AtPlace, Body, ChainDamping, ModalDamping, PlatePoint, WrittenPosition
 
 Edge = Literal["clamped", "pinned", "free"]
 SMALLEST_ELEMENT = 5e-4
@@ -218,7 +216,7 @@ class PlateBody(Body):
         y = self.width if free["top"] else 0.0 if free["bottom"] else self.width / 2.0
         return "plate", AtPlace(position=(x, y))
 
-    def held(self, position: Where) -> str:
+    def held(self, position: WrittenPosition) -> str:
         """The edge or point support at a point; empty where it can deflect."""
         if not isinstance(position, tuple):
             return ""
@@ -230,7 +228,7 @@ class PlateBody(Body):
                 return f"{support} {edge} edge"
         return "point support" if (x, y) in self.supported_points else ""
 
-    def holds(self, position: Where) -> bool:
+    def holds(self, position: WrittenPosition) -> bool:
         """Whether a support is at a point."""
         return bool(self.held(position))
 
@@ -245,7 +243,7 @@ class PlateBody(Body):
                     f"side: below {SMALLEST_ELEMENT:g} round-off shows in the lowest frequencies",
                     "use a smaller grading, or fewer elements: they are small where it matters",
                 )
-        points: list[tuple[Path, Where]] = [
+        points: list[tuple[Path, WrittenPosition]] = [
             (("supports", "points", index, "position"), point.position)
             for index, point in enumerate(self.supports.points)
         ]
@@ -258,7 +256,7 @@ class PlateBody(Body):
             if len(set(self.line_of(stiffener))) == 1:
                 yield problem((*where, "stiffeners", index), "begins and ends at the same point", "give it a length")
 
-    def position_problems(self, where: Path, at: Path, position: Where, what: str) -> Iterator[Problem]:
+    def position_problems(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
         """What is wrong with a point; ``what`` does nothing on a support, and is empty for what may stand there."""
         if not isinstance(position, tuple):
             yield problem(
@@ -287,7 +285,7 @@ class PlateBody(Body):
         """Measured mode shapes have one coordinate."""
         yield problem(at, "is one coordinate, and the structure is a plate", "give measured frequencies without shapes")
 
-    def point_force_doubts(self, where: Path, position: Where) -> Iterator[str]:
+    def point_force_doubts(self, where: Path, position: WrittenPosition) -> Iterator[str]:
         """Stress has no limit under a point force, other than at a free corner."""
         if not self.gives_stress or not isinstance(position, tuple) or self.holds(position):
             return

@@ -11,10 +11,9 @@ from pydantic import Field
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Variants, fail
+from beamsim.scenario.body import PlacedForce
 from beamsim.scenario.excitation import FrequencyRange
-from beamsim.scenario.limits import Stress
-from beamsim.scenario.output import AnyOutput
-from beamsim.scenario.place import PlacedForce
+from beamsim.scenario.reporting import AnyOutput, Stress
 
 MOST_OSCILLATORS = 10_000
 MOST_PERIODS = 2_000_000  # of the highest oscillator in a run: several panels each are kept

@@ -1,20 +1,263 @@
-"""A complete scenario: the content of the YAML file as it was written, checked and in SI units."""
+"""A complete scenario: the content of the YAML file as it was written, checked and in SI units.
+
+With it go the files that it names (what they held when it was solved, and where they are when its result is opened) and
+warnings about values that are allowed but questionable.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache
 from pathlib import Path as FilePath
 from typing import Any, Self
 
 from pydantic_core import PydanticCustomError
 
 from beamsim.errors import ScenarioError
-from beamsim.scenario.base import plain, refused, walk
+from beamsim.scenario.base import Path, Schema, path_text, plain, problem, refused, walk
+from beamsim.scenario.body import ModalDamping, Sited
 from beamsim.scenario.checks import problems
-from beamsim.scenario.input_files import Record, SolvedFiles, records_of
-from beamsim.scenario.parts import ScenarioParts
+from beamsim.scenario.connections import SnubberRatioDamping, placed
+from beamsim.scenario.distributed import DistributedLoad
+from beamsim.scenario.excitation import Shock
+from beamsim.scenario.parts import MANY_SAMPLES, ScenarioParts
+from beamsim.scenario.quantities import FileType
 from beamsim.scenario.tree import dumped, locate, located_problem
-from beamsim.scenario.warnings import doubts
+
+Record = Mapping[str, Any]
+"""Of one file: ``file``, its name as it is written, ``folder``, where that was, ``bytes``, and ``sha256`` of its
+content, which is missing where the file was changed or removed while the scenario was solved."""
+
+
+def named_files(scenario: Schema) -> Iterator[tuple[Path, str]]:
+    """Path of the key and name of every file that is given."""
+    for path, part in walk(scenario):
+        for key, name in type(part).keys().items():
+            value = part.__dict__.get(name)
+            if isinstance(value, str) and _names_file(type(part), name):
+                yield (*path, key), value
+
+
+@cache
+def _names_file(section: type[Schema], name: str) -> bool:
+    field = section.model_fields[name]
+    return _holds_file_type((*field.metadata, field.annotation))
+
+
+def _holds_file_type(items: Iterable[Any]) -> bool:
+    return any(
+        isinstance(item, FileType)
+        or _holds_file_type((*getattr(item, "__metadata__", ()), *getattr(item, "__args__", ())))
+        for item in items
+    )
+
+
+def records_of(scenario: Any, since: float) -> dict[str, Record]:
+    """What the files of a scenario hold, by the keys that name them; of those that are gone nothing.
+
+    Parameters
+    ----------
+    since : when the computation began, s since the epoch; what was changed later may not be what was solved.
+    """
+    records: dict[str, Record] = {}
+    for path, name in named_files(scenario):
+        folder = scenario.folder_of(*path)
+        try:
+            state = (folder / name).stat()
+            content = {"bytes": state.st_size}
+            content |= {} if state.st_mtime > since else {"sha256": _sha256(folder / name)}
+        except OSError:
+            content = {}
+        records[path_text(path)] = {"file": name, "folder": str(folder.absolute()), **content}
+    return records
+
+
+def _sha256(path: FilePath) -> str:
+    """Digest of the content; a file that has not changed is read once."""
+    state = path.stat()
+    return _digest(path.absolute(), state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=256)
+def _digest(path: FilePath, modified: int, size: int) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@dataclass(frozen=True)
+class SolvedFiles:
+    """The files of a scenario that was read from a result file."""
+
+    records: Mapping[str, Record]  # by key; empty where an earlier version wrote the result
+    beside: FilePath  # folder of the result file
+
+    def folder_of(self, path: Path) -> FilePath:
+        """Folder of the file that a key names: the current one, that of the result, or that in which it was solved.
+
+        Raises
+        ------
+        ScenarioError
+            If it is in none of them, or has another content than the one that was solved.
+        """
+        record = self.records.get(path_text(path)) or self.records.get(path_text(path[:-1]))
+        if record is None:
+            return FilePath()
+        name = str(record["file"])
+        folders = {
+            FilePath(record["folder"]): "that of the case",
+            self.beside: "that of the result",
+            FilePath().absolute(): "the current folder",
+        }  # each once, under the name that is nearest to the user
+        there = [folder for folder in reversed(folders) if (folder / name).is_file()]
+        for folder in there:
+            if _is_solved(folder / name, record):
+                return folder
+        if there:
+            reason = (
+                "its content is another"
+                if "sha256" in record
+                else "it was changed or removed while the case was solved"
+            )
+            message = f"in {folders[there[0]]}, {there[0]}, is not the file that was solved: {reason}"
+            remedy = "bring back the file as it was, or run the case again"
+        else:
+            searched = ", ".join(f"{said} ({folder})" for folder, said in reversed(folders.items()))
+            message = f"is not found; searched: {searched}"
+            remedy = "give the command in the folder of the case, or put the file beside the result"
+        raise ScenarioError(problem(path, f"= {name} {message}", remedy))
+
+
+def _is_solved(path: FilePath, record: Record) -> bool:
+    return path.stat().st_size == record.get("bytes") and _sha256(path) == record.get("sha256")
+
+
+def doubts(scenario: ScenarioParts) -> Iterator[str]:
+    """Yield a sentence for each questionable value."""
+    highest_hz = max(scenario.excitation.frequencies_hz, default=0.0)
+    for name, body in scenario.all_bodies.items():
+        yield from body.doubts(scenario.body_path(name), highest_hz)
+    yield from _damping(scenario)
+    yield from _snubbers(scenario)
+    yield from _point_forces(scenario)
+    for apart in placed(scenario.joints, scenario.all_bodies, scenario.default_body).apart:
+        yield (
+            f"joints[{apart.index}] joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before it "
+            f"place {apart.through}: it acts as if they were together; check its positions"
+        )
+    yield from _idle_forces(scenario)
+    yield from _timing(scenario)
+    reduction = scenario.reduction
+    if reduction is not None and reduction.highest_frequency is not None:
+        highest = scenario.excitation.highest_frequency_hz
+        if reduction.highest_frequency < highest:
+            yield (
+                f"reduction.highest_frequency = {reduction.highest_frequency:g} Hz is below the excitation frequency, "
+                f"{highest:g} Hz; the modes it excites are omitted"
+            )
+
+
+def large_deflections(scenario: ScenarioParts, peaks: Mapping[str, float]) -> list[str]:
+    """A warning for each body whose computed deflection is beyond the theory of small ones.
+
+    Parameters
+    ----------
+    peaks : m, by probe, of a structure that cannot move as a rigid body.
+    """
+    bodies = {probe.name: probe.place.body for probe in scenario.probes}
+    largest: dict[str, tuple[float, str]] = {}
+    for probe, peak in peaks.items():
+        body = bodies.get(probe) or scenario.default_body
+        largest[body] = max(largest.get(body, (0.0, "")), (peak, probe))
+    return [
+        f"the largest displacement at {probe} = {peak:.3g} m is not small for {path_text(scenario.body_path(name))} "
+        f"(more than {allowed:.3g} m), and the theory does not hold: a unit such as mm or g may be wrong"
+        for name, (peak, probe) in largest.items()
+        if name in scenario.all_bodies and peak > (allowed := scenario.all_bodies[name].largest_deflection)
+    ]
+
+
+def _damping(scenario: ScenarioParts) -> Iterator[str]:
+    """Overdamped modes and snubbers."""
+    for path, part in walk(scenario):
+        if isinstance(part, ModalDamping | SnubberRatioDamping):
+            ratio = max(part.ratio) if isinstance(part.ratio, tuple) else part.ratio
+            if ratio >= 1.0:
+                yield f"{path_text(path)}.ratio = {ratio:g} is critical or above; was {ratio:g} % meant?"
+
+
+def _point_forces(scenario: ScenarioParts) -> Iterator[str]:
+    """Where forces act on points."""
+    acting: list[tuple[Path, str, Any]] = [
+        *((each.path, each.body, each.item) for each in scenario.located_snubbers),
+        *(
+            (("constant_forces", index), scenario.default_body, force)
+            for index, force in enumerate(scenario.constant_forces)
+        ),
+    ]
+    for path, part in walk(scenario.excitation, ("excitation",)):
+        applied_to = getattr(part, "applied_to", "base")
+        if applied_to != "base":
+            acting.append(((*path, "applied_to"), scenario.default_body, applied_to))
+    for path, named_body, item in acting:
+        for place in item.places:
+            body = scenario.all_bodies.get(place.body or named_body)
+            if body is not None and place.position is not None:
+                yield from body.point_force_doubts(path, place.position)
+
+
+def _snubbers(scenario: ScenarioParts) -> Iterator[str]:
+    """Gaps larger than the structure they are at."""
+    for path, body, snubber, _ in scenario.located_snubbers:
+        bodies = [scenario.all_bodies.get(place.body or body) for place in snubber.places]
+        largest = min((b.largest_gap for b in bodies if b is not None), default=math.inf)
+        if snubber.gap is not None and abs(snubber.gap) > largest:
+            what = "gap" if snubber.gap > 0 else "prestress"
+            yield (
+                f"{path_text(path)}.gap = {snubber.gap:g} m is a large {what} for a beam of this size (more than "
+                f"{largest:.3g} m): a unit such as mm may be missing"
+            )
+
+
+def _idle_forces(scenario: ScenarioParts) -> Iterator[str]:
+    places: list[tuple[str, tuple[Sited | DistributedLoad, ...]]] = [
+        ("constant_forces", scenario.constant_forces),
+        ("probes", scenario.probes),
+    ]
+    for name, items in places:
+        for index, item in enumerate(items):
+            if isinstance(item, DistributedLoad):
+                continue
+            body = scenario.all_bodies.get(item.place.body or scenario.default_body)
+            if body is not None and item.place.position is not None and body.holds(item.place.position):
+                yield f"{name}[{index}] sits on a support, which cannot deflect"
+
+
+def _timing(scenario: ScenarioParts) -> Iterator[str]:
+    run, excitation = scenario.run, scenario.excitation
+    if run is None:
+        return
+    lowest = min(excitation.frequencies_hz, default=math.inf)
+    if run.duration * lowest < 1.0:
+        yield f"run.duration = {run.duration:g} s is shorter than one period of the excitation, {1.0 / lowest:g} s"
+    highest = max(excitation.frequencies_hz, default=0.0)
+    if scenario.sample_rate < 10.0 * highest:
+        yield (
+            f"run.sample_rate = {scenario.sample_rate:g} Hz is {scenario.sample_rate / highest:.3g} samples a period: "
+            "time histories are coarse, and of a time-stepping method superharmonics fold back into the spectrum"
+        )
+    for path, shock in walk(excitation, ("excitation",)):
+        if isinstance(shock, Shock) and scenario.sample_rate < 20.0 * shock.highest_frequency_hz:
+            yield (
+                f"run.sample_rate = {scenario.sample_rate:g} Hz puts fewer than 10 samples into the pulse of "
+                f"{0.5 / shock.highest_frequency_hz:g} s"
+            )
+        if isinstance(shock, Shock) and shock.time >= run.duration:
+            yield f"{path_text(path)}.time = {shock.time:g} s lies after the end of the run, {run.duration:g} s"
+    if scenario.sample_rate * run.duration > 1.01 * MANY_SAMPLES:
+        yield f"{scenario.sample_rate * run.duration:.3g} output samples make a very large result file"
 
 
 class Scenario(ScenarioParts):
@@ -76,7 +319,7 @@ class Scenario(ScenarioParts):
         return copy
 
     def file_records(self, since: float) -> Mapping[str, Record]:
-        """What the files hold that the scenario names, see `beamsim.scenario.input_files.records_of`."""
+        """What the files hold that the scenario names, see `beamsim.scenario.scenario.records_of`."""
         return records_of(self, since) if self._solved is None else self._solved.records
 
     def located(self, error: ScenarioError) -> ScenarioError:

@@ -14,7 +14,7 @@ import numpy as np
 
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
-from beamsim.measurements.hdf5_file import scale_along
+from beamsim.measurements.read import scale_along
 from beamsim.store.flat import Item, Items, last
 
 TEXT = h5py.string_dtype("utf-8")

@@ -28,7 +28,7 @@ from beamsim.version import __version__
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
     from beamsim.scenario import Scenario
-    from beamsim.scenario.input_files import Record
+    from beamsim.scenario.scenario import Record
 
 SCHEMA_VERSION = 2
 JSON_ENCODED = "json_encoded"
@@ -108,7 +108,7 @@ class LazyScenario:
     def scenario(self) -> Scenario:
         """The scenario as it was written; the files that it names are those that were solved."""
         from beamsim.scenario import load_scenario
-        from beamsim.scenario.input_files import SolvedFiles
+        from beamsim.scenario.scenario import SolvedFiles
 
         scenario = load_scenario(self.scenario_yaml)
         files = self._input_files

@@ -11,14 +11,10 @@ from pydantic import ValidationError
 
 from beamsim.analyses.compare_modes.measured import ShapesAtPlaces
 from beamsim.errors import Problem, ScenarioError
-from beamsim.measurements.csv_table import read_rows
-from beamsim.measurements.headings import split_heading
-from beamsim.measurements.read import TEXT, UFF
-from beamsim.measurements.signal import MeasurementError
-from beamsim.measurements.universal_file import data_sets
+from beamsim.measurements.read import TEXT, UFF, data_sets, read_rows
+from beamsim.measurements.signal import MeasurementError, split_heading
 from beamsim.scenario import Scenario, units
-from beamsim.scenario.body import Body
-from beamsim.scenario.place import AtPlace
+from beamsim.scenario.body import AtPlace, Body
 
 _PLACE = ("body", "position", "x", "y", "mass", "node", "direction")
 _COMPONENTS = {"x": "r1", "y": "r2", "z": "r3", "rx": "r4", "ry": "r5", "rz": "r6"}

@@ -11,8 +11,8 @@ from typing import Any
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import path_text, walk
+from beamsim.scenario.connections import placed
 from beamsim.scenario.distributed import DistributedLoad
-from beamsim.scenario.joint import placed
 from beamsim.structures.chain import linear_stiffness
 from beamsim.structures.distributed import Distributed
 from beamsim.structures.file_summary import FileSummary

@@ -13,7 +13,7 @@ import numpy as np
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import DIRECTIONS, MODAL, Dof
-from beamsim.measurements.csv_table import read_rows
+from beamsim.measurements.read import read_rows
 from beamsim.measurements.signal import MeasurementError
 from beamsim.typing import Floats, Ints
 

@@ -13,12 +13,11 @@ from pydantic_core import PydanticCustomError
 from beamsim.contacts.force_curve import ForceCurve, fit_curve
 from beamsim.contacts.hysteresis import fit_branch, loop_width
 from beamsim.errors import Problem, ScenarioError
-from beamsim.measurements.headings import is_time
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasurementError, by_dimension
+from beamsim.measurements.signal import MeasurementError, by_dimension, is_time
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import counted, path_text
-from beamsim.scenario.contact import MeasuredForces, check_points
+from beamsim.scenario.connections import MeasuredForces, check_points
 from beamsim.typing import Floats
 
 _DIMENSIONS = {"length": units.LENGTH, "force": units.FORCE, "time": units.TIME}

@@ -20,7 +20,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.excitation import Driven
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, suggestion
-from beamsim.scenario.place import MovedSupport
+from beamsim.scenario.body import MovedSupport
 from beamsim.structures.basis import LoadPattern, ReducedBasis
 from beamsim.structures.places import DEFLECTION, SLOPE, Link, Site
 from beamsim.structures.structure import Structure

@@ -13,7 +13,7 @@ from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.inputs.excitation import Driven
 from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import Path
-from beamsim.scenario.place import ROTATION_TAKES, TRANSLATION_TAKES
+from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES
 from beamsim.scenario.run import ModeStart, ReleasedForceStart, Start
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
 from beamsim.structures.base_motion import TRANSLATIONS, UPWARDS, BaseDirection

@@ -8,7 +8,7 @@ import pytest
 from beamsim.analyses.designs.result import Response
 from beamsim.analyses.designs.sampling import latin_hypercube, sobol
 from beamsim.analyses.designs.sensitivity import sensitivities
-from beamsim.scenario.varied import VariedParameter
+from beamsim.scenario.parameters import VariedParameter
 
 pytestmark = pytest.mark.quick
 

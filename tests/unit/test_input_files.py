@@ -14,7 +14,7 @@ from beamsim.analyses.designs.plan import plan_designs
 from beamsim.cli.html_report import _model, _sketched
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.scenario.input_files import named_files
+from beamsim.scenario.scenario import named_files
 from beamsim.store.results import open_result
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from beamsim.scenario.place import AtPlace
+from beamsim.scenario.body import AtPlace
 from beamsim.typing import Complexes, Floats
 
 

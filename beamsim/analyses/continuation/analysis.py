@@ -51,7 +51,7 @@ from beamsim.orbits.harmonic_balance import ForcedBalance, truncation
 from beamsim.orbits.shooting import STABLE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
 from beamsim.scenario import Scenario
-from beamsim.scenario.limits import OF_OUTPUTS
+from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.scenario.sweep import Continuation, HarmonicBalance
 from beamsim.system.channels import ChannelSet
 from beamsim.typing import Floats, Ints

@@ -29,8 +29,7 @@ from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
-from beamsim.scenario.parameters import with_values
-from beamsim.scenario.varied import Value
+from beamsim.scenario.parameters import Value, with_values
 from beamsim.system.build import build_system
 from beamsim.system.shared import SharedBuilds
 

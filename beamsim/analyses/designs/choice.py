@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.analyses.designs.realisations import judging
 from beamsim.analyses.designs.result import Response, is_scalar, responses_of
-from beamsim.scenario.designs import Vary
+from beamsim.scenario.studies import Vary
 from beamsim.typing import Bools, Floats, Ints
 
 MOST_LISTED = 10  # best cases in the summary

@@ -28,7 +28,7 @@ from beamsim.analyses.designs.sensitivity import sensitivities
 from beamsim.analyses.limits import margin_of
 from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.outcomes import Outcome, OutcomeKind, together
-from beamsim.scenario.varied import Value
+from beamsim.scenario.parameters import Value
 from beamsim.system.outputs import output_units
 from beamsim.typing import Bools, Floats
 

@@ -22,11 +22,10 @@ from beamsim.analyses.designs.sampling import latin_hypercube, listed_values, so
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, plain, suggestion
-from beamsim.scenario.designs import LatinHypercube, Sobol, Vary
-from beamsim.scenario.input_files import named_files
-from beamsim.scenario.limits import OF_OUTPUTS
-from beamsim.scenario.parameters import with_values
-from beamsim.scenario.varied import Value, VariedParameter, drawn_parameters, varied_parameters
+from beamsim.scenario.parameters import Value, VariedParameter, drawn_parameters, varied_parameters, with_values
+from beamsim.scenario.reporting import OF_OUTPUTS
+from beamsim.scenario.scenario import named_files
+from beamsim.scenario.studies import LatinHypercube, Sobol, Vary
 
 MOST_CHECKED = 400  # cases checked before the first is solved
 MOST_SHOWN = 5  # problems and failures in a message

@@ -13,8 +13,7 @@ from beamsim.analyses.designs.result import RealisedResponse, Tolerance
 from beamsim.analyses.designs.sampling import latin_hypercube
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
-from beamsim.scenario.parameters import value_at
-from beamsim.scenario.varied import ToleratedParameter, tolerances_of, tolerated_parameters
+from beamsim.scenario.parameters import ToleratedParameter, tolerances_of, tolerated_parameters, value_at
 from beamsim.typing import Floats, Ints
 
 _LOW, _HIGH = 0.05, 0.95  # quantiles in the summary

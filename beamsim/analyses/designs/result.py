@@ -14,7 +14,7 @@ from beamsim.analyses.result import Result
 from beamsim.codecs import JSON, as_text
 from beamsim.fields import Axes, Counter, Entry, attribute, axis, dataset, declared, key, members, stored
 from beamsim.outcomes import COMPLETE, Outcome
-from beamsim.scenario.varied import Value
+from beamsim.scenario.parameters import Value
 from beamsim.typing import Bools, Floats, Ints
 
 _GROUP = "designs"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.scenario.varied import Value, VariedParameter
+from beamsim.scenario.parameters import Value, VariedParameter
 from beamsim.typing import Floats
 
 NORMAL_REACH = 3.0  # standard deviations in a tolerance

@@ -40,8 +40,8 @@ from beamsim.interrupts import Stop, never
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE, together
 from beamsim.scenario import Scenario
-from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.parameters import with_values
+from beamsim.scenario.studies import IdentifyStiffness
 from beamsim.structures.assembly import joined_to
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats

@@ -18,8 +18,8 @@ import numpy as np
 from beamsim.analyses.identify.result import ParameterEstimate, ProfileLikelihood
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
-from beamsim.scenario.identification import SoughtParameter
 from beamsim.scenario.parameters import choices_at, find_parameters, read_as, value_at, with_values
+from beamsim.scenario.studies import SoughtParameter
 from beamsim.typing import Bools, Floats
 
 Place = tuple[str | int, ...]

@@ -19,8 +19,8 @@ from beamsim.analyses.identify.result import FrequencyTable, ModelUpdate
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
-from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.parameters import choices_at, value_at, with_values
+from beamsim.scenario.studies import IdentifyStiffness
 from beamsim.typing import Floats
 
 

@@ -39,9 +39,9 @@ from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.outcomes import Outcome, OutcomeKind, interruption, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
-from beamsim.scenario.identification import IdentifyStiffness, MeasuredTest, NonlinearFit
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import Reduction
+from beamsim.scenario.studies import IdentifyStiffness, MeasuredTest, NonlinearFit
 from beamsim.system.shared import SharedBuilds
 from beamsim.typing import Complexes, Floats
 

@@ -14,7 +14,7 @@ from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, by_dimension
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import path_text
-from beamsim.scenario.identification import Pad, PadData, check_data
+from beamsim.scenario.studies import Pad, PadData, check_data
 from beamsim.typing import Complexes, Floats
 
 _DIMENSIONS = {

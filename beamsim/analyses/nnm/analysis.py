@@ -39,7 +39,7 @@ from beamsim.orbits.free_orbits import linear_mode
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, combined, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
-from beamsim.scenario.nnm import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
+from beamsim.scenario.sweep import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 

@@ -24,7 +24,7 @@ from beamsim.orbits.continuation import Settings, follow_orbits, locate, solve_a
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import beside
 from beamsim.outcomes import Outcome, OutcomeKind, interruption
-from beamsim.scenario.nnm import FullPeriodMethod
+from beamsim.scenario.sweep import FullPeriodMethod
 from beamsim.typing import Floats
 
 BACK_TO_BRAKE_ORBITS = Outcome.of(OutcomeKind.COMPLETE, "back_to_brake_orbits", "returned to brake orbits")

@@ -15,7 +15,7 @@ from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
-from beamsim.scenario.nnm import RelaxedMinimisationMethod
+from beamsim.scenario.sweep import RelaxedMinimisationMethod
 from beamsim.typing import Floats
 
 SAME = 1e-6  # relative distance of two shapes that are one motion's

@@ -18,7 +18,7 @@ from beamsim.contacts.springs import FRICTION
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.scenario.contact import FrictionBase
+from beamsim.scenario.connections import FrictionBase
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 

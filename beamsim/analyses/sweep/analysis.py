@@ -36,7 +36,7 @@ from beamsim.interrupts import never
 from beamsim.outcomes import Outcome, combined, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic
-from beamsim.scenario.limits import BASE_FORCE, OF_OUTPUTS
+from beamsim.scenario.reporting import BASE_FORCE, OF_OUTPUTS
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
 from beamsim.system.structural import ModeTable, StructuralSystem

@@ -17,7 +17,7 @@ from beamsim.inputs.legs import Leg
 from beamsim.inputs.profiles import Profile, power_of
 from beamsim.interrupts import never
 from beamsim.outcomes import Outcome, OutcomeKind, Where
-from beamsim.scenario.limits import BASE_FORCE, LimitedQuantity, limited_quantity
+from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
 from beamsim.typing import Floats

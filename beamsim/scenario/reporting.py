@@ -1,0 +1,314 @@
+"""What results report: outputs beside the motion of probes, limits, and the units of tables and plots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Literal
+
+from beamsim.scenario import units
+from beamsim.scenario.base import Schema, Variants, fail
+from beamsim.scenario.body import Body, Sited
+from beamsim.scenario.excitation import About, point_of
+from beamsim.scenario.quantities import Length, LevelType, Name, PositiveForce, Quantity, Text, UnitType
+from beamsim.scenario.units import Dimension
+
+
+class Output(Schema):
+    """Common part of all outputs."""
+
+    name: Name
+    """Name, unique also among the probes; it names the output in the result file."""
+
+
+class MotionOutput(Output, Sited):
+    """Motion of a point."""
+
+    kind: Literal["displacement", "velocity", "acceleration", "rotation"]
+    """Displacement or velocity relative to the base, absolute acceleration, or the slope dw/dx of a beam."""
+
+
+class BendingOutput(Output, Sited):
+    """What bends a beam or plate at a point."""
+
+    kind: Literal["bending_moment", "stress", "strain"]
+    """E I w'' of a beam, positive where its top is in compression, or the moment per width of a plate; bending stress
+    or strain at a surface, positive in tension; the strain xy of a plate is the shear angle."""
+    component: Literal["x", "y", "xy"] | None = None
+    """On a plate which of the three: x by default; a beam has one."""
+    surface: Literal["top", "bottom"] | None = None
+    """Of a stress or strain which surface, top by default."""
+
+    def check(self) -> None:
+        """A moment has no surface."""
+        super().check()
+        if self.kind == "bending_moment" and self.surface is not None:
+            raise fail("belongs to a stress or strain", "leave it out", ("surface",))
+
+
+class ReactionOutput(Output):
+    """What a support exerts on the structure."""
+
+    kind: Literal["reaction_force", "reaction_moment"]
+    """Force, positive upwards, or moment, positive as the slope dw/dx, at the bottom and top of a plate dw/dy."""
+    support: Name
+    """The support: left or right end of a beam; left, right, bottom, top or point 1 of a plate; left or right wall of a
+    chain, or its spring to the ground; node 15 of imported matrices; base, for all that the base exerts together."""
+    body: Name | None = None
+    """The body that the support holds; may be left out where there is only one."""
+    direction: Literal["x", "y", "z", "rx", "ry", "rz"] | None = None
+    """At a node of imported matrices, or of the base; z of a force and ry of a moment by default."""
+    about: About | None = None
+    """Of the moment of the base, a point on its axis, m: a position along a beam, [x, y] of a plate, [x, y, z] of
+    imported matrices; their origin by default."""
+
+    @property
+    def axis_point(self) -> tuple[float, float, float]:
+        """The point, m."""
+        return point_of(self.about)
+
+
+class JointOutput(Output):
+    """What is transmitted by a joint, or by a linear spring between points of bodies."""
+
+    kind: Literal["joint_force", "joint_moment"]
+    """Force, positive upwards, or moment, positive as the slope, on the second of the two points; of the base and a
+    point on that point."""
+    joint: Name
+    """Name of the joint or spring."""
+
+
+class RecoveredOutput(Output):
+    """A row of the recovery matrix of a body."""
+
+    kind: Literal["recovered"]
+    """The product of a row with the motion of the degrees of freedom."""
+    row: Name
+    """Name of the row."""
+    body: Name | None = None
+    """The body; may be left out where there is only one."""
+    motion: Literal["displacement", "velocity", "acceleration"] = "displacement"
+    """What the row multiplies: displacement or velocity relative to the base, for stress, or absolute acceleration."""
+    unit: Text = "1"
+    """Unit of the product, for tables and files: Pa where the matrix gives stress in Pa."""
+
+
+class EnergyOutput(Output):
+    """Energy of a body."""
+
+    kind: Literal["kinetic_energy", "strain_energy"]
+    """Kinetic energy of the motion relative to the base, or strain energy."""
+    body: Name | None = None
+    """The body; may be left out where there is only one."""
+
+
+AnyOutput = Annotated[
+    MotionOutput | BendingOutput | ReactionOutput | JointOutput | RecoveredOutput | EnergyOutput,
+    Variants(
+        "is no output",
+        "give it a name and a kind: displacement, velocity, acceleration, rotation, bending_moment, stress, strain, "
+        "reaction_force, reaction_moment, joint_force, joint_moment, recovered, kinetic_energy, strain_energy",
+    ),
+]
+
+
+_STRESS = replace(units.PRESSURE, name="stress", example="80 MPa")
+_ACCELERATION = replace(units.ACCELERATION, example="20 g")
+
+Stress = Annotated[float, Quantity(_STRESS, above=0.0)]
+PositiveAcceleration = Annotated[float, Quantity(_ACCELERATION, above=0.0)]
+
+OF_OUTPUTS = "outputs."
+"""Beginning of the name of a limit on an output."""
+_MOMENT = replace(units.ENERGY, name="moment", unit="N m", example="12 N m")
+_MOMENT_PER_WIDTH = replace(units.FORCE, name="moment per width", unit="N m/m", example="12 N m/m")
+_OUTPUT_DIMENSIONS = {
+    "displacement": replace(units.LENGTH, example="2 mm"), "velocity": units.VELOCITY, "acceleration": _ACCELERATION,
+    "rotation": units.ANGLE, "bending_moment": _MOMENT, "stress": _STRESS,
+    "strain": replace(units.RATIO, name="strain", example="0.1 %"), "reaction_force": units.FORCE,
+    "reaction_moment": _MOMENT, "joint_force": units.FORCE, "joint_moment": _MOMENT, "kinetic_energy": units.ENERGY,
+    "strain_energy": units.ENERGY,
+}  # fmt: skip
+"""By kind of output."""
+
+
+def unit_of_dimension(dimension: units.Dimension) -> str:
+    """The unit in which moments are energies, and moments per width forces."""
+    return {"N m": "J", "N m/m": "N"}.get(dimension.unit, dimension.unit)
+
+
+OutputLimit = Annotated[
+    float,
+    LevelType(
+        tuple((unit_of_dimension(each), each) for each in dict.fromkeys(_OUTPUT_DIMENSIONS.values())), "200 N",
+        ("200 N", "80 MPa"), above=0.0,
+    ),
+]  # fmt: skip
+"""A limit on an output, in the unit of any kind of output, which it remembers as its SI unit."""
+
+
+class Limits(Schema):
+    """Limits; the summary has the margins, and `--check` exits with code 4 if one is exceeded."""
+
+    peak_force: PositiveForce | None = None
+    """Largest contact force of any snubber."""
+    bending_stress: Stress | None = None
+    """Largest bending stress anywhere on the beam."""
+    peak_displacement: Length | None = None
+    """Largest displacement of any probe relative to the base."""
+    peak_acceleration: PositiveAcceleration | None = None
+    """Largest absolute acceleration of any probe."""
+    gap: Length | None = None
+    """Largest opening between the structure and any snubber (lift-off)."""
+    outputs: dict[Name, OutputLimit] | None = None
+    """By name the largest magnitude of outputs: {clamp: 200 N, gauge: 0.1 %}; a plain number is in their SI unit."""
+
+    def check(self) -> None:
+        """Reject a section that limits nothing."""
+        if not self.given:
+            raise fail("limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}")
+
+    @property
+    def given(self) -> dict[str, float]:
+        """The given limits in SI units, by name."""
+        values = {name: getattr(self, name) for name in type(self).model_fields if name != "outputs"}
+        of_outputs = {OF_OUTPUTS + name: float(value) for name, value in (self.outputs or {}).items()}
+        return {name: value for name, value in values.items() if value is not None} | of_outputs
+
+
+def output_dimension(output: Any, bodies: Mapping[str, Body], default_body: str) -> units.Dimension | None:
+    """Of an output on one of the bodies; None of rows of recovery matrices, which have units of their own."""
+    if output.kind == "bending_moment":
+        body = bodies.get(output.place.body or default_body)
+        return _MOMENT_PER_WIDTH if body is not None and body.body_kind == "plate" else _MOMENT
+    return _OUTPUT_DIMENSIONS.get(output.kind)
+
+
+BASE_FORCE = ReactionOutput.model_construct(
+    name="base_force", kind="reaction_force", support="base", body=None, direction=None, about=None
+)
+"""The output that a limit on the base's force stands for where the scenario has none."""
+QUANTITIES_OF = {
+    "probes": {"acceleration": units.ACCELERATION, "displacement": units.LENGTH},
+    "snubbers": {"force": units.FORCE},
+}
+
+
+@dataclass(frozen=True)
+class LimitedQuantity:
+    """What a limit applies to."""
+
+    section: str  # probes, snubbers or outputs
+    item: str
+    quantity: str  # acceleration, displacement or force; empty of an output
+
+
+def limited_quantity(name: str, base_force: str = BASE_FORCE.name) -> LimitedQuantity | None:
+    """What a name stands for; None where it is none of the forms. ``base_force`` is the output of that force.
+
+    >>> limited_quantity("probes.tip.acceleration")
+    LimitedQuantity(section='probes', item='tip', quantity='acceleration')
+    """
+    if name == "base.force":
+        return LimitedQuantity("outputs", base_force, "")
+    section, _, rest = name.partition(".")
+    if section == "outputs" and rest:
+        return LimitedQuantity(section, rest, "")
+    item, _, quantity = rest.rpartition(".")
+    return LimitedQuantity(section, item, quantity) if item and quantity in QUANTITIES_OF.get(section, ()) else None
+
+
+DIMENSIONS: dict[str, Dimension] = {
+    "acceleration": units.ACCELERATION,
+    "length": units.LENGTH,
+    "velocity": units.VELOCITY,
+    "force": units.FORCE,
+    "stress": units.PRESSURE,
+    "time": units.TIME,
+    "mass": units.MASS,
+    "stiffness": units.STIFFNESS,
+    "energy": units.ENERGY,
+}
+_EXAMPLES = {"acceleration": "g", "length": "mm", "stress": "MPa", "time": "min", "stiffness": "N/mm"}
+
+
+def _unit_of(name: str) -> UnitType:
+    return UnitType(of=DIMENSIONS[name], example=_EXAMPLES.get(name, DIMENSIONS[name].unit))
+
+
+_MINUTE = 60.0  # s; shorter times are shown in seconds, with a prefix
+
+
+class DisplayUnits(Schema):
+    """Units of tables, plots and reports; result files and ``--json`` stay in SI units.
+
+    Accelerations, lengths and long times that are not chosen are shown in the unit in which most of them are written.
+    """
+
+    acceleration: Annotated[str, _unit_of("acceleration")] | None = None
+    """Unit of accelerations, such as m/s^2; by default as they are written, g for bare numbers."""
+    length: Annotated[str, _unit_of("length")] | None = None
+    """Unit of lengths and displacements, such as mm; by default as they are written, metres with a prefix that suits
+    the size where all are in metres."""
+    velocity: Annotated[str, _unit_of("velocity")] | None = None
+    """Unit of velocities, such as mm/s."""
+    force: Annotated[str, _unit_of("force")] | None = None
+    """Unit of forces, such as kN."""
+    stress: Annotated[str, _unit_of("stress")] | None = None
+    """Unit of stresses and moduli, such as MPa."""
+    time: Annotated[str, _unit_of("time")] | None = None
+    """Unit of times, such as ms or min; by default minutes or hours where times are written so. Times that are shorter
+    than the unit chosen are in seconds if that is longer."""
+    mass: Annotated[str, _unit_of("mass")] | None = None
+    """Unit of masses, such as g."""
+    stiffness: Annotated[str, _unit_of("stiffness")] | None = None
+    """Unit of stiffnesses, such as N/mm."""
+    energy: Annotated[str, _unit_of("energy")] | None = None
+    """Unit of energies, such as mJ."""
+
+    named: ClassVar[tuple[str, ...]] = tuple(DIMENSIONS)
+
+    def filled(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
+        """The same with the units in which quantities are written, for what is not chosen.
+
+        Parameters
+        ----------
+        written : how often a quantity of that dimension is written in that unit.
+        """
+        # metres are written for the size of a panel, whose displacements need a prefix
+        lengths = {unit: n for (of, unit), n in written.items() if of.unit == units.LENGTH.unit != unit}
+        times = {
+            unit: n
+            for (of, unit), n in written.items()
+            if of.unit == units.TIME.unit and units.size_of(unit, units.TIME) >= _MINUTE
+        }
+        accelerations = {unit: n for (of, unit), n in written.items() if of.unit == units.ACCELERATION.unit}
+        densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
+        if not accelerations and densities and not any(map(units.is_in_gravities, densities)):
+            accelerations = {_si("acceleration"): 1}
+        most = {
+            name: max(of, key=lambda unit: (of[unit], -_size(name, unit)))  # of equally many the smallest
+            for name, of in (("acceleration", accelerations), ("length", lengths), ("time", times))
+            if of and getattr(self, name) is None
+        }
+        return self.model_copy(update=most)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no unit is chosen."""
+        return all(getattr(self, name) is None for name in self.named)
+
+    @property
+    def scales(self) -> dict[str, tuple[float, str]]:
+        """By SI unit the factor of SI values and the unit that is shown."""
+        chosen = {name: getattr(self, name) for name in self.named}
+        return {_si(name): (1.0 / _size(name, unit), unit) for name, unit in chosen.items() if unit is not None}
+
+
+def _size(name: str, unit: str) -> float:
+    """SI value of one unit."""
+    return units.size_of(unit, DIMENSIONS[name])
+
+
+def _si(name: str) -> str:
+    return DIMENSIONS[name].unit
