@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import beamsim
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 

@@ -13,7 +13,7 @@ import numpy as np
 import beamsim
 from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import check_cases, plan_designs
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 from benchmarks.measure import CASE, SECONDS, command, imports, march, processor_time

@@ -21,7 +21,7 @@ from numba import njit
 from scipy.integrate import ode
 
 import beamsim
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.reference import TimeStepping, integrate
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system

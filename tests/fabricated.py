@@ -17,7 +17,7 @@ from beamsim.analyses.run.result import (
     SnubberHistory,
     Work,
 )
-from beamsim.analyses.run.spectrum import spectrum
+from beamsim.analyses.run.spectra import spectrum
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.body import Located
 from beamsim.scenario.excitation import NoExcitation

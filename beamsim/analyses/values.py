@@ -1,14 +1,20 @@
 """The values that analyses report of channels: what each is called in summaries, studies and limits, and what it is of
-the extremes of its channel. Everything that lists values takes them from this table."""
+the extremes of its channel. Everything that lists values takes them from this table.
+
+Of a limit the margin of safety is limit / value - 1: zero where the limit is just reached, negative beyond it.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.fields import Entry
+from beamsim.scenario import Scenario
+from beamsim.scenario.reporting import OF_OUTPUTS, Limits
 from beamsim.system.channels import ChannelSet, Key
 from beamsim.typing import Floats
 
@@ -19,14 +25,14 @@ FORCE, PENETRATION = ("snubbers", "force"), ("snubbers", "penetration")
 STRESS = ("bodies", "bending_stress")
 ALWAYS_THERE = ("probes", "snubbers")  # sections whose entries are there even where they are empty
 
-Extreme = tuple[Floats, Floats, Floats, Floats]  # (k,) each: lowest, its time, highest, its time
+Extreme = Floats  # (4, k): lowest, its time, highest, its time
 Extremes = Mapping[Key, Extreme]  # by section and quantity of the channels
 
 
 def largest(extreme: Extreme) -> Floats:
     """(k,) largest magnitudes."""
     low, _, high, _ = extreme
-    return np.maximum(np.abs(low), np.abs(high))
+    return np.maximum(np.abs(low), np.abs(high), dtype=float)
 
 
 def largest_at(extreme: Extreme) -> Floats:
@@ -43,17 +49,17 @@ def largest_pulls(forces: Extreme) -> Floats:
 
 def lowest(extreme: Extreme) -> Floats:
     """(k,)."""
-    return extreme[0]
+    return np.asarray(extreme[0])
 
 
 def highest(extreme: Extreme) -> Floats:
     """(k,)."""
-    return extreme[2]
+    return np.asarray(extreme[2])
 
 
 def openings(penetrations: Extreme) -> Floats:
     """(m,) largest openings of contacts, m."""
-    return np.maximum(-penetrations[0], 0.0)
+    return np.asarray(np.maximum(-penetrations[0], 0.0))
 
 
 class Value(NamedTuple):
@@ -151,3 +157,75 @@ def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
         elif some or value.section in ALWAYS_THERE:
             found[value.entry] = {channel.name: next(numbers[channel.key]) for channel in some}
     return found
+
+
+def limit_unit(scenario: Scenario, name: str) -> str:
+    """SI unit of a limit."""
+    if name.startswith(OF_OUTPUTS):
+        from beamsim.system.outputs import output_units
+
+        return output_units(scenario)[name.removeprefix(OF_OUTPUTS)]
+    return LIMITED[name].unit
+
+
+def limit_label(name: str) -> str:
+    """The name for people.
+
+    >>> limit_label("peak_force"), limit_label("outputs.root_moment")
+    ('peak force', 'output root_moment')
+    """
+    return f"output {name.removeprefix(OF_OUTPUTS)}" if name.startswith(OF_OUTPUTS) else name.replace("_", " ")
+
+
+def margin_of(limit: float, value: float) -> float:
+    """Return limit / value - 1, infinite if the value is zero.
+
+    >>> margin_of(50.0, 40.0)
+    0.25
+    """
+    return limit / value - 1.0 if value > 0.0 else math.nan if math.isnan(value) else math.inf
+
+
+def margins(limits: Limits | None, summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Compare the summary of a run with the limits: by limit its limit, value, margin, at and exceeded (SI)."""
+    largest = {}
+    for name in {} if limits is None else limits.given:
+        if name.startswith(OF_OUTPUTS):
+            largest[name] = float(summary["peak_output"][name.removeprefix(OF_OUTPUTS)]), ""
+            continue
+        limited = LIMITED[name]
+        given = summary[limited.entry]
+        if isinstance(given, Mapping):
+            at = max(given, key=lambda place: given[place])
+            value = float(given[at])
+        else:
+            body = f"{summary['largest_bending_stress_body']}, " if "largest_bending_stress_body" in summary else ""
+            at, value = f"{body}x = {summary['largest_bending_stress_position_m']:.6g} m", float(given)
+        largest[name] = value * limited.scale, at
+    return margins_of(limits, largest)
+
+
+def margins_of(limits: Limits | None, largest: Mapping[str, tuple[float, str]]) -> dict[str, dict[str, Any]]:
+    """By limit its limit, value, margin, at and exceeded, of the largest values by limit and where they are (SI)."""
+    given = {} if limits is None else limits.given
+    return {
+        name: {
+            "limit": limit,
+            "value": largest[name][0],
+            "margin": margin_of(limit, largest[name][0]),
+            "at": largest[name][1],
+            "exceeded": largest[name][0] > limit,
+        }
+        for name, limit in given.items()
+        if name in largest
+    }
+
+
+def exceeded_limits(scenario: Scenario, compared: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """A message for every limit that is exceeded."""
+    units = {name: limit_unit(scenario, name) for name, item in compared.items() if item["exceeded"]}
+    return [
+        f"{limit_label(name)} = {compared[name]['value']:.5g} {unit} exceeds limits.{name} = "
+        f"{compared[name]['limit']:.5g} {unit}"
+        for name, unit in units.items()
+    ]

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from beamsim.analyses.limits import exceeded_limits
 from beamsim.analyses.result import Result
+from beamsim.analyses.values import exceeded_limits
 from beamsim.cli.failures import say
 from beamsim.cli.interruption import Interruption, interruptible
 from beamsim.cli.options import Reporting

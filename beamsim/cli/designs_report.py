@@ -9,7 +9,7 @@ from typing import Any
 from beamsim.analyses.designs.choice import Objective
 from beamsim.analyses.designs.plan import limited_response
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, parameter_label, responses_of
-from beamsim.analyses.limits import limit_label
+from beamsim.analyses.values import limit_label
 from beamsim.cli.report import Labelled, Views, margins
 from beamsim.plots.style import amount, extent, margin_text
 

@@ -12,9 +12,9 @@ from functools import partial
 from html import escape
 from typing import Any
 
-from beamsim.analyses.limits import limit_label, limit_unit
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
+from beamsim.analyses.values import limit_label, limit_unit
 from beamsim.cli.printing import table_text
 from beamsim.cli.tables import aligned, counted, lines, percent, told, words
 from beamsim.kinds import KINDS, named

@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult
-from beamsim.analyses.run.spectrum import LOBE
+from beamsim.analyses.run.spectra import LOBE
 from beamsim.cli.report import Views, in_units, together
 from beamsim.cli.tables import counted, percent
 from beamsim.plots.style import amount, is_known

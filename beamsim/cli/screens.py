@@ -6,11 +6,10 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from beamsim.analyses.limits import limit_label
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.analyses.values import STANDARD_GRAVITY
+from beamsim.analyses.values import STANDARD_GRAVITY, limit_label
 from beamsim.cli.report import length_text, predicted
 from beamsim.cli.sweep_report import at_frequency, notch_texts
 from beamsim.cli.tables import NONE, aligned, counted, percent

@@ -10,7 +10,7 @@ from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
-from beamsim.system.channels import ChannelSet, Rows
+from beamsim.system.channels import ChannelSet, Key, Rows
 from beamsim.typing import Floats, Ints
 
 
@@ -101,3 +101,7 @@ class Observed:
         if squares.size:
             found = found.beside(motion.extrema(self.squared, squares=squares))
         return found.some(self.channels.order)
+
+    def extremes(self, motion: Trajectory) -> dict[Key, Floats]:
+        """By section and quantity (4, k): lowest values of the continuous motion, their times, highest ones, theirs."""
+        return self.channels.split(np.array(self.extrema(motion).extremes))

@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from beamsim.analyses.run.records import Window
 from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult, ShockResponse, SnubberHistory, Spectrum
-from beamsim.analyses.run.windows import Window
 from beamsim.plots.bodies import body_figures
 from beamsim.plots.drawing import (
     DARK,

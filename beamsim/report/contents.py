@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
-from beamsim.analyses.limits import limit_label, limit_unit
 from beamsim.analyses.result import MARGINS, Result
+from beamsim.analyses.values import limit_label, limit_unit
 from beamsim.fields import figure_in_words
 from beamsim.plots.animation import Scene
 from beamsim.plots.model import excitation_text, model_figure
@@ -22,7 +22,7 @@ from beamsim.scenario.base import Schema, plain
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.stations import Stations
 from beamsim.system.structural import SnubberNumbers
-from beamsim.trust.values import by_place
+from beamsim.trust.convergence import by_place
 
 CHANGES_SHOWN = 60
 HOW_TO_READ = (

@@ -15,8 +15,18 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from beamsim.analyses.values import BY_ENTRY
 from beamsim.interrupts import Stop, never
 from beamsim.system.shared import SharedBuilds
-from beamsim.trust.convergence import COMPARISON, Convergence, keeps_all, solved_again, with_convergence
-from beamsim.trust.values import Values, compared, doubtful, relative_changes, unchanged
+from beamsim.trust.convergence import (
+    COMPARISON,
+    Convergence,
+    Values,
+    compared,
+    doubtful,
+    keeps_all,
+    relative_changes,
+    solved_again,
+    unchanged,
+    with_convergence,
+)
 
 if TYPE_CHECKING:
     from beamsim.analyses.continuation.result import ContinuationResult

@@ -1,31 +1,229 @@
 """How much every value changes when the case is solved again with a finer model.
 
 The finer model has 1.5 times the modes and, where a body has a mesh, twice the elements. A value that changes by more
-than `ALLOWED_CHANGE` is doubtful: it belongs to the model and not to the structure.
+than `ALLOWED_CHANGE` is doubtful: it belongs to the model and not to the structure. Values are numbers by entry of a
+summary, or by entry and place: a probe, a snubber, a curve with one of them.
+
+A motion that bounces may be so sensitive that any small change gives it other contacts after some time, when the
+sequences of contacts diverge. What comes after that is one of many motions, and no model or precision of the
+computation can say which.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
+
+import numpy as np
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.errors import ScenarioError
 from beamsim.fields import figure_in_words
+from beamsim.flow.reference import ReferenceTrajectory
+from beamsim.flow.stretches import MotionInStretches
+from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.scenario import Scenario
-from beamsim.trust.divergence import DivergenceTimes
-from beamsim.trust.values import Changes, named
+from beamsim.typing import Floats, Ints
 
+FREQUENCIES = 6  # natural frequencies that are compared
+SMALLEST_SCALE = 1e-9  # of the largest value of its kind, which a smaller one is compared with
+
+Values = dict[str, dict[str, float] | float]
+Changes = Values  # relative
+SAME_EVENT = 0.1  # of the mean time between a contact's closings: two events further apart are not the same
+SMALL, ROUND_OFF = 1e-9, 1e-15  # relative disturbances of the stiffness
+LONGER = 8.0  # times the time up to which a disturbance has been followed in vain, or needed to diverge
 WORTHLESS = 0.5  # relative change of the displacements beyond which the default model is not to be used
 MORE_MODES = 1.5
 COMPARISON = "the comparison with a finer model"
-
 _Result = TypeVar("_Result", bound="Result")
 _Solved = TypeVar("_Solved")
+
+
+def compared(summary: Mapping[str, Any]) -> Values:
+    """Values as numbers, or numbers by place; natural frequencies by their number."""
+    values: Values = {}
+    for name, value in summary.items():
+        if isinstance(value, Sequence):
+            values[name] = {str(k): float(x) for k, x in enumerate(value[:FREQUENCIES], 1)}
+        else:
+            values[name] = dict(by_place(value)) if isinstance(value, Mapping) else float(value)
+    return values
+
+
+def by_place(value: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """Values by place; of several curves by curve and place."""
+    for name, each in value.items():
+        if isinstance(each, Mapping):
+            yield from by_place(each, f"{before}{name} ")
+        else:
+            yield f"{before}{name}", each
+
+
+def places(value: dict[str, float] | float) -> list[tuple[str, float]]:
+    """Places with their numbers; the place of a single number is empty."""
+    return list(value.items()) if isinstance(value, dict) else [("", value)]
+
+
+def named(values: Values) -> Iterator[tuple[str, float]]:
+    """``entry.place`` with the number, ``entry`` where there is one number alone."""
+    for name, value in values.items():
+        yield from ((f"{name}.{place}" if place else name, number) for place, number in places(value))
+
+
+def unchanged(values: Values) -> Changes:
+    """Changes of 0."""
+    return {name: dict.fromkeys(value, 0.0) if isinstance(value, dict) else 0.0 for name, value in values.items()}
+
+
+def relative_changes(
+    first: Sequence[Values], second: Sequence[Values], *, scatter: bool = False, whole: Values | None = None
+) -> Changes:
+    """Relative change of the means of values, or two standard errors of it.
+
+    Parameters
+    ----------
+    first, second : the values of parts of two motions, or of the whole of each.
+    scatter : whether to return the standard errors.
+    whole : values that the changes are relative to if they are larger.
+
+    Returns
+    -------
+    By entry and place of the first; places that the second does not have are left out.
+    """
+    changes: Changes = {}
+    for name, value in first[0].items():
+        of_entry = list(value) if isinstance(value, dict) else [""]
+        one, other = (np.array([_row(part.get(name, {}), of_entry) for part in parts]) for parts in (first, second))
+        of_scale = (one, other)
+        if name.startswith(("min_", "max_")):  # either may be zero
+            peaks = [[_row(part[f"peak{name[3:]}"], of_entry) for part in parts] for parts in (first, second)]
+            of_scale = (np.array(peaks[0]), np.array(peaks[1]))
+        scale = np.maximum(*(np.abs(x).mean(axis=0) for x in of_scale))
+        if whole is not None:
+            of_whole = whole[f"peak{name[3:]}" if name.startswith(("min_", "max_")) else name]
+            scale = np.maximum(scale, np.abs(_row(of_whole, of_entry)))
+        if not name.endswith("_output"):  # which have units of their own
+            scale = np.maximum(scale, SMALLEST_SCALE * np.nanmax(scale, initial=0.0))
+        difference = one - other
+        size = np.abs(difference.mean(axis=0))
+        if scatter:
+            size = 2 * difference.std(axis=0, ddof=1) / math.sqrt(len(first))
+        relative = np.divide(size, scale, out=np.zeros_like(size), where=size > 0)
+        by_place = {place: float(x) for place, x in zip(of_entry, relative, strict=True) if not math.isnan(x)}
+        changes[name] = by_place if isinstance(value, dict) else by_place.get("", 0.0)
+    return changes
+
+
+def _row(value: dict[str, float] | float, of_entry: Sequence[str]) -> list[float]:
+    return [value.get(place, math.nan) for place in of_entry] if isinstance(value, dict) else [value]
+
+
+def larger(one: Changes, other: Changes) -> Changes:
+    """The larger of two changes of each value."""
+    out = dict(one)
+    for name, value in other.items():
+        present = out.get(name, value)
+        if isinstance(value, dict) and isinstance(present, dict):
+            out[name] = {place: max(x, present.get(place, 0.0)) for place, x in value.items()}
+        elif not isinstance(value, dict) and not isinstance(present, dict):
+            out[name] = max(value, present)
+    return out
+
+
+def doubtful(changes: Changes, scatter: Changes) -> Iterator[str]:
+    """``entry.place`` of the values that change by more than is allowed, and than their scatter explains."""
+    chance = dict(named(scatter))
+    yield from (key for key, change in named(changes) if change > ALLOWED_CHANGE + chance.get(key, 0.0))
+
+
+@dataclass(frozen=True)
+class ContactEvents:
+    """The events (E,) of the snubbers of a motion in order of time."""
+
+    end: float  # s, of the motion
+    time: Floats
+    contact: Ints
+    phase: Ints  # of the contact after the event
+
+    @classmethod
+    def of(cls, motion: Trajectory | MotionInStretches | ReferenceTrajectory, snubbers: int) -> Self:
+        """Those of a motion whose first ``snubbers`` contacts are snubbers."""
+        these = motion.event_contact < snubbers
+        return cls(motion.end, motion.event_time[these], motion.event_contact[these], motion.event_phase[these])
+
+    def of_contact(self, contact: int) -> Self:
+        """Those of one contact."""
+        these = self.contact == contact
+        return replace(self, time=self.time[these], contact=self.contact[these], phase=self.phase[these])
+
+    def until(self, end: float) -> Self:
+        """Those up to a time."""
+        count = int(np.searchsorted(self.time, end, side="right"))
+        return replace(self, end=end, time=self.time[:count], contact=self.contact[:count], phase=self.phase[:count])
+
+
+def divergence(first: ContactEvents, second: ContactEvents) -> float:
+    """Time at which the contact sequences of two motions diverge, s; infinite if they do not.
+
+    Each contact has its own sequence: which of two comes first is round-off where a symmetric structure meets both.
+    """
+    end = min(first.end, second.end)
+    contacts = np.union1d(first.contact, second.contact)
+    return min((_divergence_of(first.of_contact(k), second.of_contact(k), end) for k in contacts), default=math.inf)
+
+
+def _divergence_of(first: ContactEvents, second: ContactEvents, end: float) -> float:
+    """The same of the events of one contact."""
+    apart = SAME_EVENT * end / max(first.time.size / 2, 1.0)
+    common = min(first.time.size, second.time.size)
+    same = first.phase[:common] == second.phase[:common]
+    same &= np.abs(first.time[:common] - second.time[:common]) <= apart
+    if not same.all():
+        k = int(np.argmin(same))
+        return float(min(first.time[k], second.time[k]))
+    rest = first if first.time.size > common else second
+    if rest.time.size > common and rest.time[common] < end - apart:
+        return float(rest.time[common])
+    return math.inf
+
+
+@dataclass(frozen=True)
+class DivergenceTimes:
+    """Times after which small changes of the stiffness give other contacts, s; infinite where none was seen."""
+
+    small_s: float = math.inf  # of a change by 1e-9 of itself
+    round_off_s: float = math.inf  # by 1e-15
+
+    @property
+    def sensitive(self) -> bool:
+        """Whether changes that no structure is known to give other contacts."""
+        return math.isfinite(min(self.small_s, self.round_off_s))
+
+
+def sensitivity(
+    motion: ContactEvents, diverged: float, disturbed: Callable[[float, float], ContactEvents]
+) -> DivergenceTimes:
+    """When motions with a disturbed stiffness diverge from a motion.
+
+    Parameters
+    ----------
+    motion : the events of the motion.
+    diverged : s, where that of a finer model diverges from it, near which a disturbed one is likely to, too.
+    disturbed : events of the motion with the stiffness changed by a share of itself, up to a time.
+    """
+    end, small = diverged, math.inf
+    while small == math.inf and end < motion.end:
+        end = min(motion.end, LONGER * end)
+        small = divergence(motion.until(end), disturbed(SMALL, end))
+    if small == math.inf:
+        return DivergenceTimes()
+    end = min(motion.end, LONGER * small)
+    return DivergenceTimes(small, divergence(motion.until(end), disturbed(ROUND_OFF, end)))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import never
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.trust.divergence import ContactEvents, divergence
+from beamsim.trust.convergence import ContactEvents, divergence
 
 RTOL, ATOL = 1e-8, 1e-12  # by default
 COMPARED = (  # entry of the summary, its name in the comparison and its unit

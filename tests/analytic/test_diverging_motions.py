@@ -7,7 +7,7 @@ import pytest
 
 import beamsim
 from beamsim.scenario import load_scenario
-from beamsim.trust.divergence import ContactEvents, divergence
+from beamsim.trust.convergence import ContactEvents, divergence
 
 
 def oscillator(frequency=0.45, stiffness=1.0, **run):

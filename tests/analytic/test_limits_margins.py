@@ -5,7 +5,7 @@ import math
 import pytest
 
 import beamsim
-from beamsim.analyses.limits import exceeded_limits, margin_of, margins
+from beamsim.analyses.values import exceeded_limits, margin_of, margins
 from beamsim.scenario import Limits, load_scenario
 
 DROPPED = """\

@@ -3,7 +3,7 @@
 import pytest
 
 import beamsim
-from beamsim.analyses.limits import exceeded_limits
+from beamsim.analyses.values import exceeded_limits
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 

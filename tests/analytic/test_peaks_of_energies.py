@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.channels import Observed
 from beamsim.flow.extrema import TOLERANCE
 from beamsim.flow.transient import simulate

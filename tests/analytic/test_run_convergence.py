@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import butter, lsim, zpk2tf
 
 import beamsim
-from beamsim.analyses.run import filtered_motion
-from beamsim.analyses.run.filtered_motion import FilteredPanels, FilteredSegments, filtered
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run import filters
+from beamsim.analyses.run.exact_motion import exact_flow
+from beamsim.analyses.run.filters import FilteredPanels, FilteredSegments, filtered
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.cli.report import table_rows
 from beamsim.flow.transient import simulate
@@ -178,7 +178,7 @@ def test_low_pass_of_a_motion_is_that_of_scipy_on_fine_samples(monkeypatch):
     output = accelerations(system, flow)
     times = np.linspace(0.0, 0.05, 200_001)
     closed = filtered(motion, output, 1500.0, times[::500])
-    monkeypatch.setattr(filtered_motion, "_near_poles", lambda *_: True)
+    monkeypatch.setattr(filters, "_near_poles", lambda *_: True)
     on_panels = filtered(motion, output, 1500.0, times[::500])
     assert isinstance(closed, FilteredSegments)
     assert isinstance(on_panels, FilteredPanels)

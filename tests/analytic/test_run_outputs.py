@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.errors import ScenarioError
 from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.outputs import exact_flow
-from beamsim.analyses.run.windows import Window
+from beamsim.analyses.run.exact_motion import exact_flow
+from beamsim.analyses.run.records import Window
 from beamsim.cli.report import table_rows
 from beamsim.flow.fourier import MotionPart
 from beamsim.flow.transient import simulate

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from beamsim.analyses.run.spectrum import spectrum
+from beamsim.analyses.run.spectra import spectrum
 
 pytestmark = pytest.mark.quick
 

@@ -480,7 +480,7 @@ class _Bare:
         from types import SimpleNamespace
 
         import beamsim
-        from beamsim.analyses.run.outputs import exact_flow
+        from beamsim.analyses.run.exact_motion import exact_flow
         from beamsim.flow.transient import simulate
         from beamsim.system.build import build_system
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import beamsim
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Search, Waves
 from beamsim.flow.transient import simulate

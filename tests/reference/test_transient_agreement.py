@@ -8,7 +8,7 @@ from independent import Beam, Stop, chain, integrate, static_equilibrium
 from sampling import slow_after
 
 import beamsim
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
 

@@ -8,7 +8,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.cli.conclusion import exit_code
 from beamsim.flow import stretches

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.run.filtered_motion import FilteredPanels
+from beamsim.analyses.run.filters import FilteredPanels
 
 pytestmark = pytest.mark.quick
 

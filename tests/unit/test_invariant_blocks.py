@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.contact_state import contact_modes
 from beamsim.flow.invariant_blocks import block_diagonalise, second_order_blocks
 from beamsim.flow.sources import compile_sources

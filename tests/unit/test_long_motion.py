@@ -10,7 +10,7 @@ from beamsim.analyses.run import exact_motion
 from beamsim.errors import ScenarioError
 from beamsim.flow import exact, stretches
 from beamsim.inputs import streamed
-from beamsim.trust import divergence
+from beamsim.trust import convergence
 
 PIECES = 5600  # of the input in 0.14 s
 
@@ -162,7 +162,7 @@ def test_a_finer_model_is_compared_on_the_first_part():
 @pytest.mark.slow
 def test_a_disturbance_is_followed_to_the_end(monkeypatch):
     """Only the first part was disturbed: what parts later was reported without a mark."""
-    monkeypatch.setattr(divergence, "SMALL", 0.05)
+    monkeypatch.setattr(convergence, "SMALL", 0.05)
     result = beamsim.run(scenario(convergence="on", memory=64e6, duration=0.4))
     model = result.summary["convergence_model"]
     assert 0.0 < model["compared_s"] < model["disturbance_parts_s"] < 0.4
@@ -172,6 +172,6 @@ def test_a_disturbance_is_followed_to_the_end(monkeypatch):
 
 
 def test_too_many_pieces_are_refused_where_a_motion_is_kept(monkeypatch):
-    monkeypatch.setattr("beamsim.analyses.run.outputs.MOST_PIECES", 2000)
+    monkeypatch.setattr("beamsim.analyses.run.exact_motion.MOST_PIECES", 2000)
     with pytest.raises(ScenarioError, match="pieces, too many for this command or method"):
         beamsim.run(scenario(method="reference"))

@@ -8,7 +8,7 @@ from balance import energy_history, energy_of_segments
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.laws import kelvin_voigt

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.run.energy import power_factors
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.fourier import MotionPart, fourier_integrals
 from beamsim.flow.transient import simulate
 from beamsim.scenario import Scenario

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.branch import OrbitMotion
+from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.orbit_start import built_at_orbit
-from beamsim.analyses.run.outputs import exact_flow
 from beamsim.analyses.run.result import RunResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.transient import simulate

@@ -12,7 +12,7 @@ import numpy as np
 from beamsim.analyses.compare.measured import Harmonics, best_phase, harmonics_of, settled_from
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.run.result import RunResult, Spectrum
-from beamsim.analyses.run.spectrum import amplitude_db, spectrum
+from beamsim.analyses.run.spectra import amplitude_db, spectrum
 from beamsim.measurements.channels import unusable
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.outcomes import COMPLETE

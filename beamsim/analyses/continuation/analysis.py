@@ -38,12 +38,19 @@ from beamsim.analyses.continuation.refinement import ReportedMaximum, Wanted, cu
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
 from beamsim.analyses.continuation.side_branches import leavings, side_branches
 from beamsim.analyses.continuation.tracers import Tracer
-from beamsim.analyses.deflections import deflection_warnings
-from beamsim.analyses.limits import margins_of
-from beamsim.analyses.reduction import reduction_checked
+from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
-from beamsim.analyses.table_reach import forces_beyond_tables
-from beamsim.analyses.values import ACCELERATION, BY_ENTRY, DISPLACEMENT, FORCE, LIMITED, PENETRATION, STRESS, Value
+from beamsim.analyses.values import (
+    ACCELERATION,
+    BY_ENTRY,
+    DISPLACEMENT,
+    FORCE,
+    LIMITED,
+    PENETRATION,
+    STRESS,
+    Value,
+    margins_of,
+)
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, BranchPoint, OrbitBranch, SpecialPoint
@@ -350,7 +357,7 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
 
     def largest_of(value: Value, columns: Ints) -> Callable[[MeasuredMotion], float]:
         none = np.zeros(columns.size)
-        return lambda m: float(value.of((m.low[columns], none, m.high[columns], none)).max())
+        return lambda m: float(value.of(np.array([m.low[columns], none, m.high[columns], none])).max())
 
     displacements, limits = channels.places[DISPLACEMENT], model.scenario.limits
     maxima = [ReportedMaximum(largest_of(LIMITED["peak_displacement"], each), False) for each in displacements[:, None]]

@@ -25,8 +25,8 @@ from beamsim.analyses.designs.result import (
     responses_of,
 )
 from beamsim.analyses.designs.sensitivity import sensitivities
-from beamsim.analyses.limits import margin_of
-from beamsim.analyses.table_reach import forces_beyond_tables
+from beamsim.analyses.doubts import forces_beyond_tables
+from beamsim.analyses.values import margin_of
 from beamsim.outcomes import Outcome, OutcomeKind, together
 from beamsim.scenario.parameters import Value
 from beamsim.system.outputs import output_units

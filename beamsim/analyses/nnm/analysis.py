@@ -11,6 +11,7 @@ import numpy as np
 
 from beamsim.analyses.branch import ModeBranch, SpecialPointResult
 from beamsim.analyses.continuation.refinement import Wanted, with_points_at
+from beamsim.analyses.doubts import forces_beyond_tables, reduction_checked
 from beamsim.analyses.nnm.full_period import FullPeriodBranches, follow_full_period
 from beamsim.analyses.nnm.multiple_scales import (
     compare_expansion,
@@ -28,9 +29,7 @@ from beamsim.analyses.nnm.result import (
     RelaxedComparison,
 )
 from beamsim.analyses.nnm.summary import nnm_summary
-from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced
-from beamsim.analyses.table_reach import forces_beyond_tables
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches

@@ -3,44 +3,45 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from beamsim.analyses.deflections import deflection_warnings
-from beamsim.analyses.reduction import reduction_checked
+import numpy as np
+
+from beamsim.analyses.doubts import compressed_beyond_tables, deflection_warnings, reduction_checked
 from beamsim.analyses.run.exact_motion import exact_motion_of
-from beamsim.analyses.run.figures import by_name
-from beamsim.analyses.run.histories import Histories
 from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of
-from beamsim.analyses.run.jumps import jump_warnings
 from beamsim.analyses.run.motion import (
+    Histories,
     RunMotion,
     bodies_of_run,
     contact_instant,
     history_fields,
     output_times,
     pull_warnings,
-    spectra_of,
 )
 from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.result import RandomResponse, RunResult, ShockResponse
-from beamsim.analyses.run.spectra import coverage_notes
+from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
-from beamsim.analyses.run.summary import figures_of_parts, resting, summary_of_run
-from beamsim.analyses.table_reach import compressed_beyond_tables
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, PENETRATION, STRESS, largest
+from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, PENETRATION, STANDARD_GRAVITY, STRESS, largest
 from beamsim.errors import Problem, ScenarioError
 from beamsim.interrupts import Stop
 from beamsim.outcomes import interruption
+from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
 from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario import Scenario
     from beamsim.scenario.run import ShockSpectrumSettings
+NOTED = 0.25  # of a peak acceleration: a larger jump may exceed it in a model of a few times the modes
+SETTLED = 0.8  # of the sum over all modes, that the lower half of them reaches where the sum converges
 
 
 class Solution(NamedTuple):
@@ -186,3 +187,51 @@ def _shock_response(
         f"shock response spectra of a time-stepped motion are those of its samples: raise run.sample_rate to "
         f"{least:g} Hz or more for run.srs up to {settings.to:g} Hz"
     ]
+
+
+def jump_warnings(
+    scenario: Scenario, system: StructuralSystem, motion: RunMotion, peak_g: Mapping[str, float]
+) -> list[str]:
+    """A warning for each probe at a dashpot whose acceleration jumps at touch-down by what grows with the modes.
+
+    Parameters
+    ----------
+    peak_g : peak acceleration of every probe, g.
+    """
+    assert scenario.run is not None
+    if motion.trajectory is None or not scenario.has_mesh or scenario.run.low_pass is not None:
+        return []
+    largest = None
+    order = np.argsort(system.dynamics.stiffness, kind="stable")
+    damped = [(j, snubber) for j, snubber in enumerate(system.snubbers) if snubber.dashpot > 0.0]
+    shapes = np.array([snubber.shape for _, snubber in damped]).reshape(len(damped), order.size)
+    warnings = []
+    for probe in system.probes:
+        apart = np.minimum(np.abs(probe.shape - shapes).max(axis=1), np.abs(probe.shape + shapes).max(axis=1))
+        for row in np.flatnonzero(apart <= 1e-9 * np.abs(probe.shape).max()):  # of a shape
+            j, snubber = damped[row]
+            reached = np.cumsum(probe.shape[order] ** 2)
+            if reached[reached.size // 2 - 1] >= SETTLED * reached[-1]:
+                continue
+            largest = _touch_down_forces(motion) if largest is None else largest
+            jump = largest[j] * reached[-1] / STANDARD_GRAVITY
+            if jump > NOTED * peak_g[probe.name]:
+                warnings.append(
+                    f"probes.{probe.name}: its acceleration jumps by up to {jump:.3g} g where the dashpot of "
+                    f"{snubber.name} meets the structure, and by more in a model of more modes, since the point has "
+                    "little or no mass of its own: give the band of the accelerometer (run.low_pass: 2 kHz) or the "
+                    "whole mass at the contact as a point mass"
+                )
+    return warnings
+
+
+def _touch_down_forces(motion: RunMotion) -> Floats:
+    """(m,) N, the largest force with which each contact is made."""
+    trajectory = motion.trajectory
+    assert trajectory is not None
+    made = trajectory.event_closing
+    contact = trajectory.event_contact[made]
+    forces = trajectory.sample(trajectory.event_time[made], trajectory.flow.contact_forces)
+    largest = np.zeros(trajectory.flow.system.contacts.count)
+    np.maximum.at(largest, contact, forces[np.arange(contact.size), contact])
+    return largest

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.exact_motion import motion_in_stretches
-from beamsim.analyses.run.figures import by_name, motion_figures, static_figures
-from beamsim.analyses.run.intervals import SKIPPED
+from beamsim.analyses.run.exact_motion import StretchFigures, motion_in_stretches
+from beamsim.analyses.run.impacts import SKIPPED
 from beamsim.analyses.run.motion import with_limit
 from beamsim.analyses.run.random_response import LEAST_SAMPLES
-from beamsim.analyses.run.stretches import StretchFigures
+from beamsim.analyses.run.summary import by_name, motion_figures, static_figures
 from beamsim.analyses.values import (
     ACCELERATION,
     BY_ENTRY,

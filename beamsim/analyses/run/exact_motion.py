@@ -7,18 +7,22 @@ from functools import partial
 
 import numpy as np
 
+from beamsim.analyses.run.energy import BalanceOfStretches, energies, energies_of_segments, power_factors
+from beamsim.analyses.run.filters import LowPassFilter, filtered
 from beamsim.analyses.run.friction import friction_contacts
-from beamsim.analyses.run.histories import COMPONENTS, histories_of, largest_von_mises, reached
-from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, memory_of, with_limit
-from beamsim.analyses.run.outputs import MOTION_SHARE, events_in_memory, exact_flow, pieces_of
-from beamsim.analyses.run.result import Work
-from beamsim.analyses.run.stretches import StretchFigures
-from beamsim.analyses.values import DISPLACEMENT, STRESS
+from beamsim.analyses.run.impacts import ImpactRecord
+from beamsim.analyses.run.motion import Histories, RunMotion, breakpoints, events_of, memory_of, with_limit
+from beamsim.analyses.run.result import EnergyHistory, Work
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, STRESS, Extreme, searched
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
+from beamsim.flow.contact_state import OutputOf
+from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.flow.stretches import CHECKPOINT_PIECES, MotionInStretches
 from beamsim.flow.trajectory import Trajectory
+from beamsim.inputs.streamed import StreamedSignal, common_record
 from beamsim.scenario import Run
+from beamsim.system.channels import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
@@ -26,6 +30,14 @@ BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its 
 STRETCH_SHARE = 0.064  # of the memory, for the pieces of a stretch
 COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that of a finer model
 SPECTRUM_SHARE = 0.25  # for those of the last part, of which there are spectra
+VALUES_AT_ONCE = 2**22  # outputs and states at the times that are computed together
+COMPONENTS = 3  # of the stress at the surface of a plate: sigma_x, sigma_y, tau_xy
+ROUND_OFF = 1e-12  # relative, of the last output time
+_STRESSES_AT_ONCE = 256  # samples
+SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress of every station starts
+MOST_PIECES = 4_000_000  # of an input, in motions that are kept as a whole
+MEMORY = 2e9  # bytes, that a run may keep unless it says otherwise
+TABLES_SHARE, MOTION_SHARE = 0.2, 0.5  # of it: tables of contact states, the motion between events
 
 
 def motion_in_stretches(
@@ -174,3 +186,185 @@ def _von_mises(system: StructuralSystem, motion: MotionInStretches, times: Float
         part.body if len(stress.stations.parts) > 1 else stress.bodies[0]: part.stations for part in stress.stations
     }
     return {name: largest_von_mises(motion, times, observed, parts[name]) for name in plates & set(parts)}
+
+
+def reached(motion: MotionInStretches | Trajectory, times: Floats) -> Floats:
+    """The times up to the end of a motion."""
+    return times[: np.searchsorted(times, motion.end * (1.0 + ROUND_OFF), side="right")]
+
+
+def histories_of(motion: MotionInStretches, channels: ChannelSet, times: Floats) -> Histories:
+    """A motion in closed form at output times, stretch by stretch.
+
+    Parameters
+    ----------
+    motion : as far as it was marched.
+    channels : that are sampled.
+    times : (nt,) increasing, s; those after the end of the motion are left out.
+    """
+    flow, observed = motion.flow, Observed(motion.flow, channels)
+    times = reached(motion, times)
+    columns, contacts = channels.order.size, flow.system.contacts
+    values = np.empty((columns, times.size)).T  # each column in one piece
+    touching = np.empty((contacts.count, times.size), dtype=bool).T
+    energy, work = np.empty((3, times.size)), np.zeros(2)
+    factors, at_once = power_factors(flow), max(VALUES_AT_ONCE // (columns + flow.size), 1)
+    first = 0
+    for stretch in motion.again():
+        begin, last = float(stretch.time[0]), reached(stretch, times).size
+        for number in range(first, max(last, first + 1), at_once):
+            part = slice(number, min(number + at_once, last))
+            at = np.minimum(times[part], stretch.end)
+            values[part] = observed.values(stretch, at)
+            touching[part] = contacts.touching(stretch.phases_at(at))
+            end = at[-1:] if part.stop < last else [stretch.end]
+            found = energies(stretch, np.append(at, end), factors, begin, work)
+            energy[:, part] = found.work_in[:-1], found.dissipated[:-1], found.stored[:-1]
+            begin, work = float(end[0]), np.array([found.dissipated[-1], found.work_in[-1]])
+        first = last
+    return Histories(times, channels, values, touching, EnergyHistory(*energy))
+
+
+def largest_von_mises(motion: MotionInStretches, times: Floats, stress: Observed, of_body: slice) -> Floats:
+    """(nx,) largest von Mises stress of samples of a motion, Pa.
+
+    Parameters
+    ----------
+    motion : as far as it was marched.
+    times : (nt,) of the output, s, of which some are taken.
+    stress : sigma_x, sigma_y and tau_xy of all stations.
+    of_body : which of them.
+    """
+    few = times[:: max(1, times.size // SAMPLES_TO_SEED_STRESS)]
+    largest = np.zeros((of_body.stop - of_body.start) // COMPONENTS)
+    for first in range(0, few.size, _STRESSES_AT_ONCE):
+        sampled = motion.sample(few[first : first + _STRESSES_AT_ONCE], stress.linear)[:, of_body]
+        x, y, shear = np.moveaxis(sampled.reshape(sampled.shape[0], COMPONENTS, -1), 1, 0)
+        largest = np.maximum(largest, (x**2 - x * y + y**2 + 3 * shear**2).max(axis=0))
+    return np.sqrt(largest)
+
+
+class StretchFigures:
+    """Peaks and energy balance of a motion that is given stretch by stretch.
+
+    Parameters
+    ----------
+    observed : channels whose extremes are searched for.
+    impacts : record that the stretches are added to.
+    low_passed : the filter that they are led through; the extremes of accelerations are those behind it.
+    """
+
+    def __init__(
+        self, observed: Observed, impacts: ImpactRecord | None = None, low_passed: LowPassed | None = None
+    ) -> None:
+        self.observed, self.impacts, self.low_passed = observed, impacts, low_passed
+        self.balance, self.extremes = BalanceOfStretches(), dict[Key, Extreme]()
+
+    @classmethod
+    def of_run(cls, system: StructuralSystem, settings: Run, flow: ExactFlow, times: Floats) -> StretchFigures:
+        """Those that a run reports.
+
+        Parameters
+        ----------
+        system, settings : of the run.
+        flow : of the motion.
+        times : (nt,) s, all output times.
+        """
+        channels, low_passed = searched(system.channels), None
+        if settings.low_pass is not None:
+            channels, accelerations = channels.without(ACCELERATION), system.channels.of_keys(ACCELERATION)
+            low_passed = LowPassed(Observed(flow, accelerations).linear, settings.low_pass, times, len(system.probes))
+        impacts = None if settings.impacts is None else ImpactRecord(system, settings.impacts)
+        return cls(Observed(flow, channels), impacts, low_passed)
+
+    def add(self, stretch: Trajectory) -> None:
+        """Include the next stretch."""
+        balance = energies_of_segments(stretch)
+        found = self.observed.extremes(stretch) if self.observed.channels.channels else {}
+        if self.impacts is not None:
+            self.impacts.add(stretch)
+        if self.low_passed is not None:
+            found[ACCELERATION] = self.low_passed.add(stretch)
+        self.balance.add(*balance)
+        self.extremes = {name: outer(self.extremes.get(name), each) for name, each in found.items()}
+
+
+class LowPassed:
+    """Accelerations behind the filter at all output times, led through it stretch by stretch.
+
+    Parameters
+    ----------
+    output_of : accelerations of the probes.
+    frequency_hz : of the filter.
+    times : (nt,) s, all output times.
+    probes : number of accelerations.
+    """
+
+    def __init__(self, output_of: OutputOf, frequency_hz: float, times: Floats, probes: int) -> None:
+        self._output_of, self._frequency_hz, self._times = output_of, frequency_hz, times
+        self._through, self._begin, self._reached = LowPassFilter(frequency_hz, probes), 0.0, 0
+        self.values = np.empty((times.size, probes))
+
+    def add(self, stretch: Trajectory) -> Extreme:
+        """Go on through the next stretch, and return its lowest and highest values."""
+        upto = max(reached(stretch, self._times).size, self._reached)
+        times = np.minimum(self._times[self._reached : upto], stretch.end)
+        behind = filtered(stretch, self._output_of, self._frequency_hz, times, self._through)
+        self.values[self._reached : upto] = behind.at(times)
+        begin, self._begin, self._reached = self._begin, stretch.end, upto
+        return np.array(behind.extremes(begin, stretch.end))
+
+    @property
+    def reached(self) -> Floats:
+        """(nt, probes) up to where the motion is evaluated."""
+        return self.values[: self._reached]
+
+
+def outer(before: Extreme | None, new: Extreme) -> Extreme:
+    """The lowest and the highest of two extremes, with their times."""
+    if before is None:
+        return new
+    return np.vstack([np.where(new[0] < before[0], new[:2], before[:2]),
+                      np.where(new[2] > before[2], new[2:], before[2:])])  # fmt: skip
+
+
+def events_in_memory(flow: ExactFlow, memory: float) -> int:
+    """Number of events that fit into the share of ``memory``, bytes, of the motion between them; joined, it is there
+    twice."""
+    return int(MOTION_SHARE * memory / (2 * 8 * (flow.size + 8)))
+
+
+def exact_flow(
+    system: StructuralSystem, duration: float, most_states: int | None = None, memory: float = MEMORY,
+    pieces: tuple[int, int] | None = None,
+) -> ExactFlow:  # fmt: skip
+    """The exact flow of a built system; its first observer is the base's acceleration. ``pieces``: see `ExactFlow`.
+
+    ``most_states`` contact states are kept at once, by default those that fit into their share of ``memory``, bytes.
+
+    Raises
+    ------
+    ScenarioError
+        For a record of too many pieces to be taken as a whole.
+    """
+    observers = () if system.base_acceleration is None else (system.base_acceleration,)
+    most = most_states or states_in_memory(system.dynamics, TABLES_SHARE * memory)
+    if pieces is None:
+        for record in (s.record for s in (*system.forcing.signal, *observers) if isinstance(s, StreamedSignal)):
+            if record.pieces > MOST_PIECES:
+                raise ScenarioError(
+                    Problem(
+                        "excitation",
+                        f"has {record.pieces:.3g} pieces, too many for this command or method (at most "
+                        f"{MOST_PIECES:.0e})",
+                        "shorten run.duration, or give a lower excitation.sample_rate; beamsim run with one random "
+                        "excitation and method: exact takes any number",
+                    )
+                )
+    return ExactFlow(system.dynamics, system.forcing, duration, observers, most, pieces)
+
+
+def pieces_of(system: StructuralSystem) -> int:
+    """Number of pieces of the record of which all loads are made; 0 where they are not made of one, or it is short."""
+    record = common_record(system.forcing.signal)
+    return 0 if record is None else record.pieces

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.intervals import BLOCKS, LEAST, SKIPPED, FigureInterval, Sums, jackknife
+from beamsim.analyses.run.impact_result import FigureInterval
+from beamsim.analyses.run.impacts import BLOCKS, LEAST, SKIPPED, Sums, jackknife
 from beamsim.contacts.friction import DIRECTION, STICK
 from beamsim.contacts.springs import FRICTION
 from beamsim.flow.contact_state import LinearOutput

@@ -8,13 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.intervals import FigureInterval
 from beamsim.fields import Counter, attribute, dataset, declared, group, key, named, stored, table
 from beamsim.typing import Bools, Floats, Ints
 
 AT_REST = 1e-9  # of the highest approach speed, below which an impact begins at rest
 _IMPACT = (Counter("impact", "number of the impact"),)
 _CYCLE = (Counter("cycle", "number of the counted cycle"),)
+
+
+@declared
+class FigureInterval:
+    """One figure of a random input with its interval."""
+
+    figure: str = dataset("1", "name of the figure")
+    value: float = dataset("", "its value without the first part of the run, in its SI unit")
+    low: float = dataset("", "lower end of the interval, 95 %")
+    high: float = dataset("", "upper end of the interval, 95 %")
 
 
 @declared(along=_CYCLE)

@@ -5,7 +5,7 @@ time are one. Impulses, energies and mean squares are integrals over the segment
 penetration's rate where segments begin, peak forces the highest turning points of the force. What a released snubber
 loses until it is met again belongs to the impact before.
 
-Of random inputs the figures have intervals (`beamsim.analyses.run.intervals`), from blocks with many impacts.
+Of random inputs the figures have intervals (`jackknife`), from blocks with many impacts.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ import numpy as np
 
 from beamsim.analyses.rainflow import damage, equivalent_range, rainflow, reversals
 from beamsim.analyses.run.energy import contact_losses
-from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow, SnubberImpacts
-from beamsim.analyses.run.intervals import BLOCKS, LEAST, SKIPPED, FigureInterval, Sums, jackknife
+from beamsim.analyses.run.impact_result import Fatigue, FigureInterval, Impacts, Rainflow, SnubberImpacts
 from beamsim.analyses.values import STRESS
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf
@@ -31,6 +30,12 @@ from beamsim.system.channels import Rows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats, Ints
 
+SKIPPED = 0.1  # share of a run that is left out at its beginning
+CONFIDENCE = 0.95
+BLOCKS = 20
+LEAST = 40  # impacts, or slides, in these for an interval
+
+Sums = Mapping[str, Floats]  # (BLOCKS,) by name
 LEAST_RANGE = 1e-11  # of the largest value, of a cycle
 
 
@@ -414,3 +419,22 @@ def _stress_turns(part: Trajectory, stress: Rows) -> Floats:
     """Values between which the stress at one station rises and falls in a part of a motion."""
     segments = np.arange(part.time.size)
     return reversals(part.turning_points(outputs_of(part.flow, stress), segments).value)
+
+
+def jackknife(blocks: Sums, figures: Mapping[str, Callable[[Sums], Floats]]) -> tuple[FigureInterval, ...]:
+    """Intervals of figures, each a function of sums over equal blocks of time.
+
+    It is the jackknife's over the blocks (B. Efron, The Jackknife, SIAM 1982, ch. 3), with Student's t, of a stationary
+    motion whose blocks are long against its memory.
+    """
+    from scipy.special import stdtrit
+
+    whole = {name: values.sum(keepdims=True) for name, values in blocks.items()}
+    without = {name: whole[name] - values for name, values in blocks.items()}
+    quantile = float(stdtrit(BLOCKS - 1, 0.5 * (1.0 + CONFIDENCE)))
+    rows = []
+    for figure, of in figures.items():
+        value, left_out = float(of(whole)[0]), of(without)
+        error = float(np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((left_out - left_out.mean()) ** 2)))
+        rows.append(FigureInterval(figure, value, value - quantile * error, value + quantile * error))
+    return tuple(rows)

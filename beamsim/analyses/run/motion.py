@@ -11,22 +11,20 @@ import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance
 from beamsim.analyses.run.friction import friction_contacts, sliding_figures
-from beamsim.analyses.run.histories import Histories
 from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.result import (
     ONLY_BEAM,
     BodyResult,
     ContactInstant,
+    EnergyHistory,
     EventLog,
     FrictionHistory,
     OutputHistory,
     ProbeHistory,
     SnubberHistory,
-    Spectrum,
     SpringHistory,
     Work,
 )
-from beamsim.analyses.run.spectra import spectra_of_motion, spectra_of_samples
 from beamsim.analyses.values import DISPLACEMENT, FORCE, STRESS, Extremes, largest, largest_pulls
 from beamsim.contacts.hardening import residual_crush
 from beamsim.contacts.springs import FRICTION
@@ -37,10 +35,30 @@ from beamsim.flow.stretches import MotionInStretches
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Run, Scenario
+from beamsim.system.channels import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Bools, Floats
 
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
+
+
+@dataclass(frozen=True)
+class Histories:
+    """A motion at the output times."""
+
+    time: Floats  # (nt,) s
+    channels: ChannelSet
+    values: Floats  # (nt, C) of the channels
+    touching: Bools  # (nt, m) whether each contact touches
+    energy: EnergyHistory
+
+    def of(self, key: Key) -> Floats:
+        """(nt, k) of the channels of a section and quantity."""
+        return np.asarray(self.values[:, self.channels.places[key]])
+
+    def column(self, section: str, quantity: str, index: int) -> Floats:
+        """(nt,) of one channel of those that are alike."""
+        return np.asarray(self.values[:, self.channels.places[section, quantity][index]])
 
 
 def history_fields(
@@ -282,10 +300,3 @@ def bodies_of_run(scenario: Scenario, system: StructuralSystem, motion: RunMotio
     if len(scenario.all_bodies) == 1 and set(bodies) <= {ONLY_BEAM}:
         return {"only_body": bodies.get(ONLY_BEAM)}
     return {"only_body": None, "named_bodies": bodies}
-
-
-def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
-    """Spectra of every probe and snubber: from the closed form, or of samples."""
-    if motion.trajectory is None or motion.trajectory.end <= 0.0:
-        return spectra_of_samples(scenario, system, motion.sampled())
-    return spectra_of_motion(scenario, system, motion.trajectory)

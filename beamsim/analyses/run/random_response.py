@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.intervals import CONFIDENCE, SKIPPED
+from beamsim.analyses.run.impacts import CONFIDENCE, SKIPPED
 from beamsim.analyses.run.linear_prediction import LinearStructures
 from beamsim.analyses.run.result import MAIN_QUANTITY, RandomResponse, RunResult, SignalStatistics
 from beamsim.scenario.quantities import amplitude_unit

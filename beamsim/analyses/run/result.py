@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
-from beamsim.analyses.run.impact_result import Fatigue, Impacts
-from beamsim.analyses.run.intervals import FigureInterval
+from beamsim.analyses.run.impact_result import Fatigue, FigureInterval, Impacts
 from beamsim.analyses.values import STANDARD_GRAVITY, VALUES
 from beamsim.fields import (
     Counter,

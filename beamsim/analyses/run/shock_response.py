@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from beamsim.analyses.run.linear_filter import LONGEST_TURN, LinearFilter, Signal, panels
+from beamsim.analyses.run.filters import LONGEST_TURN, LinearFilter, Signal, panels
 from beamsim.analyses.run.result import MAIN_QUANTITY, ShockResponse, ShockSpectrum
 from beamsim.analyses.values import ACCELERATION
 from beamsim.flow.channels import Observed

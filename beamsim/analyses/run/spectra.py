@@ -1,15 +1,17 @@
-"""The spectra of a run: which part is analysed, through which window, up to which frequency."""
+"""Single-sided spectra of time histories and of motions in closed form, and the table of their lines."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
 
 import numpy as np
 
-from beamsim.analyses.run.histories import Histories
-from beamsim.analyses.run.records import MotionRecord
-from beamsim.analyses.run.result import Spectrum
-from beamsim.analyses.run.spectrum import spectrum, spectrum_of
+from beamsim.analyses.run.motion import Histories, RunMotion
+from beamsim.analyses.run.records import MotionRecord, Record, SampledRecord, Window
+from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
 from beamsim.flow.channels import Observed
 from beamsim.flow.fourier import MotionPart
@@ -25,6 +27,18 @@ MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
 FLOOR_LINES = 16  # beyond the highest content: a line is told by what lies beside it
 FEWEST_SAMPLES, MOST_SAMPLES = 256, 2**17
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
+FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
+# The rule for a line, see `spectrum_of`.
+WORTH_LISTING = 1e-3  # of the largest line: 60 dB
+_OVER_FLOOR = 10.0  # times the local noise floor: 20 dB
+_OVER_SKIRTS = 10**0.5  # the same in a decaying record, whose lines are broad: 10 dB over an octave on either side
+_OVER_SIDE_LOBES = 5e-5  # of the largest deviation from the mean: a drift's side lobes are no lines
+_ROUND_OFF = 1e-12  # of max |x|
+_DENOMINATORS = (1, 2, 3, 4)  # of the orders m/n that are looked for
+LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
+_MOST_LINES = 50
+_ORDERS_OF_A_SHORT_RECORD = 10
+NEARBY, NEARBY_BINS = 0.01, 3.0  # share of its frequency, and bins, within which a line is found again
 
 
 def spectral(system: StructuralSystem) -> ChannelSet:
@@ -58,6 +72,13 @@ def spectra_of_samples(
         )
         for channel, x in zip(channels.channels, samples.T, strict=True)
     }
+
+
+def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
+    """Spectra of every probe and snubber: from the closed form, or of samples."""
+    if motion.trajectory is None or motion.trajectory.end <= 0.0:
+        return spectra_of_samples(scenario, system, motion.sampled())
+    return spectra_of_motion(scenario, system, motion.trajectory)
 
 
 def coverage_notes(
@@ -183,3 +204,350 @@ def _suited_window(scenario: Scenario, x: Floats) -> str:
         if last < DECAYED * first:
             return "decaying"
     return "hann"
+
+
+def amplitude_db(amplitude: Floats, peak: float) -> Floats:
+    """``20 log10(amplitude / peak)``, dB; `FLOOR_DB` where the amplitude (or the whole signal) is zero."""
+    ratio = np.asarray(amplitude, dtype=float) / peak if peak > 0 else np.zeros_like(amplitude, dtype=float)
+    level: Floats = 20.0 * np.log10(np.maximum(ratio, 10.0 ** (FLOOR_DB / 20.0)))
+    return level
+
+
+def line_kind(order: Fraction) -> str:
+    """Name of an order of the excitation frequency: every order that is not whole is a subharmonic one."""
+    if order == 0:
+        return "mean"
+    if order.denominator > 1:
+        return "subharmonic"
+    return "fundamental" if order == 1 else "superharmonic"
+
+
+def spectrum(
+    time: Floats,
+    x: Floats,
+    settings: SpectrumSettings,
+    excitation_hz: float,
+    probe: str,
+    quantity: str,
+    unit: str,
+) -> Spectrum:
+    """Spectrum of the last part of a record of samples, see `spectrum_of`.
+
+    Samples are taken as they are: what they hold beyond half the sample rate has folded back, and shows up as lines of
+    the kind "other".
+
+    Parameters
+    ----------
+    time : (n,) s, equally spaced.
+    x : (n,) the signal, in ``unit``.
+    settings : part and window; a Hann window if it names none.
+    excitation_hz : Hz, nan where there is no single excitation frequency.
+    probe, quantity, unit : labels carried into the result.
+
+    Raises
+    ------
+    ValueError
+        When the record is empty or its two arrays differ in length.
+    """
+    time = np.asarray(time, dtype=float)
+    x = np.asarray(x, dtype=float)
+    if x.ndim != 1 or x.size == 0 or time.shape != x.shape:
+        raise ValueError(f"a spectrum needs a time history, got shapes {time.shape} and {x.shape}")
+    rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
+    length = _samples_analysed(time.size, rate, settings.last, settings.periods, excitation_hz)
+    record = SampledRecord(time[-length:], x[-length:], rate)
+    return spectrum_of(
+        record, settings.window or "hann", excitation_hz, probe, quantity, unit, chosen_hz=settings.frequencies
+    )
+
+
+def spectrum_of(
+    record: Record,
+    window: str,
+    excitation_hz: float,
+    probe: str,
+    quantity: str,
+    unit: str,
+    residual_hz: tuple[float, ...] = (),
+    chosen_hz: tuple[float, ...] = (),
+) -> Spectrum:
+    r"""Single-sided peak-amplitude spectrum of a record, and its table of lines.
+
+    With the window :math:`w` of the N samples of the record and :math:`\bar x` their weighted mean,
+
+    .. math:: A_j = \frac{2}{\sum_n w_n} \Big| \sum_n w_n (x_n - \bar x) e^{-2 \pi i j n / N} \Big|, \quad
+              A_0 = |\bar x|, \quad L_j = 20 \log_{10} \frac{A_j}{\max |x|}
+
+    (the line at half the sample rate is not doubled). The division by :math:`\sum w` corrects the
+    window's coherent gain: a sinusoid on a bin shows its own amplitude with every window; the mean is
+    taken out first because it would otherwise leak into the first bins.
+
+    *Lines*. The record is examined once more with a Blackman–Harris window (side lobes at -92 dB),
+    whatever window was asked for; with the falling half of it where the window is ``decaying``. A local maximum is a
+    line when it lies less than 60 dB below the
+    largest one (and 86 dB below the largest deviation from the mean) and at least 20 dB above the noise
+    floor around it: the lower quartile of the spectrum within one excitation frequency, at least
+    32 bins, on either side (10 dB, and an octave on either side, in a ``decaying`` window, where damping makes lines
+    broad). It belongs to the order m/n (n up to 4, as long as the excitation frequency
+    over n is at least 4 bins) when its interpolated frequency is within half a bin of it and it is
+    locked to the excitation: its complex amplitudes in the two halves of the record differ by less than
+    half. The fundamental need not be locked. What belongs to no order (a decaying transient, or
+    everything when there is no excitation frequency) is of the kind "other", or "residual" at a frequency of
+    ``residual_hz``. Amplitude and phase come
+    from the least-squares projection on the exact frequencies of all lines together, so no line leaks
+    into another, weighted by the Blackman–Harris window, so that nothing else leaks into them. Of a motion in closed
+    form the projection is that of the continuous motion, see `beamsim.analyses.run.records`. A record
+    of 1 to 8 excitation periods is projected on the orders 1 to 10 directly, with the residual as noise
+    floor; below one period only the mean is known. The mean is always listed, at most 50 lines beside it.
+
+    Phases are those of :math:`A \sin(2 \pi f t + \varphi)` with the run's own time; that of the mean is
+    0 or 180 degrees, its sign.
+
+    Parameters
+    ----------
+    record : the part that is analysed.
+    window : of the curve.
+    excitation_hz : Hz, nan where there is no single excitation frequency.
+    probe, quantity, unit : labels carried into the result.
+    residual_hz : Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
+    chosen_hz : Hz, frequencies that are projected on and listed in any case, of the kind "chosen" where no order of the
+        excitation has this frequency; they replace what is nearer than a bin.
+    """
+    shape, x, rate = Window.named(window), record.x, record.rate
+    peak = float(np.max(np.abs(x)))
+    kept = record.band(x.size // 2 + 1)
+    amplitude = _windowed_amplitude(x, shape)[:kept]
+    lines = _lines(record, excitation_hz, peak, shape.one_sided, residual_hz, chosen_hz) if np.isfinite(peak) else ()
+    return Spectrum(
+        probe=probe,
+        quantity=quantity,
+        unit=unit,
+        frequency_hz=np.arange(kept) * rate / x.size,
+        amplitude=amplitude,
+        amplitude_db=amplitude_db(amplitude, peak),
+        excitation_hz=excitation_hz,
+        window=window,
+        start_s=float(record.time[0]),
+        duration_s=x.size / rate,
+        lines=lines,
+        rate_hz=rate,
+        rms=record.rms(),
+    )
+
+
+def found_again(record: Record, known: Spectrum) -> tuple[Floats, Floats]:
+    """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a spectrum, the mean first, in another record.
+
+    Orders of the excitation keep their frequency. Any other line is sought near its own, since a natural frequency
+    depends on the model, but no nearer to another line: two lines at one frequency would share its amplitude.
+    """
+    lines = known.lines[1:]
+    one_sided = Window.named(known.window).one_sided
+    examined = _examined(record, known.excitation_hz, one_sided) if lines else None
+    frequency = np.array([line.frequency_hz for line in lines])
+    free = [k for k, line in enumerate(lines) if line.kind in ("other", "residual")]
+    if free and examined is not None:
+        amplitude = _windowed_amplitude(record.x, examined)
+        bins = frequency * (record.x.size / record.rate)
+        between = np.concatenate([[-np.inf], 0.5 * (bins[1:] + bins[:-1]), [np.inf]])  # lines are in order of frequency
+        for k in free:
+            peak = _nearby_peak(amplitude, bins[k], lines[k].amplitude, between[k], between[k + 1])
+            frequency[k] = peak * (record.rate / record.x.size)
+    mean, c = record.project(frequency, examined)
+    return np.append(0.0, frequency), np.append(abs(mean), np.abs(c))
+
+
+def _nearby_peak(amplitude: Floats, near: float, size: float, least: float, most: float) -> float:
+    """The nearest local maximum from least to most, in bins, not much smaller than a known line; else where it is."""
+    reach = max(NEARBY_BINS, NEARBY * near)
+    low, high = max(1, int(near - reach)), min(amplitude.size - 1, int(near + reach) + 2)
+    inner = np.arange(low, high)
+    inner = inner[(inner > least) & (inner < most)]
+    top = inner[(amplitude[inner] > amplitude[inner - 1]) & (amplitude[inner] >= amplitude[inner + 1])]
+    top = top[amplitude[top] >= 0.5 * size]
+    if top.size == 0:
+        return near
+    j = int(top[np.abs(top - near).argmin()])
+    return float(j + _parabola_top(amplitude[j - 1 : j + 2]))
+
+
+def _examined(record: Record, excitation_hz: float, one_sided: bool) -> Window | None:
+    """The window through which lines are seen; None where the record holds a few periods of the excitation alone."""
+    short = np.isfinite(excitation_hz) and 0 < excitation_hz * record.x.size / record.rate < 2 * LOBE
+    return None if short else Window("blackmanharris", one_sided)
+
+
+def _samples_analysed(
+    available: int, rate: float, last: float | None, periods: int | None, excitation_hz: float
+) -> int:
+    known = np.isfinite(excitation_hz) and excitation_hz > 0
+    if periods is not None and known:
+        whole = min(periods, int(available * excitation_hz / rate * (1 + _ROUND_OFF)))
+        if whole >= 1:
+            return min(available, max(1, round(whole * rate / excitation_hz)))
+    elif last is not None:
+        return min(available, max(1, round(last * rate)))
+    if not known or available == 1:
+        return available
+    # A record sampled at both of its ends holds one sample more than its periods do.
+    return min(
+        (available - 1, available), key=lambda n: abs(n * excitation_hz / rate - round(n * excitation_hz / rate))
+    )
+
+
+def _windowed_amplitude(x: Floats, shape: Window) -> Floats:
+    amplitude = np.abs(shape.amplitudes(x))
+    if x.size % 2 == 0:
+        amplitude[-1] /= 2.0
+    return np.asarray(amplitude)
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    order: Fraction | None  # None: belongs to no order
+    frequency_hz: float  # exact for an order, interpolated otherwise
+    peak_hz: float  # interpolated
+
+
+def _lines(
+    record: Record,
+    excitation_hz: float,
+    peak: float,
+    one_sided: bool,
+    residual_hz: tuple[float, ...],
+    chosen_hz: tuple[float, ...],
+) -> tuple[SpectralLine, ...]:
+    forced = bool(np.isfinite(excitation_hz) and excitation_hz > 0)
+    window = _examined(record, excitation_hz, one_sided)
+    if window is None:
+        periods = excitation_hz * record.x.size / record.rate
+        candidates = _orders_of_short_record(record, excitation_hz, peak) if periods >= 1 - _ROUND_OFF else []
+    else:
+        candidates = _peaks(record, window, excitation_hz, peak)
+        if forced and candidates:
+            candidates = _only_locked(record, candidates)
+    candidates = sorted(_with_chosen(candidates, chosen_hz, record), key=lambda c: c.frequency_hz)
+    window = window if candidates else None
+    mean, c = record.project(np.array([k.frequency_hz for k in candidates]), window)
+    near = 2.0 * record.rate / record.x.size
+
+    def line(order: float, frequency: float, amplitude: float, phase_deg: float, kind: str) -> SpectralLine:
+        return SpectralLine(
+            order, frequency, amplitude, float(amplitude_db(np.array(amplitude), peak)), phase_deg, kind
+        )
+
+    def kind_of(candidate: _Candidate) -> str:
+        if candidate.order is not None:
+            return line_kind(candidate.order)
+        if candidate.frequency_hz in chosen_hz:
+            return "chosen"
+        return "residual" if any(abs(candidate.frequency_hz - f) <= near for f in residual_hz) else "other"
+
+    lines = [line(0.0 if forced else np.nan, 0.0, abs(mean), 180.0 if mean < 0 else 0.0, "mean")]
+    for k, value in zip(candidates, c, strict=True):
+        order = k.frequency_hz / excitation_hz if forced else np.nan
+        amplitude, phase = float(np.abs(value)), float(np.degrees(np.angle(value)))
+        lines.append(line(order, k.frequency_hz, amplitude, phase, kind_of(k)))
+    return tuple(lines)
+
+
+def _with_chosen(candidates: list[_Candidate], chosen_hz: tuple[float, ...], record: Record) -> list[_Candidate]:
+    """Chosen frequencies instead of what is nearer than a bin; an order that has one is that line."""
+    bin_hz = record.rate / record.x.size
+    added = [
+        _Candidate(None, f, f)
+        for f in chosen_hz
+        if not any(c.order is not None and abs(c.frequency_hz - f) <= _ROUND_OFF * f for c in candidates)
+    ]
+    apart = [c for c in candidates if all(abs(c.frequency_hz - other.frequency_hz) >= bin_hz for other in added)]
+    return apart + added
+
+
+def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) -> list[_Candidate]:
+    """Local maxima that are lines, strongest first, each with the order its frequency suggests."""
+    x, rate = record.x, record.rate
+    amplitude = _windowed_amplitude(x, window)
+    amplitude = amplitude[: record.band(amplitude.size)]
+    inner = np.arange(LOBE - 1, amplitude.size - 1)
+    if inner.size == 0:
+        return []
+    bin_hz = rate / x.size
+    forced = np.isfinite(excitation_hz)
+    top = inner[(amplitude[inner] > amplitude[inner - 1]) & (amplitude[inner] >= amplitude[inner + 1])]
+    if top.size == 0:
+        return []
+    deviation = float(np.max(np.abs(x - np.mean(x))))
+    least = max(WORTH_LISTING * float(np.max(amplitude[top])), _OVER_SIDE_LOBES * deviation, _ROUND_OFF * peak)
+    top = top[amplitude[top] >= least]
+    top = top[np.argsort(-amplitude[top])][: 4 * _MOST_LINES]
+    reach = max(32, round(excitation_hz / bin_hz)) if forced else 32
+    candidates: dict[Fraction | float, _Candidate] = {}
+    for j in top:
+        low, high = (
+            (j - reach, j + reach + 1) if not window.one_sided else (min(j - reach, j // 2), max(j + reach, 2 * j))
+        )
+        floor = float(np.percentile(amplitude[max(1, low) : high], 25.0))
+        if amplitude[j] < (_OVER_FLOOR if not window.one_sided else _OVER_SKIRTS) * floor:
+            continue
+        frequency = float((j + _parabola_top(amplitude[j - 1 : j + 2])) * bin_hz)
+        order = _nearest_order(frequency, excitation_hz, bin_hz) if forced else None
+        exact = frequency if order is None else float(order) * excitation_hz
+        candidates.setdefault(frequency if order is None else order, _Candidate(order, exact, frequency))
+        if len(candidates) == min(_MOST_LINES, (x.size - 1) // 4):
+            break
+    return list(candidates.values())
+
+
+def _parabola_top(around: Floats) -> float:
+    """Offset in bins of the top of a parabola through three logarithmic amplitudes."""
+    a, b, c = np.log(np.maximum(around, np.finfo(float).tiny))
+    curvature = a - 2 * b + c
+    return float(0.5 * (a - c) / curvature) if curvature < 0 else 0.0
+
+
+def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fraction | None:
+    for n in _DENOMINATORS:
+        if excitation_hz / n < LOBE * bin_hz:
+            break
+        m = round(frequency * n / excitation_hz)
+        if m >= 1 and abs(m * excitation_hz / n - frequency) <= 0.5 * bin_hz:
+            return Fraction(m, n)
+    return None
+
+
+def _only_locked(record: Record, candidates: list[_Candidate]) -> list[_Candidate]:
+    """Take the order away from what does not keep its amplitude and phase relative to the excitation."""
+    frequency = np.array([k.frequency_hz for k in candidates])
+    (_, early), (_, late) = (half.project(frequency) for half in record.halves())
+    locked = np.abs(late - early) <= 0.5 * np.maximum(np.abs(late), np.abs(early))
+    return [
+        k if k.order is None or k.order == 1 or steady else _Candidate(None, k.peak_hz, k.peak_hz)
+        for k, steady in zip(candidates, locked, strict=True)
+    ]
+
+
+@lru_cache(maxsize=2)
+def _sinusoids(begin: float, rate: float, size: int, frequency_bytes: bytes) -> Floats:
+    """(n, 2 k) sines and then cosines of frequencies (k,), Hz, at the samples of records that share them."""
+    angle = 2.0 * np.pi * (begin + np.arange(size) / rate)[:, None] * np.frombuffer(frequency_bytes)
+    return np.concatenate([np.sin(angle), np.cos(angle)], axis=1)
+
+
+def _orders_of_short_record(record: Record, excitation_hz: float, peak: float) -> list[_Candidate]:
+    time, x, rate = record.time, record.x, record.rate
+    highest = min(_ORDERS_OF_A_SHORT_RECORD, int(0.49 * rate / excitation_hz), (x.size - 1) // 4)
+    frequency = excitation_hz * np.arange(1, highest + 1, dtype=np.float64)
+    if frequency.size == 0:
+        return []
+    mean, c = record.project(frequency)
+    residual = (
+        x - mean - _sinusoids(float(time[0]), rate, x.size, frequency.tobytes()) @ np.concatenate([c.real, c.imag])
+    )
+    floor = float(np.sqrt(np.mean(residual**2) * 2.0 / x.size))
+    amplitude = np.abs(c)
+    limit = max(WORTH_LISTING * float(np.max(amplitude)), _OVER_FLOOR * floor, _ROUND_OFF * peak)
+    return [
+        _Candidate(Fraction(m), float(f), float(f))
+        for m, f, a in zip(range(1, highest + 1), frequency, amplitude, strict=True)
+        if a >= limit
+    ]

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance, power_factors, stored_energy
-from beamsim.analyses.run.figures import by_key, sampled_extremes
-from beamsim.analyses.run.histories import Histories
-from beamsim.analyses.run.low_pass import LowPassFilter
-from beamsim.analyses.run.motion import RunMotion, breakpoints, events_of, with_limit
-from beamsim.analyses.run.outputs import exact_flow
+from beamsim.analyses.run.exact_motion import exact_flow
+from beamsim.analyses.run.filters import LowPassFilter
+from beamsim.analyses.run.motion import Histories, RunMotion, breakpoints, events_of, with_limit
 from beamsim.analyses.run.result import EnergyHistory, Work
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, STRESS, Extreme, searched
 from beamsim.flow.channels import Observed
@@ -220,6 +218,7 @@ class SteppedOutputs:
             of_all = self.dense.extrema().extremes
         else:
             values = self.searched.of_states(trajectory.time, trajectory.y, trajectory.phases)
-            of_all = sampled_extremes(trajectory.time, values)
-        extremes = by_key(channels, of_all)
-        return extremes if self.filter is None else extremes | {ACCELERATION: self.filter.extremes}
+            each, lowest, highest = np.arange(values.shape[1]), values.argmin(axis=0), values.argmax(axis=0)
+            of_all = values[lowest, each], trajectory.time[lowest], values[highest, each], trajectory.time[highest]
+        extremes = channels.split(np.array(of_all))
+        return extremes if self.filter is None else extremes | {ACCELERATION: np.array(self.filter.extremes)}

@@ -1,23 +1,39 @@
-"""The summary of a run."""
+"""The summary of a run: values of its motion, by the names of probes, snubbers and springs, and of the model itself."""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.limits import margins
-from beamsim.analyses.run.figures import by_name, deflection_size, motion_figures, peak_times, static_figures
-from beamsim.analyses.run.gapping import gapping_of_run
+from beamsim.analyses.run.linear_prediction import gapping_of_run
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult, Spectrum
-from beamsim.analyses.values import STANDARD_GRAVITY, STRESS, largest
+from beamsim.analyses.values import (
+    ACCELERATION,
+    DISPLACEMENT,
+    FORCE,
+    PENETRATION,
+    STANDARD_GRAVITY,
+    STRESS,
+    Extreme,
+    Extremes,
+    largest,
+    largest_at,
+    margins,
+    values_of,
+)
 from beamsim.contacts.springs import FRICTION
 from beamsim.scenario import Scenario
+from beamsim.system.channels import Key
 from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats, Ints
+
+ROUND_OFF = 1e-12  # of the motion of the structure: a probe that moves by less is at rest
+ALWAYS = 1e-12  # of the time: a contact that is open for no longer is closed throughout
 
 
 def figures_of_motion(system: StructuralSystem, motion: RunMotion) -> dict[str, Any]:
@@ -106,3 +122,79 @@ def summary_of_run(
         summary["gapping"] = of_snubbers
     compared = margins(scenario.limits, summary)
     return {**summary, "margins": compared} if compared else summary
+
+
+def deflection_size(system: StructuralSystem, states: Floats) -> float:
+    """Largest deflection of the bodies in some states (k, 2n or more), m."""
+    coordinates = states[:, : system.dynamics.size]
+    return max((float(np.abs(coordinates @ b.deflection.T).max(initial=0.0)) for b in system.bodies), default=0.0)
+
+
+def motion_figures(
+    system: StructuralSystem, extremes: Extremes, contact_share: Floats, closings: Ints, size: float = 0.0
+) -> dict[str, Any]:
+    """By entry of the summary the values of a motion, by name of probe, snubber or spring.
+
+    Parameters
+    ----------
+    system : of the channels.
+    extremes : of them.
+    contact_share : (m,) of each contact.
+    closings : (m,) number of closings of each contact.
+    size : m, a deflection of the motion, see `deflection_size`.
+    """
+    snubbers = [s.name for s in system.snubbers]
+    count = len(snubbers)
+    return {
+        **values_of(system.channels, _without_round_off(system, extremes, contact_share[:count], size)),
+        "contact_share": by_name(snubbers, contact_share[:count]),
+        "contacts": {name: int(number) for name, number in zip(snubbers, closings[:count], strict=True)},
+    }
+
+
+def _without_round_off(
+    system: StructuralSystem, extremes: Extremes, contact_share: Floats, size: float
+) -> dict[Key, Extreme]:
+    """The extremes where what is round-off is zero.
+
+    A probe at a node of the motion moves by round-off: its displacement is 0, and its acceleration where that is no
+    larger than such a displacement makes it at the first natural frequency. A contact that never opens has no gap.
+    """
+    settled = dict(extremes)
+    values = np.array([[True], [False], [True], [False]])  # times stay
+    if DISPLACEMENT in extremes:
+        still = largest(extremes[DISPLACEMENT]) <= ROUND_OFF * size
+        settled[DISPLACEMENT] = np.where(values & still, 0.0, extremes[DISPLACEMENT])
+        if ACCELERATION in extremes:
+            first_hz = min((f for f in system.modes.open_frequencies_hz if f > 0.0), default=0.0)
+            slow = largest(extremes[ACCELERATION]) <= ROUND_OFF * size * (2.0 * np.pi * first_hz) ** 2
+            settled[ACCELERATION] = np.where(values & still & slow, 0.0, extremes[ACCELERATION])
+    if PENETRATION in extremes:
+        settled[PENETRATION] = np.where(values & (contact_share >= 1.0 - ALWAYS), 0.0, extremes[PENETRATION])
+    return settled
+
+
+def peak_times(extremes: Extremes, figures: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """s, by entry of the figures and by name: when the peak is reached; of equal peaks any of them."""
+    when = {
+        "peak_displacement_m": largest_at(extremes[DISPLACEMENT]),
+        "peak_acceleration_g": largest_at(extremes[ACCELERATION]),
+        "peak_force_n": extremes[FORCE][3] if FORCE in extremes else np.zeros(0),
+    }
+    reached = {entry: zip(figures[entry].items(), times.tolist(), strict=True) for entry, times in when.items()}
+    return {entry: {name: t for (name, peak), t in of if peak > 0.0} for entry, of in reached.items()}
+
+
+def static_figures(system: StructuralSystem) -> dict[str, Any]:
+    """By entry of the summary the figures of the model itself: of static equilibrium, and natural frequencies."""
+    return {
+        "static_force_n": {s.name: s.preload for s in system.snubbers},
+        "gap_m": {s.name: s.gap for s in system.snubbers},
+        "open_frequencies_hz": system.modes.open_frequencies_hz.tolist(),
+        "closed_frequencies_hz": system.modes.closed_frequencies_hz.tolist(),
+    }
+
+
+def by_name(names: Sequence[str], values: Floats) -> dict[str, float]:
+    """Numbers by name."""
+    return {name: float(value) for name, value in zip(names, values, strict=True)}

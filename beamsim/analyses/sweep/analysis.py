@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.deflections import deflection_warnings
+from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
 from beamsim.analyses.gapping import contact_levels, gapping, static_penetration, transfer
-from beamsim.analyses.limits import margins_of
-from beamsim.analyses.reduction import reduction_checked
 from beamsim.analyses.sweep.notching import with_limited_outputs
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
@@ -27,8 +25,7 @@ from beamsim.analyses.sweep.result import (
 )
 from beamsim.analyses.sweep.stepped import step_level
 from beamsim.analyses.sweep.swept_sine import sweep_level
-from beamsim.analyses.table_reach import forces_beyond_tables
-from beamsim.analyses.values import OUTPUT, VALUES
+from beamsim.analyses.values import OUTPUT, VALUES, margins_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.profile_file import read_profile

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from typing import Any
@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.run.energy import contact_motion, power_factors, stored_energy
+from beamsim.analyses.run.energy import LARGEST_ERROR, contact_motion, power_factors, stored_energy
+from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.flow.contact_state import LinearOutput, OutputOf
+from beamsim.flow.endings import not_finite
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.swept import SweepWindows, move
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.outcomes import Outcome, OutcomeKind, Where, together
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 NEGLIGIBLE = 1e-11  # of a tracking filter, a power that is left out
 
@@ -264,3 +267,50 @@ def _pressing_where_sliding_begins(motion: Trajectory) -> Floats:
         if begins.any():
             force = motion.sample(motion.time, motion.flow.pressing_forces) * begins
     return np.stack([force, force**2], axis=1)
+
+
+def energy_errors(imbalance: Floats, energy: Floats, complete: Bools | None = None) -> Floats:
+    """Imbalance in J that has added up until each complete cycle, over the largest energy in J of all of them.
+
+    The last one answers for what follows it, too: the end of a sweep may be less than a cycle, which has no row.
+
+    Parameters
+    ----------
+    imbalance, energy : (C,) of all cycles.
+    complete : (C,) which of them are whole; all by default.
+    """
+    missing = np.abs(np.cumsum(imbalance))
+    scale = float(np.max(energy, initial=0.0))
+    errors = np.asarray(missing if scale == 0.0 else missing / scale)
+    if complete is None:
+        return errors
+    last = int(np.flatnonzero(complete)[-1])
+    errors[last] = np.max(errors[last:])
+    return np.asarray(errors[complete])
+
+
+def balanced(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:
+    """The outcome of a level, whose curves are not to be trusted where the balance is lost."""
+    parts = [part for curve in curves for part in _lost(curve)]
+    if not parts:
+        return outcome
+    return together([*parts, *outcome.unless_complete])
+
+
+def _lost(curve: SweepCurve) -> Iterator[Outcome]:
+    """Where a curve loses its balance."""
+    error = np.zeros(0) if curve.energy_error is None else curve.energy_error
+    bad = np.flatnonzero(~(error <= LARGEST_ERROR))
+    if not bad.size:
+        return
+    first = bad[0]
+    if not np.all(np.isfinite(error)):
+        yield not_finite(float(curve.time[first]))
+        return
+    yield Outcome.of(
+        OutcomeKind.UNTRUSTED, "sweep_energy_not_balanced",
+        f"sweeping {curve.direction}, the energy balance is wrong by {error.max():.2g} of the energy, from "
+        f"{curve.frequency_hz[first]:.6g} Hz on by more than {LARGEST_ERROR:g}",
+        at=Where(curve.level, curve.level_unit, "level"), remedy="sweep a smaller range around it",
+        error=float(error.max()), frequency=float(curve.frequency_hz[first]),
+    )  # fmt: skip

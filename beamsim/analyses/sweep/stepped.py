@@ -10,8 +10,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
-from beamsim.analyses.sweep.energy import balanced, energy_errors
+from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
 from beamsim.flow.exact import ExactFlow

@@ -8,8 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
-from beamsim.analyses.sweep.energy import balanced, energy_errors
+from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
 from beamsim.analyses.sweep.notching import Limited, compared, limited_of, not_held, notched_level, profile_through
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, SweepWork

@@ -1,4 +1,5 @@
-"""Stops that are pressed further than their tables of force and deflection go."""
+"""What may be wrong with a result: a reduced model that is not accurate, deflections that are too large for the theory,
+stops that are pressed further than their tables of force and deflection go."""
 
 from __future__ import annotations
 
@@ -7,11 +8,46 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from beamsim.contacts.force_curve import ForceCurve
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import Scenario
+from beamsim.scenario.scenario import large_deflections
 from beamsim.system.force_tables import curves_of
+from beamsim.system.structural import ModeTable
 from beamsim.typing import Floats
 
+WORTHLESS_REDUCTION = 0.1
+"""Bound of the receptance's error over the static compliance above which a result is not to be trusted."""
 _REST = "; the last slope continues beyond it, which may be too soft: measure further, or add points"
+
+
+def reduction_checked(outcome: Outcome, modes: ModeTable) -> Outcome:
+    """The outcome, which is not to be trusted where the reduced receptance has no useful bound."""
+    if not modes.reduction_bound > WORTHLESS_REDUCTION:
+        return outcome
+    return Outcome.of(
+        OutcomeKind.UNTRUSTED, "reduction_not_accurate",
+        "the error of the reduced model's receptance at contacts and loads up to "
+        f"{modes.highest_frequency_hz:.6g} Hz is bounded only by {modes.reduction_bound:.2g} of its size, more than "
+        f"{WORTHLESS_REDUCTION:g}",
+        *outcome.unless_complete,
+        remedy="keep more modes (reduction.modes: all), or leave reduction out", bound=modes.reduction_bound,
+    )  # fmt: skip
+
+
+def deflection_warnings(scenario: Scenario, modes: ModeTable, motions: Iterable[Mapping[str, Floats]]) -> list[str]:
+    """A warning for each body whose deflection is not small; none where rigid-body modes carry it as far as they like.
+
+    Parameters
+    ----------
+    motions : m, largest displacements by probe, of each curve or branch.
+    """
+    if np.isnan(modes.damping_ratios).any():
+        return []
+    peaks: dict[str, float] = {}
+    for motion in motions:
+        for probe, values in motion.items():
+            peaks[probe] = max(peaks.get(probe, 0.0), float(np.nanmax(values, initial=0.0)))
+    return large_deflections(scenario, peaks)
 
 
 def forces_beyond_tables(scenario: Scenario, forces: Iterable[Mapping[str, Floats]]) -> list[str]:

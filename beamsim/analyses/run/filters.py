@@ -1,28 +1,51 @@
-r"""A motion in closed form behind a low-pass filter: its values at any times, its peaks in any part.
+r"""Signals behind linear filters in partial fractions: what an accelerometer reads, oscillators of a shock spectrum.
 
-Between two events an output is :math:`a = \mathrm{Re} \sum_t A_t e^{\lambda_t \tau}`. Behind a filter
-:math:`H(s) = \sum_j r_j / (s - p_j)` it is
+The output of :math:`H(s) = \sum_j r_j / (s - p_j)` is a sum of :math:`r_j z_j` with :math:`z_j' = p_j z_j + a(t)`.
+Over a panel of length h, :math:`z_j` is exact up to the integral of :math:`e^{p_j (h - t)} a(t)`, which a
+Gauss-Legendre rule takes: panels end where the signal may jump, so that it is smooth on each, and are short against its
+fastest motion.
+Between the ends of panels the output is the cubic through values and slopes there, in which its extremes are sought.
+Of time-stepped motions panels end at the integrator's steps, whose dense output is a polynomial there: the peaks do not
+depend on the rate of the output.
+
+Of a motion in closed form an output is :math:`a = \mathrm{Re} \sum_t A_t e^{\lambda_t \tau}` between two events.
+Behind the filter it is
 
 .. math:: y = \mathrm{Re} \sum_t A_t H(\lambda_t) e^{\lambda_t \tau} + \sum_j r_j w_j e^{p_j \tau},
 
-and the amplitudes :math:`w_j` follow from segment to segment, since :math:`z_j` with :math:`z_j' = p_j z_j + a` does
-not jump. Motions with powers of time are led through panels (`low_pass`), whose ends are kept.
+and the amplitudes :math:`w_j` follow from segment to segment, since :math:`z_j` does not jump. Motions with powers of
+time are led through panels, whose ends are kept.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.linear_filter import Extreme, cubic_factors, higher, lower, recurrence
-from beamsim.analyses.run.low_pass import LowPassFilter, butterworth, known_times
+from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Complexes, Floats, Ints
 
+NODES = 8
+LONGEST_TURN = 4.0  # of the fastest motion on a panel, rad: the rule's error is then below 1e-10
+BLOCK = 16384  # panels at a time
+MOST_PANELS = 1e8  # 3 GB, and minutes
+NEGLIGIBLE = 1e-17
+_NODE, _WEIGHT = (0.5 * x for x in np.polynomial.legendre.leggauss(NODES))
+_NODE = 0.5 + _NODE  # on (0, 1)
+_AT_BEGIN, _AT_END = (  # values of the polynomial through the nodes at the ends of a panel
+    np.array([np.prod([(x - _NODE[m]) / (_NODE[n] - _NODE[m]) for m in range(NODES) if m != n]) for n in range(NODES)])
+    for x in (0.0, 1.0)
+)
+
+Extreme = tuple[Floats, Floats, Floats, Floats]  # lowest, its time, highest, its time
+Signal = Callable[[Floats], Floats]  # times (nt,) -> (nt, k)
+POLES = 4
+PANELS_A_PERIOD = 32  # of the filter's frequency; peaks between panels are then right to 1e-5
 # Steps in a period of the filter's frequency, in which peaks are sought. Cubics on steps of h are right to h^4 / 384 of
 # the largest fourth derivative. Behind the filter that is Omega^4 a, however fast a moves: 7e-7 of a with these steps.
 STEPS_A_PERIOD = 50
@@ -30,6 +53,212 @@ PEAK_ERROR = 1e-5  # relative, of the largest peak; steps are shortened where th
 SHORTEST = 1 / 8  # of the steps
 AT_ONCE = 2**14  # steps
 NEAREST_POLE = 1e-6  # relative distance of an exponent from a pole of the filter, which loses as many digits
+
+
+@dataclass(frozen=True)
+class Panels:
+    """A block of panels with what the signal is on them.
+
+    Parameters
+    ----------
+    ends : (P + 1,) s.
+    length : (D,) s, the different lengths.
+    which : (P,) index into these.
+    values : (P, nodes, k) the signal at the nodes.
+    """
+
+    ends: Floats
+    length: Floats
+    which: Ints
+    values: Floats
+
+
+def panels(times: Floats, signal: Signal, longest: float) -> tuple[Iterator[Panels], Ints]:
+    """Blocks of panels no longer than ``longest`` from the first to the last of increasing ``times``.
+
+    Also returns the index of each of these times among all ends of panels.
+
+    Raises
+    ------
+    ScenarioError
+        If there would be too many: something in the motion is very fast against its duration.
+    """
+    count = float(np.sum(np.maximum(np.ceil(np.diff(times) / longest), 1)))
+    if count > MOST_PANELS:
+        raise ScenarioError(
+            Problem(
+                "run",
+                f"asks for run.srs or run.low_pass, which would take {count:.2g} steps of {longest:.2g} s (at most "
+                f"{MOST_PANELS:.0g}): the shortest pulse, the fastest mode or a stiff contact of the motion turns by "
+                f"{LONGEST_TURN:g} rad in one",
+                "make the pulse longer (of much shorter ones than the fastest mode's period only the area counts) or "
+                "the run shorter, keep fewer modes, or leave run.srs and run.low_pass out",
+            )
+        )
+    steps = np.maximum(np.ceil(np.diff(times) / longest), 1).astype(np.int64)
+    of_times = np.concatenate([[0], np.cumsum(steps)])
+    lengths = np.diff(times) / steps
+    number = np.arange(steps.sum()) - np.repeat(of_times[:-1], steps)  # of a panel between two of the times
+    ends = np.append(np.repeat(times[:-1], steps) + number * np.repeat(lengths, steps), times[-1])
+    of_panel = np.repeat(np.arange(steps.size), steps)
+
+    def blocks() -> Iterator[Panels]:
+        for first in range(0, ends.size - 1, BLOCK):
+            block, part = ends[first : first + BLOCK + 1], of_panel[first : first + BLOCK]
+            length = lengths[part[0] : part[-1] + 1]
+            which = part - part[0]
+            nodes = (block[:-1, None] + length[which, None] * _NODE).ravel()
+            yield Panels(block, length, which, signal(nodes).reshape(which.size, NODES, -1))
+
+    return blocks(), of_times
+
+
+class LinearFilter:
+    """A filter of k signals, led through them from zero, block by block; it keeps the extremes of its output.
+
+    Parameters
+    ----------
+    poles, residues : (m,) rad/s, of each conjugate pair that with a positive imaginary part.
+    signals : k.
+    """
+
+    def __init__(self, poles: Complexes, residues: Complexes, signals: int) -> None:
+        self.poles, self.residues = poles, residues
+        self.state: Complexes = np.zeros((poles.size, signals), dtype=np.complex128)
+        none = np.zeros(signals)
+        self.extremes: Extreme = (none, none, none, none)
+
+    def through(self, block: Panels) -> tuple[Floats, Floats]:
+        """(P, k) the output at the ends of panels, and its slope."""
+        values = block.values
+        output = np.zeros((values.shape[0] + 1, values.shape[2]))
+        direct = 2 * self.residues.real.sum()  # the signal's own part in the slope
+        begin, end = (direct * np.einsum("n,pnk->pk", at, values) for at in (_AT_BEGIN, _AT_END))
+        for j, (pole, residue) in enumerate(zip(self.poles, self.residues, strict=True)):
+            kernel = _WEIGHT * np.exp(pole * block.length[:, None] * (1 - _NODE)) * block.length[:, None]
+            added = np.matmul(kernel[block.which][:, None, :], values)[:, 0]
+            factor = np.exp(pole * block.length)[block.which, None]
+            first = self.state[j]
+            added[0] += factor[0] * first
+            z = np.vstack([first[None], recurrence(factor, added)])
+            output += 2 * (residue * z).real
+            slope = 2 * (residue * pole * z).real
+            begin += slope[:-1]
+            end += slope[1:]
+            self.state[j] = z[-1]
+        low, low_time, high, high_time = self.extremes
+        self.extremes = (
+            *lower(block.ends, output, begin, end, low, low_time),
+            *higher(block.ends, output, begin, end, high, high_time),
+        )
+        return output[1:], end
+
+
+def recurrence(factor: Complexes, added: Complexes) -> Complexes:
+    """``z_i = factor_i z_(i-1) + added_i`` from zero, (P, k), by doubling."""
+    z, reach, step = added.copy(), factor.copy(), 1
+    while step < z.shape[0] and np.abs(reach).max() > NEGLIGIBLE:
+        z[step:] += reach[step:] * z[:-step].copy()
+        reach[step:] *= reach[:-step].copy()
+        reach[:step] = 0.0
+        step *= 2
+    return z
+
+
+def cubic_factors(left: Floats, right: Floats, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
+    """Factors of the square and of the cube of the place in cubics on panels of length one.
+
+    Parameters
+    ----------
+    left, right : values at the ends of the panels.
+    begin, end : slopes there.
+    """
+    rise = right - left
+    return 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise
+
+
+def lower(ends: Floats, y: Floats, begin: Floats, end: Floats, lowest: Floats, when: Floats) -> tuple[Floats, Floats]:
+    """As `higher`, for the lowest values."""
+    value, at = higher(ends, -y, -begin, -end, -lowest, when)
+    return -value, at
+
+
+def higher(ends: Floats, y: Floats, begin: Floats, end: Floats, highest: Floats, when: Floats) -> tuple[Floats, Floats]:
+    """The highest values (k,) so far and their times.
+
+    The curves have values (P + 1, k) at the ends of panels, and slopes (P, k) at the beginning and the end of each.
+    """
+    h = np.diff(ends)[:, None]
+    a, b = h * begin, h * end
+    inside = (a > 0) & (b < 0)  # it begins rising and ends falling, so that it has its maximum inside
+    c2, c3 = cubic_factors(y[:-1], y[1:], a, b)
+    root = np.sqrt(np.where(inside, c2**2 - 3 * a * c3, 1.0))
+    inside &= root > c2  # else both underflow
+    s = np.where(inside, a / np.where(inside, root - c2, 1.0), 0.0)
+    tops = y[:-1] + s * (a + s * (c2 + s * c3))
+    top, at = np.vstack([tops, y[-1]]), np.vstack([ends[:-1, None] + s * h, np.full(y.shape[1], ends[-1])])
+    best, column = top.argmax(axis=0), np.arange(y.shape[1])
+    better = top[best, column] > highest
+    return np.where(better, top[best, column], highest), np.where(better, at[best, column], when)
+
+
+class LowPassFilter:
+    """The low-pass in front of an accelerometer, led through k signals from t = 0 on part by part.
+
+    It is a Butterworth filter of four poles, -3 dB at its frequency, causal, and zero before the run:
+    ``H(s) = Omega^4 / prod(s - p_j)`` with ``p_j = Omega exp(i pi (2 j + 3) / 8)``, ``j = 1 ... 4``. It
+    keeps the extremes of its output.
+    """
+
+    def __init__(self, frequency_hz: float, signals: int) -> None:
+        self._filter = LinearFilter(*butterworth(frequency_hz), signals)
+        self._longest = 1.0 / (PANELS_A_PERIOD * frequency_hz)
+        self._value = self._slope = np.zeros(signals)
+
+    @property
+    def extremes(self) -> Extreme:
+        """Lowest and highest output so far, with their times."""
+        return self._filter.extremes
+
+    def through(self, times: Floats, signal: Signal, longest: float = np.inf) -> Floats:
+        """(nt, k) the output at increasing ``times``, the first of which is the end of the part before.
+
+        Between two of them the signal is smooth; a panel is at most ``longest``, s.
+        """
+        _, value, _, of_times = self.curve(times, signal, longest)
+        return value[of_times]
+
+    def curve(self, times: Floats, signal: Signal, longest: float = np.inf) -> tuple[Floats, Floats, Floats, Ints]:
+        """The same at the ends of all panels: these (P + 1,), the output and its slope there (P + 1, k).
+
+        The last are the indices of ``times`` among them.
+        """
+        blocks, of_times = panels(times, signal, min(longest, self._longest))
+        ends, values, slopes = [times[:1]], [self._value[None]], [self._slope[None]]
+        for block in blocks:
+            value, slope = self._filter.through(block)
+            ends.append(block.ends[1:])
+            values.append(value)
+            slopes.append(slope)
+        self._value, self._slope = values[-1][-1], slopes[-1][-1]
+        return np.concatenate(ends), np.vstack(values), np.vstack(slopes), of_times
+
+
+def known_times(part: Trajectory, times: Floats) -> tuple[Floats, float]:
+    """Ends of panels that a motion and output times ask for, and how long panels may be, s."""
+    fastest = part.flow.largest_exponent
+    known = np.unique(np.concatenate([part.time, times[times <= part.end], [part.end]]))
+    return known, LONGEST_TURN / fastest if fastest > 0 else np.inf
+
+
+def butterworth(frequency_hz: float) -> tuple[Complexes, Complexes]:
+    """Poles with a positive imaginary part, rad/s, and their residues; the others are their conjugates."""
+    omega = 2 * np.pi * frequency_hz
+    poles = omega * np.exp(1j * np.pi * (2 * np.arange(1, POLES + 1) + POLES - 1) / (2 * POLES))
+    others = poles[:, None] - poles + np.eye(POLES)
+    residues = omega**POLES / others.prod(axis=1)
+    upper = poles.imag > 0
+    return poles[upper], residues[upper]
 
 
 def filtered(
