@@ -32,13 +32,13 @@ Extremes = Mapping[Key, Extreme]  # by section and quantity of the channels
 def largest(extreme: Extreme) -> Floats:
     """(k,) largest magnitudes."""
     low, _, high, _ = extreme
-    return np.maximum(np.abs(low), np.abs(high), dtype=float)
+    return np.asarray(np.maximum(np.abs(low), np.abs(high)))
 
 
 def largest_at(extreme: Extreme) -> Floats:
     """(k,) s, when the largest magnitudes are reached."""
     low, when_low, high, when_high = extreme
-    return np.where(np.abs(low) > np.abs(high), when_low, when_high)
+    return np.asarray(np.where(np.abs(low) > np.abs(high), when_low, when_high))
 
 
 def largest_pulls(forces: Extreme) -> Floats:
