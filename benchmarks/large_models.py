@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.matrix_files.formats import write_matrices
-from beamsim.structures.dof_table import DofTable, write_dof_table
+from beamsim.structures.named_matrices import DofTable, write_dof_table
 from beamsim.typing import Floats, Ints
 
 YOUNG, POISSON, DENSITY = 70e9, 0.33, 2700.0

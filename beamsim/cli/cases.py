@@ -15,7 +15,7 @@ from beamsim.files import replacing
 from beamsim.kinds import TemplateKind
 from beamsim.scenario import Scenario, json_schema, load_scenario, template
 from beamsim.structures.assembly import summaries_of_files
-from beamsim.structures.file_summary import FileSummary
+from beamsim.structures.named_matrices import FileSummary
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 

@@ -20,10 +20,8 @@ from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.base import suggestion
 from beamsim.scenario.matrices import SYSTEMS, UnitSystem
 from beamsim.structures.assembly import acting_places, assemble, bodies_of
-from beamsim.structures.converted import in_units
-from beamsim.structures.dof_table import write_dof_table
 from beamsim.structures.exported import boundary_rows, craig_bampton, named_structure, row_at
-from beamsim.structures.named_matrices import NamedMatrices
+from beamsim.structures.named_matrices import NamedMatrices, in_units, write_dof_table
 
 
 def check(case: Path, overrides: Sequence[str], *, as_json: bool) -> None:

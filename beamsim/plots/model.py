@@ -18,8 +18,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
-from beamsim.structures.distributed import Distributed
-from beamsim.structures.places import LoadSite, Place, ends_of
+from beamsim.structures.places import Distributed, LoadSite, Place, ends_of
 from beamsim.structures.stations import Stations
 from beamsim.system.parts import exciting_forces
 from beamsim.system.structural import SnubberNumbers

@@ -14,14 +14,11 @@ from beamsim.scenario.base import path_text, walk
 from beamsim.scenario.connections import placed
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.structures.chain import linear_stiffness
-from beamsim.structures.distributed import Distributed
-from beamsim.structures.file_summary import FileSummary
-from beamsim.structures.joined import join
 from beamsim.structures.matrices import read_body
-from beamsim.structures.places import SLOPE, Link, LoadSite, Place, Site, ends_of, load_site_of, site_of
-from beamsim.structures.several import assemble_side_by_side
-from beamsim.structures.structure import BodyStructure, Structure
-from beamsim.structures.supports import Coupling
+from beamsim.structures.named_matrices import FileSummary
+from beamsim.structures.places import SLOPE, Distributed, Link, LoadSite, Place, Site, ends_of, load_site_of, site_of
+from beamsim.structures.several import assemble_side_by_side, join
+from beamsim.structures.structure import BodyStructure, Coupling, Structure
 
 # Modules whose function ``assemble_<kind>`` makes a structure of a body of this kind; only those needed are imported.
 _ASSEMBLERS = {kind: f"beamsim.structures.{kind}" for kind in ("beam", "chain", "plate", "matrices")}

@@ -10,14 +10,17 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from beamsim.scenario import Chain
-from beamsim.structures.base_motion import BaseDirection
-from beamsim.structures.basis import ReducedBasis
-from beamsim.structures.distributed import Distributed
-from beamsim.structures.given_field import GivenField, WeightedValues
-from beamsim.structures.places import DEFLECTION, Place, Site
+from beamsim.structures.places import DEFLECTION, BaseDirection, Distributed, Place, Site
 from beamsim.structures.stations import MASSES, Recovery
-from beamsim.structures.structure import BodyStructure, MemberBody
-from beamsim.structures.supports import Coupling, Hold
+from beamsim.structures.structure import (
+    BodyStructure,
+    Coupling,
+    GivenField,
+    Hold,
+    MemberBody,
+    ReducedBasis,
+    WeightedValues,
+)
 from beamsim.structures.symmetric_lu import blocks_of
 from beamsim.typing import Floats, Ints
 

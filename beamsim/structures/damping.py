@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse.linalg import eigsh
 
-from beamsim.structures.basis import ReducedBasis
-from beamsim.structures.structure import MemberBody, Structure
+from beamsim.structures.structure import MemberBody, ReducedBasis, Structure
 from beamsim.typing import Floats
 
 
@@ -30,7 +29,7 @@ class StatedParts:
         if self.known is None:
             return 0.0
 
-        from beamsim.structures.sturm import negative_eigenvalues
+        from beamsim.structures.symmetric_lu import negative_eigenvalues
 
         norm = (model.factor.T @ model.factor + omega**2 * model.mass).tocsc()
         start = np.linspace(1.0, 2.0, model.size)

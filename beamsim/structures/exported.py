@@ -24,11 +24,9 @@ from scipy.sparse.linalg import splu
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import MODAL
-from beamsim.structures.base_motion import UPWARDS
-from beamsim.structures.dof_table import DofTable, NamedDofs
 from beamsim.structures.modes import lowest_eigenpairs
-from beamsim.structures.named_matrices import NamedMatrices, with_base_node
-from beamsim.structures.places import Place
+from beamsim.structures.named_matrices import DofTable, NamedDofs, NamedMatrices, with_base_node
+from beamsim.structures.places import UPWARDS, Place
 from beamsim.structures.structure import BodyStructure, Structure
 from beamsim.structures.symmetric_lu import blocks_of, symmetric_lu
 from beamsim.typing import Floats, Ints

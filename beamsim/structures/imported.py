@@ -19,11 +19,16 @@ from beamsim.errors import MethodError
 from beamsim.matrix_files.formats import read_matrix
 from beamsim.matrix_files.matrix import MODAL, Dof, FileMatrix
 from beamsim.scenario.matrices import MatricesBody, RecoverySource, name_of, sizes_of
-from beamsim.structures.base_motion import BaseDirection
-from beamsim.structures.converted import in_si_units
-from beamsim.structures.dof_table import TRANSLATIONS, DofTable, read_dof_table
-from beamsim.structures.file_summary import doubtful_units
-from beamsim.structures.named_matrices import NamedMatrices, moves_freely
+from beamsim.structures.named_matrices import (
+    TRANSLATIONS,
+    DofTable,
+    NamedMatrices,
+    doubtful_units,
+    in_si_units,
+    moves_freely,
+    read_dof_table,
+)
+from beamsim.structures.places import BaseDirection
 from beamsim.structures.symmetric_lu import blocks_of, symmetric_lu
 from beamsim.typing import Floats, Ints
 

@@ -15,12 +15,6 @@ from scipy.sparse import csc_array, csr_array, identity
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.matrix_files.matrix import MODAL
 from beamsim.scenario.matrices import MatricesBody
-from beamsim.structures.base_motion import UPWARDS, BaseDirection
-from beamsim.structures.basis import ReducedBasis
-from beamsim.structures.dissection import dissection
-from beamsim.structures.distributed import Distributed
-from beamsim.structures.dof_table import TRANSLATIONS, DofTable, NamedDofs
-from beamsim.structures.file_summary import FileSummary, size_and_mass
 from beamsim.structures.imported import (
     base_influence,
     condensation,
@@ -28,14 +22,20 @@ from beamsim.structures.imported import (
     read_matrices_of,
 )
 from beamsim.structures.modes import lowest_eigenpairs, orthonormal_in_mass
-from beamsim.structures.named_matrices import NamedMatrices, moves_freely
-from beamsim.structures.places import Place, Site
+from beamsim.structures.named_matrices import (
+    TRANSLATIONS,
+    DofTable,
+    FileSummary,
+    NamedDofs,
+    NamedMatrices,
+    moves_freely,
+    size_and_mass,
+)
+from beamsim.structures.places import UPWARDS, BaseDirection, Distributed, Place, Site
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import NODES, Recovery
-from beamsim.structures.structure import BodyStructure, MemberBody
-from beamsim.structures.sturm import negative_eigenvalues
-from beamsim.structures.supports import Hold
-from beamsim.structures.symmetric_lu import SymmetricLU, held_factors, pinned_rows
+from beamsim.structures.structure import BodyStructure, Hold, MemberBody, ReducedBasis
+from beamsim.structures.symmetric_lu import SymmetricLU, dissection, held_factors, negative_eigenvalues, pinned_rows
 from beamsim.typing import Floats, Ints
 
 # A motion is rigid where its forces are below this fraction of those of its entries one by one, and its frequency

@@ -1,4 +1,4 @@
-r"""Nodes and elements of a beam: cubic Hermite Euler–Bernoulli elements in nondimensional form.
+r"""Beams and plates in cubic Hermite elements: nondimensional meshes, and bodies of which supports hold some dofs.
 
 Lengths are divided by the beam length L. An element of nondimensional length *h* has the degrees of freedom
 (w1, L w1', w2, L w2'); all four are in metres, which keeps the matrices well scaled
@@ -8,12 +8,18 @@ The stiffness is stored as a factor B with K = B^T B. The curvature is linear al
 two Gauss points give the energy exactly, and B has two rows per element. Frequencies computed from the singular values
 of B keep their accuracy, while those from the eigenvalues of K lose accuracy with the fourth power of the number of
 elements.
+
+A plate has tensor products of such elements. The space of the Bogner-Fox-Schmit element is the product of two spaces of
+cubic Hermite splines, so that matrices and rows of the plate are Kronecker products of those along x and y (F. K.
+Bogner, R. L. Fox, L. A. Schmit, 1965). Lengths are divided by the plate's length and width; the degrees of freedom at a
+node are (w, L w_x, W w_y, L W w_xy), in m.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -23,6 +29,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
+from beamsim.structures.modes import mode_of_unit_deflection, orthonormal_in_mass, unstretched
+from beamsim.structures.places import BaseDirection, Distributed, LoadSite, Place, separated
+from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
 
 # Coefficients of xi^0 .. xi^3; columns 2 and 4 are multiplied by h later.
@@ -185,3 +194,185 @@ def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterabl
         for a, b in pairwise(ends)
     ]
     return Mesh(np.concatenate([*pieces, [1.0]]))
+
+
+def graded_mesh(elements: int, grading: float, hard_points: Sequence[float]) -> Mesh:
+    """A mesh of 0 to 1 with nodes at the hard points, whose elements become smaller towards both ends.
+
+    Nodes are x(t) of a mesh that is uniform in t, with x = (2 t)^grading / 2 up to the middle, and its mirror image.
+
+    Parameters
+    ----------
+    elements : number of elements without hard points.
+    grading : exponent; 1 for a uniform mesh.
+    hard_points : nondimensional positions that need a node.
+
+    Returns
+    -------
+    Mesh
+        From 0 to 1.
+    """
+    if grading == 1.0:
+        return build_mesh(elements, hard_points)
+
+    def mapped(t: Floats, power: float) -> Floats:
+        return np.asarray(np.where(t <= 0.5, (2 * t) ** power / 2, 1 - (2 - 2 * np.clip(t, 0.5, 1)) ** power / 2))
+
+    uniform = build_mesh(elements, mapped(np.array(hard_points, dtype=float), 1 / grading).tolist())
+    return Mesh(mapped(uniform.nodes, grading))
+
+
+@dataclass(frozen=True)
+class PlateMesh:
+    """Lines of a mesh along both directions, on x / L and y / W; dofs of a product are numbered along y first."""
+
+    x: Mesh
+    y: Mesh
+
+    @property
+    def size(self) -> int:
+        """Number of degrees of freedom without supports."""
+        return self.x.size * self.y.size
+
+    @property
+    def lines(self) -> tuple[Floats, Floats]:
+        """Nodes along x and along y."""
+        return self.x.nodes, self.y.nodes
+
+    @property
+    def rigid_motions(self) -> Floats:
+        """(size, 3) translation, and rotations about the left and the bottom edge, w = x / L and w = y / W."""
+        (one_x, x), (one_y, y) = self.x.linear_functions, self.y.linear_functions
+        return np.column_stack([np.kron(one_x, one_y), np.kron(x, one_y), np.kron(one_x, y)])
+
+    @property
+    def node_points(self) -> Floats:
+        """(nodes, 2) nondimensional positions of the nodes, along y first."""
+        x, y = np.meshgrid(self.x.nodes, self.y.nodes, indexing="ij")
+        return np.column_stack([x.ravel(), y.ravel()])
+
+    @property
+    def deflections(self) -> Ints:
+        """(nodes,) degrees of freedom that are deflections of the nodes."""
+        return (self.x.deflections[:, None] * self.y.size + self.y.deflections).ravel()
+
+    def rows(self, points: Floats, derivative: tuple[int, int] = (0, 0)) -> Any:
+        """(k, size) sparse rows that give a derivative (by x / L, by y / W) at nondimensional points (k, 2)."""
+        elements, values = [], []
+        for mesh, at, order in zip((self.x, self.y), points.T, derivative, strict=True):
+            element, xi = mesh.locate(at)
+            elements.append(mesh.dofs[element])
+            values.append(shape_functions(xi, mesh.lengths[element], order))
+        products = values[0][:, :, None] * values[1][:, None, :]
+        columns = elements[0][:, :, None] * self.y.size + elements[1][:, None, :]
+        rows = np.repeat(np.arange(points.shape[0]), 16)
+        return csr_array((products.ravel(), (rows, columns.ravel())), shape=(points.shape[0], self.size))
+
+    def crossings(self, start: Floats, end: Floats) -> Floats:
+        """(c,) shares of a line from start to end, both (2,), at which it enters another element, 0 and 1 included."""
+        shares = [np.array([0.0, 1.0])]
+        for mesh, a, b in zip((self.x, self.y), start, end, strict=True):
+            if a != b:
+                shares.append((mesh.nodes - a) / (b - a))
+        s = np.unique(np.concatenate(shares))
+        s = s[(s >= 0) & (s <= 1)]
+        return np.asarray(s[np.concatenate([[True], np.diff(s) > 1e-12])])
+
+
+def on_supports(mesh: Mesh | PlateMesh, matrices: tuple[Any, Any, Any], held: Ints, stretch: Floats) -> dict[str, Any]:
+    """Fields of a `MeshedBody` that follow from the matrices of all dofs and what holds them.
+
+    Parameters
+    ----------
+    mesh : of the body.
+    matrices : scaled mass and factor of all dofs, and their damping, N s/m, or None.
+    held : dofs that the supports hold.
+    stretch : (c, k) how far each of the mesh's rigid motions stretches what else holds the body.
+
+    Returns
+    -------
+    dict
+        By name.
+    """
+    mass, factor, drag = matrices
+    free, motions = np.setdiff1d(np.arange(mesh.size), held), mesh.rigid_motions
+    allowed = unstretched(motions, np.vstack([motions[held], stretch]))
+    return {
+        "mesh": mesh,
+        "free": free,
+        "unsupported": matrices,
+        "mass": mass[free][:, free].tocsc(),
+        "factor": factor[:, free].tocsr(),
+        "damping": None if drag is None else drag[free][:, free].tocsc(),
+        "rigid": orthonormal_in_mass(motions @ allowed, mass)[free],
+    }
+
+
+@dataclass(frozen=True)
+class MeshedBody(BodyStructure, ABC):
+    """A body whose places are metres from its left end, or from its left and bottom edges."""
+
+    mesh: Mesh | PlateMesh
+    free: Ints  # (N,) which of the unsupported body's dofs are left
+    unsupported: tuple[Any, Any, Any]  # mass and factor of all dofs, scaled, and their damping, N s/m, or None
+
+    @property
+    def whole_matrices(self) -> tuple[Any, Any, Any]:
+        """Scaled mass and factor of all dofs, and their damping, N s/m, or None."""
+        return self.unsupported
+
+    def on_free(self, rows: Floats) -> Floats:
+        """(k, N) of rows (k, all dofs)."""
+        return rows[:, self.free]
+
+    def deflections(self, vectors: Floats) -> Floats:
+        """Those of the values (N,) or (N, k) that are deflections of nodes."""
+        return vectors[np.isin(self.free, self.mesh.deflections)]
+
+    @property
+    def extent(self) -> Floats:
+        """(d,) sides of the body, m."""
+        return np.array([getattr(self.section, side) for side in self.sides], dtype=float)
+
+    @abstractmethod
+    def point_row(self, place: Place) -> Floats:
+        """(all dofs,) motion at a place in its direction."""
+
+    @abstractmethod
+    def base_coefficients(self, motion: BaseDirection) -> Floats:
+        """(1 + d,) shares of the mesh's rigid motions in a unit motion of the base."""
+
+    def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
+        """Single places: moments are recovered from one point force at a time."""
+        return separated(sites)
+
+    def unsupported_row(self, place: Place | Distributed) -> Floats:
+        """(all dofs,) row of a place or load vector, those that the supports hold included."""
+        if not isinstance(place, Distributed):
+            return self.point_row(place)
+        points, force = self.point_forces(place, np.zeros(0))
+        return np.asarray(self.mesh.rows(points).T @ force)
+
+    def point_forces(self, load: Distributed, cuts: Floats) -> tuple[Floats, Floats]:
+        """Nondimensional positions (k, d) and forces (k,) that stand for a distributed load of unit level.
+
+        Between nodes, neighbouring ``cuts`` (m, along x) and corners of the shape they have the force and the moment of
+        the load, and those of its products with the shape functions.
+        """
+        lines = [nodes * side for nodes, side in zip(self.mesh.lines, self.extent, strict=True)]
+        points, weights = load.quadrature(self.extent, (np.concatenate([lines[0], cuts]), *lines[1:]))
+        return points / self.extent, np.asarray(weights * load.intensity(points, self.extent, self._mode_at))
+
+    def _mode_at(self, mode: int, points: Floats) -> Floats:
+        field = self.whole_field(mode_of_unit_deflection(self, mode))
+        return np.asarray(self.mesh.rows(points / self.extent) @ field)
+
+    def whole_field(self, vectors: Floats) -> Floats:
+        """Fields (N,) or (N, k) on all dofs, those that the supports hold included."""
+        field = np.zeros((self.mesh.size, *vectors.shape[1:]))
+        field[self.free] = vectors
+        return field
+
+    def rigid_motion(self, motion: BaseDirection) -> Floats:
+        """(all dofs,) displacement when the base moves by one unit and nothing deforms."""
+        return self.mesh.rigid_motions @ self.base_coefficients(motion)

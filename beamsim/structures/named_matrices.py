@@ -1,4 +1,4 @@
-r"""Matrices of a body for other programs, with a node for its base.
+r"""Matrices of a body by named degrees of freedom: node and direction, as other programs have them.
 
 The coordinates q of a body are relative to its base. With the absolute displacements :math:`u = q + r d` the base's
 displacement d becomes a degree of freedom of its own,
@@ -7,18 +7,150 @@ displacement d becomes a degree of freedom of its own,
     K = \begin{pmatrix} K_{qq} & -K_{qq} r \\ \cdot & r^T K_{qq} r \end{pmatrix},
 
 with L the inertia under a motion of the base and m the mass of the body.
+
+Matrices from and to the units of other programs: with L, M, F and T the SI sizes of the units of length, mass, force
+and time, the energies of a file are in F L (strain energy) and in :math:`M L^2 / T^2` (kinetic energy), and a degree of
+freedom u is in units of s: L of a displacement, 1 (rad) of a rotation. With D the diagonal matrix of 1 / s
+
+.. math:: K_{SI} = F L\, D K D, \quad M_{SI} = M L^2\, D M D, \quad C_{SI} = F L T\, D C D.
+
+A modal coordinate has :math:`s = L \sqrt{M}`, so that modes that are normalised to a unit modal mass stay that, as if
+the model had been in SI units; of any other scaling the motion of the nodes is the same.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.sparse import block_array, csc_array, diags_array
 
-from beamsim.structures.dof_table import DofTable, NamedDofs
-from beamsim.typing import Floats
+from beamsim.errors import MethodError
+from beamsim.matrix_files.matrix import DIRECTIONS, MODAL, Dof
+from beamsim.measurements.read import read_rows
+from beamsim.measurements.signal import MeasurementError
+from beamsim.scenario.matrices import FileUnits, UnitSizes, UnitSystem
+from beamsim.typing import Floats, Ints
+
+TRANSLATIONS = DIRECTIONS[:3]
+
+
+@dataclass(frozen=True)
+class DofTable:
+    """Row i of the matrices belongs to ``dofs[i]``."""
+
+    dofs: tuple[Dof, ...]
+    coordinates: Floats | None = None  # (N, 3) of each row's node, m beyond the file; NaN where none are given
+
+    @cached_property
+    def number(self) -> dict[Dof, int]:
+        """Row of each node and direction; modal coordinates of one node are told apart by their order alone."""
+        return {dof: i for i, dof in enumerate(self.dofs) if dof[1] != MODAL}
+
+    @cached_property
+    def nodes(self) -> Ints:
+        """(N,) node of each row."""
+        return np.array([node for node, _ in self.dofs], dtype=np.int64)
+
+    def of_direction(self, direction: str) -> Floats:
+        """(N,) 1 where a row has this direction, else 0."""
+        return np.array([1.0 if each == direction else 0.0 for _, each in self.dofs])
+
+    def rows_of(self, nodes: Sequence[int]) -> Ints:
+        """Rows of these nodes."""
+        return np.flatnonzero(np.isin(self.nodes, nodes))
+
+    def part(self, rows: Ints) -> DofTable:
+        """The table of some rows."""
+        coordinates = None if self.coordinates is None else self.coordinates[rows]
+        return DofTable(tuple(self.dofs[i] for i in rows), coordinates)
+
+    def remedy(self, node: int) -> str:
+        """What there is instead of an unknown node, or direction of a node."""
+        directions = [each for number, each in self.dofs if number == node]
+        if directions:
+            return f"node {node} has {', '.join(directions)}"
+        known = sorted({number for number, each in self.dofs if each != MODAL})
+        if not known:
+            return "there are modal coordinates alone"
+        near = sorted(known, key=lambda number: abs(number - node))[:2]
+        alike = get_close_matches(str(node), [str(number) for number in known], n=2)
+        names = list(dict.fromkeys([*alike, *(str(number) for number in near)]))[:3]
+        return f"the nearest nodes are {', '.join(names)}"
+
+
+@dataclass(frozen=True)
+class NamedDofs:
+    """Degrees of freedom of a body as other programs have them."""
+
+    table: DofTable
+    scale: Floats  # (N,) what the table names, in m and rad, for a unit of each degree of freedom
+    influence: Floats  # (N,) each, in the table's units, when the base moves by 1 m
+
+
+def read_dof_table(path: Path) -> DofTable:
+    """The table of a CSV file with the columns node, direction and, if wanted, x, y, z.
+
+    Raises
+    ------
+    MethodError
+        About ``dofs``: the file cannot be read, a line is wrong, or two lines name the same.
+    """
+    try:
+        rows, _ = read_rows(path)
+    except OSError as error:
+        raise MethodError("dofs", f"= {path} cannot be read ({error})", "check the path") from None
+    except MeasurementError as fault:
+        raise MethodError("dofs", f"= {path.name} {fault.message}", fault.remedy) from None
+    if [cell.lower() for cell in rows[0].cells[:2]] != ["node", "direction"]:
+        raise MethodError(
+            "dofs", f"= {path.name} has no heading", "begin the table with node,direction or node,direction,x,y,z"
+        )
+    dofs: list[Dof] = []
+    places: list[list[float]] = []
+    first: dict[Dof, int] = {}
+    for number, cells in rows[1:]:
+        direction = cells[1].lower() if len(cells) > 1 else ""
+        if direction not in (*DIRECTIONS, MODAL):
+            raise MethodError(
+                "dofs", f"= {path.name} has the direction {direction or 'missing'} in line {number}",
+                f"directions are {', '.join(DIRECTIONS)} and {MODAL}",
+            )  # fmt: skip
+        try:
+            dof = (int(cells[0] or 0) if direction == MODAL else int(cells[0]), direction)
+            place = [float(cell) if cell else np.nan for cell in cells[2:5]]
+        except ValueError:
+            raise MethodError(
+                "dofs",
+                f"= {path.name} has a line {number} that cannot be read: {','.join(cells)}",
+                "write a node's number, a direction and, if wanted, three coordinates",
+            ) from None
+        if direction != MODAL and dof in first:
+            raise MethodError(
+                "dofs", f"= {path.name} names node {dof[0]} {direction} in lines {first[dof]} and {number}",
+                "give each row of the matrices one line",
+            )  # fmt: skip
+        first[dof] = number
+        dofs.append(dof)
+        places.append(place + [np.nan] * (3 - len(place)))
+    coordinates = np.array(places).reshape(-1, 3)
+    return DofTable(tuple(dofs), None if np.all(np.isnan(coordinates)) else coordinates)
+
+
+def write_dof_table(path: Path, table: DofTable) -> None:
+    """Write a table that `read_dof_table` reads."""
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["node", "direction"] if table.coordinates is None else ["node", "direction", "x", "y", "z"])
+        for i, dof in enumerate(table.dofs):
+            place = [] if table.coordinates is None else table.coordinates[i].tolist()
+            writer.writerow([*dof, *("" if np.isnan(x) else repr(x) for x in place)])
 
 
 @dataclass(frozen=True)
@@ -94,3 +226,121 @@ def _with_base(matrix: Any, column: Floats, corner: float) -> Any:
     """The matrix with one more row and column."""
     beside = csc_array(column[:, None])
     return block_array([[matrix, beside], [beside.T, csc_array([[corner]])]], format="csc")
+
+
+def in_si_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
+    """Matrices, recovery matrix and coordinates of a file in SI units.
+
+    The rows of a recovery matrix give what they gave, in the units of the file, now for motions in SI units.
+    """
+    length, mass, force, time = sizes
+    if all(size == 1.0 for size in sizes):
+        return given
+    by_direction = {MODAL: length * np.sqrt(mass), **dict.fromkeys(TRANSLATIONS, length)}
+    units = np.array([by_direction.get(direction, 1.0) for _, direction in given.table.dofs])
+    diagonal: Any = diags_array(1.0 / units)
+
+    def scaled(matrix: Any, factor: float) -> Any:
+        return None if matrix is None else (factor * (diagonal @ matrix @ diagonal)).tocsc()
+
+    places = given.table.coordinates
+    return replace(
+        given,
+        table=DofTable(given.table.dofs, None if places is None else places * length),
+        mass=scaled(given.mass, mass * length**2),
+        stiffness=scaled(given.stiffness, force * length),
+        damping=scaled(given.damping, force * length * time),
+        recovery=None if given.recovery is None else (given.recovery @ diagonal).tocsr(),
+        time_unit=given.time_unit * time,
+    )
+
+
+def in_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
+    """The reverse: matrices and coordinates in SI units as a file in other units has them."""
+    return in_si_units(given, type(sizes)(*(1.0 / size for size in sizes)))
+
+
+# Mass over the cube of the largest dimension, kg/m^3: a wire of 0.2 mm and 10 m has 2e-5, a block of tungsten 2e4, and
+# 10 kg on interface nodes 5 mm apart 8e7.
+LIGHTEST, HEAVIEST = 1e-6, 1e8
+
+
+@dataclass(frozen=True)
+class SizeAndMass:
+    """What of a structure shows mistaken units."""
+
+    mass: float | None  # kg, the largest of the directions; None where nothing is displaced
+    extent: Floats | None  # (3,) m, of all nodes along x, y and z; None without coordinates
+
+    @property
+    def text(self) -> str:
+        """Both in words."""
+        mass = "mass unknown (modal coordinates alone)" if self.mass is None else f"{self.mass:.4g} kg"
+        if self.extent is None:
+            return f"{mass}, size unknown (no coordinates)"
+        return f"{mass}, {' x '.join(f'{each:.4g}' for each in self.extent)} m"
+
+
+def size_and_mass(given: NamedMatrices) -> SizeAndMass:
+    """Mass from translations of all nodes, size from their coordinates."""
+    moved = [given.table.of_direction(direction) for direction in TRANSLATIONS]
+    masses = [float(motion @ (given.mass @ motion)) for motion in moved if motion.any()]
+    places = given.table.coordinates
+    if places is not None:
+        places = places[np.all(np.isfinite(places), axis=1)]
+    extent = None if places is None or not places.size else np.ptp(places, axis=0)
+    return SizeAndMass(max(masses, default=None), extent)
+
+
+def doubtful_units(given: NamedMatrices, units: UnitSystem | FileUnits | None) -> list[str]:
+    """A warning where size and mass are those of a structure in other units than its files are taken to be in.
+
+    Frequencies do not show it: those in mm, t and s are the same.
+    """
+    found = size_and_mass(given)
+    if found.mass is None or found.extent is None or found.mass <= 0.0:
+        return []
+    largest = float(found.extent.max())
+    density = found.mass / largest**3 if largest > 0.0 else 0.0
+    if units is None and 0.0 < density < LIGHTEST:
+        return [
+            f"the structure has {found.text}, if its files are in SI units: are they in mm or inches? Then give "
+            "units: mm-t-s, in-lbf-s or as the model has them; units: SI confirms these"
+        ]
+    if units not in (None, "SI") and density > HEAVIEST:
+        return [
+            f"the structure has {found.text}, with its files in {given.units}: are the coordinates of the table in "
+            "metres? All files of a body have the same units"
+        ]
+    return []
+
+
+@dataclass(frozen=True)
+class FileSummary:
+    """What the files of a body hold, in SI units, as they are taken."""
+
+    body: str
+    degrees_of_freedom: int
+    units: str  # of the files
+    by_default: bool  # whether the units were not stated
+    found: SizeAndMass
+    remarks: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        units = f"{self.units}, the default" if self.by_default else self.units
+        return (
+            f"{self.body}: {self.degrees_of_freedom} degrees of freedom, {self.found.text}; units of its files: {units}"
+        )
+
+    @property
+    def as_json(self) -> dict[str, Any]:
+        """For ``--json``."""
+        return {
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "units": self.units,
+            "units_by_default": self.by_default,
+            "mass_kg": self.found.mass,
+            "extent_m": None if self.found.extent is None else self.found.extent.tolist(),
+        }

@@ -13,18 +13,149 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from beamsim.structures.base_motion import UPWARDS, BaseDirection
-from beamsim.structures.basis import ReducedBasis
-from beamsim.structures.distributed import Distributed
-from beamsim.structures.dof_table import DofTable, NamedDofs
-from beamsim.structures.file_summary import FileSummary
-from beamsim.structures.given_field import GivenField
-from beamsim.structures.named_matrices import NamedMatrices, with_base_node
-from beamsim.structures.places import DEFLECTION, Link, LoadSite, Place, Site, ends_of, signed_ends
+from beamsim.structures.named_matrices import DofTable, FileSummary, NamedDofs, NamedMatrices, with_base_node
+from beamsim.structures.places import (
+    DEFLECTION,
+    UPWARDS,
+    BaseDirection,
+    Distributed,
+    Link,
+    LoadSite,
+    Place,
+    Site,
+    ends_of,
+    signed_ends,
+)
 from beamsim.structures.stations import Recovery
-from beamsim.structures.supports import Coupling, Hold
 from beamsim.structures.symmetric_lu import SymmetricLU, held_factors
 from beamsim.typing import Floats, Ints
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """What acts between two places, or a place and the base or the ground, in one direction of motion."""
+
+    name: str  # of the joint or spring
+    site: Site  # a place alone is coupled to the base, or to the ground
+    stiffness: float | None  # N/m or N m/rad; None where nothing moves apart
+    dashpot: float = 0.0  # N s/m or N m s/rad
+    to_ground: bool = False  # which stays where it is when the base moves
+
+    @property
+    def ends(self) -> tuple[Place, ...]:
+        """One place or two."""
+        return ends_of(self.site)
+
+
+@dataclass(frozen=True)
+class Hold:
+    """What holds one direction of motion of a body: degrees of freedom that it fixes, or a spring."""
+
+    name: str  # left, right, bottom, top, point 1, node 3, base
+    direction: str  # of the motion: a force of a displacement, a moment of a rotation
+    base_motion: float  # how far it moves with a unit motion of the base
+    motion: Floats | None = None  # (all dofs of the body,) when it moves by one unit and the free ones stay at zero
+    spring: Coupling | None = None  # between the body and what moves
+
+
+@dataclass(frozen=True)
+class UnitMotion:
+    """Fields of the bodies when a support moves by one unit and the structure's degrees of freedom stay at zero."""
+
+    fields: Mapping[str, Floats]  # by body (all dofs,), those that supports hold included
+
+
+@dataclass(frozen=True)
+class LoadPattern:
+    """A load whose static deflection the reduced model has to know: a unit force, or the uniform inertia load."""
+
+    vector: Floats  # (N,) scaled load on the free dofs
+    # of the unit force; the direction of an inertia load (gravity); the support that moves by one unit
+    site: LoadSite | BaseDirection | UnitMotion
+
+
+@dataclass(frozen=True)
+class ReducedBasis:
+    """n mass-normalised coordinates: modes first (rigid-body modes first of all), then static vectors.
+
+    Every column v satisfies K v = M a + sum_i p_i f_i, which is how bending moments are recovered from
+    equilibrium: ``acceleration_modes`` and ``pattern`` say what a and p are.
+    """
+
+    omega: Floats  # (n,) scaled angular frequencies; exact zeros for rigid-body modes
+    vectors: Floats  # (N, n) orthonormal in the scaled mass matrix
+    rigid: int
+    modes: int  # kept modes, rigid-body modes included; the rest of the n columns are static vectors
+    patterns: tuple[LoadPattern, ...]
+    pattern: Floats  # (patterns, n): p
+    acceleration_modes: Floats  # (modes, n): a = vectors[:, :modes] @ acceleration_modes
+    highest_frequency: float  # scaled angular frequency that the reduction was made for
+    # of several bodies: each body's own basis, and which of these coordinates are its own; patterns are there
+    blocks: tuple[tuple[ReducedBasis, Ints], ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates n."""
+        return int(self.omega.size)
+
+    @property
+    def static_vectors(self) -> int:
+        """Number of static vectors among them."""
+        return self.size - self.modes
+
+    def left_out(self, load: Floats, rows: Floats, exact: Floats) -> Floats:
+        """What the coordinates leave out of static values under a load, to which the modes left out respond statically.
+
+        Under motion of the base, moments need many more modes than deflections (mode-acceleration method).
+
+        Parameters
+        ----------
+        load : (N,) scaled.
+        rows : (m, n) values for a unit of each coordinate.
+        exact : (m,) static values under the load, with inertia relief.
+
+        Returns
+        -------
+        (m,) array
+            Scaled.
+        """
+        flexible = slice(self.rigid, None)
+        coordinates = self.vectors[:, flexible].T @ load / self.omega[flexible] ** 2
+        return np.asarray(exact - rows[:, flexible] @ coordinates)
+
+
+@dataclass(frozen=True)
+class WeightedValues:
+    """Values that a field is to have, and the weights of their squares in a norm."""
+
+    rows: Any  # (k, N) that give the values of a field of the body
+    weights: Floats  # (k,) scaled
+    values: Floats  # (k,)
+
+    def products(self, vectors: Floats) -> Floats:
+        """(n,) products of the values with those of fields (N, n)."""
+        return np.asarray((self.rows @ vectors).T @ (self.weights * self.values))
+
+    def error(self, field: Floats) -> float:
+        """Relative error of a field (N,) in the norm."""
+        whole = float(self.weights @ self.values**2)
+        missed = float(self.weights @ (self.values - self.rows @ field) ** 2)
+        return float(np.sqrt(missed / whole)) if whole > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class GivenField:
+    """A displacement or velocity of a body."""
+
+    kinetic: WeightedValues  # whose products are those in the scaled mass matrix
+    bending: WeightedValues | None = None  # curvatures, in the norm of the bending energy
+
+    def error(self, field: Floats, quantity: str) -> float:
+        """Relative error of a field (N,) as a displacement or velocity, in the norms of that quantity."""
+        if self.bending is None or quantity == "velocity":  # which has kinetic energy only
+            return self.kinetic.error(field)
+        return max(self.kinetic.error(field), self.bending.error(field))
+
 
 Path = tuple[str | int, ...]
 

@@ -21,12 +21,19 @@ from functools import cached_property
 
 import numpy as np
 
-from beamsim.structures.base_motion import UPWARDS, BaseDirection
-from beamsim.structures.distributed import Distributed
-from beamsim.structures.places import DEFLECTION, SLOPE, Link, LoadSite, Place, Site
+from beamsim.structures.places import (
+    DEFLECTION,
+    SLOPE,
+    UPWARDS,
+    BaseDirection,
+    Distributed,
+    Link,
+    LoadSite,
+    Place,
+    Site,
+)
 from beamsim.structures.reduction import static_deflections
-from beamsim.structures.structure import MemberBody, Structure
-from beamsim.structures.supports import Coupling, UnitMotion
+from beamsim.structures.structure import Coupling, MemberBody, Structure, UnitMotion
 from beamsim.typing import Floats
 
 

@@ -1,4 +1,13 @@
-"""Sparse factors of symmetric matrices, ordered and scaled for little fill."""
+r"""Sparse factors of symmetric matrices, scaled and ordered for little fill, and what the signs of their pivots tell.
+
+Large matrices of meshes are ordered by nested dissection: the nodes are cut in two of equal number at a plane across
+their longest extent, again and again; the rows between the halves come last. On meshes of solids the factors have about
+half of the entries that minimum degree leaves, and take a quarter of the time (A. George, SIAM J. Numer. Anal. 10
+(1973) 345-363).
+
+By Sylvester's law of inertia, :math:`K - \Omega^2 M = L D L^T` has as many negative entries in D as there are natural
+frequencies below :math:`\Omega`, whatever an eigenvalue solver found or missed (a Sturm count).
+"""
 
 from __future__ import annotations
 
@@ -6,12 +15,62 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import qr
-from scipy.sparse import csc_array, diags_array
+from scipy.linalg import ldl, qr
+from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
 from beamsim.typing import Floats, Ints
+
+_SMALL = 5000  # size up to which minimum degree is as good
+
+
+def dissection(matrix: Any, places: Floats | None) -> Ints | None:
+    """(N,) rows of a sparse symmetric matrix in the order of elimination; None where minimum degree is as good.
+
+    Parameters
+    ----------
+    places : (N, 3) coordinates of the node of each row; NaN where a row has none; None where none are known.
+    """
+    size = matrix.shape[0]
+    if size <= _SMALL or places is None:
+        return None
+    graph = csr_array(matrix)
+    graph = csr_array((np.ones(graph.nnz, dtype=np.int32), graph.indices, graph.indptr), shape=graph.shape)
+    entries = np.diff(graph.indptr)
+    # a row with many entries would join everything: it comes last of all
+    last = (entries > 10.0 * np.median(entries)) | ~np.all(np.isfinite(places), axis=1)
+    if last.sum() > size // 4:
+        return None
+    mark = np.zeros(size, dtype=np.int32)
+    order: list[Ints] = [np.flatnonzero(last)]  # from the last to the first
+    waiting = [np.flatnonzero(~last)]
+    while waiting:
+        rows = waiting.pop()
+        parts = _cut(graph, places, rows, mark) if rows.size > 30 else None
+        if parts is None:
+            order.append(rows)
+        else:
+            order.append(parts[2])
+            waiting += parts[:2]
+    return np.concatenate(order[::-1])
+
+
+def _cut(graph: Any, places: Floats, rows: Ints, mark: Ints) -> tuple[Ints, Ints, Ints] | None:
+    """Two halves of the rows without a common entry, and the rows between them; None where all are at one place."""
+    at = places[rows]
+    axis = int(np.argmax(np.ptp(at, axis=0)))
+    middle = np.median(at[:, axis])
+    below = at[:, axis] < middle
+    if not below.any():
+        below = at[:, axis] <= middle
+    if below.all():
+        return None
+    first, others = rows[below], rows[~below]
+    mark[first] = 1
+    touching = graph[others] @ mark > 0
+    mark[first] = 0
+    return first, others[~touching], others[touching]
 
 
 @dataclass(frozen=True)
@@ -81,7 +140,7 @@ def unit_diagonal(matrix: Any) -> tuple[Any, Floats]:
 def symmetric_lu(matrix: Any, order: Ints | None = None) -> SymmetricLU:
     """Factors without exchanged pivots; raises `RuntimeError` for a matrix that is exactly singular.
 
-    ``order`` (N,) is that of elimination, such as `beamsim.structures.dissection.dissection` gives; minimum degree
+    ``order`` (N,) is that of elimination, such as `beamsim.structures.symmetric_lu.dissection` gives; minimum degree
     without.
     """
     scaled, scale = unit_diagonal(matrix)
@@ -130,3 +189,28 @@ def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> Sy
         stiffness = free @ stiffness @ free + diags_array(pinned * stiffness.diagonal())
         stiffness.eliminate_zeros()
     return symmetric_lu(stiffness, order)
+
+
+# Above this size a matrix whose factors are not accurate without pivoting is not factorised densely.
+DENSE_COUNT = 3000
+
+
+def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
+    """Number of negative eigenvalues of a symmetric sparse matrix; None where round-off leaves it unknown.
+
+    ``order`` may be the rows in the order of elimination.
+
+    The sparse factorisation keeps to the diagonal, so its error is checked; a small matrix for which that fails is
+    factorised densely with pivoting (Bunch and Kaufman).
+    """
+    try:
+        factors = symmetric_lu(matrix, order)
+    except RuntimeError:  # exactly singular
+        factors = None
+    if factors is not None and factors.signs_are_certain:
+        return int(np.sum(factors.pivots < 0))
+    if matrix.shape[0] > DENSE_COUNT:
+        return None
+
+    _, d, _ = ldl(unit_diagonal(matrix)[0].toarray())
+    return int(np.sum(np.linalg.eigvalsh(d) < 0))

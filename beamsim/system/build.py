@@ -26,15 +26,12 @@ from beamsim.inputs.excitation import single_frequency_hz
 from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import Path, path_text, walk
 from beamsim.structures.assembly import load_site_in
-from beamsim.structures.base_motion import BaseDirection
-from beamsim.structures.basis import ReducedBasis
 from beamsim.structures.damping import damping_ratios
 from beamsim.structures.modes import closed_frequencies
-from beamsim.structures.moving_point import places_needed
-from beamsim.structures.places import SLOPE, LoadSite, Place, Site
-from beamsim.structures.reduction_bound import ReceptanceBound, receptance_bound
+from beamsim.structures.places import SLOPE, BaseDirection, LoadSite, Place, Site
+from beamsim.structures.reduction import ReceptanceBound, places_needed, receptance_bound
 from beamsim.structures.stations import Recovery, Stations
-from beamsim.structures.structure import Structure
+from beamsim.structures.structure import ReducedBasis, Structure
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.initial import initial_state

@@ -12,7 +12,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import Path, path_text
 from beamsim.structures.assembly import site_in
 from beamsim.structures.places import SLOPE, LoadSite, ends_of
-from beamsim.structures.supports import Coupling
+from beamsim.structures.structure import Coupling
 from beamsim.system.parts import Parts
 from beamsim.typing import Floats
 

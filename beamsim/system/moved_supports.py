@@ -21,7 +21,7 @@ from beamsim.inputs.excitation import Driven
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, suggestion
 from beamsim.scenario.body import MovedSupport
-from beamsim.structures.basis import LoadPattern, ReducedBasis
+from beamsim.structures.structure import LoadPattern, ReducedBasis
 from beamsim.structures.places import DEFLECTION, SLOPE, Link, Site
 from beamsim.structures.structure import Structure
 from beamsim.structures.support_forces import Support, supports_of

@@ -14,8 +14,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, suggestion
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
-from beamsim.structures.base_motion import UPWARDS
-from beamsim.structures.places import DEFLECTION, SLOPE, LoadSite, Place, Site
+from beamsim.structures.places import DEFLECTION, SLOPE, UPWARDS, LoadSite, Place, Site
 from beamsim.structures.stations import Recovery
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.system.channels import Channel, Rows, Sizes

@@ -16,12 +16,10 @@ from beamsim.scenario.base import Path
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES
 from beamsim.scenario.run import ModeStart, ReleasedForceStart, Start
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
-from beamsim.structures.base_motion import TRANSLATIONS, UPWARDS, BaseDirection
-from beamsim.structures.basis import LoadPattern, ReducedBasis
 from beamsim.structures.damping import reduced_damping
-from beamsim.structures.places import LoadSite, Place, Site, ends_of
+from beamsim.structures.places import TRANSLATIONS, UPWARDS, BaseDirection, LoadSite, Place, Site, ends_of
 from beamsim.structures.reduction import reduce_model
-from beamsim.structures.structure import Structure
+from beamsim.structures.structure import LoadPattern, ReducedBasis, Structure
 from beamsim.system.moved_supports import Moved, driven_supports, moved_supports
 from beamsim.system.shared import SharedBuilds
 from beamsim.typing import Floats

@@ -12,7 +12,7 @@ from beamsim.contacts.springs import SpringInfo
 from beamsim.fields import Counter, attribute, dataset, declared, group, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
-from beamsim.structures.file_summary import FileSummary
+from beamsim.structures.named_matrices import FileSummary
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
 from beamsim.system.channels import Channel, ChannelSet, Rows, Sizes
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads

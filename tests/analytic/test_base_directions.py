@@ -14,7 +14,7 @@ from beamsim.errors import ScenarioError
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
-from beamsim.structures.dof_table import DofTable, write_dof_table
+from beamsim.structures.named_matrices import DofTable, write_dof_table
 from beamsim.system.build import build_system
 
 L, W, H, E, RHO = 0.9, 0.03, 0.004, 70e9, 2700.0

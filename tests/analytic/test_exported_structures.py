@@ -11,7 +11,7 @@ from beamsim.cli.structures import MatrixForm, exported
 from beamsim.errors import ScenarioError
 from beamsim.matrix_files.nastran import read_op4
 from beamsim.scenario import load_scenario
-from beamsim.structures.dof_table import read_dof_table
+from beamsim.structures.named_matrices import read_dof_table
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 DAMPING = {"kind": "modal", "ratio": 0.01}

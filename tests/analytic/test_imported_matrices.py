@@ -12,9 +12,8 @@ from beamsim.errors import ScenarioError
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
-from beamsim.structures.dof_table import DofTable, write_dof_table
 from beamsim.structures.matrices import structure_of
-from beamsim.structures.named_matrices import NamedMatrices
+from beamsim.structures.named_matrices import DofTable, NamedMatrices, write_dof_table
 from beamsim.system.build import build_system
 
 pytestmark = pytest.mark.quick

@@ -9,9 +9,9 @@ from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures import sturm
 from beamsim.structures.assembly import assemble
-from beamsim.structures.dof_table import write_dof_table
 from beamsim.structures.modes import natural_modes
-from beamsim.structures.sturm import negative_eigenvalues
+from beamsim.structures.named_matrices import write_dof_table
+from beamsim.structures.symmetric_lu import negative_eigenvalues
 
 pytestmark = pytest.mark.quick
 

@@ -12,12 +12,10 @@ from beamsim.scenario.loading import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.scenario.plate import EDGES, Plate, PlateSupports, Stiffener, StiffnessPlate
 from beamsim.structures.assembly import assemble, snubber_site
-from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.modes import natural_modes
-from beamsim.structures.places import Place
-from beamsim.structures.plate import PlateStructure, assemble_plate
-from beamsim.structures.plate_recovery import moment_operator
+from beamsim.structures.places import UPWARDS, Place
+from beamsim.structures.plate import PlateStructure, assemble_plate, moment_operator
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.reduction import static_deflections
 

@@ -9,7 +9,7 @@ from beamsim.errors import ScenarioError
 from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
-from beamsim.structures.base_motion import UPWARDS
+from beamsim.structures.places import UPWARDS
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 from tests.helpers.observed import rows

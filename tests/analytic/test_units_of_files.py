@@ -9,7 +9,7 @@ from beamsim.errors import ScenarioError
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import bodies_of, summaries_of_files
-from beamsim.structures.base_motion import UPWARDS, BaseDirection
+from beamsim.structures.places import UPWARDS, BaseDirection
 from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.quick

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from beamsim.scenario import Beam
-from beamsim.structures.beam import assemble_beam
+from beamsim.structures.beam import assemble_beam, moment_rows
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place
-from beamsim.structures.recovery import moment_rows
 from beamsim.structures.reduction import reduce_model
 
 pytestmark = pytest.mark.quick
@@ -66,8 +65,8 @@ def test_bending_moments_from_equilibrium_gain_two_orders(mode, recovery):
 
 def test_static_vectors_speed_up_the_convergence_in_modes():
     """Closed frequencies: residual flexibility turns slow convergence in the number of modes into a fast one."""
-    from beamsim.structures.basis import LoadPattern
     from beamsim.structures.modes import closed_frequencies
+    from beamsim.structures.structure import LoadPattern
 
     model = cantilever(40)
     row = model.row(Place("beam", 1.0))

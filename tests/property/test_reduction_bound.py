@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 import beamsim
 from beamsim.scenario import load_scenario
-from beamsim.structures.base_motion import UPWARDS
 from beamsim.structures.modes import natural_modes
-from beamsim.structures.reduction_bound import LeftOut, receptance_bound
-from beamsim.structures.sturm import frequency_beyond
+from beamsim.structures.places import UPWARDS
+from beamsim.structures.reduction import LeftOut, receptance_bound
+from beamsim.structures.symmetric_lu import frequency_beyond
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 

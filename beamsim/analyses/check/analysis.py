@@ -12,11 +12,10 @@ from beamsim.errors import MethodError
 from beamsim.matrix_files.matrix import DIRECTIONS, MODAL
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import bodies_of
-from beamsim.structures.base_motion import UPWARDS
-from beamsim.structures.file_summary import size_and_mass
 from beamsim.structures.matrices import NOT_HELD, MatricesStructure, structure_of
 from beamsim.structures.modes import Modes, natural_modes
-from beamsim.structures.named_matrices import NamedMatrices
+from beamsim.structures.named_matrices import NamedMatrices, size_and_mass
+from beamsim.structures.places import UPWARDS
 from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.typing import Floats
 

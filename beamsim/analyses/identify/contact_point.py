@@ -6,11 +6,11 @@ import numpy as np
 
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import assemble, snubber_site
-from beamsim.structures.basis import LoadPattern
 from beamsim.structures.modes import DENSE_LIMIT, natural_modes
 from beamsim.structures.places import Place
 from beamsim.structures.reduction import reduce_model
 from beamsim.structures.secular import SpringPoint
+from beamsim.structures.structure import LoadPattern
 from beamsim.typing import Floats
 
 
