@@ -8,7 +8,6 @@ nodal force and moment by integrating the load, so that a station under a point 
 
 from __future__ import annotations
 
-from abc import ABC
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -51,57 +50,12 @@ def stations(mesh: Mesh, extra: list[float]) -> Floats:
     return np.unique(np.concatenate([x, distinct]))
 
 
-@dataclass(frozen=True)
-class BeamModel(MeshedBody, ABC):
-    """An Euler-Bernoulli beam in cubic Hermite elements, as far as its moments need it."""
-
-    section: BeamBody
-    mesh: Mesh
-    stretch_of: Ints  # (elements,) which of the beam's stretches each element belongs to
-    bending: Floats  # (elements,) bending stiffness, in the largest of the beam
-    line_mass: Floats  # (elements,) mass per length, in the mean of the beam
-
-    def recovery(
-        self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
-    ) -> Recovery:
-        """Deflection, bending moment and stress along the beam.
-
-        Parameters
-        ----------
-        member, basis, sites, base : see `BodyStructure.recovery`.
-
-        Returns
-        -------
-        Recovery
-            At nodes, element midpoints and the sites; for a unit of each coordinate, 1/sqrt(kg).
-        """
-        beam, scale = self.section, 1 / np.sqrt(member.whole.mass_scale)
-        length = beam.length
-        x = stations(self.mesh, [place.coordinate / length for place in sites])
-        moment = moment_rows(self, member, basis, x)
-        remainder = np.zeros(x.size)
-        if base is not None:
-            inertia = member.whole.base_load(base)[0]
-            _, exact = _static_moments(self, member, x, [LoadPattern(inertia, base)])
-            remainder = basis.left_out(inertia, moment, exact[:, 0])
-        return Recovery(
-            body=self.name,
-            axis=ALONG,
-            position=x * length,
-            deflection=self.mesh.rows(x) @ self.whole_field(member.field(basis.vectors)) * scale,
-            bending_moment=moment * (scale * beam.bending.bending_stiffness / length**2),
-            stress_per_moment=_per_moment(self, x, lambda bending: bending.stress_per_moment),
-            strain_per_moment=_per_moment(self, x, _strain_per_moment),
-            base_moment=-remainder * (member.whole.mass_scale * length * member.stiffness_ratio),
-        )
-
-
 def _strain_per_moment(bending: Any) -> float | None:
     """Strain of the outermost fibre, 1/(N m); None where that is unknown."""
     return None if bending.depth is None else float(bending.depth / 2 / bending.bending_stiffness)
 
 
-def _per_moment(model: BeamModel, x: Floats, of: Callable[[Any], float | None]) -> Floats | None:
+def _per_moment(model: BeamStructure, x: Floats, of: Callable[[Any], float | None]) -> Floats | None:
     """(nx,) stress or strain per moment at stations, where segments meet the larger one; None where unknown."""
     by_stretch = [of(stretch.bending) for stretch in model.section.stretches]
     known = [value for value in by_stretch if value is not None]
@@ -126,7 +80,7 @@ class _Fields:
     forces: list[tuple[Floats, Floats, Floats]]
 
 
-def moment_rows(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Floats) -> Floats:
+def moment_rows(model: BeamStructure, member: MemberBody, basis: ReducedBasis, x: Floats) -> Floats:
     """(nx, n) scaled moments E I w'' at nondimensional x, for a unit of each column of the basis.
 
     Parameters
@@ -155,7 +109,7 @@ def moment_rows(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Fl
 
 
 def _static_moments(
-    model: BeamModel, member: MemberBody, x: Floats, patterns: Sequence[LoadPattern]
+    model: BeamStructure, member: MemberBody, x: Floats, patterns: Sequence[LoadPattern]
 ) -> tuple[Floats, Floats]:
     """(N, m) static deflections under loads, with inertia relief, and (nx, m) their scaled moments."""
     whole, loads = member.whole, np.array([pattern.vector for pattern in patterns]).T
@@ -165,7 +119,13 @@ def _static_moments(
 
 
 def _fields(
-    model: BeamModel, member: MemberBody, x: Floats, patterns: Sequence[LoadPattern], u: Floats, a: Floats, p: Floats
+    model: BeamStructure,
+    member: MemberBody,
+    x: Floats,
+    patterns: Sequence[LoadPattern],
+    u: Floats,
+    a: Floats,
+    p: Floats,
 ) -> _Fields:
     """Fields on all dofs of the beam; an inertia pattern becomes the acceleration of a rigid motion, supports included.
 
@@ -193,7 +153,7 @@ def _fields(
     return _Fields(displacement, acceleration, forces)
 
 
-def _moments(model: BeamModel, x: Floats, fields: _Fields) -> Floats:
+def _moments(model: BeamStructure, x: Floats, fields: _Fields) -> Floats:
     """(nx, c) scaled moments of the fields."""
     mesh = model.mesh
     h, dofs = mesh.lengths, mesh.dofs
@@ -222,7 +182,9 @@ def _moments(model: BeamModel, x: Floats, fields: _Fields) -> Floats:
     return np.asarray(moment)
 
 
-def _static_correction(model: BeamModel, member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
+def _static_correction(
+    model: BeamStructure, member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats
+) -> Floats:
     """(nx, n) correction of the unresolved modes that makes the static moments of the load patterns exact."""
     whole = member.whole
     u, exact = _static_moments(model, member, x, basis.patterns)
@@ -267,10 +229,50 @@ def supported_dofs(left: str, right: str, nodes: int) -> Ints:
     return np.array([*_HELD[left], *(2 * (nodes - 1) + i for i in _HELD[right])], dtype=np.int64)
 
 
-class BeamStructure(BeamModel):
+@dataclass(frozen=True)
+class BeamStructure(MeshedBody):
     """A beam as a structure; places are metres from its left end."""
 
+    section: BeamBody
+    mesh: Mesh
+    stretch_of: Ints  # (elements,) which of the beam's stretches each element belongs to
+    bending: Floats  # (elements,) bending stiffness, in the largest of the beam
+    line_mass: Floats  # (elements,) mass per length, in the mean of the beam
     sides: ClassVar[tuple[str, ...]] = ("length",)
+
+    def recovery(
+        self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
+    ) -> Recovery:
+        """Deflection, bending moment and stress along the beam.
+
+        Parameters
+        ----------
+        member, basis, sites, base : see `BodyStructure.recovery`.
+
+        Returns
+        -------
+        Recovery
+            At nodes, element midpoints and the sites; for a unit of each coordinate, 1/sqrt(kg).
+        """
+        beam, scale = self.section, 1 / np.sqrt(member.whole.mass_scale)
+        length = beam.length
+        x = stations(self.mesh, [place.coordinate / length for place in sites])
+        moment = moment_rows(self, member, basis, x)
+        remainder = np.zeros(x.size)
+        if base is not None:
+            inertia = member.whole.base_load(base)[0]
+            _, exact = _static_moments(self, member, x, [LoadPattern(inertia, base)])
+            remainder = basis.left_out(inertia, moment, exact[:, 0])
+        return Recovery(
+            body=self.name,
+            axis=ALONG,
+            position=x * length,
+            deflection=self.mesh.rows(x) @ self.whole_field(member.field(basis.vectors)) * scale,
+            bending_moment=moment * (scale * beam.bending.bending_stiffness / length**2),
+            stress_per_moment=_per_moment(self, x, lambda bending: bending.stress_per_moment),
+            strain_per_moment=_per_moment(self, x, _strain_per_moment),
+            base_moment=-remainder * (member.whole.mass_scale * length * member.stiffness_ratio),
+        )
 
     @property
     def most_modes(self) -> int:

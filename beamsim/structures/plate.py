@@ -16,7 +16,6 @@ from there to the nodes, by cubic polynomials through the next four.
 from __future__ import annotations
 
 import math
-from abc import ABC
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -37,12 +36,67 @@ from beamsim.structures.structure import Hold, MemberBody, ReducedBasis, UnitMot
 from beamsim.typing import Bools, Floats
 
 
+def _strains_per_moments(plate: PlateBody) -> Floats | None:
+    """(3, 3) strains h/2 w_xx, h/2 w_yy and h w_xy of the lower surface for a unit of Mx, My, Mxy, 1/N."""
+    if plate.bending.depth is None:
+        return None
+    d = plate.bending.rigidity
+    stiffness = np.array([[d.dx, d.d1, 0.0], [d.d1, d.dy, 0.0], [0.0, 0.0, d.dxy]])
+    return np.asarray(plate.bending.depth / 2 * np.linalg.inv(stiffness))
+
+
+def _moved(structure: PlateStructure, basis: ReducedBasis) -> Floats:
+    """(size, n) what supports that move displace themselves, for a unit of each coordinate."""
+    field = np.zeros((structure.mesh.size, basis.size))
+    if not basis.static_vectors and any(isinstance(pattern.site, UnitMotion) for pattern in basis.patterns):
+        raise ScenarioError(
+            Problem(
+                "reduction", "keeps all modes, and with them no static vector that the moments of a plate need where a "
+                "support moves", "keep fewer modes (reduction: {modes: 40}), or leave reduction out",
+            )
+        )  # fmt: skip
+    for pattern, row in zip(basis.patterns, basis.pattern, strict=True):
+        if isinstance(pattern.site, UnitMotion) and structure.name in pattern.site.fields:
+            field += np.multiply.outer(pattern.site.fields[structure.name], row)
+    return field
+
+
+def moment_operator(structure: PlateStructure) -> Any:
+    """(3 nodes, size) rows of Mx, then My, then Mxy per width at the nodes, N for a metre of each dof."""
+    plate, (x, y) = structure.section, (structure.mesh.x, structure.mesh.y)
+    d, length, width = plate.bending.rigidity, plate.length, plate.width
+    xx = kron(_second_derivatives(x), y.rows(y.nodes), format="csr") / length**2
+    yy = kron(x.rows(x.nodes), _second_derivatives(y), format="csr") / width**2
+    xy = kron(x.rows(x.nodes, 1), y.rows(y.nodes, 1), format="csr") / (length * width)
+    return vstack([d.dx * xx + d.d1 * yy, d.d1 * xx + d.dy * yy, 2 * d.dxy * xy], format="csr")
+
+
+def _second_derivatives(mesh: Mesh) -> Any:
+    """(nodes, 2 nodes) rows of the second derivative at the nodes, interpolated from the Gauss points."""
+    gauss = (mesh.nodes[:-1, None] + mesh.lengths[:, None] * (1 + np.array([-1.0, 1.0]) / np.sqrt(3)) / 2).ravel()
+    count = min(4, gauss.size)
+    first = np.clip(np.searchsorted(gauss, mesh.nodes) - count // 2, 0, gauss.size - count)
+    near = first[:, None] + np.arange(count)
+    weights = np.ones((mesh.nodes.size, count))
+    for j in range(count):
+        for k in range(count):
+            if k != j:
+                weights[:, j] *= (mesh.nodes - gauss[near[:, k]]) / (gauss[near[:, j]] - gauss[near[:, k]])
+    rows = np.repeat(np.arange(mesh.nodes.size), count)
+    interpolation = csr_array((weights.ravel(), (rows, near.ravel())), shape=(mesh.nodes.size, gauss.size))
+    return interpolation @ mesh.rows(gauss, 2)
+
+
+_FREE_BEAM = np.array([0.0, 0.0, 4.730040744862704, 7.853204624095838])  # beta L; higher ones (n + 1/2) pi
+
+
 @dataclass(frozen=True)
-class PlateModel(MeshedBody, ABC):
-    """A plate in bicubic Hermite elements, as far as its moments need it."""
+class PlateStructure(MeshedBody):
+    """A plate as a structure; places are metres from its left and bottom edges."""
 
     section: PlateBody
     mesh: PlateMesh
+    sides: ClassVar[tuple[str, ...]] = ("length", "width")
 
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
@@ -85,66 +139,6 @@ class PlateModel(MeshedBody, ABC):
             base_moment=-remainder * (whole.mass_scale / whole.stiffness_scale),
             moments=3,
         )
-
-
-def _strains_per_moments(plate: PlateBody) -> Floats | None:
-    """(3, 3) strains h/2 w_xx, h/2 w_yy and h w_xy of the lower surface for a unit of Mx, My, Mxy, 1/N."""
-    if plate.bending.depth is None:
-        return None
-    d = plate.bending.rigidity
-    stiffness = np.array([[d.dx, d.d1, 0.0], [d.d1, d.dy, 0.0], [0.0, 0.0, d.dxy]])
-    return np.asarray(plate.bending.depth / 2 * np.linalg.inv(stiffness))
-
-
-def _moved(structure: PlateModel, basis: ReducedBasis) -> Floats:
-    """(size, n) what supports that move displace themselves, for a unit of each coordinate."""
-    field = np.zeros((structure.mesh.size, basis.size))
-    if not basis.static_vectors and any(isinstance(pattern.site, UnitMotion) for pattern in basis.patterns):
-        raise ScenarioError(
-            Problem(
-                "reduction", "keeps all modes, and with them no static vector that the moments of a plate need where a "
-                "support moves", "keep fewer modes (reduction: {modes: 40}), or leave reduction out",
-            )
-        )  # fmt: skip
-    for pattern, row in zip(basis.patterns, basis.pattern, strict=True):
-        if isinstance(pattern.site, UnitMotion) and structure.name in pattern.site.fields:
-            field += np.multiply.outer(pattern.site.fields[structure.name], row)
-    return field
-
-
-def moment_operator(structure: PlateModel) -> Any:
-    """(3 nodes, size) rows of Mx, then My, then Mxy per width at the nodes, N for a metre of each dof."""
-    plate, (x, y) = structure.section, (structure.mesh.x, structure.mesh.y)
-    d, length, width = plate.bending.rigidity, plate.length, plate.width
-    xx = kron(_second_derivatives(x), y.rows(y.nodes), format="csr") / length**2
-    yy = kron(x.rows(x.nodes), _second_derivatives(y), format="csr") / width**2
-    xy = kron(x.rows(x.nodes, 1), y.rows(y.nodes, 1), format="csr") / (length * width)
-    return vstack([d.dx * xx + d.d1 * yy, d.d1 * xx + d.dy * yy, 2 * d.dxy * xy], format="csr")
-
-
-def _second_derivatives(mesh: Mesh) -> Any:
-    """(nodes, 2 nodes) rows of the second derivative at the nodes, interpolated from the Gauss points."""
-    gauss = (mesh.nodes[:-1, None] + mesh.lengths[:, None] * (1 + np.array([-1.0, 1.0]) / np.sqrt(3)) / 2).ravel()
-    count = min(4, gauss.size)
-    first = np.clip(np.searchsorted(gauss, mesh.nodes) - count // 2, 0, gauss.size - count)
-    near = first[:, None] + np.arange(count)
-    weights = np.ones((mesh.nodes.size, count))
-    for j in range(count):
-        for k in range(count):
-            if k != j:
-                weights[:, j] *= (mesh.nodes - gauss[near[:, k]]) / (gauss[near[:, j]] - gauss[near[:, k]])
-    rows = np.repeat(np.arange(mesh.nodes.size), count)
-    interpolation = csr_array((weights.ravel(), (rows, near.ravel())), shape=(mesh.nodes.size, gauss.size))
-    return interpolation @ mesh.rows(gauss, 2)
-
-
-_FREE_BEAM = np.array([0.0, 0.0, 4.730040744862704, 7.853204624095838])  # beta L; higher ones (n + 1/2) pi
-
-
-class PlateStructure(PlateModel):
-    """A plate as a structure; places are metres from its left and bottom edges."""
-
-    sides: ClassVar[tuple[str, ...]] = ("length", "width")
 
     @property
     def most_modes(self) -> int:
