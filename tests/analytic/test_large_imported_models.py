@@ -7,7 +7,7 @@ import pytest
 
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
-from beamsim.structures import sturm
+from beamsim.structures import symmetric_lu
 from beamsim.structures.assembly import assemble
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.named_matrices import write_dof_table
@@ -73,6 +73,6 @@ def test_signs_of_inaccurate_factors_count_where_no_eigenvalue_is_near_zero(pane
     omega = natural_modes(model, 12).omega
     between = model.stiffness - ((omega[9] + omega[10]) / 2) ** 2 * model.mass
     at = model.stiffness - (omega[9] * (1 + 1e-15)) ** 2 * model.mass
-    monkeypatch.setattr(sturm, "_DENSE", 1000)
+    monkeypatch.setattr(symmetric_lu, "DENSE_COUNT", 1000)
     assert negative_eigenvalues(between) == 10
     assert negative_eigenvalues(at) is None

@@ -11,8 +11,7 @@ import beamsim
 from beamsim.scenario import load_scenario
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import UPWARDS
-from beamsim.structures.reduction import LeftOut, receptance_bound
-from beamsim.structures.symmetric_lu import frequency_beyond
+from beamsim.structures.reduction import LeftOut, frequency_beyond, receptance_bound
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 
