@@ -21,9 +21,8 @@ from beamsim.inputs.excitation import Driven
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, suggestion
 from beamsim.scenario.body import MovedSupport
-from beamsim.structures.structure import LoadPattern, ReducedBasis
 from beamsim.structures.places import DEFLECTION, SLOPE, Link, Site
-from beamsim.structures.structure import Structure
+from beamsim.structures.structure import LoadPattern, ReducedBasis, Structure
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.typing import Floats
 
