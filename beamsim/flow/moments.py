@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.flow.moment_kernels import fill_moments
+from beamsim.flow.moment_kernels import add_forms, fill_moments
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 AT_ONCE = 500_000  # numbers of a block of times, which bounds the memory
@@ -116,14 +116,13 @@ class SegmentOutputs:
         forms = np.einsum("sbk,kq,sdk->sqbd", left.coefficient, weight, right.coefficient, optimize=True)
         rate, power, by_ends = _pairs(left, right, tau)
         grown = forms * np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends)
-        end = np.exp(np.multiply.outer(tau, left.exponent))
-        of_end = (end[:, None, None] @ grown[segment])[:, :, 0]
-        both = np.concatenate([end, end.conj()], axis=1)
-        integrals = np.einsum("nqd,nd->nq", of_end, both) - grown.sum(axis=(2, 3))[segment]
+        integrals = -grown.sum(axis=(2, 3)).real[segment]
+        add_forms(left.exponent, tau, grown, segment, integrals)
         alone = forms[:, :, ~by_ends]
         if alone.size:
-            integrals += np.einsum("np,nqp->nq", _integrals(rate[~by_ends], power[~by_ends], tau), alone[segment])
-        return np.asarray(integrals.real)
+            moments = _integrals(rate[~by_ends], power[~by_ends], tau)
+            integrals += np.einsum("np,nqp->nq", moments, alone[segment]).real
+        return integrals
 
     def function_products(self, length: Floats) -> Complexes:
         """(B, 2 B) sums over segments of lengths (S,) of integrals of products of the functions of one output.

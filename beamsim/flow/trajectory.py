@@ -413,10 +413,12 @@ class Trajectory:
     ) -> Floats:
         """(n, Q) integrals over the first tau of segments of one contact state."""
         functions, out = state.exponent.size, np.empty((tau.size, weight.shape[1]))
-        for block in blocks(tau.size, functions * (2 * functions + left.shape[1])):
-            visits, at = np.unique(segment[block], return_inverse=True)
-            one, other = (self.outputs(state, visits, table) for table in (left, right))
-            out[block] = one.product_integrals(other, at, tau[block], weight)
+        visits, at = np.unique(segment, return_inverse=True)
+        order = np.argsort(at, kind="stable")
+        for block in blocks(visits.size, functions * (2 * functions + left.shape[1])):
+            here = order[slice(*np.searchsorted(at[order], [block.start, block.stop]))]
+            one, other = (self.outputs(state, visits[block], table) for table in (left, right))
+            out[here] = one.product_integrals(other, at[here] - block.start, tau[here], weight)
         return out
 
     @cached_property
