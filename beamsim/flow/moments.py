@@ -116,7 +116,7 @@ class SegmentOutputs:
         forms = np.einsum("sbk,kq,sdk->sqbd", left.coefficient, weight, right.coefficient, optimize=True)
         rate, power, by_ends = _pairs(left, right, tau)
         grown = forms * np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends)
-        integrals = -grown.sum(axis=(2, 3)).real[segment]
+        integrals: Floats = -grown.sum(axis=(2, 3)).real[segment]
         add_forms(left.exponent, tau, grown, segment, integrals)
         alone = forms[:, :, ~by_ends]
         if alone.size:
