@@ -17,7 +17,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from beamsim.kinds import KINDS, named
-from beamsim.version import __version__
+
+__version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from beamsim.analyses.compare.analysis import compare

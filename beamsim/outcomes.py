@@ -1,7 +1,8 @@
 """How computations end: a kind, a code, the numbers that belong to it, and a sentence, made where it happens.
 
 Every computation returns an `Outcome`. Programs compare its kind and its code and look up its numbers by name; nothing
-is parsed out of the text.
+is parsed out of the text. An analysis asks between events, points and cases whether it is to end (`Stop`), and
+returns what it has.
 
 >>> sentence = "no solution even with the smallest step"
 >>> outcome = Outcome.of(OutcomeKind.STOPPED, "step_too_small", sentence, at=Where(51.25, "Hz"), points=17)
@@ -13,10 +14,32 @@ is parsed out of the text.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TypeVar
+
+Stop = Callable[[], bool]
+"""Whether to end."""
+Point = TypeVar("Point")
+
+
+def never() -> bool:
+    """No request to end."""
+    return False
+
+
+def until(points: Iterable[Point], stop: Stop) -> Iterator[Point]:
+    """The points up to the first one after which ``stop`` is true.
+
+    >>> list(until("abc", lambda: True))
+    ['a']
+    """
+    for point in points:
+        yield point
+        if stop():
+            return
+
 
 MOST_LISTED = 6  # items of a list that are written out
 

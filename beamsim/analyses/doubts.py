@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from beamsim.contacts.force_curve import ForceCurve
+from beamsim.contacts.pads import ForceCurve
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import large_deflections

@@ -19,7 +19,7 @@ from multiprocessing import connection, current_process, get_context
 from typing import Any, TypeVar
 
 from beamsim.errors import NotTrustedError, ScenarioError
-from beamsim.interrupts import Stop, never
+from beamsim.outcomes import Stop, never
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

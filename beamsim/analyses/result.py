@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from matplotlib.figure import Figure
 
-from beamsim.codecs import JSON
-from beamsim.fields import Entry, attribute, declared, ending, stored, summary_of
+from beamsim.fields import JSON, Entry, attribute, declared, ending, stored, summary_of
 from beamsim.kinds import kind_of_class, named
 from beamsim.outcomes import Outcome, interruption
 from beamsim.scenario import Scenario

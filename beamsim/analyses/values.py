@@ -15,7 +15,7 @@ import numpy as np
 from beamsim.fields import Entry
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import OF_OUTPUTS, Limits
-from beamsim.system.channels import ChannelSet, Key
+from beamsim.system.equations import ChannelSet, Key
 from beamsim.typing import Floats
 
 STANDARD_GRAVITY = 9.80665  # m/s^2

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
+from beamsim import __version__
 from beamsim.cli import analysis_commands, case_commands, result_commands
 from beamsim.cli.failures import guarded
-from beamsim.version import __version__
 
 app = typer.Typer(
     name="beamsim",

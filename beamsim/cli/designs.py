@@ -6,6 +6,7 @@ from pathlib import Path
 from signal import SIGINT
 from typing import Any
 
+from beamsim import __version__
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_designs
 from beamsim.analyses.designs.result import DesignsResult
 from beamsim.cli.conclusion import conclude
@@ -18,7 +19,6 @@ from beamsim.scenario import Scenario
 from beamsim.store.journal import journal_path, opened_journal
 from beamsim.store.results import holds, open_result
 from beamsim.store.studies import stored_study
-from beamsim.version import __version__
 
 
 def sweep_designs(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool, **options: Any) -> None:

@@ -10,7 +10,7 @@ from json import dumps
 from pathlib import Path
 from typing import Any
 
-from beamsim.codecs import plain
+from beamsim.fields import plain
 
 
 def print_json(values: Mapping[str, Any]) -> None:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag, null_space, qr, solve_triangular
 
-from beamsim.contacts.force_curve import fitted_numbers
+from beamsim.contacts.pads import fitted_numbers
 from beamsim.errors import NotTrustedError
 from beamsim.typing import Bools, Floats, Ints
 
@@ -146,10 +146,11 @@ def _minimum(energy: _Energy) -> Floats:
 
 
 def _zero(along: Callable[[float], float]) -> float:
-    """Where between 0 and 1 a function changes its sign."""
-    from scipy.optimize import brentq  # whose import takes as long as the rest of `beamsim validate`
-
-    return float(brentq(along, 0.0, 1.0, xtol=1e-300, maxiter=1000))
+    """Where between 0 and 1 a rising function changes its sign."""
+    low, high = 0.0, 1.0
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if along(middle) < 0.0 else (low, middle)
+    return high
 
 
 class _Newton:

@@ -10,7 +10,7 @@ from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
-from beamsim.system.channels import ChannelSet, Key, Rows
+from beamsim.system.equations import ChannelSet, Key, Rows
 from beamsim.typing import Floats, Ints
 
 

@@ -31,8 +31,7 @@ from beamsim.flow.held import held_contacts
 from beamsim.flow.kernels import Inputs, Tables
 from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
 from beamsim.flow.state_tables import KnownState, StateTables
-from beamsim.inputs.signal import Signal
-from beamsim.inputs.streamed import CubicRecord, common_record
+from beamsim.inputs.signal import CubicRecord, Signal, common_record
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 

@@ -22,10 +22,9 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.swept_motion import SweptLoads, carriers, under_windows
 from beamsim.flow.transient import motion_of, start
-from beamsim.inputs.legs import Leg
-from beamsim.inputs.profiles import Profile
+from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.swept import windows_of_cycles
-from beamsim.interrupts import never
+from beamsim.outcomes import never
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Floats, Ints
 

@@ -12,8 +12,7 @@ from beamsim.flow.endings import too_many_events
 from beamsim.flow.event_kernels import BEGINNING
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march_kernels import BUDGET, DONE, NEED_STATE, STUCK, Position, march
-from beamsim.interrupts import never
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never
 from beamsim.typing import Floats, Ints
 
 

@@ -18,8 +18,7 @@ from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.endings import too_many_events
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.held import held_contacts
-from beamsim.interrupts import never
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never
 from beamsim.typing import Bools, Floats, Ints
 
 Powers = tuple[OutputOf, OutputOf, Floats]  # two factors (k,) and weights (k, 2): dissipated power and power in

@@ -12,8 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from beamsim.inputs.signal import Signal
-from beamsim.inputs.streamed import StreamedSignal, common_record
+from beamsim.inputs.signal import Signal, StreamedSignal, common_record
 from beamsim.typing import Complexes, Floats, Ints
 
 RESONANCE = 0.02  # |nu - lambda| times a piece, below which the response to an exponential is a power series

@@ -16,7 +16,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Log, March
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import motion_of, start
-from beamsim.interrupts import never
+from beamsim.outcomes import never
 from beamsim.typing import Bools, Floats, Ints
 
 CHECKPOINT_PIECES = 4096  # between two checkpoints
@@ -28,7 +28,7 @@ class MotionInStretches(March):
     Parameters
     ----------
     flow : of the whole motion; where it is taken in stretches, on the first pieces of a record of which all its inputs
-        are made, see `beamsim.inputs.streamed`.
+        are made, see `beamsim.inputs.signal`.
     initial_state : at t = 0.
     pieces_at_once : of the record in a stretch; by default the whole motion is one.
     max_events, progress, stop : see `beamsim.flow.transient.simulate`.

@@ -9,7 +9,7 @@ import numpy as np
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.trajectory import Trajectory
-from beamsim.interrupts import never
+from beamsim.outcomes import never
 from beamsim.typing import Floats
 
 

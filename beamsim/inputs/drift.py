@@ -39,8 +39,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from beamsim.fields import Entry, attribute, declared
-from beamsim.inputs.legs import Leg
-from beamsim.inputs.profiles import Profile
+from beamsim.inputs.profiles import Leg, Profile
 from beamsim.typing import Complexes, Floats, Ints
 
 SAME_TURNS = 1e-9  # cycles that are not told apart

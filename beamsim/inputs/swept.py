@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.inputs.drift import SAME_TURNS, Correction, leg_pieces, motion_without_drift
-from beamsim.inputs.legs import Leg
-from beamsim.inputs.profiles import Profile
+from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.signal import Signal
 from beamsim.typing import Complexes, Floats, Ints
 

@@ -1,10 +1,12 @@
-"""Matrices from and to files in any of the formats, by the file's ending and its first bytes."""
+"""Matrices of other programs' files, and the names of their degrees of freedom where a file knows them."""
 
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Iterable
-from itertools import islice
+from dataclasses import dataclass
+from itertools import islice, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +16,141 @@ from scipy.sparse import coo_array, csc_array, load_npz, save_npz
 
 from beamsim.errors import MethodError
 from beamsim.files import replacing
-from beamsim.matrix_files.matrix import FileMatrix, file_matrix, labelled
-from beamsim.matrix_files.nastran import pyyeti, read_dmig, read_op2, read_op4
+
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+"""Directions of a node in the order of their numbers 1 to 6."""
+MODAL = "modal"
+"""Direction of a coordinate that belongs to no node: a mode, or a scalar point."""
+
+Dof = tuple[int, str]
+"""Node and direction."""
+
+
+@dataclass(frozen=True)
+class FileMatrix:
+    """One matrix of a file."""
+
+    name: str  # in lower case
+    values: Any  # (rows, columns) sparse, real or complex
+    rows: tuple[Dof, ...] | None = None  # None where the file only counts them
+    columns: tuple[Dof, ...] | None = None
+
+
+def file_matrix(name: str, values: Any, *names: tuple[Dof, ...] | None, one_triangle: bool = False) -> FileMatrix:
+    """A matrix without entries of zero.
+
+    Parameters
+    ----------
+    name : of the matrix.
+    values : (rows, columns) sparse or dense, real or complex.
+    names : of rows and of columns, where the file has them.
+    one_triangle : whether an entry stands for the opposite one as well where that is missing.
+
+    Returns
+    -------
+    FileMatrix
+        Sparse.
+    """
+    matrix: Any = csc_array(values)
+    if one_triangle:
+        matrix = matrix + (matrix.T - matrix.T.multiply(matrix != 0)).tocsc()
+    matrix.eliminate_zeros()
+    return FileMatrix(name, matrix, *names)
+
+
+def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = False) -> FileMatrix:
+    """The matrix of entries by degrees of freedom, in order of node and component; entries of one place are summed.
+
+    Parameters
+    ----------
+    name : of the matrix.
+    entries : (n, 5) node and component of the row, those of the column, and the number, real or complex.
+    square : whether rows and columns have the same degrees of freedom.
+    one_triangle : whether an entry stands for the opposite one as well where that is missing.
+
+    Returns
+    -------
+    FileMatrix
+        With names of rows and columns.
+    """
+    entries = np.asarray(entries)
+    nodes, components = entries[:, 0:4:2].real.astype(int), entries[:, 1:4:2].real.astype(int)
+    dofs = 7 * nodes + np.where((components >= 1) & (components <= 6), components, 0)
+    axes = [np.unique(dofs if square else dofs[:, k]) for k in (0, 1)]
+    numbers = entries[:, 4] if np.any(entries[:, 4].imag) else entries[:, 4].real
+    at = tuple(np.searchsorted(axis, dofs[:, k]) for k, axis in enumerate(axes))
+    values = coo_array((numbers, at), shape=(axes[0].size, axes[1].size))
+    return file_matrix(name, values, *(names_of(*divmod(axis, 7)) for axis in axes), one_triangle=one_triangle)
+
+
+def names_of(nodes: Iterable[int], components: Iterable[int]) -> tuple[Dof, ...]:
+    """Names of degrees of freedom by node and component, 1 to 6, or 0 of a scalar point.
+
+    >>> names_of([7, 101], [3, 0])
+    ((7, 'z'), (101, 'modal'))
+    """
+    return tuple((int(n), (MODAL, *DIRECTIONS)[c]) for n, c in zip(nodes, components, strict=True))
+
+
+_SYMMETRIC, _RECTANGULAR = 6, (2, 9)  # forms of a matrix
+
+
+def pyyeti() -> Any:
+    """The module ``nastran`` of pyYeti; raises `MethodError` where it is not installed."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            from pyyeti import nastran
+    except ImportError:
+        raise MethodError(
+            "file", "is one of Nastran, for which pyYeti is needed", "pip install 'beamsim[nastran]'"
+        ) from None
+    return nastran
+
+
+def read_op4(path: Path, name: str | None = None) -> list[FileMatrix]:
+    """Matrices of an OUTPUT4 file, ASCII or binary; only that of a name, in lower case, if it is given."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("error", "Premature end-of-file")
+        loaded = pyyeti().op4.load(str(path), name, into="list", sparse=True)
+    return [file_matrix(called, m, one_triangle=form == _SYMMETRIC) for called, m, form, _ in zip(*loaded, strict=True)]
+
+
+def read_op2(path: Path, name: str | None = None) -> list[FileMatrix]:
+    """Matrices and DMIG tables of an OUTPUT2 file, of equal names the last; only that of a name if it is given."""
+    nastran = pyyeti()
+    with nastran.OP2(str(path)) as file:
+        matrices = file.rdop2mats([name] if name else None, lower=True)
+        # tables of DMIG entries begin with these numbers
+        tables = [each.name.lower() for each in file.dblist if each.headers and each.headers[0][0] == (114, 1, 120)]
+    found = [file_matrix(called, values) for called, values in matrices.items()]
+    for called, frame in (nastran.rddmig(str(path), tables, square=True) if tables else {}).items():
+        axes = ([*zip(*axis, strict=True)] if axis.nlevels == 2 else (axis, [0] * axis.size) for axis in frame.axes)
+        found.append(file_matrix(called, frame, *(names_of(*axis) for axis in axes)))
+    return found
+
+
+def read_dmig(path: Path, _: str | None = None) -> list[FileMatrix]:
+    """Matrices of DMIG entries in small, large and free fields, as EXTSEOUT and PARAM,EXTOUT punch them."""
+    with open(path, encoding="latin-1") as file:
+        cards = pyyeti().rdcards(file, r"dmig\b", regex=True, return_var="list", blank=0, follow_includes=False)
+    by_name: dict[str, list[Any]] = {}
+    for name, *fields in cards or ():
+        by_name.setdefault(name.lower(), []).append(fields)
+    return [_of_cards(name, *fields) for name, fields in by_name.items()]
+
+
+def _of_cards(name: str, heading: list[Any], *columns: list[Any]) -> FileMatrix:
+    """The matrix of the fields of its entries after the name; blank ones are zero."""
+    form = heading[1]
+    entries = [
+        (row, component, *column[:2], complex(float(real), float(imaginary)))
+        for column in columns
+        for row, component, real, imaginary in zip_longest(*(column[k::4] for k in range(3, 7)), fillvalue=0)
+        if row
+    ]
+    return labelled(name, entries, square=form not in _RECTANGULAR, one_triangle=form == _SYMMETRIC)
 
 
 def read_matrix(path: Path, name: str | None) -> FileMatrix:

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from beamsim.analyses.result import Result
-from beamsim.codecs import OUTCOME
 from beamsim.fields import (
+    OUTCOME,
     Attribute,
     Axes,
     Counter,

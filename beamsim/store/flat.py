@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.codecs import JSON
 from beamsim.fields import (
+    JSON,
     Along,
     Attribute,
     Axes,

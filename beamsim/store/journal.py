@@ -13,11 +13,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
+from beamsim import __version__
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ResultFileError
 from beamsim.files import check_writable
 from beamsim.outcomes import Outcome
-from beamsim.version import __version__
 
 LOCKED_BYTE = 2**30  # on Windows, which locks bytes: far beyond the contents
 

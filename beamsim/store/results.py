@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from beamsim.codecs import plain
+from beamsim import __version__
 from beamsim.errors import ResultFileError
+from beamsim.fields import plain
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.store.flat import Item, Items, Reader, items_of
 from beamsim.store.hdf5 import opened, read_items, write_items
-from beamsim.version import __version__
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result

@@ -11,7 +11,7 @@ from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_draws
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
-from beamsim.interrupts import Stop, never
+from beamsim.outcomes import Stop, never
 from beamsim.scenario import Scenario
 from beamsim.store.journal import Journal, journal_path, opened_journal
 from beamsim.store.results import write_result

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.files import replacing
-from beamsim.matrix_files.matrix import DIRECTIONS
+from beamsim.matrix_files.formats import DIRECTIONS
 from beamsim.typing import Floats, Ints
 
 # Codes of the universal file format: (specific data type, length exponent, force exponent).

@@ -130,7 +130,7 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
 
     The walls move with the base; the ground does not, so under base motion a spring to ground pulls
     with -k d(t) on the relative coordinates. What is not linear in a spring has no place in this
-    model; see `beamsim.contacts.springs`. ``nodes``, where something joins the chain, are masses anyhow.
+    model; see `beamsim.contacts.snubbers`. ``nodes``, where something joins the chain, are masses anyhow.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import csc_array, csr_array, identity
 
 from beamsim.errors import MethodError, Problem, ScenarioError
-from beamsim.matrix_files.matrix import MODAL
+from beamsim.matrix_files.formats import MODAL
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.structures.imported import (
     base_influence,

@@ -1,4 +1,4 @@
-"""From scenario to system: the only bridge between what the user wrote and the mathematics."""
+"""From a scenario to its system: the only bridge."""
 
 from __future__ import annotations
 
@@ -11,20 +11,26 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
-from beamsim.contacts.snubbers import build_contacts, resists, resolve_preloads, springs_of
-from beamsim.contacts.springs import (
+from beamsim.contacts.snubbers import (
     FRICTION,
     SpringInfo,
+    build_contacts,
     cubic_springs,
     describe_springs,
     pressed_by,
+    resists,
+    resolve_preloads,
     spring_contacts,
+    springs_of,
 )
 from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
-from beamsim.inputs.excitation import single_frequency_hz
+from beamsim.inputs.excitation import BaseMotion, Driven, base_motion, level_signal, single_frequency_hz
+from beamsim.inputs.signal import Signal
 from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import Path, path_text, walk
+from beamsim.scenario.excitation import sine_problems
+from beamsim.scenario.quantities import INTEGRALS
 from beamsim.structures.assembly import load_site_in
 from beamsim.structures.damping import damping_ratios
 from beamsim.structures.modes import closed_frequencies
@@ -32,25 +38,103 @@ from beamsim.structures.places import SLOPE, BaseDirection, LoadSite, Place, Sit
 from beamsim.structures.reduction import ReceptanceBound, places_needed, receptance_bound
 from beamsim.structures.stations import Recovery, Stations
 from beamsim.structures.structure import ReducedBasis, Structure
-from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.force_tables import TableOfStop, force_tables
-from beamsim.system.initial import initial_state
-from beamsim.system.loads import carried_start, constant_loads, sine_loads, time_dependent_loads
-from beamsim.system.mechanisms import check_mechanisms, held_problems, open_loops
-from beamsim.system.moved_supports import check_places
+from beamsim.system.initial import check_mechanisms, held_problems, initial_state, open_loops
 from beamsim.system.outputs import output_channels, output_sites
 from beamsim.system.parts import (
     Parts,
+    SharedBuilds,
     base_direction,
+    check_places,
     exciting_forces,
     force_sites,
     gravity_loads,
     reduced_parts,
     start_of,
 )
-from beamsim.system.shared import SharedBuilds
 from beamsim.system.structural import ModeTable, ProbeRow, SnubberInfo, StructuralSystem
 from beamsim.typing import Floats
+
+
+def constant_loads(parts: Parts) -> Floats:
+    """(L, n) gravity and constant forces, N/sqrt(kg)."""
+    loads = [force.force * parts.shape(force) for force in parts.scenario.constant_forces]
+    loads += [acceleration * parts.base_load(direction)[0] for direction, acceleration in gravity_loads(parts.scenario)]
+    return np.array(loads).reshape(len(loads), parts.basis.size)
+
+
+def carried_start(parts: Parts, forcing: Forcing) -> Floats:
+    """(2 n,) what supports that move carry the structure along with at t = 0: their static shapes and rates.
+
+    A start is relative to it, as one is to a base that moves.
+    """
+    start = np.zeros(2 * parts.basis.size)
+    first = len(forcing.signal) - 3 * len(parts.moved)
+    for k, moved in enumerate(parts.moved):
+        _, velocity, displacement = forcing.signal[first + 3 * k : first + 3 * k + 3]
+        shape = moved.static_shape(parts.structure, parts.basis)
+        start += np.concatenate([shape * float(displacement(0.0)), shape * float(velocity(0.0))])
+    return start
+
+
+def sine_loads(parts: Parts, forcing: Forcing) -> SineLoads | None:
+    """How the loads follow the one frequency of a harmonic excitation; None where it is no such excitation."""
+    excitation = parts.scenario.excitation
+    if excitation.kind == "none" or any(sine_problems(excitation, "sweep")):
+        return None
+    coefficient: list[complex] = []
+    power: list[int] = []
+    for _, force in exciting_forces(parts.scenario):
+        coefficient.append(_phasor(force) if excitation.kind == "forces" else 1.0)
+        power.append(0)
+    for moved in parts.moved:
+        first = INTEGRALS.get(str(moved.driven.quantity), 0) if excitation.kind == "forces" else 0
+        coefficient += 3 * [_phasor(moved.driven) if excitation.kind == "forces" else 1.0]
+        power += [first, first - 1, first - 2]
+    if not power:  # of a base: its acceleration, and its displacement where springs to the ground feel it
+        power = [0, -2][: len(forcing.signal)]
+        coefficient = [1.0] * len(power)
+    return SineLoads(np.array(coefficient, dtype=complex), np.array(power, dtype=np.int64))
+
+
+def _phasor(sine: Any) -> complex:
+    """Amplitude and phase of a harmonic force, over a sine of unit amplitude."""
+    return complex(sine.level * np.exp(1j * sine.phase))
+
+
+def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, Forcing]:
+    """The base's motion (None at rest) and the time-dependent loads; ``felt``: a contact or spring is on the ground."""
+    scenario, structure = parts.scenario, parts.structure
+    excitation = scenario.excitation
+    if excitation.kind == "none":
+        return None, Forcing(np.zeros((0, parts.basis.size)), ())
+    duration = None if scenario.run is None else scenario.run.duration
+
+    def signal_of(driven: Driven, at: Path, signal: Callable[..., Any]) -> Any:
+        folder = scenario.folder_of(*at, "file")
+        key = (driven, duration, folder)
+        return parts.shared.once("signal", key, lambda: signal(driven, duration, folder))
+
+    forces = exciting_forces(scenario)
+    if forces or parts.moved:
+        loads = [(parts.shape(force.applied_to), signal_of(force, path, level_signal)) for path, force in forces]
+        for moved in parts.moved:
+            support = signal_of(moved.driven, moved.path, base_motion)
+            signals = (support.acceleration, support.velocity, support.displacement)
+            loads += zip(moved.loads(structure, parts.basis, parts.damping), signals, strict=True)
+        return None, Forcing(np.array([vector for vector, _ in loads]), tuple(signal for _, signal in loads))
+    assert excitation.kind != "forces"  # which move no base
+    motion = signal_of(excitation, ("excitation",), base_motion)
+    direction = base_direction(scenario)
+    assert direction is not None
+    inertia, ground = parts.base_load(direction)
+    load: list[Floats] = [-inertia]
+    signal: list[Signal] = [motion.acceleration]
+    if structure.base_load(direction)[1].any():  # springs to ground stretch by the base's displacement as well
+        load.append(ground)
+        signal.append(motion.displacement)
+    return motion, Forcing(np.array(load), tuple(signal), motion.displacement if felt else None)
 
 
 def build_system(

@@ -1,17 +1,26 @@
-"""What the mathematics needs to know of a structure: arrays in mass-normalised coordinates.
+r"""Equations of motion of a system, as arrays in mass-normalised coordinates, and its channels.
 
 With every contact in one phase of its law, the system is linear,
 
-.. math:: \\ddot q + C_s \\dot q + K_s q = f_0 + \\sum_l L_l\\, a_l(t) + \\text{contact constants},
+.. math:: \ddot q + C_s \dot q + K_s q = f_0 + \sum_l L_l\, a_l(t) + \text{contact constants},
 
 where :math:`M = I` and the open structure's stiffness is diagonal. Nothing here knows files, units
 or what the coordinates stand for.
+
+A channel is an observable, a linear row on the motion and on what acts on it,
+
+.. math:: y = D q + V q' + A q'' + a\, \ddot d + b\, d + F f + S s(t) + c + P p(q)
+
+with the coordinates q relative to the base, the base's displacement d, the forces f of the contacts, the signals s of
+the loads and the pulls p of cubic springs. Whoever evaluates channels needs to know no more of them than this.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -77,3 +86,163 @@ class SineLoads:
     def at(self, omega: Floats) -> Complexes:
         """(F, L) multiples at angular frequencies (F,), rad/s."""
         return np.asarray(self.coefficient * (1j * omega[:, None]) ** self.power)
+
+
+Key = tuple[str, str]  # section and quantity
+
+
+class Sizes(NamedTuple):
+    """Of what channels are made of."""
+
+    coordinates: int
+    contacts: int
+    signals: int
+    cubic: int
+
+
+@dataclass(frozen=True)
+class Rows:
+    """k linear functions of the motion of n coordinates relative to the base, of m contacts and of L signals."""
+
+    displacement: Floats  # (k, n) for a unit of each coordinate
+    velocity: Floats  # (k, n)
+    acceleration: Floats  # (k, n)
+    base_acceleration: Floats  # (k,) for m/s^2 of the base
+    base_displacement: Floats  # (k,) for m of the base
+    contact: Floats  # (k, m) for the force of each contact, N
+    load: Floats  # (k, L) for each signal of the forcing
+    constant: Floats  # (k,)
+    cubic: Floats  # (k, c) for the pull of each cubic spring, N, beside what that does to the acceleration
+
+    @classmethod
+    def of(cls, count: int, sizes: Sizes, **given: Any) -> Self:
+        """Rows of which some parts are given, the others being zero.
+
+        Parameters
+        ----------
+        count : k.
+        sizes : of the parts.
+        given : by name of the part, arrays of its shape, or of one that broadcasts to it.
+        """
+        n, m, signals, cubic = sizes
+        shapes: dict[str, tuple[int, ...]] = {
+            "displacement": (count, n), "velocity": (count, n), "acceleration": (count, n),
+            "base_acceleration": (count,), "base_displacement": (count,), "contact": (count, m),
+            "load": (count, signals), "constant": (count,), "cubic": (count, cubic),
+        }  # fmt: skip
+        return cls(**{name: np.zeros(shape) + given.get(name, 0.0) for name, shape in shapes.items()})
+
+    @property
+    def count(self) -> int:
+        """k."""
+        return self.constant.size
+
+    def some(self, which: Ints | slice) -> Self:
+        """Some of the rows."""
+        return type(self)(*(getattr(self, part.name)[which] for part in fields(self)))
+
+    @classmethod
+    def joined(cls, rows: Iterable[Self]) -> Self:
+        """All rows, one after the other; at least one."""
+        every = list(rows)
+        return cls(*(np.concatenate([getattr(each, part.name) for each in every]) for part in fields(cls)))
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One observable: of which item of which section of the scenario, what it is, in which unit.
+
+    The value is that of its row; of an energy, half the sum of the squares of several; along a body there are many.
+    """
+
+    section: str
+    name: str
+    quantity: str
+    unit: str
+    rows: Rows
+    at: str = ""  # for people
+    squared: bool = False
+
+    @property
+    def key(self) -> Key:
+        """What it has in common with channels that are alike."""
+        return self.section, self.quantity
+
+    @property
+    def columns(self) -> int:
+        """Number of its values at one time."""
+        return 1 if self.squared else self.rows.count
+
+
+@dataclass(frozen=True)
+class ChannelSet:
+    """Some channels of a system, which are evaluated together; C columns of values."""
+
+    channels: tuple[Channel, ...]
+    sizes: Sizes
+
+    def only(self, wanted: Callable[[Channel], bool]) -> ChannelSet:
+        """Those that are wanted."""
+        return ChannelSet(tuple(filter(wanted, self.channels)), self.sizes)
+
+    def of_keys(self, *keys: Key) -> ChannelSet:
+        """Those of some sections and quantities, key after key."""
+        return ChannelSet(tuple(c for key in keys for c in self.channels if c.key == key), self.sizes)
+
+    def without(self, *keys: Key) -> ChannelSet:
+        """All but those of some sections and quantities."""
+        return self.only(lambda channel: channel.key not in keys)
+
+    @cached_property
+    def linear(self) -> Rows:
+        """Rows of the linear channels, of which each is a value."""
+        return self._joined([channel for channel in self.channels if not channel.squared])
+
+    @cached_property
+    def squared(self) -> Rows:
+        """Rows of the energies."""
+        return self._joined(self._energies)
+
+    @cached_property
+    def squares(self) -> Ints:
+        """First of the rows of each energy."""
+        return np.cumsum([0, *(channel.rows.count for channel in self._energies)])[:-1]
+
+    @property
+    def _energies(self) -> list[Channel]:
+        return [channel for channel in self.channels if channel.squared]
+
+    def _joined(self, channels: Sequence[Channel]) -> Rows:
+        return Rows.joined([channel.rows for channel in channels] or [Rows.of(0, self.sizes)])
+
+    @cached_property
+    def order(self) -> Ints:
+        """(C,) numbers of the columns among those of the linear channels and then those of the energies."""
+        squared = np.concatenate([np.full(c.columns, c.squared) for c in self.channels] or [np.zeros(0, dtype=bool)])
+        return np.argsort(np.argsort(squared, kind="stable"), kind="stable")
+
+    def values(self, of_rows: Callable[[bool], Floats]) -> Floats:
+        """(nt, C) values from those of the rows (nt, k): of the linear channels, or (True) of the energies."""
+        values = of_rows(False)
+        if self.squares.size:
+            energies = np.add.reduceat(0.5 * of_rows(True) ** 2, self.squares, axis=1)
+            values = np.hstack([values, energies])
+        return np.asarray(values[:, self.order])
+
+    @property
+    def located(self) -> list[tuple[Channel, int]]:
+        """Each channel with its first column."""
+        ends = np.cumsum([channel.columns for channel in self.channels]).tolist()
+        return list(zip(self.channels, [0, *ends], strict=False))
+
+    @cached_property
+    def places(self) -> dict[Key, Ints]:
+        """Columns of the values by section and quantity."""
+        places: dict[Key, list[int]] = {}
+        for channel, first in self.located:
+            places.setdefault(channel.key, []).extend(range(first, first + channel.columns))
+        return {key: np.array(columns, dtype=np.int64) for key, columns in places.items()}
+
+    def split(self, values: Floats) -> dict[Key, Floats]:
+        """Values (..., C) by section and quantity."""
+        return {key: values[..., columns] for key, columns in self.places.items()}

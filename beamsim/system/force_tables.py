@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from beamsim.contacts.force_curve import ForceCurve, fit_curve
-from beamsim.contacts.hysteresis import fit_branch, loop_width
+from beamsim.contacts.pads import ForceCurve, fit_branch, fit_curve, loop_width
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, by_dimension, is_time

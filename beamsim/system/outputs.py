@@ -17,10 +17,8 @@ from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import DEFLECTION, SLOPE, UPWARDS, LoadSite, Place, Site
 from beamsim.structures.stations import Recovery
 from beamsim.structures.support_forces import Support, supports_of
-from beamsim.system.channels import Channel, Rows, Sizes
-from beamsim.system.equations import Forcing
-from beamsim.system.moved_supports import Moved
-from beamsim.system.parts import Parts, base_direction, exciting_forces, gravity_loads, output_direction
+from beamsim.system.equations import Channel, Forcing, Rows, Sizes
+from beamsim.system.parts import Moved, Parts, base_direction, exciting_forces, gravity_loads, output_direction
 from beamsim.typing import Floats
 
 UNITS = {

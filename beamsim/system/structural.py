@@ -8,14 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.contacts.springs import SpringInfo
+from beamsim.contacts.snubbers import SpringInfo
 from beamsim.fields import Counter, attribute, dataset, declared, group, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.structures.named_matrices import FileSummary
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
-from beamsim.system.channels import Channel, ChannelSet, Rows, Sizes
-from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
+from beamsim.system.equations import Channel, ChannelSet, Forcing, PiecewiseLinearSystem, Rows, SineLoads, Sizes
 from beamsim.typing import Floats
 
 

@@ -13,8 +13,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from beamsim.analyses.values import BY_ENTRY
-from beamsim.interrupts import Stop, never
-from beamsim.system.shared import SharedBuilds
+from beamsim.outcomes import Stop, never
+from beamsim.system.parts import SharedBuilds
 from beamsim.trust.convergence import (
     COMPARISON,
     Convergence,

@@ -14,7 +14,7 @@ from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import figures_of_motion
 from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
-from beamsim.interrupts import never
+from beamsim.outcomes import never
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.trust.convergence import ContactEvents, divergence

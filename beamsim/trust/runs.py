@@ -44,11 +44,11 @@ from beamsim.analyses.run.summary import (
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, STANDARD_GRAVITY, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
-from beamsim.interrupts import Stop
+from beamsim.outcomes import Stop
 from beamsim.scenario import Run, Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
-from beamsim.system.shared import SharedBuilds
+from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.trust.convergence import (
     LONGER,

@@ -8,8 +8,7 @@ from sweep_windows import frequency_at
 
 import beamsim
 from beamsim.inputs.drift import CorrectionSize, drift_free, jumps
-from beamsim.inputs.legs import Leg
-from beamsim.inputs.profiles import Profile
+from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.swept import cut_into_windows
 from beamsim.scenario import load_scenario
 

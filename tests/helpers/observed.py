@@ -8,7 +8,7 @@ from beamsim.analyses.values import ACCELERATION
 from beamsim.flow.channels import Observed, outputs_of
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
-from beamsim.system.channels import Rows, Sizes
+from beamsim.system.equations import Rows, Sizes
 from beamsim.system.structural import StructuralSystem
 
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.force_curve import ForceCurve
 from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.hardening import hardening_law
-from beamsim.contacts.pads import MaxwellBranch, no_tension, recovering_law
+from beamsim.contacts.pads import ForceCurve, MaxwellBranch, no_tension, recovering_law
 from beamsim.flow.passage import Frequency, PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.system.equations import PiecewiseLinearSystem

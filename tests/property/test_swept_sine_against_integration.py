@@ -13,8 +13,7 @@ from sweep_windows import frequency_at, values_at
 
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
 from beamsim.flow.swept_motion import SweptMotion
-from beamsim.inputs.legs import Leg
-from beamsim.inputs.profiles import Profile
+from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.swept import cut_into_windows, swept_signals
 from beamsim.system.equations import Forcing
 from tests.helpers.observed import rows

@@ -8,8 +8,7 @@ import pytest
 import beamsim
 from beamsim.analyses.identify.steady import steady_vibration
 from beamsim.analyses.sweep.analysis import sweep
-from beamsim.contacts.force_curve import _slopes, fit_curve
-from beamsim.contacts.hysteresis import fit_branch, loop_width, relaxed_part
+from beamsim.contacts.pads import _slopes, fit_branch, fit_curve, loop_width, relaxed_part
 from beamsim.errors import ScenarioError
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
@@ -98,7 +97,7 @@ def test_a_stop_pressed_further_than_its_table_goes():
 
 
 def build_curve():
-    from beamsim.contacts.force_curve import ForceCurve
+    from beamsim.contacts.pads import ForceCurve
 
     return ForceCurve(*np.array(POINTS, dtype=float).T)
 

@@ -9,7 +9,7 @@ import beamsim
 from beamsim.analyses.run import exact_motion
 from beamsim.errors import ScenarioError
 from beamsim.flow import exact, stretches
-from beamsim.inputs import streamed
+from beamsim.inputs import signal
 from beamsim.trust import convergence
 
 PIECES = 5600  # of the input in 0.14 s
@@ -28,7 +28,7 @@ def scenario(**run):
 @pytest.fixture(autouse=True, scope="module")
 def small_parts():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(streamed, "PIECES_OF_A_BLOCK", 700)
+        patch.setattr(signal, "PIECES_OF_A_BLOCK", 700)
         for module in (stretches, exact_motion):
             patch.setattr(module, "CHECKPOINT_PIECES", 256)
         patch.setattr(exact_motion, "BYTES_A_PIECE", 12800)

@@ -7,8 +7,7 @@ from scipy.integrate import solve_ivp
 
 import beamsim
 from beamsim.analyses.identify.branch_fit import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
-from beamsim.contacts.force_curve import ForceCurve
-from beamsim.contacts.pads import MaxwellBranch, recovering_law
+from beamsim.contacts.pads import ForceCurve, MaxwellBranch, recovering_law
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 

@@ -6,8 +6,7 @@ from balance import energy_history
 
 import beamsim
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.force_curve import ForceCurve
-from beamsim.contacts.pads import MaxwellBranch, recovering_law, table_law
+from beamsim.contacts.pads import ForceCurve, MaxwellBranch, recovering_law, table_law
 from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate

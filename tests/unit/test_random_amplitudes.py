@@ -5,7 +5,7 @@ import pytest
 
 from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import plan_designs
-from beamsim.inputs.random_input import density, noise
+from beamsim.inputs.excitation import density, noise
 from beamsim.scenario import load_scenario
 
 TABLE = (np.array([5.0, 20.0, 80.0]), np.array([0.01, 0.04, 0.01]))

@@ -9,7 +9,7 @@ from beamsim.analyses.gapping import transfer
 from beamsim.analyses.run.linear_prediction import linear_structures
 from beamsim.analyses.run.random_response import LEVELS, crossing_rates, rms_interval
 from beamsim.cli.report import table_rows
-from beamsim.inputs.random_input import noise
+from beamsim.inputs.excitation import noise
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system

@@ -8,9 +8,8 @@ from scipy.integrate import quad
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.inputs.excitation import base_motion
-from beamsim.inputs.random_input import density, noise
-from beamsim.inputs.sampled import read_samples
+from beamsim.inputs.excitation import base_motion, density, noise
+from beamsim.inputs.measured import read_samples
 from beamsim.measurements.channels import channel_named, read_signals
 from beamsim.measurements.read import read_file
 from beamsim.scenario import load_scenario

@@ -5,7 +5,7 @@ from threading import Barrier
 
 import pytest
 
-from beamsim.system.shared import MOST_KEPT, SharedBuilds
+from beamsim.system.parts import MOST_KEPT, SharedBuilds
 
 pytestmark = pytest.mark.quick
 

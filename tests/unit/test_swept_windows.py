@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sweep_windows import values_at
 
-from beamsim.inputs.legs import Leg
-from beamsim.inputs.profiles import Profile
+from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.swept import cut_into_windows, swept_signals
 
 pytestmark = pytest.mark.quick

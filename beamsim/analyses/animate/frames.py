@@ -19,15 +19,14 @@ from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.result import RunResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.transient import simulate
-from beamsim.interrupts import never
+from beamsim.outcomes import never
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place, ends_of
 from beamsim.structures.stations import IN_PLANE, StationPart, Stations
 from beamsim.system.build import build_system
-from beamsim.system.parts import reduced_parts
-from beamsim.system.shared import SharedBuilds
+from beamsim.system.parts import SharedBuilds, reduced_parts
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats
 

@@ -52,15 +52,14 @@ from beamsim.analyses.values import (
     margins_of,
 )
 from beamsim.errors import Problem, ScenarioError
-from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance, truncation
 from beamsim.orbits.shooting import STABLE
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Stop, Where, interruption, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.scenario.sweep import Continuation, HarmonicBalance
-from beamsim.system.channels import ChannelSet
+from beamsim.system.equations import ChannelSet
 from beamsim.typing import Floats, Ints
 
 NO_STABLE_MOTION = "no_stable_motion"

@@ -19,7 +19,6 @@ from scipy.optimize import brentq
 from beamsim.analyses.continuation.tracers import Tracer
 from beamsim.contacts.friction import drops
 from beamsim.contacts.hardening import ELASTIC, LOADING
-from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.branch import (
     INTERRUPTED,
     POINT_LIMIT,
@@ -32,7 +31,7 @@ from beamsim.orbits.branch import (
 )
 from beamsim.orbits.continuation import NOT_SMOOTH, STEP_TOO_SMALL, Branch, Settings, interpolated
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
+from beamsim.outcomes import Outcome, OutcomeKind, Stop, Where, both_directions, never, until
 
 BACK_TO_PERIOD = "back_to_period"
 

@@ -28,7 +28,7 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.period import PIECES, polynomial_extrema
 from beamsim.scenario.excitation import Sine
-from beamsim.system.channels import ChannelSet
+from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
 

@@ -9,7 +9,7 @@ from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurv
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.errors import Problem, ScenarioError
-from beamsim.interrupts import Stop, never
+from beamsim.outcomes import Stop, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import Continuation, SweptSine
 

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.continuation.motion import MeasuredMotion
-from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end
 from beamsim.orbits.continuation import Settings, at_parameter, between, locate
+from beamsim.outcomes import Stop, never
 
 EDGE = 1e-12  # of the range, by which a point may lie beyond its end
 SHARE = 1e-4  # of a step, to which a maximum is located: its height is then good to the square of this

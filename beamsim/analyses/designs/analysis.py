@@ -13,7 +13,7 @@ from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_designs
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.analyses.parallel import cluster, default_workers, processes, threads
 from beamsim.errors import Problem, ScenarioError
-from beamsim.interrupts import Stop, never
+from beamsim.outcomes import Stop, never
 from beamsim.scenario import Scenario
 
 THREADED = ("run", "swept_sine")  # analyses whose time is spent in compiled code, which threads execute side by side

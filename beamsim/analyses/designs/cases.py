@@ -24,14 +24,13 @@ from beamsim.analyses.designs.responses import (
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
 from beamsim.errors import BeamsimError, Problem, ScenarioError
-from beamsim.interrupts import Stop, never
 from beamsim.kinds import KINDS, named
-from beamsim.outcomes import Outcome, OutcomeKind
+from beamsim.outcomes import Outcome, OutcomeKind, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
 from beamsim.scenario.parameters import Value, with_values
 from beamsim.system.build import build_system
-from beamsim.system.shared import SharedBuilds
+from beamsim.system.parts import SharedBuilds
 
 
 @dataclass(frozen=True)

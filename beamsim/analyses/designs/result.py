@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.result import Result
-from beamsim.codecs import JSON, as_text
-from beamsim.fields import Axes, Counter, Entry, attribute, axis, dataset, declared, key, members, stored
+from beamsim.fields import JSON, Axes, Counter, Entry, as_text, attribute, axis, dataset, declared, key, members, stored
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.parameters import Value
 from beamsim.typing import Bools, Floats, Ints

@@ -36,9 +36,8 @@ from beamsim.analyses.identify.stiffness import (
 from beamsim.analyses.identify.tables import compared, table_slope, with_factor
 from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile
 from beamsim.errors import Problem, ScenarioError
-from beamsim.interrupts import Stop, never
 from beamsim.measurements.signal import MeasuredSignal
-from beamsim.outcomes import COMPLETE, together
+from beamsim.outcomes import COMPLETE, Stop, never, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import with_values
 from beamsim.scenario.studies import IdentifyStiffness

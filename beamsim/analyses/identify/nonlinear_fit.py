@@ -34,15 +34,14 @@ from beamsim.analyses.identify.result import NonlinearEstimate, TestFit
 from beamsim.analyses.identify.steady import SteadyVibration, steady_vibration
 from beamsim.analyses.identify.tables import SoughtSegment, sought_segments
 from beamsim.errors import Problem, ScenarioError
-from beamsim.interrupts import Stop, never
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
-from beamsim.outcomes import Outcome, OutcomeKind, interruption, together
+from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import Reduction
 from beamsim.scenario.studies import IdentifyStiffness, MeasuredTest, NonlinearFit
-from beamsim.system.shared import SharedBuilds
+from beamsim.system.parts import SharedBuilds
 from beamsim.typing import Complexes, Floats
 
 

@@ -7,10 +7,12 @@ import math
 import numpy as np
 
 from beamsim.analyses.result import Result
-from beamsim.codecs import JSON, as_json, as_text
 from beamsim.fields import (
+    JSON,
     Counter,
     Entry,
+    as_json,
+    as_text,
     attribute,
     axis,
     dataset,

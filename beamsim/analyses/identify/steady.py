@@ -13,7 +13,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
-from beamsim.system.shared import SharedBuilds
+from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
 

@@ -31,11 +31,10 @@ from beamsim.analyses.nnm.result import (
 from beamsim.analyses.nnm.summary import nnm_summary
 from beamsim.analyses.run.orbit_energy import balanced
 from beamsim.errors import Problem, ScenarioError
-from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import linear_mode
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, combined, interruption
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Stop, Where, combined, interruption, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.sweep import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod

@@ -18,12 +18,11 @@ import numpy as np
 
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.errors import NotTrustedError
-from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch, reached_end
 from beamsim.orbits.continuation import Settings, follow_orbits, locate, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import beside
-from beamsim.outcomes import Outcome, OutcomeKind, interruption
+from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, until
 from beamsim.scenario.sweep import FullPeriodMethod
 from beamsim.typing import Floats
 

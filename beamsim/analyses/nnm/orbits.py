@@ -13,11 +13,11 @@ from beamsim.analyses.nnm.result import UNITS
 from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import Settings
 from beamsim.orbits.free_orbits import BrakeOrbits, slowest_instant
 from beamsim.orbits.special_points import special_points as special_between
+from beamsim.outcomes import Stop, never
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 

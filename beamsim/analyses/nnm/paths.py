@@ -12,14 +12,13 @@ from beamsim.analyses.nnm.result import UNITS, BranchJump
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
-from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.backbone import MODE_LOST, Backbone
 from beamsim.orbits.branch import INTERRUPTED, REACHED_END, BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.orbits.tongues import LEAST_SHARE
-from beamsim.outcomes import Outcome, OutcomeKind, Where
+from beamsim.outcomes import Outcome, OutcomeKind, Stop, Where, never, until
 from beamsim.scenario import Scenario
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.structural import StructuralSystem

@@ -30,7 +30,6 @@ from beamsim.analyses.run.orbit_energy import unbalanced
 from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import PeriodicForcing
-from beamsim.interrupts import Stop, never
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import CLOSED_CURVE, Settings, follow_orbits, locate, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits
@@ -41,7 +40,7 @@ from beamsim.orbits.phase_resonance import (
     quadrature,
 )
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, together
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Stop, Where, interruption, never, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system

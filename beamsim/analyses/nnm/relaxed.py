@@ -9,12 +9,11 @@ import numpy as np
 
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import RelaxedComparison
-from beamsim.interrupts import Stop, never, until
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
 from beamsim.orbits.free_orbits import BrakeOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Stop, Where, interruption, never, until
 from beamsim.scenario.sweep import RelaxedMinimisationMethod
 from beamsim.typing import Floats
 

@@ -17,7 +17,7 @@ from beamsim.analyses.pad.restitution import (
     restitution,
 )
 from beamsim.analyses.pad.rubber_block import LARGEST_STRAIN, block_modulus, block_stiffness
-from beamsim.contacts.force_curve import ForceCurve, fit_curve
+from beamsim.contacts.pads import ForceCurve, fit_curve
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasurementError
 from beamsim.system.force_tables import read_forces

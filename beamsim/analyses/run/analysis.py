@@ -28,12 +28,11 @@ from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, PENETRATION, STANDARD_GRAVITY, STRESS, largest
 from beamsim.errors import Problem, ScenarioError
-from beamsim.interrupts import Stop
-from beamsim.outcomes import interruption
+from beamsim.outcomes import Stop, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.build import build_system
-from beamsim.system.shared import SharedBuilds
+from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 

@@ -26,8 +26,7 @@ from beamsim.analyses.values import (
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.interrupts import Stop, never
-from beamsim.outcomes import Outcome
+from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.structural import StructuralSystem

@@ -20,9 +20,9 @@ from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.flow.stretches import CHECKPOINT_PIECES, MotionInStretches
 from beamsim.flow.trajectory import Trajectory
-from beamsim.inputs.streamed import StreamedSignal, common_record
+from beamsim.inputs.signal import StreamedSignal, common_record
 from beamsim.scenario import Run
-from beamsim.system.channels import ChannelSet, Key
+from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 

@@ -15,7 +15,7 @@ import numpy as np
 from beamsim.analyses.run.impact_result import FigureInterval
 from beamsim.analyses.run.impacts import BLOCKS, LEAST, SKIPPED, Sums, jackknife
 from beamsim.contacts.friction import DIRECTION, STICK
-from beamsim.contacts.springs import FRICTION
+from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory

@@ -26,7 +26,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.scenario.run import ImpactSettings, StressLife
 from beamsim.structures.stations import StressRows
-from beamsim.system.channels import Rows
+from beamsim.system.equations import Rows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats, Ints
 

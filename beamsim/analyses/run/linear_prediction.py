@@ -32,7 +32,7 @@ from beamsim.analyses.values import FORCE, PENETRATION, Extremes
 from beamsim.contacts.laws import ContactLaw
 from beamsim.flow.channels import Observed
 from beamsim.flow.transient import simulate
-from beamsim.inputs.random_input import density
+from beamsim.inputs.excitation import density
 from beamsim.scenario import Run, Scenario
 from beamsim.scenario.excitation import Forces, Harmonic, RandomInput, Shock
 from beamsim.scenario.quantities import INTEGRALS

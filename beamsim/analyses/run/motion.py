@@ -27,7 +27,7 @@ from beamsim.analyses.run.result import (
 )
 from beamsim.analyses.values import DISPLACEMENT, FORCE, STRESS, Extremes, largest, largest_pulls
 from beamsim.contacts.hardening import residual_crush
-from beamsim.contacts.springs import FRICTION
+from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.endings import EVENT_LIMIT
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory
@@ -35,7 +35,7 @@ from beamsim.flow.stretches import MotionInStretches
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Run, Scenario
-from beamsim.system.channels import ChannelSet, Key
+from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats
 

@@ -17,7 +17,7 @@ from beamsim.flow.channels import Observed
 from beamsim.flow.fourier import MotionPart
 from beamsim.flow.trajectory import Trajectory
 from beamsim.scenario import Scenario, SpectrumSettings
-from beamsim.system.channels import ChannelSet
+from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 

@@ -18,7 +18,7 @@ from beamsim.flow.dense_extremes import DenseExtremes
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory, TimeStepping, integrate
 from beamsim.scenario import Run
-from beamsim.system.channels import ChannelSet, Key, Rows
+from beamsim.system.equations import ChannelSet, Key, Rows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 

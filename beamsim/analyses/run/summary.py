@@ -26,9 +26,9 @@ from beamsim.analyses.values import (
     margins,
     values_of,
 )
-from beamsim.contacts.springs import FRICTION
+from beamsim.contacts.snubbers import FRICTION
 from beamsim.scenario import Scenario
-from beamsim.system.channels import Key
+from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 

@@ -28,9 +28,8 @@ from beamsim.analyses.sweep.swept_sine import sweep_level
 from beamsim.analyses.values import OUTPUT, VALUES, margins_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
-from beamsim.inputs.profile_file import read_profile
-from beamsim.interrupts import never
-from beamsim.outcomes import Outcome, combined, interruption
+from beamsim.inputs.measured import read_profile
+from beamsim.outcomes import Outcome, combined, interruption, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.reporting import BASE_FORCE, OF_OUTPUTS

@@ -13,10 +13,8 @@ from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.level_control import LevelControl
 from beamsim.flow.swept_motion import SweptLoads
-from beamsim.inputs.legs import Leg
-from beamsim.inputs.profiles import Profile, power_of
-from beamsim.interrupts import never
-from beamsim.outcomes import Outcome, OutcomeKind, Where
+from beamsim.inputs.profiles import Leg, Profile, power_of
+from beamsim.outcomes import Outcome, OutcomeKind, Where, never
 from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine

@@ -24,13 +24,13 @@ from beamsim.analyses.sweep.result import (
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, PENETRATION, STRESS
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import DIRECTION, STICK, sliding_limit, snap
-from beamsim.contacts.springs import FRICTION
+from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.sweep import SteppedSine, SweptSine
-from beamsim.system.channels import Channel, ChannelSet, Key
+from beamsim.system.equations import Channel, ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
 

@@ -18,9 +18,8 @@ from beamsim.flow.march import Motion
 from beamsim.flow.transient import start
 from beamsim.inputs.profiles import acceleration_amplitude, phase_of_acceleration
 from beamsim.inputs.signal import Signal
-from beamsim.interrupts import never
 from beamsim.orbits.steady import CycleStepper, Settled, largest_exponent, settle
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.equations import Forcing

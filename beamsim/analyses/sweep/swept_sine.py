@@ -15,11 +15,10 @@ from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, Sweep
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.swept_motion import SweptLoads, SweptMotion
 from beamsim.inputs.drift import CorrectionSize, jumps
-from beamsim.inputs.legs import Leg, make_leg
-from beamsim.inputs.profiles import Profile, make_profile, phase_of_acceleration, power_of
+from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_of_acceleration, power_of
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
-from beamsim.interrupts import never
+from beamsim.outcomes import never
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SweptSine
