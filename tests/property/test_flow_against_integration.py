@@ -108,41 +108,6 @@ def test_awkward_damping(make_system, two_tones, kind):
     assert agreement(flow, structure, contacts, lambda t: load * acceleration_at(t), start, 10.0)[2] < 1e-9
 
 
-def test_pieces_of_polynomials(make_system):
-    """A pulse made of straight and curved pieces, felt by a ground-mounted snubber too."""
-    begin, pieces = [0.0, 0.5, 1.2], [[0.0, 1.0, 0.0], [2.0, -1.0, 0.3], [0.0, 0.0, 0.0]]
-    pulse = Signal.polynomial_pieces(begin, pieces)
-    displacement = pulse.antiderivative().antiderivative()
-    omega, damping = [0.7, 2.0, 5.0], [0.01, 0.02, 0.05]
-    contacts = {
-        "shape": [[1.0, -0.5, 0.3], [0.2, 1.0, 0.4]], "stiffness": [30.0, 20.0], "dashpot": 0.2, "gap": [0.05, 0.1],
-        "sign": [1.0, -1.0], "on_ground": [True, False],
-    }  # fmt: skip
-    load = np.array([-1.0, 0.4, 0.2])
-    flow = ExactFlow(make_system(omega, damping, **contacts), Forcing(load[None], (pulse,), displacement), 6.0)
-
-    polynomials, moved = [np.polynomial.Polynomial(c) for c in pieces], []  # of the base's displacement
-    d, v = 0.0, 0.0
-    for k, acceleration in enumerate(polynomials):
-        moved.append(acceleration.integ(2, [v, d]))
-        if k + 1 < len(begin):
-            d, v = (x(begin[k + 1] - begin[k]) for x in (moved[k], moved[k].deriv()))
-
-    def piece(t):
-        return sum(t >= b for b in begin) - 1
-
-    def base(t):
-        k = piece(t)
-        return moved[k](t - begin[k]), moved[k].deriv()(t - begin[k])
-
-    trajectory, expected, error = agreement(
-        flow, modal(omega, damping), contacts, lambda t: load * polynomials[piece(t)](t - begin[piece(t)]),
-        np.zeros(6), 6.0, base, begin,
-    )  # fmt: skip
-    assert trajectory.event_time.size == expected.event_time.size > 1
-    assert error < 1e-9
-
-
 @pytest.mark.parametrize("case", ["on the ground", "no tension, on the ground"])
 def test_the_stepping_of_the_package_agrees_too(make_system, two_tones, case):
     """`run.method: reference` with DOP853, which shares sources and start with the exact flow."""

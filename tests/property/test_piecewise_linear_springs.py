@@ -12,12 +12,7 @@ from beamsim.contacts.equilibrium import FLOATS, UNBALANCED, CubicSprings, Sprin
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.flow.passage import Frequency, Level, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
-from beamsim.flow.variational import VariationalFlow
-from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.harmonic_balance import ForcedBalance
-from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.scenario import Scenario
-from beamsim.system.build import build_system
 from beamsim.system.equations import PiecewiseLinearSystem
 
 
@@ -154,57 +149,6 @@ def test_a_cubic_spring_holds_what_a_softened_spring_lets_go():
         np.array([2.0]), 0, springs, np.array([[5.0]]), CubicSprings(np.ones((1, 1)), np.array([0.1]))
     )
     assert held.q[0] == pytest.approx(np.cbrt(30.0), rel=1e-10)  # 2 + 0.1 x^3 = 5
-
-
-# -- steady motions --------------------------------------------------------------------------------------------------
-LAWS = {"hardening": [4.0, 1.0, 3.0], "softening": [0.3, 1.0, 0.5]}
-
-
-def forced(slopes, **more):
-    spring = {"kind": "piecewise_linear", "breakpoints": [-0.2, 0.3], "stiffnesses": slopes}
-    return Scenario.model_validate(
-        {
-            "chain": {
-                "masses": [1, 1], "springs": [1, 0, 1], "dashpots": [0.2, 0.2, 0.2],
-                "springs_between": [{"masses": [1, 2], **spring}], "springs_to_ground": [{"mass": 1, **spring}],
-            },
-            "excitation": {"kind": "harmonic", "applied_to": "base", "level": 1.5, "frequency": "1.5 rad/s"},
-            "probes": [{"name": "a", "mass": 1}, {"name": "b", "mass": 2}],
-            **more,
-        }
-    )  # fmt: skip
-
-
-def periodic_loads(system, omega):
-    force = sum(
-        load * signal.coefficient[0, 0, 0]
-        for load, signal in zip(system.forcing.load, system.forcing.signal, strict=True)
-    )
-    base = np.array([system.forcing.base_displacement.coefficient[0, 0, 0]])
-    return PeriodicForcing(np.ones(1, dtype=np.int64), force[None, :], np.zeros(1), base, np.zeros(1), omega)
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_shooting_harmonic_balance_and_a_long_run_agree(law):
-    omega = 1.5
-    case = forced(LAWS[law], run={"duration": 400.0, "sample_rate": 30 / (2 * np.pi)})
-    system = build_system(case)
-    loads = periodic_loads(system, omega)
-    problem = ForcedOrbits(VariationalFlow(system.dynamics, loads, omega, 1.0))
-    orbit = find_orbit(problem)
-    flow = problem.flow_at(omega)[0]
-    run = beamsim.run(case)
-    phase = np.mod(run.time[-20:], 2 * np.pi / omega)
-    order = np.argsort(phase)
-    q = flow.states_at(orbit.data, phase[order])[:, :2]
-    for probe in system.probes:
-        np.testing.assert_allclose(q @ probe.shape, run.probes[probe.name].displacement[-20:][order], atol=1e-7)
-    assert orbit.data.event_time.size > 2
-    balance = ForcedBalance(system.dynamics, loads, 40, omega=omega)
-    motion = solve_at(balance, balance.linear_guess(omega), Settings(iterations=60), omega).data
-    states = flow.states_at(orbit.data, np.arange(512) * (2 * np.pi / omega / 512))[:, :2]
-    harmonics = np.fft.rfft(states, axis=0)[1:6] / 256
-    np.testing.assert_allclose(motion.coordinates[1:6], harmonics, atol=2e-5)
 
 
 def random_smooth_system(rng, n=3, m=2):

@@ -75,12 +75,6 @@ def test_the_coexisting_motion_attracts_an_independent_integration(levels):
     assert max(peaks) == pytest.approx(branch.peak_displacement["first"][k], rel=0.02)
 
 
-@pytest.mark.slow
-def test_seeking_can_be_left_out(levels):
-    alone = in_level("sweep.seek_at=0")
-    assert len(alone.branches) == 1 < len(levels.branches)
-
-
 @pytest.fixture(scope="module")
 def symmetric():
     return curve(BEAM, f"snubbers={STOPS}", sweep_of("64 Hz", "72 Hz"))
@@ -159,27 +153,6 @@ def test_a_corner_far_from_the_chord_is_found(tmp_path):
     assert np.abs(branch.floquet_multipliers[k] - 1).min() < 1e-6
 
 
-@pytest.mark.parametrize("apart", slow_after(1, [0.0, 1e-7]))  # m
-def test_stops_of_a_symmetric_structure_that_graze_at_once(apart):
-    stop = {"mass": 1, "force_deflection": [[0, 0], [1e-3, 20], [2e-3, 80]]}
-    stops = [{**stop, "name": side, "side": side, "gap": 1e-3 + k * apart} for k, side in enumerate(("above", "below"))]
-    case = {
-        "chain": {"masses": [1.0], "springs": [1e4], "damping": {"kind": "modal", "ratio": 0.05}},
-        "snubbers": stops,
-        "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": "2 N", "frequency": "16 Hz"},
-        "sweep": {"kind": "continuation", "from": 10, "to": 25, "side_branches": "none"},
-    }
-    result = continuation(load_scenario(case))
-    assert result.outcome.complete, result.status
-    grazings = sorted((p.frequency_hz, p.snubber) for b in result.branches for p in b.special if p.kind == "grazing")
-    falling = ["above", "below"] if apart == 0.0 else ["below", "above"]
-    assert [name for _, name in grazings] == ["above", "below", *falling]
-    # the motion is linear until its amplitude is the smaller gap
-    squares = np.roots([1.0, -2 * 1e4 * (1 - 2 * 0.05**2), 1e8 - (2.0 / 1e-3) ** 2])
-    first = [f for f, name in grazings if name == "above"]
-    np.testing.assert_allclose(first, np.sort(np.sqrt(squares)) / (2 * np.pi), rtol=1e-9)
-
-
 @pytest.mark.slow
 def test_a_branch_of_doubled_period_ends_where_it_meets_its_own(tmp_path):
     """A step from it passed a grazing and landed on the motions of one period: a fold was reported in between."""
@@ -225,14 +198,6 @@ def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):
     assert (result.outcome.kind is OutcomeKind.INCOMPLETE) is demanded
     assert f"raise sweep.{limit.partition(':')[0]}" in result.status
     assert demanded or result.outcome.all_of("side_branches_cut")
-
-
-def test_side_branches_can_be_left_out():
-    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(96, 120, "side_branches: none"))
-    assert result.complete
-    assert {b.period_multiple for b in result.branches} == {1}
-    (left,) = result.outcome.all_of("not_branched")
-    assert left.numbers["bifurcations"] == sum(e.kind == "period_doubling" for b in result.branches for e in b.special)
 
 
 @pytest.mark.parametrize(

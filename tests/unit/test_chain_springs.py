@@ -6,7 +6,6 @@ import yaml
 
 import beamsim
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
 from beamsim.scenario import LinkSnubber, Snubber, load_scenario
 
@@ -100,31 +99,3 @@ def test_a_branch_names_the_spring_whose_breakpoint_it_grazes():
     assert found.outcome.complete
     assert {e.snubber for e in found.special if e.kind == "grazing"} >= {"link_spring_1"}
     assert list(found.peak_force) == ["snubber_1", "stop"]
-
-
-@pytest.mark.parametrize("kind", ["swept_sine", "stepped"])
-def test_sweeps_do_not_take_breakpoints_for_snubbers(kind):
-    """A hardening spring and the same made of a linear spring and two snubbers: every column that both have agrees."""
-    more = {"rate": "0.004 Hz/s"} if kind == "swept_sine" else {"points": 5}
-    settings = {"kind": kind, "from": 0.1, "to": 0.25, "accelerations": True, **more}
-    asked = {"sweep": settings, "limits": {"gap": 1.0}}
-    bent = load_scenario(CASE, {**asked, "chain.springs_between[0].stiffnesses": [2, 1, 1.5]})
-    parts = [
-        {"between": [2, 3], "stiffness": 1.0, "gap": 0.1, "name": "low"},
-        {"between": [2, 3], "stiffness": 0.5, "gap": 0.2, "name": "high", "resists": "separation"},
-    ]
-    data = bent.chain.model_dump(mode="json", exclude_none=True)
-    data["snubbers"] += parts
-    data["springs_between"] = [{"masses": [2, 3], "kind": "linear", "stiffness": 1.0}]
-    probes = [{"name": p.name, "mass": p.mass} for p in bent.effective_probes]
-    same = load_scenario(CASE, {**asked, "chain": data, "probes": probes})
-    curve, other = (sweep(case).curves["up_0"] for case in (bent, same))
-    assert list(curve.force) == ["snubber_1", "stop"]
-    assert set(curve.peak_gap) == {"snubber_1", "stop"}
-    for group in ("displacement", "acceleration", "force"):
-        for name, envelope in getattr(curve, group).items():
-            np.testing.assert_allclose(envelope.peak, getattr(other, group)[name].peak, rtol=1e-6, atol=1e-9)
-    for name, values in curve.peak_gap.items():
-        np.testing.assert_allclose(values, other.peak_gap[name], rtol=1e-6, atol=1e-9)
-    assert curve.bent.any()
-    assert not other.bent.any()  # its breakpoints are snubbers

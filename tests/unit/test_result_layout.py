@@ -9,19 +9,9 @@ import pytest
 
 import beamsim
 from beamsim.kinds import KINDS
-from beamsim.store.results import kind_of
+from beamsim.store.results import SCHEMA_VERSION, kind_of
 
 FILES = sorted((Path(__file__).parents[1] / "data" / "results").glob("*.h5.gz"))
-WRITERS = {
-    "run": beamsim.write_result,
-    "sweep": beamsim.write_result,
-    "continuation": beamsim.write_result,
-    "designs": beamsim.write_result,
-    "identify-stiffness": beamsim.write_result,
-    "nnm": beamsim.write_result,
-    "compare": beamsim.write_result,
-    "compare-modes": beamsim.write_result,
-}
 OF_HDF5 = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"}
 VERSION = "/@beamsim_version"
 
@@ -59,7 +49,7 @@ def kept(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("kept")
     path = unpacked(request.param, folder)
     result = beamsim.open_result(path)
-    return path, result, WRITERS[kind_of(path)](result, folder / "again.h5")
+    return path, result, beamsim.write_result(result, folder / "again.h5")
 
 
 def test_a_kept_file_is_written_again_as_it_was(kept):
@@ -73,6 +63,22 @@ def test_a_kept_file_is_written_again_as_it_was(kept):
             np.testing.assert_allclose(new[name], old[name], rtol=1e-13, atol=round_off, err_msg=name)
         else:
             np.testing.assert_equal(new[name], old[name], name)
+
+
+def test_every_dataset_is_described_and_every_axis_has_its_scale(kept):
+    def check(name, item):
+        if isinstance(item, h5py.Dataset):
+            assert isinstance(item.attrs["units"], str), name
+            assert item.attrs["units"] or name == "peaks/level", name  # a level has the unit of its sweep
+            assert item.attrs["long_name"], name
+            assert item.dtype.kind in "fiuO", name  # no complex, no HDF5 enumerations
+            for axis in range(0 if item.is_scale else item.ndim):
+                (scale,) = item.dims[axis].values()
+                assert scale.shape == (item.shape[axis],), name
+
+    with h5py.File(kept[2]) as file:
+        file.visititems(check)
+        assert file.attrs["schema_version"] == SCHEMA_VERSION
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate dimension names")
