@@ -1,18 +1,10 @@
 """Spectra of motions in closed form: no line is an alias, whatever the output rate."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.exact_motion import exact_flow
-from beamsim.analyses.run.records import Window
 from beamsim.cli.report import table_rows
-from beamsim.flow.fourier import MotionPart
-from beamsim.flow.transient import simulate
-from beamsim.system.build import build_system
-from tests.helpers.observed import rows
 
 BEAM = {
     "length": 0.7, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700,
@@ -59,56 +51,6 @@ def test_the_highest_line_is_told_by_what_lies_beyond_it(periods, seen):
     assert found == pytest.approx([5.0] * seen, rel=1e-3)
     text = dict(table_rows("run", result))["spectral lines"]
     assert ("Hz (" in text) if seen else "no distinct line, at a resolution of 20 Hz" in text
-
-
-@pytest.fixture(scope="module")
-def bouncing():
-    scenario = beamsim.load_scenario(BOUNCING)
-    system = build_system(scenario)
-    flow = exact_flow(system, scenario.run.duration)
-    shape = np.array([probe.shape for probe in system.probes])
-
-    count = shape.shape[0]
-    moved, none = np.vstack([np.zeros_like(shape), shape]), np.zeros_like(shape)
-    carried = np.repeat([1.0, 0.0], count)
-    outputs = rows(
-        flow, 2 * count, acceleration=np.vstack([shape, none]), displacement=moved, base_acceleration=carried
-    )
-    trajectory = simulate(flow, system.initial_state)
-    assert trajectory.event_time.size > 10
-    return trajectory, outputs
-
-
-def quadrature(trajectory, outputs, begin, end, weight):
-    """Gauss-Legendre over the pieces between events, panels short against the fastest motion and the weight."""
-    node, share = np.polynomial.legendre.leggauss(24)
-    inside = trajectory.event_time[(trajectory.event_time > begin) & (trajectory.event_time < end)]
-    cuts = np.concatenate([[begin], inside, [end]])
-    fastest = max(float(np.abs(state.exponent).max()) for state in trajectory.flow.states)
-    total = 0.0
-    for a, b in pairwise(cuts):
-        edges = np.linspace(a, b, int((b - a) * fastest / 6.0) + 2)
-        h = np.diff(edges)[:, None]
-        t = (edges[:-1, None] + 0.5 * h * (1 + node)).ravel()
-        x = trajectory.sample(t, outputs)
-        total = total + (x * (0.5 * h * share).ravel()[:, None]).T @ weight(t)
-    return total
-
-
-@pytest.mark.parametrize("window", ["rectangular", "hann", "blackmanharris", "flattop", "decaying"])
-def test_windowed_integrals_against_quadrature(bouncing, window):
-    trajectory, outputs = bouncing
-    begin, end = 0.1234, 0.4567
-    part, shape, T = MotionPart.of(trajectory, outputs, begin, end, np.inf), Window.named(window), end - begin
-    omega = 2 * np.pi * np.array([0.0, 20.0, 60.0, 333.3, 1234.5])
-    found = np.array([shape.weigh(lambda nu, j=j: part.integrals(nu, j), omega, T) for j in range(2)])
-    expected = quadrature(
-        trajectory, outputs, begin, end,
-        lambda t: shape.values((t - begin) / T)[:, None] * np.exp(-1j * np.outer(t - begin, omega)),
-    )  # fmt: skip
-    size = np.abs(expected).max(axis=1, keepdims=True)
-    assert np.abs(found - expected).max() > 0.0 or size.max() == 0.0
-    np.testing.assert_allclose(found / size, expected / size, atol=1e-11)
 
 
 def test_lines_and_rms_of_a_mass_on_a_spring():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.flow.passage import ContactDirection, Frequency, Level, PeriodicForcing
+from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
@@ -38,40 +38,6 @@ def test_linear_resonance_in_closed_form(make_system, detuning):
     # sin((1+e)t) - (1+e) sin t = 2 cos(t + et/2) sin(et/2) - e sin t
     difference = (np.cos(t + e * t / 2) * t * np.sinc(e * t / (2 * np.pi)) - np.sin(t)) / -(2.0 + e)
     assert end[0] == pytest.approx(FORCE[0] * difference, rel=2e-12)
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_derivatives_at_resonance(make_system, law):
-    """Transition matrix and derivatives by frequency, level and stiffness, against differences of the motion."""
-    flow = flow_of(make_system, 1.0, law)
-    z = np.array([0.2, 0.1, 0.3, 0.0, *np.zeros(flow.size - 4)])
-    T = 17.0
-    stiffer = ContactDirection.of(flow.system.contacts, stiffness=1.0)
-    passage = flow.carry(z, T, [Frequency(), Level(), stiffer])
-    assert passage.event_time.size >= 4
-    h = 1e-6
-
-    def central(at):
-        return (at(h) - at(-h)) / (2 * h)
-
-    scale = np.abs(passage.transition).max()
-    for k in range(4):
-        step = np.eye(flow.size)[k]
-        column = central(lambda x, step=step: flow.carry(z + x * step, T).end)
-        np.testing.assert_allclose(passage.transition[:, k], column, atol=1e-7 * scale)
-    for column, at in zip(
-        passage.parameters.T,
-        (
-            lambda x: flow_of(make_system, 1.0 + x, law).carry(z, T).end,
-            lambda x: flow_of(make_system, 1.0, law, level=1.0 + x).carry(z, T).end,
-            lambda x: flow_of(make_system, 1.0, law, stiffness=30.0 + x).carry(z, T).end,
-        ),
-        strict=True,
-    ):
-        np.testing.assert_allclose(column, central(at), atol=1e-6 * max(scale, np.abs(column).max()))
-    np.testing.assert_allclose(
-        passage.slope, central(lambda x: flow.carry(z, T + x).end), atol=1e-6 * np.abs(passage.slope).max()
-    )
 
 
 def test_periodic_motion_goes_through_the_resonance(make_system):

@@ -147,17 +147,3 @@ def test_the_same_beam_otherwise_gives_the_same_figures(tmp_path, name, other):
         and not any(key in ("position", "stiffness_ratio") for key in path)
     }
     assert not different
-
-
-@pytest.mark.parametrize(
-    "other", [pytest.param(name, marks=pytest.mark.slow if k else ()) for k, name in enumerate(OTHERS)]
-)
-def test_compare_meets_the_file_of_the_whole_beam(tmp_path, other):
-    for name, case in (("one", ONE), ("two", OTHERS[other](tmp_path))):
-        summary(tmp_path, name, case, "run")
-    files = [str(tmp_path / f"{name}.h5") for name in ("two", "one")]
-    result = invoke("compare", *files, "--json", "--no-plots", "-o", tmp_path)
-    assert result.exit_code == 0, result.output
-    compared = json.loads(result.stdout)["comparisons"]
-    assert compared
-    assert max(each["rms_difference"] for each in compared) < 1e-9

@@ -138,31 +138,6 @@ def test_steady_motion_near_resonance(oscillator, six, case):
     assert rates[-1] < 1e-2 * abs(motion.exponents[0].real)
 
 
-def test_hardening_fold_with_a_gap(oscillator):
-    """Three steady motions between the folds, the middle one a saddle; the exact multipliers agree."""
-    system = oscillator(0.05, gap=0.5, stiffness=4.0)
-    resonant = ResonantForcing(system, 0, np.array([0.3]))
-    counts = [len(steady(resonant, s)) for s in (-0.2, 0.2, 0.5, 0.8, 1.2)]
-    assert counts == [1, 1, 3, 3, 1]
-    motions = steady(resonant, 0.5)
-    assert [m.stable for m in motions] == [True, False, True]
-    for m in motions:
-        assert min(abs(s - 0.5) for s in resonant.detunings(m.amplitude)) < 1e-10
-        e = 1e-3
-        guess = resonant.states(resonant.response(m, e, 1), 1 + 0.5 * e, np.zeros(1))[0]
-        _, exact, orbit = steady_motion(weakened(system, e, e), e * resonant.load, 1 + 0.5 * e, guess)
-        assert np.abs(exact[:, 0]).max() == pytest.approx(m.amplitude, rel=0.02)
-        assert orbit.stable == m.stable
-    # the tip of the curve: phase resonance, a = F / (w c), response a quarter of a period behind
-    tip = 0.3 / 0.05
-    low, high = resonant.detunings(tip * (1 - 1e-12))
-    assert low == pytest.approx(high, abs=1e-5)
-    assert low == pytest.approx(resonant.backbone(tip).real, abs=1e-5)
-    assert resonant.detunings(1.01 * tip) == ()
-    at_tip = max(steady(resonant, low), key=lambda m: m.amplitude)
-    assert at_tip.phase == pytest.approx(np.pi / 2, abs=1e-3)
-
-
 def test_energy_chooses_the_amplitude(six):
     for gap in (0.0, 0.1, -0.1):
         system = six(5, gap=gap)

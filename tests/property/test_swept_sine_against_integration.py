@@ -1,6 +1,5 @@
 """The swept-sine flow against independent time stepping (DOP853, restarted at every event and every window cut)."""
 
-import itertools
 import math
 from bisect import bisect_right
 
@@ -9,7 +8,7 @@ import pytest
 from independent import Stop, Structure
 from independent import integrate as integrate_with_restarts
 from sampling import slow_after
-from sweep_windows import frequency_at, values_at
+from sweep_windows import frequency_at
 
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, record_cycles
 from beamsim.flow.swept_motion import SweptMotion
@@ -112,44 +111,6 @@ class Swept:
         return self.sample(times, whole)
 
 
-def base_motion(windows, acceleration):
-    """``t -> a`` and ``t -> (d, d')`` from an acceleration alone, by Chebyshev polynomials; d starts as in the windows.
-
-    They are called at every stage of every step, with a number, and therefore have plain numbers for coefficients.
-    """
-    constants = [values_at(windows, c, 0.0) for c in (windows.displacement, windows.velocity)]
-    ends = [*windows.start.tolist(), windows.duration]
-    pieces = []
-    for begin, end in itertools.pairwise(ends):
-        a = np.polynomial.Chebyshev.interpolate(acceleration, 24, [begin, end])
-        v = a.integ(1, [constants[1]], begin)
-        d = v.integ(1, [constants[0]], begin)
-        pieces.append((begin, end, *(p.coef.tolist() for p in (a, v, d))))
-        constants = [d(end), v(end)]
-
-    def at(t):
-        begin, end, *motion = pieces[min(max(bisect_right(ends, t) - 1, 0), len(pieces) - 1)]
-        return (2.0 * t - begin - end) / (end - begin), motion
-
-    def force(t):
-        x, (a, _, _) = at(t)
-        return clenshaw(a, x)
-
-    def base(t):
-        x, (_, v, d) = at(t)
-        return clenshaw(d, x), clenshaw(v, x)
-
-    return force, base
-
-
-def clenshaw(coefficients, x):
-    """Sum of Chebyshev polynomials."""
-    value = last = 0.0
-    for c in reversed(coefficients[1:]):
-        value, last = c + 2.0 * x * value - last, value
-    return coefficients[0] + x * value - last
-
-
 def frequency_of(legs, t):
     """Frequency from the law of the sweep itself."""
     t, before = np.asarray(t, dtype=float), 0.0
@@ -169,13 +130,6 @@ CASES = {
     "dashpot, just touching": {"stiffness": [20.0], "dashpot": [0.5], "gap": [0.0]},
     "strong dashpot, prestress, above": {"stiffness": [20.0], "dashpot": [2.5], "gap": [-0.1], "sign": [-1.0]},
     "two snubbers": {"stiffness": [20.0, 50.0], "dashpot": [0.5, 0.1], "gap": [0.1, -0.1], "sign": [1.0, -1.0]},
-    "on the ground": {
-        "stiffness": [20.0, 50.0],
-        "dashpot": [0.5, 0.1],
-        "gap": [0.1, -0.1],
-        "sign": [1.0, -1.0],
-        "on_ground": [True, False],
-    },
     "no tension": {"stiffness": [20.0], "dashpot": [0.8], "gap": [0.1], "no_tension": [True]},
 }
 
@@ -191,17 +145,11 @@ def test_random_structure(make_system, case, rigid):
     shape = 0.5 + rng.random(size=(m, n))
     system = make_system(omega, 0.02 * omega, 0.05 * rng.normal(size=n), shape=shape, **CASES[case])
     load = rng.normal(size=n)
-    on_ground = case == "on the ground"
-    windows = cut_into_windows(legs, Profile.constant(1.0), corrections=() if on_ground else None)
+    windows = cut_into_windows(legs, Profile.constant(1.0))
     start = 0.3 * rng.normal(size=2 * n)
-    record = Swept(system, load, windows, start, on_ground=on_ground)
+    record = Swept(system, load, windows, start)
     times = np.linspace(0.0, windows.duration, 1001)
-    force, base = sine_of(legs), None
-    if on_ground:
-        force, base = base_motion(windows, lambda t: np.sin(phase_of(legs, t)))
-    expected, events = integrate(
-        system, load, force, base, start, windows.start if on_ground else (), times,
-    )  # fmt: skip
+    expected, events = integrate(system, load, sine_of(legs), None, start, (), times)
     assert record.outcome.complete
     assert record.events == events
     assert events > 1 or rigid

@@ -13,7 +13,7 @@ from beamsim.plots.designs import design_figures, shown_quantities
 from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.journal import journal_path, opened_journal
-from beamsim.store.results import holds, open_result, write_result
+from beamsim.store.results import write_result
 
 BASE = """\
 title: Fabricated study
@@ -67,43 +67,6 @@ def fabricated(name, failed=(), missing=()):
     outcomes = {case.number: outcome(case.number, rng) for case in plan.cases}
     outcomes |= {k: failure(k, "more than max_events events") for k in failed}
     return gather(plan, {k: o for k, o in outcomes.items() if k not in missing}, 1.5)
-
-
-@pytest.mark.parametrize("name", STUDIES)
-def test_what_is_written_is_read(name, tmp_path):
-    result = fabricated(name, failed=(1,))
-    stored = open_result(write_result(result, tmp_path / "study.h5"))
-    assert holds(tmp_path / "study.h5", "designs")
-    for field in ("analysis", "kind", "status", "shape", "limits", "failures", "fingerprint", "warnings", "created"):
-        assert getattr(stored, field) == getattr(result, field), field
-    assert stored.title == result.title
-    assert stored.scenario == result.scenario
-    np.testing.assert_array_equal(stored.solved, result.solved)
-    for one, other in zip(result.coordinates, stored.coordinates, strict=True):
-        assert (one.path, one.unit, one.numeric) == (other.path, other.unit, other.numeric)
-        np.testing.assert_array_equal(one.values, other.values)
-    for kept, read in ((result.responses, stored.responses), (result.margins, stored.margins)):
-        assert set(kept) == set(read)
-        for key in kept:
-            np.testing.assert_array_equal(kept[key].values, read[key].values)
-            assert (kept[key].unit, kept[key].long_name) == (read[key].unit, read[key].long_name)
-    assert list(stored.responses) == list(result.responses)
-    assert stored.summary["margins"] == result.summary["margins"]
-    for entry in ("responses", "passing", "best", "objective", "sensitivity", "tolerances", "scatter"):
-        assert stored.summary.get(entry) == result.summary.get(entry), entry
-    np.testing.assert_array_equal(stored.passing, result.passing)
-    np.testing.assert_array_equal(stored.passing_share, result.passing_share)
-    assert list(stored.realised) == list(result.realised)
-    for key, kept in result.realised.items():
-        np.testing.assert_array_equal(stored.realised[key].values, kept.values)
-    for one, other in zip(result.tolerances, stored.tolerances, strict=True):
-        assert (one.path, one.tolerance, one.relative, one.unit) == (
-            other.path, other.tolerance, other.relative, other.unit,
-        )  # fmt: skip
-        np.testing.assert_array_equal(one.deviations, other.deviations)
-    assert [s.name for s in stored.sensitivity] == [s.name for s in result.sensitivity]
-    for one, other in zip(result.sensitivity, stored.sensitivity, strict=True):
-        np.testing.assert_array_equal(one.total_order, other.total_order)
 
 
 @pytest.mark.filterwarnings("default")

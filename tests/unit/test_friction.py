@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from balance import energy_history
-from scipy.optimize import brentq
 
 import beamsim
 from beamsim.contacts.contacts import Contacts
@@ -53,56 +52,6 @@ def test_decay_of_one_mass(stiffness):
     np.testing.assert_allclose(turns, expected, atol=1e-12 if stiffness < 1e3 else 1e-9)
     if stiffness > 1e3:
         np.testing.assert_allclose(turns[2::2] - turns[:-2:2], -4 * force, rtol=1e-6)
-
-
-def test_stick_and_slip_on_a_belt():
-    """A belt drags one mass on a spring: phases from trigonometric functions, their ends by bracketed roots.
-
-    The vibration while it sticks brings the second slide forward; from there on it slides for ever.
-    """
-    speed, static, sliding, tangential = 0.1, 1.0, 0.6, 25.0
-    system = system_of([friction_law(tangential, static, sliding)], [[1.0]], [1.0], [0.0], ground=[True])
-    belt = Signal.polynomial_pieces([0.0], [[0.0, -speed]])  # displacement of the mass beyond the belt: x - speed t
-    flow = ExactFlow(system, Forcing(np.zeros((0, 1)), (), belt), 60.0)
-    share = tangential / (1.0 + tangential)
-    trajectory = simulate(flow, np.array([0.0, share * speed, 0.0]))  # dragged along without a vibration
-
-    t, x, v, slider, events = 0.0, 0.0, share * speed, 0.0, []
-    omega = np.sqrt(1.0 + tangential)
-    while True:
-        # stick: x'' = -x - kt (x - speed t - slider), about the line (kt / (1 + kt)) (speed t + slider)
-        a, b = x - share * (speed * t + slider), (v - share * speed) / omega
-
-        def stuck(s, t=t, a=a, b=b, slider=slider):
-            position = share * (speed * (t + s) + slider) + a * np.cos(omega * s) + b * np.sin(omega * s)
-            return position, share * speed + omega * (b * np.cos(omega * s) - a * np.sin(omega * s))
-
-        def limit(s, t=t, slider=slider, stuck=stuck):
-            return static + tangential * (stuck(s)[0] - speed * (t + s) - slider)
-
-        steps = np.linspace(1e-9, 20.0, 20001)
-        first = steps[np.flatnonzero(np.array([limit(s) for s in steps]) < 0)[0]]
-        s = brentq(limit, first - 1e-3, first, xtol=1e-14)
-        x, v = stuck(s)
-        t += s
-        events.append(t)
-
-        def relative(s, x=x, v=v):  # x'' = -x + sliding
-            return (x - sliding) * -np.sin(s) + v * np.cos(s) - speed
-
-        steps = np.linspace(1e-6, 10.0, 20001)
-        past = np.flatnonzero(relative(steps) > 0)
-        if not past.size:
-            break
-        s = brentq(relative, steps[past[0]] - 1e-3, steps[past[0]], xtol=1e-14)
-        x, v = sliding + (x - sliding) * np.cos(s) + v * np.sin(s), speed
-        t += s
-        events.append(t)
-        slider = x - speed * t + sliding / tangential
-    assert len(events) >= 3
-    np.testing.assert_allclose(trajectory.event_time, events, atol=1e-10)
-    end = sliding + (x - sliding) * np.cos(60.0 - t) + v * np.sin(60.0 - t)
-    assert trajectory.final_y[0] == pytest.approx(end, abs=1e-9)
 
 
 def test_loss_of_a_loop():

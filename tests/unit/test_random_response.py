@@ -154,34 +154,6 @@ def test_linear_predictions_are_those_of_the_oscillators():
     assert of_closed["stop", "force"] == pytest.approx(2e4 * of_closed["mass", "displacement"], rel=0.01)
 
 
-def test_densities_of_the_linear_structures():
-    """Their sum is the variance; away from the resonance they are those of the oscillator."""
-    result = beamsim.run(load_scenario(stopped(1e-4)))
-    signal = next(s for s in result.random.signals if (s.name, s.quantity) == ("mass", "displacement"))
-    f = result.random.frequency_hz
-    for kind, stiffness, dashpot in (("open", 3947.84, 6.2832), ("closed", 3947.84 + 2e4, 9.2832)):
-        density = getattr(signal, f"density_{kind}")
-        assert np.sqrt(density.sum() * (f[1] - f[0])) == pytest.approx(getattr(signal, f"linear_{kind}"), rel=1e-3)
-        w = 2 * np.pi * f
-        exact = 0.01 * G**2 / np.abs(stiffness - w**2 + 1j * w * dashpot) ** 2
-        calm = (f > 2.0) & (f < 6.0)
-        np.testing.assert_allclose(density[calm], exact[calm], rtol=0.02)
-        assert np.all(density[(f > 41.0) | (f < 0.5)] == 0.0)
-
-
-def test_a_stop_that_is_never_touched_changes_nothing_and_one_that_is_hit_does():
-    far = beamsim.run(load_scenario(stopped(1.0)))
-    of = far.summary["random_linear"]["mass displacement"]
-    rms = far.summary["random"]["mass displacement"]
-    assert rms["rms_low"] < of["open"] < rms["rms_high"]
-    assert not rms["rms_low"] < of["closed"] < rms["rms_high"]
-    hit = beamsim.run(load_scenario(stopped(0.0)))
-    rms, of = hit.summary["random"]["mass displacement"], hit.summary["random_linear"]["mass displacement"]
-    assert of["closed"] < rms["standard_deviation"] < of["open"]
-    force = hit.summary["random_linear"]["stop force"]
-    assert force["open"] == 0.0 < force["closed"]
-
-
 def test_there_is_no_prediction_without_stops_with_cubic_springs_or_undamped():
     plain = load_scenario(OSCILLATOR)
     assert linear_structures(plain, build_system(plain)) is None

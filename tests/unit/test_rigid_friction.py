@@ -60,42 +60,6 @@ def test_stick_and_slip_on_a_belt():
     np.testing.assert_allclose(begins[1:] - ends[: begins.size - 1], 2 * 0.3 / speed, rtol=1e-11)
 
 
-@pytest.mark.parametrize("level", [0.9, 3.0])
-def test_stick_and_slip_under_a_pulse(level):
-    """A mass on a spring sticks until a rectangular pulse begins, slides forwards and back, and sticks for good.
-
-    With u = x + F_d / k after the pulse and u = x - F_d / k on the way back each slide is a circle in the phase plane:
-    x = (P - F_d) / k (1 - cos w t) while the pulse lasts; the turn is at the radius of the circle on which it ends.
-    """
-    static, sliding, begin, lasts = 1.0, 0.7, 0.5, 1.1
-    pad = {"name": "pad", "at": {"mass": 1}, "mounted_on": "ground", "normal_force": 1.0,
-           "coefficient": {"static": static, "sliding": sliding}}  # fmt: skip
-    pulse = {"kind": "step", "applied_to": {"mass": 1}, "level": level, "time": begin, "duration": lasts}
-    run = {"duration": 12.0, "sample_rate": 100.0, "start": "rest", "convergence": "off"}
-    chain = {"masses": [1.0], "springs": [1.0]}
-    result = beamsim.run(load_scenario({"chain": chain, "friction": [pad], "excitation": pulse, "run": run}))
-    time, pad = result.time[:], result.friction["pad"]
-    x, reach = pad.displacement[:], level - sliding
-    if level < static:
-        np.testing.assert_array_equal(x, 0.0)
-        assert pad.slides == 0
-        return
-    end, speed = reach * (1.0 - np.cos(lasts)), reach * np.sin(lasts)
-    radius = np.hypot(end + sliding, speed)
-    turn = begin + lasts + np.arctan2(speed, end + sliding)
-    top, left = radius - sliding, 2.0 * sliding - (radius - sliding)
-    assert top > static > abs(left)  # it slides back, and stays where it turns again
-    expected = np.select(
-        [time < begin, time < begin + lasts, time < turn, time < turn + np.pi],
-        [0.0, reach * (1.0 - np.cos(time - begin)), radius * np.cos(time - turn) - sliding,
-         (top - sliding) * np.cos(time - turn) + sliding], left,
-    )  # fmt: skip
-    np.testing.assert_allclose(x, expected, atol=1e-12)
-    assert pad.sliding_distance == pytest.approx(2.0 * top - left, rel=1e-12)
-    assert pad.dissipated_energy == pytest.approx(sliding * (2.0 * top - left), rel=1e-12)
-    assert pad.sliding_share == pytest.approx((turn + np.pi - begin) / 12.0, rel=1e-12)
-
-
 def test_the_shipped_case_begins_as_by_hand():
     """The second mass swings on the spring until the first breaks loose: 150 N (1 - cos w t) = 90 N."""
     result = beamsim.run(load_scenario(CONFIGS / "dry_friction.yaml"))

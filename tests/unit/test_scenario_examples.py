@@ -8,8 +8,6 @@ from beamsim.scenario import (
     EnergyContinuation,
     Harmonic,
     ModalDamping,
-    NoExcitation,
-    PolynomialStart,
     Rate,
     SnubberRatioDamping,
     StiffnessFactorContinuation,
@@ -79,21 +77,3 @@ def test_extending_files_change_only_what_they_say():
     assert backlash.snubbers[0].gap == 0.0001
     assert backlash.nnm.continue_in == EnergyContinuation(from_=1e-6, to=1.0)
     assert load_scenario(EXAMPLES / "nnm_first.yaml").nnm.continue_in == StiffnessFactorContinuation(from_=0.0, to=1.0)
-
-
-def test_identification():
-    section = load_scenario(EXAMPLES / "identify_snubber.yaml").identify_stiffness
-    assert section.snubber == "tip"
-    assert section.measured_without == (51.9, 329.4, 934.4)
-    assert section.measured_with == (196.5, 448.0, 969.5)
-    assert section.fit_to == (1,)
-    assert section.uncertainty == 0.003
-    assert (section.pad.height, section.pad.area) == (0.02, 250e-6)
-
-
-def test_released_panel():
-    scenario = load_scenario(EXAMPLES / "released_panel.yaml")
-    assert scenario.excitation == NoExcitation()
-    assert scenario.run.start == PolynomialStart(displacement=(0.0,), velocity=(0.0, -2.0))
-    assert (scenario.run.duration, scenario.run.sample_rate) == (0.05, 50e3)
-    assert scenario.snubbers[0].mounted_on == "ground"
