@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.polynomial.polynomial import polyval, polyval2d
 
-import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble, load_site_in
@@ -139,26 +138,6 @@ def test_static_deflection_and_moment_are_those_of_the_beam(shape, supports, def
         (body.deflection @ q)[nodes], 40 * L**4 / EI * deflection(s[nodes]), rtol=1e-9, atol=1e-13
     )
     np.testing.assert_allclose(body.bending_moment @ q, 40 * L**2 * moment(s), rtol=0, atol=1e-9 * 40 * L**2)
-
-
-def test_a_half_sine_drives_one_mode_of_a_pinned_beam():
-    scenario = case(load(line="whole", shape={"kind": "sine"}), supports=PINNED, beam={"elements": 20})
-    system = build_system(scenario)
-    modal = np.abs(system.forcing.load[0])
-    assert modal[1:].max() < 1e-12 * modal[0]
-    mass = RHO * W * H * L / 2
-    assert modal[0] == pytest.approx(L / 2 / np.sqrt(mass), rel=1e-6)
-    result = beamsim.run(scenario.model_copy(update={"run": scenario.run.model_copy(update={"start": "rest"})}))
-    omega, w = 2 * np.pi * 23.0, system.dynamics.stiffness[0] ** 0.5
-    t, zeta = result.time, 0.02
-    # closed form of one oscillator from rest
-    h = 1 / (w**2 - omega**2 + 2j * zeta * w * omega)
-    steady = np.imag(h * np.exp(1j * omega * t))
-    at_start, rate = np.imag(h), np.imag(1j * omega * h)
-    wd = w * np.sqrt(1 - zeta**2)
-    free = np.exp(-zeta * w * t) * (-at_start * np.cos(wd * t) - (rate + zeta * w * at_start) / wd * np.sin(wd * t))
-    expected = 40 * L / 2 / mass * np.sin(0.7 * np.pi) * (steady + free)
-    np.testing.assert_allclose(result.probes["p"].displacement, expected, rtol=0, atol=2e-6 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(

@@ -105,26 +105,6 @@ def test_the_shipped_craig_bampton_model_is_that_of_the_shipped_plate(tmp_path):
     assert tables[1].dofs[-4:] == ((12, "z"), (24, "z"), (32, "z"), (3, "z"))
 
 
-@pytest.mark.parametrize(
-    "joint", [{"joint_kind": "hinge", "rotational_stiffness": 50.0}, {"joint_kind": "rigid"},
-              {"joint_kind": "spring", "stiffness": 3e4, "rotational_stiffness": 20.0, "rotational_dashpot": 0.01}]
-)  # fmt: skip
-@pytest.mark.parametrize("modes", [None, 10_000])
-def test_joined_bodies(tmp_path, joint, modes):
-    # Damping by strain energy counts springs of joints as undamped: only viscous damping is a matrix.
-    if joint["joint_kind"] != "rigid":
-        case = hinged(**joint)
-        for body in case["bodies"].values():
-            body["damping"] = {"kind": "viscous", "coefficient": 2.0}
-        damping = {"kind": "modal", "ratio": 0.0}
-    else:
-        case, damping = hinged(**joint), DAMPING
-    built = {**case, **at_tip({"body": "second", "position": 0.4}), **SHAKEN}
-    known = beamsim.run(load_scenario(built))
-    acting = at_tip({"body": "structure", "node": 14, "direction": "z"})
-    same_motion(known, beamsim.run(read_back(tmp_path, built, acting, modes, damping)))
-
-
 def test_a_boundary_between_nodes_is_refused(tmp_path):
     built = {"bodies": {"panel": PANEL}, **plate({"position": [0.7, 0.0]}, {"position": [0.77, 0.44]}), **SHAKEN}
     with pytest.raises(ScenarioError, match=r"boundary is not at a node: \(0.7, 0\) m; change the number of elements"):

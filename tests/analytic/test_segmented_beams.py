@@ -95,24 +95,6 @@ def test_rotary_inertia_inside_a_stepped_beam():
     assert np.all(without / got - 1 > 1e-3)
 
 
-def test_static_deflection_of_a_beam_on_end_springs_and_the_moment_at_a_rotational_one():
-    k, kr, weight = 900.0, 15.0, 2.0
-    case = beam(**THIN, supports={"left": {"kind": "pinned", "rotational_stiffness": kr}, "right": {"stiffness": k}})
-    case |= {
-        "constant_forces": [{"position": L, "force": -weight}],
-        "run": {"duration": 0.01, "sample_rate": 1000.0},
-        "reduction": {"modes": "all"},
-    }
-    system = build_system(load_scenario(case))
-    # a beam that turns about its left end against kr and k, bent as a cantilever by the part k does not take
-    compliance = L**3 / (3 * EI) + L**2 / kr
-    taken = weight / (1 + k * compliance)
-    assert system.probes[0].shape @ system.static_equilibrium == pytest.approx(-taken * compliance, rel=1e-9)
-    moment = system.bodies[0].bending_moment @ system.static_equilibrium
-    assert moment[0] == pytest.approx(-taken * L, rel=1e-7)
-    assert abs(moment[-1]) < 1e-7 * taken * L
-
-
 def test_uniform_beam_in_segments_is_the_uniform_beam():
     shaken = {
         "snubbers": [{"name": "s", "position": L, "stiffness": 5e4, "gap": 1e-4, "side": "below"}],

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from independent import Beam, Stop, Structure, integrate
 from scipy.linalg import block_diag, eigh
 
 import beamsim
@@ -16,41 +16,21 @@ EXAMPLE = Path(__file__).parents[1] / "data/examples/two_panels.yaml"
 FEW = ["bodies.inner.elements=3", "bodies.outer.elements=3", "reduction.modes=all"]
 
 
-def cantilever(stiffness, mass, length, elements):
-    """Textbook matrices of a clamped-free beam: deflection and slope of each node but the first."""
-    h = length / elements
-    k = stiffness / h**3 * np.array(
-        [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h], [-12, -6 * h, 12, -6 * h],
-         [6 * h, 2 * h * h, -6 * h, 4 * h * h]]
-    )  # fmt: skip
-    m = mass * h / 420 * np.array(
-        [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h], [54, 13 * h, 156, -22 * h],
-         [-13 * h, -3 * h * h, -22 * h, 4 * h * h]]
-    )  # fmt: skip
-    whole = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
-    for e in range(elements):
-        at = slice(2 * e, 2 * e + 4)
-        whole[0, at, at] += m
-        whole[1, at, at] += k
-    rise = np.zeros(2 * elements + 2)
-    rise[0::2] = 1
-    return whole[0, 2:, 2:], whole[1, 2:, 2:], (whole[0] @ rise)[2:]
+def panel(stiffness, mass):
+    """A clamped-free beam of the second opinion; its matrices are those of E I and the mass per length."""
+    return Beam(0.77, 12 * stiffness, 1.0, 1.0, mass / (12 * stiffness), 3, "clamped")
 
 
-def panels(elements=3):
-    """M, C, K, base vector and the row of the gap of the two panels of the example, body after body."""
-    blocks = [
-        cantilever(70e9 * 0.44 * 0.005**3 / 12, 2700 * 0.44 * 0.005, 0.77, elements),
-        cantilever(210.0, 3.1, 0.77, elements),
-    ]
+def panels():
+    """The two panels of the example, body after body, and the row of the gap: the second above the first."""
+    both = panel(70e9 * 0.44 * 0.005**3 / 12, 2700 * 0.44 * 0.005), panel(210.0, 3.1)
     damping = []
-    for m, k, _ in blocks:
-        squared, shapes = eigh(k, m)
-        damping.append(m @ shapes @ np.diag(2 * 0.01 * np.sqrt(squared)) @ shapes.T @ m)
-    row = np.zeros(4 * elements)
-    row[2 * elements - 2], row[4 * elements - 2] = -1, 1  # the second above the first
-    m, k = (block_diag(*(b[i] for b in blocks)) for i in (0, 1))
-    return m, block_diag(*damping), k, np.concatenate([b[2] for b in blocks]), row
+    for one in both:
+        squared, shapes = eigh(one.K, one.M)
+        damping.append(one.M @ shapes @ np.diag(2 * 0.01 * np.sqrt(squared)) @ shapes.T @ one.M)
+    matrices = (block_diag(*parts) for parts in ([one.M for one in both], damping, [one.K for one in both]))
+    inertia = np.concatenate([one.inertia for one in both])
+    return Structure(*matrices, inertia), *(one.row(0.77) for one in both)
 
 
 def test_two_panels_against_integration_with_restarts_at_contacts():
@@ -58,37 +38,15 @@ def test_two_panels_against_integration_with_restarts_at_contacts():
     changes = [*FEW, "run.start=rest", f"run.duration={duration}", "run.sample_rate=2 kHz", "excitation.level=4 g"]
     case = load_scenario(EXAMPLE, [*changes, "snubbers[0].preload=null", f"snubbers[0].gap={gap}"])
     result = beamsim.run(case)
-
-    m, c, k, inertia, row = panels()
-    n = row.size
-    inverse = np.linalg.inv(m)
-    omega, level = 2 * np.pi * 40, 4 * 9.80665
-
-    def rates(t, y, closed):
-        force = -inertia * level * np.sin(omega * t) - k @ y[:n] - c @ y[n:]
-        if closed:
-            force = force + row * stiffness * (-gap - row @ y[:n])
-        return np.concatenate([y[n:], inverse @ force])
-
-    def clearance(t, y, closed):
-        return gap + row @ y[:n]
-
-    clearance.terminal = True
-    times, found = result.time, []
-    t, y, closed, contacts = 0.0, np.zeros(2 * n), False, 0
-    while t < duration:
-        clearance.direction = 1 if closed else -1
-        part = solve_ivp(
-            rates, (t, duration), y, "DOP853", args=(closed,), events=clearance, dense_output=True, rtol=1e-11,
-            atol=1e-14,
-        )  # fmt: skip
-        inside = (times >= t) & (times < part.t[-1]) if part.status == 1 else times >= t
-        found.append(part.sol(times[inside])[[n // 2 - 2, n - 2]])
-        t, y = part.t[-1], part.y[:, -1]
-        contacts += part.status == 1 and not closed
-        closed = not closed
-    expected = np.hstack(found)
-    assert contacts == result.summary["contacts"]["tip"] >= 2
+    structure, inner, outer = panels()
+    stop = Stop(np.concatenate([-inner, outer]), stiffness, gap=gap)
+    omega, level, n = 2 * np.pi * 40, 4 * 9.80665, structure.inertia.size
+    motion = integrate(
+        structure, [stop], lambda t: -structure.inertia * level * np.sin(omega * t), np.zeros(2 * n),
+        np.asarray(result.time), most_step=1e-3, rtol=1e-11,
+    )  # fmt: skip
+    expected = motion.state[:, : n // 2] @ inner, motion.state[:, n // 2 : n] @ outer
+    assert motion.event_closing.sum() == result.summary["contacts"]["tip"] >= 2
     scale = np.abs(expected).max()
     for name, own in zip(("inner_tip", "outer_tip"), expected, strict=True):
         np.testing.assert_allclose(result.probes[name].displacement, own, rtol=0, atol=1e-7 * scale)

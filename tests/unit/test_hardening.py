@@ -90,20 +90,6 @@ def test_against_integration_by_hand(numbers):
     np.testing.assert_allclose(trajectory.final_y[:4], expected[:4], atol=1e-7)
 
 
-@pytest.mark.parametrize("numbers", STOPS)
-def test_work_is_counted_and_it_never_pulls(numbers):
-    trajectory = moved(hardening_law(*numbers))
-    times = np.linspace(0.0, 20.0, 2001)
-    balance = energy_history(trajectory, times)
-    assert balance.error < 1e-11
-    elastic = energy_history(moved(kelvin_voigt(numbers[0], numbers[3])), times)
-    assert balance.history.dissipated[-1] > elastic.history.dissipated[-1] + 0.02
-    if not numbers[3]:
-        force = trajectory.sample(times, trajectory.flow.contact_forces)
-        assert force.min() > -1e-12
-        assert force.max() > numbers[1]
-
-
 def test_one_blow():
     """A mass meets the stop with speed v and nothing else acts: crush, time and return speed from the energy."""
     mass_speed, k, limit, k_h = 1.0, 100.0, 4.0, 20.0

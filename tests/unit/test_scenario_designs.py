@@ -4,7 +4,7 @@ import pytest
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.scenario.parameters import case_count, varied_parameters
+from beamsim.scenario.parameters import varied_parameters
 
 pytestmark = pytest.mark.quick
 
@@ -77,14 +77,6 @@ def test_tolerances_are_relative_in_percent_and_absolute_in_units(path, toleranc
     (axis,) = resolved(f"{{path: {path}, tolerance: {tolerance}}}")
     assert 0.5 * (axis.high - axis.low) == pytest.approx(half, rel=1e-12)
     assert 0.5 * (axis.high + axis.low) == pytest.approx(axis.nominal, abs=1e-15)
-
-
-def test_counts():
-    three = "{path: beam.thickness, from: 4 mm, to: 6 mm, points: 3}"
-    assert case_count(load_scenario(study(STIFFNESS, three)).vary) == 6
-    assert case_count(load_scenario(study(STIFFNESS, three.replace("3}", "2}"), kind="zip")).vary) == 2
-    sampled = study("{path: beam.thickness, tolerance: 2 %}", kind="latin_hypercube", extra="  samples: 7\n")
-    assert case_count(load_scenario(sampled).vary) == 7
 
 
 @pytest.mark.parametrize("kind", ["grid", "zip", "latin_hypercube"])
@@ -198,13 +190,3 @@ def test_limits_of_what_the_structure_does_not_have():
     text = refused(chain)
     assert "limits.bending_stress applies to a beam" in text
     assert "limits.gap limits the snubbers, and there are none" in text
-
-
-def test_the_study_in_the_template_is_one():
-    from beamsim.scenario import template
-
-    lines = template("beam").splitlines()
-    first = next(k for k, line in enumerate(lines) if line.startswith("# limits:"))
-    scenario = load_scenario("\n".join([*lines[:first], *(line.removeprefix("# ") for line in lines[first:])]))
-    assert case_count(scenario.vary) == 18
-    assert scenario.limits.given["peak_force"] == 50.0
