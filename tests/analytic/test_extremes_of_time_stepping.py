@@ -1,10 +1,8 @@
 """Peaks and contact shares of time-stepped runs are those of the continuous motion, whatever the sample rate."""
 
-from functools import cache
-
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from independent import Stop, Structure, integrate
 
 import beamsim
 from beamsim.analyses.continuation.analysis import continuation
@@ -37,42 +35,20 @@ def case(rate, cubic=CUBIC, run=(), dashpots=(DASHPOT,), snubber=(), snubbers=No
     return Scenario.model_validate({**document, **rest})
 
 
-@cache
-def independent(cubic, start=(0.0, 0.0), hz=HZ, duration=DURATION):
-    """Peaks and contact by hand-written equations, restarted at contact, with 400 points on each short step."""
-    y, t, closed, shared, closings = np.array(start), 0.0, start[0] < -GAP, 0.0, 0
-    low, high, force, acceleration = 0.0, 0.0, 0.0, 0.0
-
-    def pull(t, x, v, closed):
-        push = closed * (STOP * (-GAP - x) - STOP_DASHPOT * v)
-        return push, LEVEL * np.sin(2 * np.pi * hz * t) - SPRING * x - cubic * x**3 - DASHPOT * v + push
-
-    def edge(t, y):
-        return y[0] + GAP
-
-    edge.terminal = True
-    while t < duration:
-        edge.direction = 1.0 if closed else -1.0
-
-        def rate(t, y, closed=closed):
-            return [y[1], pull(t, y[0], y[1], closed)[1] / MASS]
-
-        piece = solve_ivp(
-            rate, (t, duration), y, method="DOP853", rtol=1e-11, atol=1e-13, events=edge, dense_output=True,
-            max_step=2e-2 if not closed else 5e-4,
-        )  # fmt: skip
-        for a, b in zip(piece.t[:-1], piece.t[1:], strict=True):
-            fine = np.linspace(a, b, 400)
-            x, v = piece.sol(fine)
-            push, total = pull(fine, x, v, closed)
-            low, high, force = min(low, x.min()), max(high, x.max()), max(force, push.max())
-            acceleration = max(acceleration, np.abs(total).max() / MASS)
-        shared += closed * (piece.t[-1] - t)
-        y, t = piece.y[:, -1], piece.t[-1]
-        if piece.status == 1:
-            closed = not closed
-            closings += closed
-    return low, high, force, acceleration, shared / duration, closings
+def independent(start, hz):
+    """Peaks and contact of one mass over a period, from fine samples of the common independent integration."""
+    structure = Structure(*(np.array([[number]]) for number in (MASS, DASHPOT, SPRING)), np.zeros(1))
+    stop = Stop(np.ones(1), STOP, STOP_DASHPOT, GAP)
+    motion = integrate(
+        structure, [stop], lambda t: np.array([LEVEL * np.sin(2 * np.pi * hz * t)]),
+        np.array(start), np.linspace(0.0, 1 / hz, 40_001), most_step=2e-3, cubic=(np.ones((1, 1)), np.array([CUBIC])),
+    )  # fmt: skip
+    x, v = motion.state.T
+    push = (x < -GAP) * (STOP * (-GAP - x) - STOP_DASHPOT * v)
+    load = LEVEL * np.sin(2 * np.pi * np.linspace(0.0, 1.0, x.size))
+    acceleration = (load - SPRING * x - CUBIC * x**3 - DASHPOT * v + push) / MASS
+    lengths = np.diff([0.0, *motion.event_time, 1 / hz])
+    return x.min(), x.max(), push.max(), np.abs(acceleration).max(), lengths[int(start[0] >= -GAP) :: 2].sum() * hz
 
 
 def test_highest_of_polynomials_is_exact():
@@ -106,7 +82,7 @@ def test_continuation_with_a_cubic_spring_and_a_stop():
     point = int(np.argmax(branch.contact_share["stop"] > 0))
     start = tuple(x[point, 0] / np.sqrt(MASS) for x in (branch.coordinates, branch.coordinate_velocities))
     hz = branch.frequency_hz[point]
-    low, high, force, acceleration, share, _ = independent(CUBIC, start, hz, 1 / hz)
+    low, high, force, acceleration, share = independent(start, hz)
     assert branch.min_displacement["m"][point] == pytest.approx(low, rel=1e-6)
     assert branch.max_displacement["m"][point] == pytest.approx(high, rel=1e-6)
     assert branch.peak_force["stop"][point] == pytest.approx(force, rel=1e-3)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures import symmetric_lu
 from beamsim.structures.assembly import assemble
@@ -29,20 +28,6 @@ bodies:
     supports: {left: clamped}
     damping: {kind: modal, ratio: 1 %}
 """
-CASE = """
-bodies:
-  panel:
-    kind: matrices
-    mass: {{file: {folder}/panel.op4, name: mass}}
-    stiffness: {{file: {folder}/panel.op4, name: stiff}}
-    dofs: {folder}/dofs.csv
-    base: {{nodes: [{base}], direction: z}}
-    damping: {{kind: modal, ratio: 1 %}}
-snubbers:
-  - {{name: corner, at: {{body: panel, node: {node}, direction: z}}, side: below, stiffness: 50 kN/m, gap: 0.1 mm}}
-excitation: {{kind: harmonic, applied_to: base, level: 2 g, frequency: 5 Hz}}
-run: {{duration: 0.1 s, sample_rate: 10 kHz, convergence: 'off'}}
-"""
 
 
 def plate():
@@ -52,23 +37,7 @@ def plate():
         return assemble(load_scenario(path))
 
 
-def exported():
-    return plate().named_matrices
-
-
-@pytest.fixture(scope="module")
-def panel(tmp_path_factory):
-    """1,368 degrees of freedom, and the scenario that reads them."""
-    folder = tmp_path_factory.mktemp("large")
-    given = exported()
-    write_matrices(folder / "panel.op4", {"mass": given.mass, "stiff": given.stiffness}, binary=True)
-    write_dof_table(folder / "dofs.csv", given.table)
-    nodes = [node for node, direction in given.table.dofs if direction == "z" and node not in given.base]
-    (folder / "case.yaml").write_text(CASE.format(folder=folder, base=given.base[0], node=nodes[-1]))
-    return given, load_scenario(folder / "case.yaml")
-
-
-def test_signs_of_inaccurate_factors_count_where_no_eigenvalue_is_near_zero(panel, monkeypatch):
+def test_signs_of_inaccurate_factors_count_where_no_eigenvalue_is_near_zero(monkeypatch):
     model = plate()
     omega = natural_modes(model, 12).omega
     between = model.stiffness - ((omega[9] + omega[10]) / 2) ** 2 * model.mass
