@@ -9,7 +9,6 @@ from beamsim.scenario import load_scenario
 from beamsim.structures import symmetric_lu
 from beamsim.structures.assembly import assemble
 from beamsim.structures.modes import natural_modes
-from beamsim.structures.named_matrices import write_dof_table
 from beamsim.structures.symmetric_lu import negative_eigenvalues
 
 pytestmark = pytest.mark.quick
