@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.values import LIMITED, OUTPUT, Value
+from beamsim.analyses.values import AlongCurve, Value
 from beamsim.fields import (
     Counter,
     attribute,
@@ -112,6 +112,23 @@ class OrbitMotion:
 
 
 @declared(along=_POINT)
+class ChannelExtremes:
+    """One channel of a probe or snubber along a branch of forced motions."""
+
+    name: str = key("name of the probe or snubber")
+    quantity: str  # "displacement", "absolute_acceleration", "force", ...
+    unit: str
+    maximum: Floats = dataset("{unit}", "largest {quantity:words} of a period", name="max_{quantity}")
+    minimum: Floats = dataset("{unit}", "smallest {quantity:words} of a period", name="min_{quantity}")
+
+    @property
+    @stored(dataset("{unit}", "largest magnitude of the {quantity:words} in a period", name="peak_{quantity}"))
+    def peak(self) -> Floats:
+        """(np,) largest absolute value."""
+        return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
+
+
+@declared(along=_POINT)
 class OutputExtremes:
     """One of the `outputs` along a branch of forced motions."""
 
@@ -188,21 +205,18 @@ class MotionBranch(BranchResult):
 
 
 @declared(kw_only=True, along=_POINT)
-class ResponseBranch(MotionBranch):
+class ResponseBranch(MotionBranch, AlongCurve):
     """A branch of forced motions at one level."""
 
     kind: str = attribute("", "response", default="response")
     level: float = attribute("{level_unit}", "level of the excitation; NaN if it is the parameter")
     period_multiple: int = attribute("1", "periods of the excitation in one of the motion")
-    peak_displacement: dict[str, Floats] = per_probe("m", "largest absolute displacement of a period")
-    max_displacement: dict[str, Floats] = per_probe("m", "largest displacement of a period")
-    min_displacement: dict[str, Floats] = per_probe("m", "smallest displacement of a period")
+    probes: tuple[ChannelExtremes, ...] = named("probes", ChannelExtremes, by=("name", "quantity", "unit"))
+    snubbers: tuple[ChannelExtremes, ...] = named("snubbers", ChannelExtremes, by=("name", "quantity", "unit"))
     harmonics: dict[str, Complexes] = per_probe(  # (np, 6)
         "m", "amplitude of cos(order x phase)", along=(*_POINT, "order"), name="harmonic_displacement",
         imaginary="minus that of sin(order x phase)",
     )  # fmt: skip
-    peak_acceleration: dict[str, Floats] = per_probe("m/s^2", "largest absolute acceleration of a period")
-    peak_force: dict[str, Floats] = per_snubber("N", "largest contact force of a period")
     contact_share: dict[str, Floats] = per_snubber("1", "share of the time in contact")
     # where limits ask for it, as the stress
     peak_gap: dict[str, Floats] = per_snubber("m", "largest opening of the contact in a period", default_factory=dict)
@@ -233,16 +247,22 @@ class ResponseBranch(MotionBranch):
         amplitude = np.abs(np.stack(list(self.harmonics.values())))
         return bool(amplitude[..., ::2].max() <= LARGEST_EVEN * amplitude.max())
 
-    def peaks(self) -> Iterator[tuple[Value, dict[str, Floats]]]:
-        """The values that have limits, and outputs, each with the largest (np,) of every motion by name."""
-        stress = {} if self.peak_bending_stress is None else {"": self.peak_bending_stress}
-        limited = {
-            "peak_displacement": self.peak_displacement, "peak_acceleration": self.peak_acceleration,
-            "peak_force": self.peak_force, "gap": self.peak_gap, "bending_stress": stress,
-        }  # fmt: skip
-        yield from ((LIMITED[limit], of) for limit, of in limited.items() if of)
-        if self.outputs:
-            yield OUTPUT, {name: output.peak for name, output in self.outputs.items()}
+
+def largest_of_stable(branches: Sequence[ResponseBranch]) -> Iterator[tuple[Value, str, float, float]]:
+    """The values that have limits, and outputs: by name the largest of all stable motions, and the parameter there.
+
+    Both are NaN where no motion is stable.
+    """
+    stable, parameter = (np.concatenate([getattr(b, name) for b in branches]) for name in ("stable", "parameter"))
+    peaks = [dict(branch.peaks()) for branch in branches]
+    for value in peaks[0]:
+        for name in peaks[0][value]:
+            if not stable.any():
+                yield value, name, np.nan, np.nan
+                continue
+            along = np.concatenate([each[value][name] for each in peaks])
+            best = int(np.argmax(np.where(stable, along, -np.inf)))
+            yield value, name, float(along[best]), float(parameter[best])
 
 
 @declared(kw_only=True, along=_POINT)

@@ -7,7 +7,7 @@ Of a limit the margin of safety is limit / value - 1: zero where the limit is ju
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -134,6 +134,48 @@ VALUES = (
 BY_ENTRY = {value.entry: value for value in VALUES}
 OUTPUT = BY_ENTRY["peak_output"]
 LIMITED = {value.limit: value for value in VALUES if value.limit}
+
+
+class AlongCurve:
+    """Channels along a curve of a sweep or a branch of periodic motions, each by its extremes in every cycle."""
+
+    probes: tuple[Any, ...]  # with name, quantity, unit, and the extremes (C,) minimum, maximum and peak
+    snubbers: tuple[Any, ...]
+    outputs: Mapping[str, Any]
+    peak_gap: Mapping[str, Floats]
+    peak_bending_stress: Floats | None
+
+    def envelopes(self, quantity: str) -> dict[str, Any]:
+        """A quantity of the probes or snubbers in every cycle, by name; empty where it is not followed."""
+        return {each.name: each for each in (*self.probes, *self.snubbers) if each.quantity == quantity}
+
+    @property
+    def displacement(self) -> dict[str, Any]:
+        """That of the probes relative to the base."""
+        return self.envelopes("displacement")
+
+    @property
+    def acceleration(self) -> dict[str, Any]:
+        """The absolute one of the probes."""
+        return self.envelopes("absolute_acceleration")
+
+    @property
+    def force(self) -> dict[str, Any]:
+        """That of the snubbers."""
+        return self.envelopes("force")
+
+    def peaks(self) -> Iterator[tuple[Value, Mapping[str, Floats]]]:
+        """The values that have limits, and outputs, each with the largest (C,) of every cycle by name."""
+        for value in (*LIMITED.values(), OUTPUT):
+            of: Mapping[str, Floats] = {name: each.peak for name, each in self.envelopes(value.quantity).items()}
+            if value is OUTPUT:
+                of = {name: output.peak for name, output in self.outputs.items()}
+            elif value.key == PENETRATION:
+                of = self.peak_gap
+            elif value.key == STRESS and self.peak_bending_stress is not None:
+                of = {"": self.peak_bending_stress}
+            if of:
+                yield value, of
 
 
 def searched(channels: ChannelSet, values: Iterable[Value] = VALUES) -> ChannelSet:

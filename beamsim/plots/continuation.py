@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from beamsim.analyses.branch import ResponseBranch
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
+from beamsim.analyses.values import DISPLACEMENT, OUTPUT, Value
 from beamsim.plots.branches import BranchLine, branch_curves
 from beamsim.plots.drawing import (
     HERTZ,
@@ -39,26 +40,15 @@ _WORDS = {"level": "Level", "gap": "Gap", "stiffness": "Stiffness", "position": 
 Values = Callable[[ResponseBranch], Floats]
 
 
-def responses(result: ContinuationResult, probe: str) -> Chart:
-    """Peak displacement of a probe, with its limit, over sweeps."""
-    overlaid = [(o, o.displacement[probe].peak) for o in result.overlay.values() if probe in o.displacement]
-    limits = limit_levels(result.scenario.limits, "peak_displacement")
-    up = (f"Peak displacement of {probe}", "m")
-    return _chart(result, up, lambda b: b.peak_displacement[probe], overlaid, limits)
-
-
-def forces(result: ContinuationResult, snubber: str) -> Chart:
-    """Peak contact force of a snubber, likewise."""
-    overlaid = [(o, o.force[snubber].peak) for o in result.overlay.values() if snubber in o.force]
-    limits = limit_levels(result.scenario.limits, "peak_force")
-    return _chart(result, (f"Peak contact force of {snubber}", "N"), lambda b: b.peak_force[snubber], overlaid, limits)
-
-
-def outputs(result: ContinuationResult, output: str) -> Chart:
-    """Largest magnitude of an output, with its limit."""
-    limits = limit_levels(result.scenario.limits, OF_OUTPUTS + output)
-    up = (f"Peak of {output}", result.branches[0].outputs[output].unit)
-    return _chart(result, up, lambda b: b.outputs[output].peak, (), limits)
+def peaks(result: ContinuationResult, value: Value, name: str) -> Chart:
+    """Largest values of one channel, with their limit, over sweeps."""
+    swept = [(curve, dict(curve.peaks()).get(value, {})) for curve in result.overlay.values()]
+    what, unit = f"{value.label.capitalize()} of {name}", value.unit
+    if value is OUTPUT:
+        what, unit = f"Peak of {name}", result.branches[0].outputs[name].unit
+    limits = limit_levels(result.scenario.limits, value.limit or OF_OUTPUTS + name)
+    overlaid = [(curve, of[name]) for curve, of in swept if name in of]
+    return _chart(result, (what, unit), lambda branch: dict(branch.peaks())[value][name], overlaid, limits)
 
 
 def _chart(
@@ -152,21 +142,18 @@ def plot_fold_curves(result: ContinuationResult, ax: Axes) -> Axes:
 
 
 def charts(result: ContinuationResult) -> dict[str, Chart]:
-    """The response of every probe, the forces and the outputs, by name."""
-    first = result.branches[0]
+    """The response of every probe, what else sweeps follow at probes and snubbers, and the outputs, by name."""
+    names = {DISPLACEMENT: "response", OUTPUT.key: "output"}
+    followed = [(value, of) for value, of in result.branches[0].peaks() if value.followed or value is OUTPUT]
     return {
-        f"{kind}_{name}": chart(result, name)
-        for kind, names, chart in (
-            ("response", first.peak_displacement, responses),
-            ("force", first.peak_force, forces),
-            ("output", first.outputs, outputs),
-        )
-        for name in list(names)[:MOST_CURVES]
+        f"{names.get(value.key, value.name.removeprefix('peak_'))}_{name}": peaks(result, value, name)
+        for value, of in sorted(followed, key=lambda each: each[0].key != DISPLACEMENT)
+        for name in list(of)[:MOST_CURVES]
     }
 
 
 def continuation_figures(result: ContinuationResult) -> dict[str, Figure]:
-    """The response of every probe, the forces, the harmonics of the first probe, and the folds, by name."""
+    """The charts, the harmonics of the first probe, and the folds, by name."""
     plots: dict[str, Any] = {name: partial(plot_curve, result, chart=chart) for name, chart in charts(result).items()}
     for name in list(result.branches[0].harmonics)[:1]:
         plots[f"harmonics_{name}"] = partial(plot_harmonics, result, probe=name)

@@ -93,7 +93,7 @@ def plot_expanded_response(result: ContinuationResult, ax: Axes, probe: str) -> 
         pale = {**colour, "linewidth": 4.0, "alpha": 0.35, "solid_capstyle": "butt"}
         lines.append(BranchLine(f"multiple scales, {level}", c.frequency_hz, c.first[probe], c.stable, pale))
         lines += [
-            BranchLine(f"exact, {level}", b.frequency_hz, b.peak_displacement[probe], b.stable,
+            BranchLine(f"exact, {level}", b.frequency_hz, b.displacement[probe].peak, b.stable,
                        {**colour, "linewidth": 1.2})
             for b in result.branches if b.period_multiple == 1 and b.level == c.level
         ]  # fmt: skip

@@ -226,7 +226,7 @@ def _of_sweep(result: SweepResult) -> Values:
 
 
 def _of_continuation(result: ContinuationResult) -> Values:
-    """Largest displacements with their frequencies by probe, level and period; largest outputs; frequencies."""
+    """Largest displacements with their frequencies by probe, level and period; other largest values; frequencies."""
     peaks: list[dict[str, Any]] = result.summary["peaks"]
     names = [f"{p['probe']} level {p['level']:.6g} period {p['period_multiple']}" for p in peaks]
     values: Values = {
@@ -235,6 +235,9 @@ def _of_continuation(result: ContinuationResult) -> Values:
     }
     if outputs := result.summary.get("peak_output"):
         values["peak_output"] = {name: float(of["value"]) for name, of in outputs.items()}
+    values |= {
+        entry: result.summary[entry] for entry, value in BY_ENTRY.items() if value.followed and entry in result.summary
+    }
     return values | _frequencies(result)
 
 

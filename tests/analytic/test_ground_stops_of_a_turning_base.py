@@ -77,7 +77,7 @@ def test_periodic_motions_are_those_of_a_run(method):
     branch = followed.branches[0]
     at = int(np.argmax(branch.frequency_hz))
     assert branch.frequency_hz[at] == pytest.approx(17.0, rel=1e-9)
-    assert branch.peak_displacement["p"][at] == pytest.approx(last, rel=3e-3)
+    assert branch.displacement["p"].peak[at] == pytest.approx(last, rel=3e-3)
 
 
 def test_a_cubic_spring_feels_the_base_at_its_place():

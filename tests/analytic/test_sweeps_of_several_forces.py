@@ -88,7 +88,7 @@ def test_the_linear_response_is_that_of_independent_matrices(forces):
     followed = beamsim.continuation(case(*forces, sweep={**CONTINUED, "from": 20.0, "to": 30.0}))
     branch = followed.branches[0]
     expected = np.abs(receptances(branch.frequency_hz, *forces))
-    np.testing.assert_allclose(branch.peak_displacement["p"], expected, rtol=0, atol=1e-7 * expected.max())
+    np.testing.assert_allclose(branch.displacement["p"].peak, expected, rtol=0, atol=1e-7 * expected.max())
 
 
 @pytest.mark.parametrize("forces", [(FORCE, LINE), (LEFT, RIGHT)])
@@ -107,7 +107,7 @@ def test_stepped_sine_continuation_and_balance_meet_the_settled_run(forces):
         branch = followed.branches[0]
         k = int(np.argmin(np.abs(branch.frequency_hz - 25.0)))
         assert abs(branch.frequency_hz[k] - 25.0) < 1e-9
-        assert branch.peak_displacement["p"][k] == pytest.approx(np.abs(x).max(), rel=2e-4)
+        assert branch.displacement["p"].peak[k] == pytest.approx(np.abs(x).max(), rel=2e-4)
         assert np.abs(branch.harmonics["p"][k, 1]) == pytest.approx(abs(first), rel=1e-4)
 
 

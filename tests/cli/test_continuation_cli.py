@@ -41,8 +41,8 @@ def test_level_with_backlash_is_linear_until_it_touches(results):
     (branch,) = results["continuation_level"].branches
     grazing = next(e for e in branch.special if e.kind == "grazing")
     before = branch.parameter < grazing.parameter * (1 - 1e-9)
-    linear = before & (branch.peak_force["tip"] == 0)
-    ratio = branch.peak_displacement["tip"][linear] / branch.parameter[linear]
+    linear = before & (branch.force["tip"].peak == 0)
+    ratio = branch.displacement["tip"].peak[linear] / branch.parameter[linear]
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
     assert grazing.parameter * ratio[0] == pytest.approx(0.4e-3, rel=1e-5)
     folds = [e.parameter for e in branch.special if e.kind == "fold"]
@@ -79,7 +79,7 @@ def test_reported_peaks_are_the_largest_of_all_motions(results):
     result = results["continuation_folds"]
     for peak in result.summary["peaks"]:
         largest = {
-            b.period_multiple: max(other.peak_displacement[peak["probe"]].max() for other in result.branches
+            b.period_multiple: max(other.displacement[peak["probe"]].peak.max() for other in result.branches
                                    if other.period_multiple == b.period_multiple)
             for b in result.branches
         }  # fmt: skip
@@ -122,7 +122,7 @@ def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
     assert [o.source for o in stored.overlay.values()] == ["swept.h5", "swept.h5", "stepped.h5"]
     steady = stored.overlay["up_1"]
     main = stored.branches[0]
-    expected = np.interp(steady.frequency_hz, main.frequency_hz, main.peak_displacement["tip"])
+    expected = np.interp(steady.frequency_hz, main.frequency_hz, main.displacement["tip"].peak)
     np.testing.assert_allclose(steady.displacement["tip"].peak, expected, rtol=2e-3)
     assert (tmp_path / "curve_response_tip.png").is_file()
     # nothing in common

@@ -42,11 +42,11 @@ def test_coexisting_motions_with_contact_are_found(levels):
     """From 0.2 to 0.1 N the linear motion is stable, but motions that meet the stop exist throughout."""
     linear, *others = levels.branches
     assert levels.complete
-    assert linear.peak_force["stop"].max() == 0.0
+    assert linear.force["stop"].peak.max() == 0.0
     for level in (0.1, 0.15, 0.2):
         assert any(
             b.parameter.min() <= level * (1 + 1e-9) and b.parameter.max() >= level * (1 - 1e-9)
-            and b.peak_force["stop"].min() > 0 for b in others
+            and b.force["stop"].peak.min() > 0 for b in others
         )  # fmt: skip
     assert any(np.any(b.stable) for b in others)
 
@@ -70,9 +70,9 @@ def test_the_coexisting_motion_attracts_an_independent_integration(levels):
         done = solve_ivp(rates, (0, 100 * T), [-size, -0.6 * size, 0, 0], rtol=1e-8, atol=1e-10, max_step=T / 20)
         last = done.t > 99 * T
         peaks.add(round(float(np.abs(done.y[0, last]).max()), 2))
-    linear = levels.branches[0].peak_displacement["first"]
+    linear = levels.branches[0].displacement["first"].peak
     assert min(peaks) == pytest.approx(np.interp(level, [0.1, 0.2], [linear.min(), linear.max()]), abs=0.03)
-    assert max(peaks) == pytest.approx(branch.peak_displacement["first"][k], rel=0.02)
+    assert max(peaks) == pytest.approx(branch.displacement["first"].peak[k], rel=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -84,12 +84,12 @@ def symmetric():
 def test_symmetry_broken_branches_are_followed_and_stable(symmetric):
     """To both sides of the symmetric curve, one the mirror image of the other half a period later."""
     main = symmetric.branches[0]
-    assert np.all(np.abs(main.max_displacement["tip"] + main.min_displacement["tip"]) < 1e-9)
+    assert np.all(np.abs(main.displacement["tip"].maximum + main.displacement["tip"].minimum) < 1e-9)
     assert "branch_point" in {e.kind for e in main.special}
     sides = {1: [], -1: []}
     for branch in symmetric.branches:
-        mean = branch.max_displacement["tip"] + branch.min_displacement["tip"]
-        for k in np.flatnonzero(branch.stable & (np.abs(mean) > 1e-3 * branch.peak_displacement["tip"])):
+        mean = branch.displacement["tip"].maximum + branch.displacement["tip"].minimum
+        for k in np.flatnonzero(branch.stable & (np.abs(mean) > 1e-3 * branch.displacement["tip"].peak)):
             if branch.period_multiple == 1:
                 sides[int(np.sign(mean[k]))].append(branch.parameter[k])
     for values in sides.values():
@@ -112,7 +112,7 @@ def test_maxima_are_those_of_the_continuous_curve():
     for value in values:
         (k,) = np.flatnonzero(np.isclose(branch.parameter, value, rtol=1e-13, atol=0.0))
         assert branch.residual[k] < 1e-11
-        assert branch.peak_displacement["tip"][k] <= peak["value_m"]
+        assert branch.displacement["tip"].peak[k] <= peak["value_m"]
 
 
 CHAIN = """

@@ -45,7 +45,7 @@ def test_folds_and_peaks_do_not_depend_on_mesh_and_modes():
         [[each(branch) for branch in result.branches] for result in results]
         for each in (
             lambda branch: [point.parameter for point in branch.special if point.kind == "fold"],
-            lambda branch: [1e3 * np.nanmax(branch.peak_displacement["right"])],
+            lambda branch: [1e3 * np.nanmax(branch.displacement["right"].peak)],
         )
     )
     assert [len(of_level) for of_level in folds[0]] == [0, 2, 2]

@@ -112,7 +112,7 @@ def test_the_shipped_resonance_is_that_of_the_energies(level):
     omega, dashpot = np.sqrt(2000.0 / 2.0), 2 * 0.02 * np.sqrt(2.0 * 2000.0)
     expected = (level - 4.0 * 3.0 / np.pi) / (dashpot * omega)
     assert branch.outcome.complete
-    assert branch.peak_displacement["mass_1"].max() == pytest.approx(expected, rel=2e-3)
+    assert branch.displacement["mass_1"].peak.max() == pytest.approx(expected, rel=2e-3)
 
 
 def test_what_never_slides_is_a_support():

@@ -118,7 +118,7 @@ def _settled(
 
 def _envelope(curve: SweepCurve, place: str, quantity: str, where: str) -> Envelope:
     sources = {"force": curve.force, "displacement": curve.displacement, "absolute_acceleration": curve.acceleration}
-    envelope = sources.get(quantity, {}).get(place)
+    envelope: Envelope | None = sources.get(quantity, {}).get(place)
     if envelope is None:
         raise unusable(
             f"{where}: the sweep holds no {quantity.replace('_', ' ')} of {place}",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.branch import (
+    ChannelExtremes,
     FoldBranch,
     OutputExtremes,
     ResponseBranch,
     SpecialPointResult,
+    largest_of_stable,
     of_states,
     special_result,
 )
@@ -40,17 +42,7 @@ from beamsim.analyses.continuation.side_branches import leavings, side_branches
 from beamsim.analyses.continuation.tracers import Tracer
 from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
-from beamsim.analyses.values import (
-    ACCELERATION,
-    BY_ENTRY,
-    DISPLACEMENT,
-    FORCE,
-    LIMITED,
-    PENETRATION,
-    STRESS,
-    Value,
-    margins_of,
-)
+from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, LIMITED, OUTPUT, PENETRATION, STRESS, Value, margins_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance, truncation
@@ -138,8 +130,8 @@ def continuation(
             *scenario.warnings,
             *model.system.warnings,
             *(model.system.certificate_warnings if isinstance(settings.method, HarmonicBalance) else ()),
-            *deflection_warnings(scenario, model.system.modes, (branch.peak_displacement for branch in branches)),
-            *forces_beyond_tables(scenario, (branch.peak_force for branch in branches)),
+            *deflection_warnings(scenario, model.system.modes, _peaks(branches, "peak_displacement")),
+            *forces_beyond_tables(scenario, _peaks(branches, "peak_force")),
         ),
         wall_time_s=clock.perf_counter() - begin,
         parameter=f.kind,
@@ -299,14 +291,16 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
     multipliers = np.array([mu[:count] for mu in spectra])
     unknown = traced.values
     parameter = np.asarray(f.outward(unknown), dtype=float)
-    probes, names = [p.name for p in system.probes], [s.name for s in system.snubbers]
     ends = np.array([(m.high, m.low) for m in motions])
-    high, low = channels.split(ends[:, 0]), channels.split(ends[:, 1])
-    peak = {key: np.maximum(np.abs(high[key]), np.abs(low[key])) for key in high}
+    low = channels.split(ends[:, 1])
+    stress = channels.split(np.abs(ends).max(axis=1)).get(STRESS)
 
-    def by_name(values: Any, of: list[str]) -> dict[str, Any]:
-        table = np.array(values)
-        return {name: table[:, k] for k, name in enumerate(of)}
+    def followed(section: str) -> tuple[ChannelExtremes, ...]:
+        return tuple(
+            ChannelExtremes(each.name, each.quantity, each.unit, *ends[:, :, k].T)
+            for each, k in channels.located
+            if each.section == section and each.key != PENETRATION
+        )
 
     from_balance = None
     if isinstance(settings.method, HarmonicBalance):
@@ -317,11 +311,9 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         outcome=f.shown(traced.outcome),
         energy_error=np.array([m.energy_error for m in motions]),
         frequency_hz=parameter.copy() if f.kind == "frequency" else np.full(parameter.size, model.frequency_hz),
-        peak_displacement=by_name(peak[DISPLACEMENT], probes),
-        max_displacement=by_name(high[DISPLACEMENT], probes),
-        min_displacement=by_name(low[DISPLACEMENT], probes),
-        harmonics=by_name([m.harmonics for m in motions], probes),
-        peak_force=by_name(np.maximum(high[FORCE], 0.0), names) if names else {},
+        probes=followed("probes"),
+        snubbers=followed("snubbers"),
+        harmonics={p.name: np.array([m.harmonics[k] for m in motions]) for k, p in enumerate(system.probes)},
         stable=np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE,
         floquet_multipliers=multipliers,
         residual=np.array([p.residual for p in traced.points]),
@@ -330,10 +322,9 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         parameter=parameter,
         unit=f.unit,
         parameter_meaning=f"what is followed: {f.label}",
-        peak_acceleration=by_name(peak[ACCELERATION], probes),
-        contact_share=by_name([m.contact_share for m in motions], names),
-        peak_gap=by_name(-low[PENETRATION], names) if PENETRATION in low else {},
-        peak_bending_stress=peak[STRESS].max(axis=1) if STRESS in peak else None,
+        contact_share={s.name: np.array([m.contact_share[k] for m in motions]) for k, s in enumerate(system.snubbers)},
+        peak_gap={s.name: -low[PENETRATION][:, k] for k, s in enumerate(system.snubbers)} if PENETRATION in low else {},
+        peak_bending_stress=None if stress is None else stress.max(axis=1),
         outputs={
             each.name: OutputExtremes(each.name, each.quantity, each.unit, each.at, *ends[:, :, k].T)
             for each, k in channels.located
@@ -415,8 +406,7 @@ def _summary(
             if part.code == NO_STABLE_MOTION and part.place is not None
             for band in part.place.value
         ],
-        **_outputs(model, branches),
-        "margins": _margins(model, branches),
+        **_largest(model, branches),
         "processor_time_s": processor_time_s,
     }  # fmt: skip
     if model.second is not None:
@@ -440,17 +430,27 @@ def _summary(
     return summary
 
 
-def _outputs(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
-    """By output the largest magnitude of all stable motions (NaN where none is), and where; for the summary."""
-    if not model.system.outputs:
-        return {}
-    highest: dict[str, dict[str, float]] = {}
-    for name in (rows.name for rows in model.system.outputs):
-        peaks = [(float(value), float(at)) for b in branches
-                 for value, at in zip(b.outputs[name].peak[b.stable], b.parameter[b.stable], strict=True)]  # fmt: skip
-        value, at = max(peaks, default=(float("nan"), float("nan")))
-        highest[name] = {"value": value, "parameter": at}
-    return {"peak_output": highest, "output_unit": {rows.name: rows.unit for rows in model.system.outputs}}
+def _peaks(branches: list[ResponseBranch], limit: str) -> list[Mapping[str, Floats]]:
+    """Of each branch the largest of what is limited, in every motion by name."""
+    return [dict(branch.peaks()).get(LIMITED[limit], {}) for branch in branches]
+
+
+def _largest(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
+    """Largest values of all stable motions by name (peaks have the displacements), and margins, for the summary."""
+    limits, unit = model.scenario.limits, model.followed.unit
+    entries: dict[str, Any] = {}
+    worst: dict[str, tuple[float, str]] = {}
+    for value, name, largest, parameter in largest_of_stable(branches):
+        limit, place = (value.limit, name) if value.limit else (OF_OUTPUTS + name, "")
+        if largest > worst.get(limit, (-1.0, ""))[0]:
+            worst[limit] = largest, f"{place}, {parameter:.4g} {unit}".removeprefix(", ")
+        if value is OUTPUT:
+            entries.setdefault(value.entry, {})[name] = {"value": largest, "parameter": parameter}
+        elif value.followed and value.key != DISPLACEMENT:
+            entries.setdefault(value.entry, {})[name] = largest / value.scale
+    if model.system.outputs:
+        entries["output_unit"] = {rows.name: rows.unit for rows in model.system.outputs}
+    return {**entries, "margins": {} if limits is None else margins_of(limits, worst)}
 
 
 def _highest(model: ResponseModel, branches: list[ResponseBranch]) -> list[tuple[ResponseBranch, str, Floats, int]]:
@@ -459,27 +459,7 @@ def _highest(model: ResponseModel, branches: list[ResponseBranch]) -> list[tuple
     for level in dict.fromkeys(repr(b.level) for b in branches):
         at_level = [b for b in branches if repr(b.level) == level]
         for probe in model.system.probes:
-            best = max(at_level, key=lambda b: float(b.peak_displacement[probe.name].max()))
-            values = best.peak_displacement[probe.name]
+            best = max(at_level, key=lambda b: float(b.displacement[probe.name].peak.max()))
+            values = best.displacement[probe.name].peak
             highest.append((best, probe.name, values, int(np.argmax(values))))
     return highest
-
-
-def _margins(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
-    """Margins against the allowables: the worst of all stable motions."""
-    limits = model.scenario.limits
-    if limits is None:
-        return {}
-    f = model.followed
-    worst: dict[str, tuple[float, str]] = {}
-    for branch in branches:
-        stable = np.flatnonzero(branch.stable)
-        if stable.size == 0:
-            continue
-        for value, of in branch.peaks():
-            for name, values in of.items():
-                limit, place = (value.limit, name) if value.limit else (OF_OUTPUTS + name, "")
-                k = stable[int(np.argmax(values[stable]))]
-                at = f"{place}, {branch.parameter[k]:.4g} {f.unit}".removeprefix(", ")
-                worst[limit] = max(worst.get(limit, (-1.0, "")), (float(values[k]), at))
-    return margins_of(limits, worst)

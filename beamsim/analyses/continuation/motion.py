@@ -16,7 +16,7 @@ import numpy as np
 from beamsim.analyses.run.orbit_energy import balance_error, energy_error
 from beamsim.analyses.run.stepped_motion import SteppedChannels
 from beamsim.analyses.sweep.stepped import harmonic_loads
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED
+from beamsim.analyses.values import DISPLACEMENT, LIMITED
 from beamsim.flow.channels import Observed, outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.fourier import fourier_integrals
@@ -59,7 +59,7 @@ def measured(system: StructuralSystem, limited: Collection[str] = ()) -> Channel
     system : of the channels.
     limited : names of the limits.
     """
-    keys = {DISPLACEMENT, ACCELERATION, FORCE, *(LIMITED[name].key for name in limited if name in LIMITED)}
+    keys = {value.key for name, value in LIMITED.items() if value.followed or name in limited}
     return system.channels.only(lambda channel: channel.key in keys or channel.section == "outputs")
 
 

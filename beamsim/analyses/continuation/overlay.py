@@ -53,7 +53,7 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
             Problem("--overlay", f"overlays a sweep on a curve in frequency, and this one is in {result.parameter}",
                     "leave it out, or follow the frequency")
         )  # fmt: skip
-    probes = {name for branch in result.branches for name in branch.peak_displacement}
+    probes = {name for branch in result.branches for name in branch.displacement}
     overlay = dict(result.overlay)
     for curve in stored.curves.values():
         if not probes & set(curve.displacement):

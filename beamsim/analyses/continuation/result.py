@@ -7,6 +7,7 @@ import numpy as np
 from beamsim.analyses.branch import FoldBranch, ResponseBranch
 from beamsim.analyses.result import CONVERGENCE, MARGINS, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.sweep.result import SweepCurve
+from beamsim.analyses.values import DISPLACEMENT, VALUES
 from beamsim.fields import (
     Counter,
     Entry,
@@ -74,6 +75,8 @@ _SUMMARY = (
              "special points"),
     Entry("peaks", "", "by level and probe, the largest displacement: frequency, parameter, value_m, kind, period",
              "peak displacement"),
+    *(value.summary_entry("of all stable motions, ") for value in VALUES
+      if value.followed and value.key != DISPLACEMENT),
     Entry("peak_output", "", "by output its largest magnitude in stable motions: value in its output_unit, parameter",
              "outputs"),
     Entry("output_unit", "", "units of the outputs"),

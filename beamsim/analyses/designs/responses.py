@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.branch import largest_of_stable
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
@@ -129,20 +130,12 @@ def continuation_responses(result: ContinuationResult) -> Responses:
     """
     values: Responses = {}
     for index, level in enumerate(dict.fromkeys(repr(b.level) for b in result.branches)):
-        branches = [b for b in result.branches if repr(b.level) == level]
-        stable = np.concatenate([b.stable for b in branches])
-        parameter = np.concatenate([b.parameter for b in branches])
-        peaks = [{value.name: of for value, of in b.peaks()} for b in branches]
-        known = bool(stable.any())
-        for value, of in branches[0].peaks():
-            for name in of:
-                place = value.name if value.single else f"{value.section}/{name}/{value.name}"
-                along = np.concatenate([each[value.name][name] for each in peaks])
-                best = int(np.argmax(np.where(stable, along, -np.inf)))
-                values[f"stable_{index}/{place}"] = float(along[best]) if known else float("nan")
-                if value.key == DISPLACEMENT and result.parameter == "frequency":
-                    at = f"stable_{index}/probes/{name}/resonance_frequency"
-                    values[at] = float(parameter[best]) if known else float("nan")
+        of_level = [b for b in result.branches if repr(b.level) == level]
+        for value, name, largest, parameter in largest_of_stable(of_level):
+            place = value.name if value.single else f"{value.section}/{name}/{value.name}"
+            values[f"stable_{index}/{place}"] = largest
+            if value.key == DISPLACEMENT and result.parameter == "frequency":
+                values[f"stable_{index}/probes/{name}/resonance_frequency"] = parameter
     modes = result.modes
     return values | frequency_responses(
         modes.open_frequencies_hz.tolist(), modes.closed_frequencies_hz.tolist(), bool(result.scenario.all_snubbers)

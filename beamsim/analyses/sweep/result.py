@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from beamsim.analyses.gapping import ContactLevels
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
-from beamsim.analyses.values import LIMITED, OUTPUT, PENETRATION, STRESS, VALUES, Value
+from beamsim.analyses.values import OUTPUT, VALUES, AlongCurve
 from beamsim.fields import (
     Counter,
     Entry,
@@ -206,7 +205,7 @@ class Notching:
 
 
 @declared(along=_FREQUENCY)
-class SweepCurve:
+class SweepCurve(AlongCurve):
     """One way through the frequencies at one level."""
 
     name: str = key("direction and number of the level, up_0")
@@ -247,41 +246,9 @@ class SweepCurve:
     notching: Notching | None = group("notching", Notching, default=None)  # where sweep.notch_to asks for it
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
-    def envelopes(self, quantity: str) -> dict[str, Envelope]:
-        """A quantity of the probes or snubbers in every cycle, by name; empty where the sweep does not follow it."""
-        return {each.name: each for each in (*self.probes, *self.snubbers) if each.quantity == quantity}
-
-    @property
-    def displacement(self) -> dict[str, Envelope]:
-        """That of the probes relative to the base."""
-        return self.envelopes("displacement")
-
-    @property
-    def acceleration(self) -> dict[str, Envelope]:
-        """The absolute one of the probes."""
-        return self.envelopes("absolute_acceleration")
-
-    @property
-    def force(self) -> dict[str, Envelope]:
-        """That of the snubbers."""
-        return self.envelopes("force")
-
     def envelope_of(self, section: str, item: str, quantity: str) -> Envelope | OutputEnvelope:
         """A probe's displacement or acceleration, a snubber's force, or an output, in every cycle."""
         return self.outputs[item] if section == "outputs" else getattr(self, quantity)[item]
-
-    def peaks(self) -> Iterator[tuple[Value, dict[str, Floats]]]:
-        """The values that have limits, and outputs, each with the largest (C,) of every cycle by name."""
-        for value in (*LIMITED.values(), OUTPUT):
-            of: dict[str, Floats] = {name: each.peak for name, each in self.envelopes(value.quantity).items()}
-            if value is OUTPUT:
-                of = {name: output.peak for name, output in self.outputs.items()}
-            elif value.key == PENETRATION:
-                of = self.peak_gap
-            elif value.key == STRESS and self.peak_bending_stress is not None:
-                of = {"": self.peak_bending_stress}
-            if of:
-                yield value, of
 
     @property
     def excitation_unit(self) -> str:
