@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch, reached_end, too_many_points
-from beamsim.orbits.continuation import Settings, at_parameter, follow_orbits, solve_at
+from beamsim.orbits.continuation import Branch, Settings, at_parameter, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.orbits.tongues import LEAST_SHARE, Tongues, resonance_between
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
@@ -209,7 +209,7 @@ class Backbone:
         low, high = sorted((a.parameter, self.end))
         points: list[BranchPoint] = []
         # at a grazing of a stiff stop the branch turns within the stop's compliance: steps may be that short
-        for point in follow_orbits(self.orbits, a, low, high, Settings(most_points=60, smallest_step=1e-11)):
+        for point in Branch(self.orbits, a, low, high, Settings(most_points=60, smallest_step=1e-11)):
             if point is a:
                 continue
             along, lost = float(point.tangent[-1]) * self._forward, self.share(a) - self.share(point)

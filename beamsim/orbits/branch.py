@@ -18,6 +18,8 @@ SpecialKind = Literal[
 ]
 BranchKind = Literal["response", "backbone", "tongue", "non_brake"]
 
+FailedSearch = tuple[SpecialKind, float]  # what was searched, and the parameter at the beginning of the step
+
 NOT_BEGUN = Outcome.of(OutcomeKind.STOPPED, "not_begun", "not started")
 INTERRUPTED = interruption()
 POINT_LIMIT, REACHED_END, SEARCH_FAILED = "point_limit", "reached_end", "search_failed"
@@ -97,14 +99,6 @@ def special_name(kind: str) -> str:
     return "Neimark–Sacker" if kind == "neimark_sacker" else kind.replace("_", " ")
 
 
-@dataclass(frozen=True)
-class FailedSearch:
-    """A step of a branch in which the search for a kind of special point ended in an error."""
-
-    kind: SpecialKind
-    parameter: float  # at the beginning of the step
-
-
 @contextmanager
 def recorded(kind: SpecialKind, step: BranchPoint, failed: list[FailedSearch] | None) -> Iterator[None]:
     """Append to ``failed`` what ends in a numerical error, or raise it where there is no list.
@@ -128,21 +122,21 @@ def recorded(kind: SpecialKind, step: BranchPoint, failed: list[FailedSearch] | 
     except (ArithmeticError, np.linalg.LinAlgError):
         if failed is None:
             raise
-        failed.append(FailedSearch(kind, step.parameter))
+        failed.append((kind, step.parameter))
 
 
 def with_failed_searches(outcome: Outcome, failed: Sequence[FailedSearch]) -> Outcome:
     """The outcome of a branch, with the searches that failed along it."""
     if not failed:
         return outcome
-    kinds = ", ".join(dict.fromkeys(special_name(search.kind) for search in failed))
-    steps = len({search.parameter for search in failed})
+    kinds = ", ".join(dict.fromkeys(special_name(kind) for kind, _ in failed))
+    steps = len({parameter for _, parameter in failed})
     return outcome.but(
         Outcome.of(
             OutcomeKind.INCOMPLETE, SEARCH_FAILED,
             f"special points ({kinds}) and changes of stability may be missing: the search failed in {steps} of the "
             "steps, the first",
-            at=failed[0].parameter, remedy="follow a smaller range around it", steps=steps,
+            at=failed[0][1], remedy="follow a smaller range around it", steps=steps,
         )
     )  # fmt: skip
 

@@ -12,7 +12,7 @@ from bisect import bisect
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.optimize import brentq
@@ -44,12 +44,8 @@ class ContinuationProblem(Protocol):
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Typical sizes of the unknowns (size of u,) and of the residuals (k,)."""
 
-
-class OrbitContinuation(ContinuationProblem, Protocol):
-    """A continuation problem whose points are periodic orbits."""
-
     def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
-        """Whether two motions have the same order of contacts."""
+        """Whether two points have the same sequence of events, so that the branch between them has no corner."""
 
 
 @dataclass(frozen=True)
@@ -101,26 +97,18 @@ def newton_step(J: Floats, row: Floats, R: Floats, r: float) -> Floats:
     return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
 
 
-class Converged(NamedTuple):
-    """Where Newton's method ended."""
-
-    u: Floats
-    jacobian: Floats  # of the residual, scaled
-    residual: float  # largest, against its scale
-    iterations: int
-    data: Any
-
-
-def newton(
+def correct(
     problem: ContinuationProblem,
     guess: Floats,
     row: Floats,
     scale: Floats,
     settings: Settings,
+    *,
+    reference: Floats | None = None,
     furthest: float = np.inf,
     ahead: float = 0.0,
-) -> Converged | None:
-    """Newton's method on ``R(u) = 0`` across a direction, ``row . (u - guess) / scale = ahead``.
+) -> BranchPoint | None:
+    """The point of a branch by Newton's method across a direction, ``row . (u - guess) / scale = ahead``.
 
     Parameters
     ----------
@@ -129,12 +117,13 @@ def newton(
     row : (n,) along which the solution's distance from the guess is given, in scaled unknowns.
     scale : (n,) of the unknowns.
     settings : tolerance and iterations.
+    reference : (n,) direction in scaled unknowns that the tangent has a positive part along.
     furthest : distance from the guess at which the method gives up.
     ahead : the distance along ``row``. A guess that is moved there beforehand leaves the curve that it lies on.
 
     Returns
     -------
-    The solution; None where the method does not converge.
+    The point; None where the method does not converge.
     """
     w = guess / scale
     start = w.copy()
@@ -159,7 +148,9 @@ def newton(
         # 1e-13: a Newton step shorter than this is round-off
         good = good or (moved <= 1e-13 and size <= STIFF * settings.tolerance)
         if good and abs(off) <= 1e-9 + settings.tolerance:
-            return Converged(u, Jw, size, iteration, data)
+            tangent, sign = _kernel(Jw)
+            point = BranchPoint(u, tangent, scale, size, sign, iteration, data)
+            return point.reversed() if reference is not None and float(tangent @ reference) < 0 else point
         diverges = iteration > 2 and size > 2.0 * last and size > STIFF * settings.tolerance
         if iteration == settings.iterations or diverges:
             return None
@@ -175,38 +166,6 @@ def newton(
     return None
 
 
-def correct(
-    problem: ContinuationProblem,
-    guess: Floats,
-    row: Floats,
-    scale: Floats,
-    settings: Settings,
-    *,
-    reference: Floats | None = None,
-    furthest: float = np.inf,
-    ahead: float = 0.0,
-) -> BranchPoint | None:
-    """The point of the branch across ``row`` from a guess, as `newton` finds it.
-
-    Parameters
-    ----------
-    problem, guess, row, scale, settings, furthest, ahead : as those of `newton`.
-    reference : (n,) direction in scaled unknowns that the tangent has a positive part along.
-
-    Returns
-    -------
-    The point; None where Newton's method does not converge.
-    """
-    converged = newton(problem, guess, row, scale, settings, furthest, ahead)
-    if converged is None:
-        return None
-    tangent, sign = _kernel(converged.jacobian)
-    point = BranchPoint(
-        converged.u, tangent, scale, converged.residual, sign, converged.iterations, converged.data
-    )  # fmt: skip
-    return point.reversed() if reference is not None and float(tangent @ reference) < 0 else point
-
-
 def solve_at(
     problem: ContinuationProblem,
     guess: Floats,
@@ -219,7 +178,7 @@ def solve_at(
 
     Parameters
     ----------
-    problem, settings, furthest : as those of `newton`.
+    problem, settings, furthest : as those of `correct`.
     guess : (n,) unknowns.
     parameter : its value, by default that of the guess.
     forward : whether the tangent points to larger values (> 0) or smaller ones.
@@ -243,7 +202,7 @@ def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settin
 
     Parameters
     ----------
-    problem, settings : as those of `newton`.
+    problem, settings : as those of `correct`.
     guess : (n,) unknowns.
 
     Returns
@@ -312,7 +271,7 @@ def between(
 
     Parameters
     ----------
-    problem, settings : as those of `newton`.
+    problem, settings : as those of `correct`.
     a, b : neighbours on a branch.
     s : share of the chord.
     known : two points with their shares.
@@ -353,7 +312,7 @@ def at_parameter(
 
     Parameters
     ----------
-    problem, settings : as those of `newton`.
+    problem, settings : as those of `correct`.
     a, b : the neighbours.
     value : of the parameter.
 
@@ -428,7 +387,7 @@ def branch_point_between(
 
     Parameters
     ----------
-    problem, settings : as those of `newton`.
+    problem, settings : as those of `correct`.
     a, b : the neighbours.
 
     Returns
@@ -490,15 +449,15 @@ def _passes(a: BranchPoint, b: BranchPoint, start: BranchPoint) -> bool:
 class Branch:
     """Iterate over it to follow a branch; ``outcome`` then says how it ended.
 
+    Between neighbours with other sequences of events the branch may have a corner, and the determinant, which no corner
+    changes, orients the tangent.
+
     Parameters
     ----------
     problem : the residual.
     start : a converged point, whose tangent gives the direction.
     low, high : the parameter's range; the branch ends on the first end it reaches.
     settings : steps and tolerances.
-    same_kind : tells whether two neighbours have the same sequence of events; where not, the branch may have a corner
-        and the
-        determinant, which no corner changes, orients the tangent.
     """
 
     problem: ContinuationProblem
@@ -506,7 +465,6 @@ class Branch:
     low: float
     high: float
     settings: Settings = field(default_factory=Settings)
-    same_kind: Callable[[BranchPoint, BranchPoint], bool] = lambda a, b: True
     outcome: Outcome = NOT_BEGUN
 
     def __iter__(self) -> Iterator[BranchPoint]:
@@ -536,7 +494,7 @@ class Branch:
                 yield self.start
                 self.outcome = Outcome.of(OutcomeKind.COMPLETE, CLOSED_CURVE, "closed curve")
                 return
-            before = point if self.same_kind(point, new) else None
+            before = point if self.problem.same_events(point, new) else None
             point = new
             yield point
             steps.append(ds)
@@ -590,7 +548,7 @@ class Branch:
         new = correct(self.problem, w * scale, t, scale, s, reference=t, furthest=furthest, ahead=missing)
         if new is None:
             return None
-        same = self.same_kind(point, new)
+        same = self.problem.same_events(point, new)
         if not same and new.orientation * point.orientation < 0:
             new = new.reversed()
         if ds <= 30 * s.smallest_step:
@@ -598,22 +556,3 @@ class Branch:
         if same and float(new.tangent @ t) < s.smallest_cosine:
             return None
         return new if _astray(point, new) < MOST_ASTRAY else None
-
-
-def follow_orbits(
-    problem: OrbitContinuation, start: BranchPoint, low: float, high: float, settings: Settings | None = None
-) -> Branch:
-    """A branch of periodic orbits, to iterate over.
-
-    Parameters
-    ----------
-    problem : whose points are orbits.
-    start : a converged point, whose tangent gives the direction.
-    low, high : the parameter's range.
-    settings : steps and tolerances.
-
-    Returns
-    -------
-    The branch, a generator of its points that keeps its outcome.
-    """
-    return Branch(problem, start, low, high, Settings() if settings is None else settings, problem.same_events)

@@ -54,6 +54,10 @@ class TwoParameterCurve:
         flow, parameters = self.flow_at(u)
         return self._along.shoot(flow, u[:-2], parameters)
 
+    def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Curves in two parameters are followed as if they had no corners."""
+        return True
+
     def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
         """The flow at a point, and its motion over a period."""
         return self.flow_at(point.u)[0], point.data

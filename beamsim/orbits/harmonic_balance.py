@@ -26,7 +26,8 @@ that, so that the cost does not grow with the model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, MutableMapping
+from collections.abc import MutableMapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, Literal
@@ -44,7 +45,7 @@ from beamsim.flow.variational import VariationalFlow, floquet_multipliers
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, correct_across, newton_step, solve_at
-from beamsim.orbits.shooting import STABLE, ForcedOrbits
+from beamsim.orbits.shooting import STABLE, ForcedOrbits, find_orbit
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -249,9 +250,6 @@ class HarmonicMotion:
         iw = 1j * np.arange(self.highest + 1) * self.fundamental
         e = np.exp(np.multiply.outer(np.asarray(times, dtype=float), iw))
         return np.hstack([(e @ self.coordinates).real, (e @ (iw[:, None] * self.coordinates)).real])
-
-
-Finder = Callable[[ForcedOrbits], BranchPoint | None]
 
 
 @dataclass(frozen=True)
@@ -533,13 +531,12 @@ class ForcedBalance:
         n, basis, state = self.system.size, self._reduced[2], point.data.states(np.zeros(1))[0]
         return np.concatenate([state[:n] @ basis, state[n:] @ basis])
 
-    def first_motion(self, value: float, forward: float, find: Finder) -> BranchPoint | None:
+    def first_motion(self, value: float, forward: float) -> BranchPoint | None:
         """A motion at a value of the parameter: from the linear response, else from one that shooting finds.
 
         Parameters
         ----------
         value, forward : of the parameter, and where the tangent points.
-        find : finds an orbit of the reduced structure, best a stable one.
 
         Returns
         -------
@@ -549,7 +546,9 @@ class ForcedBalance:
         if self.cubic is not None and self.cubic.count:
             return solve_at(self, self.linear_guess(value), settings, value, forward)
         local, basis = self.by_shooting(value)
-        orbit = find(local)
+        orbit = None
+        with suppress(ArithmeticError):
+            orbit = find_orbit(local, stable=True)
         if orbit is not None:
             point = self.from_passage(local, basis, orbit.data, value, forward)
             if point is not None:

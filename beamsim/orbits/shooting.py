@@ -18,7 +18,7 @@ from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, Orbit
-from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
+from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.period import cyclic
 from beamsim.typing import Complexes, Floats
 
@@ -192,6 +192,7 @@ def find_orbit(
     settings: Settings | None = None,
     settle: int = 300,
     forward: float = 1.0,
+    stable: bool = False,
 ) -> BranchPoint | None:
     """A periodic motion at the present parameter: Newton from a guess, else one that is well determined.
 
@@ -208,6 +209,8 @@ def find_orbit(
     settings : tolerances.
     settle : periods of the longest transient.
     forward : whether the tangent points to larger parameters (> 0) or smaller ones.
+    stable : whether a stable motion that the longest transients come to is better than an unstable one from heavy
+        damping.
 
     Returns
     -------
@@ -220,10 +223,11 @@ def find_orbit(
     period = 2 * np.pi * problem.multiple / flow.omega
     done, chance = 0, None
     for target in (0, 3, 10, 30, 100, settle):
-        if target > EARLY and guess is None:
-            point = _from_heavy_damping(problem, flow, value, settings, forward) if done <= EARLY else None
-            if point is not None:
+        if target > EARLY and guess is None and done <= EARLY:
+            point = _from_heavy_damping(problem, flow, value, settings, forward)
+            if point is not None and (not stable or problem.orbit(point).stable):
                 return point
+            chance = chance if point is None else point
         while done < target:
             z = flow.carry(z, period).end
             done += 1
@@ -272,7 +276,7 @@ def _from_heavy_damping(
     start = solve_at(damped, np.append(z, beginning), settings, beginning, -1.0)
     if start is None:
         return None
-    branch = follow_orbits(damped, start, 1.0, 2.0 * beginning, Settings(largest_step=0.2, most_points=400))
+    branch = Branch(damped, start, 1.0, 2.0 * beginning, Settings(largest_step=0.2, most_points=400))
     last = list(branch)[-1]
     if last.parameter != 1.0:
         return None

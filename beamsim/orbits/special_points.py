@@ -22,7 +22,6 @@ from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, recorded
 from beamsim.orbits.continuation import (
     ContinuationProblem,
-    OrbitContinuation,
     Settings,
     between,
     branch_point_between,
@@ -38,7 +37,7 @@ BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of
 WINDOWS = 64  # of a period, in each of which the largest penetration is looked for
 
 
-class OrbitProblem(OrbitContinuation, Protocol):
+class OrbitProblem(ContinuationProblem, Protocol):
     """A continuation problem whose points are periodic motions with contacts."""
 
     bifurcates: ClassVar[bool]  # whether multipliers may leave the unit circle anywhere

@@ -10,7 +10,7 @@ from scipy.special import ellipk
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.orbits.backbone import Backbone
-from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
+from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, linear_mode
 from beamsim.orbits.special_points import special_points
 from beamsim.orbits.spring_families import SpringFamily
@@ -221,7 +221,7 @@ def test_continuation_in_frequency(make_system):
     contacting, later = points[first], points[first + 3]
     w = 2 * np.pi / contacting.u[-2]
     begin = solve_at(orbits, orbits.unknowns(contacting.u[:6], contacting.u[-2], w), Settings(), w)
-    branch = follow_orbits(orbits, begin, 0.0, 2 * np.pi / later.u[-2])
+    branch = Branch(orbits, begin, 0.0, 2 * np.pi / later.u[-2])
     last = list(branch)[-1]
     assert branch.outcome.code == "reached_end"
     assert last.data.energy == pytest.approx(np.exp(later.parameter), rel=1e-6)

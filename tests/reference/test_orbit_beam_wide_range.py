@@ -12,7 +12,7 @@ import pytest
 import beamsim
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
-from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
+from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.system.build import build_system
 
@@ -34,7 +34,7 @@ def orbits_at():
 
 def walk(problem, low, high, forward):
     start = find_orbit(problem, forward=forward)
-    branch = follow_orbits(problem, start, 2 * np.pi * low, 2 * np.pi * high)
+    branch = Branch(problem, start, 2 * np.pi * low, 2 * np.pi * high)
     points = list(branch)
     assert branch.outcome.code == "reached_end"
     return points

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from beamsim.flow.passage import ContactDirection, PeriodicForcing, moved_system
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
-from beamsim.orbits.continuation import Branch, Settings, follow_orbits, solve_at
+from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.folds import GrazingCurve, start_of_curve
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.orbits.special_points import special_points, switch_at_period_doubling
@@ -36,7 +36,7 @@ def flow_of(make_system):
 
 def walk(problem, low=0.5, high=0.8, **settings):
     start = find_orbit(problem, forward=-1)
-    branch = follow_orbits(problem, start, low, high, Settings(**settings))
+    branch = Branch(problem, start, low, high, Settings(**settings))
     points, special = [], []
     for point in branch:
         if points:
@@ -132,7 +132,7 @@ def test_branch_of_doubled_period(curve):
     doubling = next(s for s in special if s.kind == "period_doubling" and s.parameter < 0.75)
     doubled, first = switch_at_period_doubling(problem, doubling)
     points = []
-    for point in follow_orbits(doubled, first, 0.5, 0.8):
+    for point in Branch(doubled, first, 0.5, 0.8):
         points.append(point)
         if len(points) == 40:
             break
@@ -211,7 +211,7 @@ def test_level_does_not_matter_without_gap(flow_of):
     flow = flow_of(omega=0.7, gap=0.0)
     problem = ForcedOrbits(flow, "level")
     start = find_orbit(problem, forward=1)
-    points = list(follow_orbits(problem, start, 0.5, 3.0))
+    points = list(Branch(problem, start, 0.5, 3.0))
     for p in points:
         np.testing.assert_allclose(p.u[:-1] / p.parameter, start.u[:-1], rtol=1e-8, atol=1e-10)
     assert points[-1].parameter == 3.0

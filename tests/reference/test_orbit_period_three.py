@@ -15,7 +15,7 @@ from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits import continuation
-from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
+from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess
 from beamsim.orbits.special_points import special_points
 from beamsim.system.build import build_system
@@ -44,7 +44,7 @@ def found(orbits):
 
 @pytest.fixture(scope="module")
 def ring(orbits, found):
-    branch = follow_orbits(orbits, found, 2 * np.pi * 40, 2 * np.pi * 90)
+    branch = Branch(orbits, found, 2 * np.pi * 40, 2 * np.pi * 90)
     points = list(branch)
     return branch, points, [s for a, b in itertools.pairwise(points) for s in special_points(orbits, a, b, Settings())]
 
@@ -99,7 +99,7 @@ def test_curve_is_closed_and_the_same_both_ways(orbits, found, ring):
     mu = single.multipliers(solve_at(single, nearest.u, Settings(iterations=20), nearest.parameter))
     assert np.min(np.abs(np.abs(np.angle(mu)) / (2 * np.pi) - 1 / 3)) < 0.01
     back = solve_at(orbits, found.u, Settings(), found.parameter, -float(np.sign(found.tangent[-1])))
-    other = list(follow_orbits(orbits, back, 2 * np.pi * 40, 2 * np.pi * 90))
+    other = list(Branch(orbits, back, 2 * np.pi * 40, 2 * np.pi * 90))
     again = [s for a, b in itertools.pairwise(other) for s in special_points(orbits, a, b, Settings())]
     folds, folds_again = (sorted(s.parameter for s in x if s.kind == "fold") for x in (special, again))
     np.testing.assert_allclose(folds, folds_again, rtol=1e-8)
@@ -143,7 +143,7 @@ def test_steps_do_not_land_on_another_branch(orbits, found, monkeypatch):
     monkeypatch.setattr(continuation, "_passes", lambda a, b, start: False)
 
     def on_another_branch():
-        points = follow_orbits(orbits, found, 2 * np.pi * 40, 2 * np.pi * 90, Settings(most_points=300))
+        points = Branch(orbits, found, 2 * np.pi * 40, 2 * np.pi * 90, Settings(most_points=300))
         return sum(after_one_period(orbits, p) < 1e-6 for p in points)
 
     assert on_another_branch() == 0

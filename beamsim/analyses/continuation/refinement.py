@@ -17,7 +17,7 @@ from beamsim.outcomes import Stop, never
 
 EDGE = 1e-12  # of the range, by which a point may lie beyond its end
 SHARE = 1e-4  # of a step, to which a maximum is located: its height is then good to the square of this
-GOLDEN = 0.5 * (3.0 - np.sqrt(5.0))
+INSIDE = 0.375  # of the step at an end of a branch, where the search for a maximum begins
 MOST_PLACES = 40  # evaluated in the search for a maximum
 SAME_VALUE = 1e-12  # relative difference from a value within which a stored point has it
 SAME_HEIGHT = 1e-10  # relative difference below which a stored point is the maximum
@@ -139,65 +139,42 @@ def _insert_maximum(
     measure: Measure,
     q: ReportedMaximum,
 ) -> None:
-    """Locate the maximum within the two steps about point k, and add the point if it is higher."""
-    best: tuple[float, float, BranchPoint, MeasuredMotion] | None = None
+    """Locate the maximum within the two steps about point k by Brent's method, and add the point if it is higher."""
+    from scipy.optimize import minimize_scalar
+
     floor = q.of(measured[k])
+    best: tuple[float, float, BranchPoint, MeasuredMotion] | None = None
+    heights = {0.0: floor}  # by share of the step before point k (negative) or after it
+    for share, other in ((-1.0, k - 1), (1.0, k + 1)):
+        if 0 <= other < len(points):
+            stands = not q.stable_only or problem.orbit(points[other]).stable
+            heights[share] = q.of(measured[other]) if stands else 0.5 * floor
 
     def height_at(share: float) -> float:
         nonlocal best
-        a, b, at = (points[k - 1], points[k], 1.0 + share) if share < 0 else (points[k], points[k + 1], share)
-        point = between(problem, a, b, at, SETTINGS)
-        if point is None or (q.stable_only and not problem.orbit(point).stable):
-            return 0.5 * floor
-        motion = measure(point)
-        height = q.of(motion)
-        if best is None or height > best[0]:
-            best = height, share, point, motion
-        return height
+        if share not in heights:
+            a, b, at = (points[k - 1], points[k], 1.0 + share) if share < 0 else (points[k], points[k + 1], share)
+            point = between(problem, a, b, at, SETTINGS)
+            if point is None or (q.stable_only and not problem.orbit(point).stable):
+                heights[share] = 0.5 * floor
+            else:
+                motion = measure(point)
+                heights[share] = q.of(motion)
+                if best is None or heights[share] > best[0]:
+                    best = heights[share], share, point, motion
+        return heights[share]
 
-    def known(index: int) -> float:
-        return q.of(measured[index]) if not q.stable_only or problem.orbit(points[index]).stable else 0.5 * floor
-
-    if 0 < k < len(points) - 1:
-        search_maximum(height_at, [(-1.0, known(k - 1)), (0.0, floor), (1.0, known(k + 1))])
-    elif len(points) > 1:  # at an end of the branch
-        inside = GOLDEN if k == 0 else -GOLDEN
-        far, middle = (1.0, 1) if k == 0 else (-1.0, k - 1)
-        first = height_at(inside)
-        if first > floor:
-            search_maximum(height_at, sorted([(0.0, floor), (inside, first), (far, known(middle))]))
+    if len(heights) == 2:  # at an end of the branch, from a place inside
+        height_at(INSIDE * (max(heights) + min(heights)))
+    low, middle, high = sorted(heights) if len(heights) == 3 else (0.0, 0.0, 0.0)
+    if heights[middle] > heights[low] and heights[middle] >= heights[high]:
+        # from 2 on, since the tolerance is relative
+        minimize_scalar(
+            lambda x: -height_at(float(x) - 2.0), bracket=(low + 2.0, middle + 2.0, high + 2.0), tol=0.5 * SHARE,
+            options={"maxiter": MOST_PLACES},
+        )  # fmt: skip
     if best is not None and best[0] > floor * (1.0 + SAME_HEIGHT):
         _, share, point, motion = best
         where = k if share < 0 else k + 1
         points.insert(where, point)
         measured.insert(where, motion)
-
-
-def search_maximum(of: Callable[[float], float], known: Sequence[tuple[float, float]]) -> None:
-    """Evaluate a function ever closer to its maximum, until lower places are known within 2 `SHARE` to both sides.
-
-    ``known`` are three places with their values, in order, the middle one the highest. The next place is the vertex of
-    the parabola through them, a `SHARE` away at least; where it lies outside, or the bracket has not halved within two
-    steps, a golden section of its longer part (R. P. Brent, *Algorithms for Minimization without Derivatives*, 1973).
-    """
-    (a, fa), (m, fm), (b, fb) = known
-    widths = [np.inf, np.inf, b - a]
-    for _ in range(MOST_PLACES):
-        if max(m - a, b - m) <= 2.0 * SHARE:
-            return
-        longer = b - m if b - m > m - a else a - m
-        left, right = (m - a) * (fm - fb), (m - b) * (fm - fa)
-        x = m - 0.5 * ((m - a) * left - (m - b) * right) / (left - right) if left != right else np.inf
-        if not a < x < b or widths[-1] > 0.5 * widths[-3]:
-            x = m + GOLDEN * longer
-        if abs(x - m) < SHARE:
-            x = m + float(np.copysign(SHARE, longer))
-        f = of(x)
-        if f > fm:
-            (a, fa, b, fb) = (m, fm, b, fb) if x > m else (a, fa, m, fm)
-            m, fm = x, f
-        elif x > m:
-            b, fb = x, f
-        else:
-            a, fa = x, f
-        widths.append(b - a)

@@ -16,13 +16,12 @@ import numpy as np
 
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint
-from beamsim.orbits.continuation import Branch, Settings, at_parameter, follow_orbits, solve_at
+from beamsim.orbits.continuation import Branch, Settings, at_parameter, solve_at
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess
 from beamsim.orbits.special_points import special_points
 from beamsim.typing import Floats
 
-SETTLED = (50, 250)  # periods of the transients before a motion is looked for
 RAISED = (3.0, 10.0, 30.0)  # levels at which a motion with contact is looked for, over that of the curve
 BEYOND_GAP = (1.5, 4.0)  # deflections that transients begin with, over those that reach the contact
 SETTLING = 80  # periods of these transients
@@ -48,8 +47,8 @@ class Tracer:
         """A motion at a value, its tangent pointing forward: a stable one if a transient reaches it."""
         with suppress(ArithmeticError, np.linalg.LinAlgError):
             if isinstance(self.problem, ForcedBalance):
-                return self.problem.first_motion(value, forward, first_orbit)
-            orbit = first_orbit(ForcedOrbits(self.problem.flow_at(value)[0]))
+                return self.problem.first_motion(value, forward)
+            orbit = find_orbit(ForcedOrbits(self.problem.flow_at(value)[0]), stable=True)
             if orbit is not None:
                 return solve_at(self.problem, np.append(orbit.u[:-1], value), SETTINGS, value, forward)
         return None
@@ -78,7 +77,7 @@ class Tracer:
 
     def branch(self, start: BranchPoint, settings: Settings) -> Branch:
         """The continuation of a motion."""
-        return follow_orbits(self.problem, start, *self.reach, settings)
+        return Branch(self.problem, start, *self.reach, settings)
 
     def special(
         self, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch]
@@ -86,26 +85,6 @@ class Tracer:
         """Special points between two neighbours; searches that fail are appended. Sums of harmonics have no corners."""
         problem: Any = self.problem  # a balance has what is asked of motions without corners
         return special_points(problem, a, b, settings, failed)
-
-
-def first_orbit(local: ForcedOrbits) -> BranchPoint | None:
-    """A motion to begin with: from the linear response, or a stable one that a transient from rest reaches."""
-    try:
-        orbit_of_linear = find_orbit(local)
-    except ArithmeticError:
-        orbit_of_linear = None
-    if orbit_of_linear is not None and local.orbit(orbit_of_linear).stable:
-        return orbit_of_linear
-    flow = local.flow
-    z = np.zeros(flow.size)
-    try:
-        for periods in SETTLED:
-            z, orbit = _settled(local, flow, z, periods)
-            if orbit is not None:
-                return orbit
-    except ArithmeticError:
-        pass
-    return orbit_of_linear
 
 
 def _settled(local: ForcedOrbits, flow: PeriodicFlow, z: Floats, periods: int) -> tuple[Floats, BranchPoint | None]:
@@ -151,7 +130,7 @@ def _followed_down(problem: ForcedOrbits) -> Iterator[Floats]:
         start = find_orbit(raised, forward=-1.0)
         if start is None or not start.data.signature:
             continue
-        branch = follow_orbits(raised, start, LOWEST * level, 2.0 * high, IN_LEVEL)
+        branch = Branch(raised, start, LOWEST * level, 2.0 * high, IN_LEVEL)
         for a, b in pairwise(branch):
             if (a.parameter - level) * (b.parameter - level) <= 0 and a.parameter != b.parameter:
                 point = at_parameter(raised, a, b, level, SETTINGS)

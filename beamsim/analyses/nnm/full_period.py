@@ -19,7 +19,7 @@ import numpy as np
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.errors import NotTrustedError
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch, reached_end
-from beamsim.orbits.continuation import Settings, follow_orbits, locate, solve_at
+from beamsim.orbits.continuation import Branch, Settings, locate, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import beside
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, until
@@ -138,7 +138,7 @@ class NonBrakeBranch:
                 OutcomeKind.STOPPED, "no_orbit_beside", "no non-brake orbit was found near the brake orbit"
             )
             return
-        branch = follow_orbits(self.orbits, start, self.low, self.high, self.settings)
+        branch = Branch(self.orbits, start, self.low, self.high, self.settings)
         self.outcome = INTERRUPTED
         before, fastest = None, 0.0
         for count, point in enumerate(branch):
@@ -328,7 +328,7 @@ def _paths(branches: ModeBranches, gaps: set[float]) -> Iterator[list[BranchPoin
     for a, b in pairwise(branches.backbone.points):
         if a.parameter in gaps:
             start = b.towards(a.parameter - b.parameter)
-            yield list(follow_orbits(branches.problem, start, low, high, Settings(most_points=BACK)))
+            yield list(Branch(branches.problem, start, low, high, Settings(most_points=BACK)))
 
 
 def _alike(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> bool:

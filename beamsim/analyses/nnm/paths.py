@@ -14,7 +14,7 @@ from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.backbone import MODE_LOST, Backbone
 from beamsim.orbits.branch import INTERRUPTED, REACHED_END, BranchPoint, OrbitBranch
-from beamsim.orbits.continuation import Settings, follow_orbits, solve_at
+from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.orbits.tongues import LEAST_SHARE
@@ -193,7 +193,7 @@ class ModePath:
                     "gaps at internal resonances)",
                 )
             )
-        branch = follow_orbits(by_frequency, begin, low, high, Settings(most_points=MOST_POINTS))
+        branch = Branch(by_frequency, begin, low, high, Settings(most_points=MOST_POINTS))
         points: list[BranchPoint] = []
         unbounded = False
         for point in until(_reporting(branch, begin.parameter, last, progress), stop):

@@ -31,7 +31,7 @@ from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
-from beamsim.orbits.continuation import CLOSED_CURVE, Settings, follow_orbits, locate, solve_at
+from beamsim.orbits.continuation import CLOSED_CURVE, Branch, Settings, locate, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.orbits.phase_resonance import (
     Appropriation,
@@ -415,7 +415,7 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
     first = point.towards(1.0)
     halves: list[OrbitBranch] = []
     for start in (first, first.reversed()):
-        branch = follow_orbits(problem, start, low, high, Settings(most_points=MOST_POINTS))
+        branch = Branch(problem, start, low, high, Settings(most_points=MOST_POINTS))
         points = list(branch)
         halves.append(OrbitBranch(problem, points, branch.outcome.shown(lambda omega: omega / (2 * np.pi), "Hz")))
         if branch.outcome.code == CLOSED_CURVE:
