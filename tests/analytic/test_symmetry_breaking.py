@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.analyses.nnm.full_period import FullPeriodPath
+from beamsim.analyses.nnm.full_period import over_full_period
 from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
@@ -139,10 +139,10 @@ def test_full_period_shooting_would_see_a_wrong_half_period(make_system):
     orbits = BrakeOrbits(SpringFamily(system), energy=1.0)
     start = solve_at(orbits, linear_mode(orbits, 0, 0.0, np.array([0.8, 0.6])), Settings(), 0.0)
     points = list(Backbone(orbits, start, 0.2, 0, points=10))
-    right = FullPeriodPath(orbits, points)
-    assert len(list(right)) == len(points)
+    right = over_full_period(orbits, points)
+    assert len(right.points) == len(points)
     assert right.outcome.complete
     off = np.append(np.full(3, 1.0 + 1e-4), 1.0)  # shape and period, at the same factor
-    wrong = FullPeriodPath(orbits, [replace(p, u=p.u * off) for p in points])
-    assert list(wrong) == []
+    wrong = over_full_period(orbits, [replace(p, u=p.u * off) for p in points])
+    assert not wrong.points
     assert wrong.outcome.code == "full_period_diverged"

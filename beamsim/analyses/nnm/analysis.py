@@ -326,7 +326,7 @@ def _branches(
     of_backbone: dict[str, Any] = {"special": special}
     if full is not None:
         breakings = (
-            SpecialPointResult("symmetry_breaking", job.shown(b.parameter), 1.0 / brake.split(b.point.u)[1])
+            SpecialPointResult("symmetry_breaking", job.shown(b.point.parameter), 1.0 / brake.split(b.point.u)[1])
             for b in full.breakings
         )
         of_backbone = {"special": (*special, *breakings), "half_period_difference": full.differences}

@@ -11,7 +11,7 @@ shift in time, :math:`\delta v = \nabla V(q_0)`; it is set aside by bordering wi
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,6 +19,8 @@ import numpy as np
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.errors import NotTrustedError
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch, reached_end
+from beamsim.outcomes import Stop, never, until
+from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, reached_end
 from beamsim.orbits.continuation import Branch, Settings, locate, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import beside
@@ -31,8 +33,15 @@ BRAKE_ORBIT_ITSELF = Outcome.of(
     OutcomeKind.STOPPED, "brake_orbit_itself", "the orbits found are brake orbits, shifted in time"
 )
 
+FIRST_STEP, LARGEST_STEP = 0.01, 0.05  # of a non-brake branch, in scaled unknowns
+BACK = 60  # points followed back into a tongue from beyond a jump
+SAME = 1e-5  # scaled distance of two that are one
+NEAR = 0.2  # scaled distance between a branch's end and a symmetry breaking that is the other end of it
 LARGEST_RATIO = 12  # of the frequencies of a mode and the branch
 FIRST_KICKS = (0.03, 0.01, 0.003, 0.1)  # speed that the branch begins with, over sqrt(2 E)
+
+
+Report = Callable[[float], None] | None
 
 
 @dataclass(frozen=True)
@@ -40,7 +49,6 @@ class SymmetryBreaking:
     """A brake orbit from which non-brake orbits leave."""
 
     point: BranchPoint
-    parameter: float
     kick: Floats  # (n,) velocities at the instant of rest, unit norm
     mode: int  # the linear mode with the largest part in the kick, from 0
     ratio: int  # n of n:1: that mode makes about n oscillations in a period
@@ -91,7 +99,7 @@ def breaking_between(
     # 1e-5: smallest singular value of b, scaled, against its largest, at a located point
     if smallness > 1e-5 or not 1 <= ratio <= LARGEST_RATIO:
         return None
-    return SymmetryBreaking(kernel, kernel.parameter, kick, mode, ratio)
+    return SymmetryBreaking(kernel, kick, mode, ratio)
 
 
 def _kick(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, int, int, float]:
@@ -106,141 +114,104 @@ def _kick(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, int, int, fl
     return kick, mode, ratio, float(sizes[-1] / sizes[0])
 
 
-@dataclass
-class NonBrakeBranch:
-    """Iterate over it to follow the motions that leave at a symmetry-breaking point; ``status`` says why it ended.
+def non_brake_branch(
+    brake: BrakeOrbits, origin: SymmetryBreaking, reach: tuple[float, float], settings: Settings, stop: Stop = never
+) -> OrbitBranch:
+    """The motions that leave at a symmetry-breaking point, until they are brake orbits again.
 
     The first point is the first beside the brake orbit. The two directions of the kick give motions that are each
     other's reversal; one of them is followed.
 
     Parameters
     ----------
-    family, parameter, energy, factor : as the brake orbits'.
+    brake : half-period shooting.
     origin : where to leave.
-    low, high : the parameter's range.
+    reach : the parameter's range.
     settings : steps and tolerances.
+    stop : asked after every point.
     """
-
-    brake: BrakeOrbits
-    origin: SymmetryBreaking
-    low: float
-    high: float
-    settings: Settings = field(default_factory=lambda: Settings(step=0.01, largest_step=0.05, most_points=120))
-    outcome: Outcome = NOT_BEGUN
-
-    def __post_init__(self) -> None:
-        self.orbits = free_of(self.brake, self.origin.point.u)
-
-    def __iter__(self) -> Iterator[BranchPoint]:
-        start = self._first()
-        if start is None:
-            self.outcome = Outcome.of(
-                OutcomeKind.STOPPED, "no_orbit_beside", "no non-brake orbit was found near the brake orbit"
-            )
-            return
-        branch = Branch(self.orbits, start, self.low, self.high, self.settings)
-        self.outcome = INTERRUPTED
-        before, fastest = None, 0.0
-        for count, point in enumerate(branch):
-            slowest = self._slowest(point)
+    n, at, orbits = brake.n, origin.point.u, free_of(brake, origin.point.u)
+    row = np.concatenate([np.zeros(n), origin.kick, np.zeros(2)])
+    begun = beside(orbits, np.concatenate([at[:n], np.zeros(n), at[-2:]]), row, FIRST_KICKS, settings)
+    start = next((point for point in begun if reach[0] <= point.parameter <= reach[1]), None)
+    points: list[BranchPoint] = []
+    outcome = Outcome.of(OutcomeKind.STOPPED, "no_orbit_beside", "no non-brake orbit was found near the brake orbit")
+    if start is not None:
+        branch = Branch(orbits, start, *reach, settings)
+        before, fastest = np.zeros(n), 0.0
+        for point in until(branch, stop):
+            passage, flow = point.data.passage, point.data.flow
+            time, _ = slowest_instant(flow, passage, n)
+            # velocities then, over sqrt(2 E)
+            slowest = flow.states_at(passage, np.array([time]))[0, n : 2 * n] / np.sqrt(2.0 * orbits.split(point.u)[3])
             speed = float(np.linalg.norm(slowest))
             fastest = max(fastest, speed)
             # 0.3: of the largest slowest speed so far: here a reversal of the motion means that rest was passed
-            turned = before is not None and speed < 0.3 * fastest and float(slowest @ before) < 0
-            # 1e-4: slowest speed over sqrt(2 E) that counts as rest
+            turned = speed < 0.3 * fastest and float(slowest @ before) < 0
+            # 1e-4: slowest speed that counts as rest
             if speed < 1e-4 or turned:
-                self.outcome = BACK_TO_BRAKE_ORBITS if count > 1 else BRAKE_ORBIT_ITSELF
-                return
-            yield point
+                outcome = BACK_TO_BRAKE_ORBITS if len(points) > 1 else BRAKE_ORBIT_ITSELF
+                break
+            points.append(point)
             before = slowest
-            self.orbits.hold(point.u)
-        self.outcome = branch.outcome
-
-    def _slowest(self, point: BranchPoint) -> Floats:
-        """(n,) velocities at the slowest instant, over sqrt(2 E)."""
-        n, passage, flow = self.orbits.n, point.data.passage, point.data.flow
-        time, _ = slowest_instant(flow, passage, n)
-        v = flow.states_at(passage, np.array([time]))[0, n : 2 * n]
-        return np.asarray(v / np.sqrt(2.0 * self.orbits.split(point.u)[3]))
-
-    def _first(self) -> BranchPoint | None:
-        """The first motion beside the brake orbit, with a kick of given size."""
-        n, at = self.orbits.n, self.origin.point.u
-        row = np.concatenate([np.zeros(n), self.origin.kick, np.zeros(2)])
-        u = np.concatenate([at[:n], np.zeros(n), at[-2:]])
-        first = beside(self.orbits, u, row, FIRST_KICKS, self.settings)
-        return next((point for point in first if self.low <= point.parameter <= self.high), None)
+            orbits.hold(point.u)
+        else:
+            outcome = branch.outcome
+    return OrbitBranch(orbits, points, outcome, kind="non_brake", mode=origin.mode, ratio=origin.ratio)
 
 
-@dataclass
-class FullPeriodPath:
+def over_full_period(
+    brake: BrakeOrbits, points: Sequence[BranchPoint], gaps: Collection[float] = (), report: Report = None,
+    stop: Stop = never,
+) -> OrbitBranch:  # fmt: skip
     """A path of brake orbits followed again over the whole period: a check that assumes no instant of rest.
 
     The half-period path hands over the parameters to stop at and, beyond its jumps, where to begin again. In between
-    the full-period path is independent: each point is predicted from its own last two. Iterate over it for the points;
-    ``differences`` from the half-period path and the outcome are kept beside.
+    the full-period path is independent: each point is predicted from its own last two.
 
     Parameters
     ----------
     brake : the half-period problem (stiffness factor or energy).
     points : its path.
     gaps : parameters of its points that a jump follows.
+    report : called with the share of the path that is done.
+    stop : asked after every point.
     """
-
-    brake: BrakeOrbits
-    points: Sequence[BranchPoint]
-    gaps: Collection[float] = ()
-    settings: Settings = field(default_factory=lambda: Settings(iterations=15))
-    outcome: Outcome = NOT_BEGUN
-    differences: list[float] = field(default_factory=list)  # largest of period and scaled state, relative
-    orbits: FreeOrbits = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.orbits = free_of(self.brake, self.points[0].u)
-
-    def __iter__(self) -> Iterator[BranchPoint]:
-        self.outcome = INTERRUPTED
-        last: list[BranchPoint] = []
-        for brake_point in self.points:
-            new = self._solved(brake_point, last)
-            if new is None:
-                self.outcome = Outcome.of(
-                    OutcomeKind.STOPPED, "full_period_diverged",
-                    "Newton's method over the full period does not converge from the half-period solution",
-                    at=brake_point.parameter,
-                )  # fmt: skip
-                return
-            self.differences.append(self._difference(new, brake_point))
-            yield new
-            last = [*last[-1:], new] if brake_point.parameter not in self.gaps else []
-        self.outcome = reached_end(self.points[-1].parameter)
-
-    def _solved(self, brake_point: BranchPoint, last: list[BranchPoint]) -> BranchPoint | None:
-        at_rest = np.concatenate([brake_point.u[: self.brake.n], np.zeros(self.brake.n), brake_point.u[-2:]])
-        self.orbits.hold(at_rest)
-        ahead = [last[-1].u] if last else []
+    orbits, reached, last = free_of(brake, points[0].u), list[BranchPoint](), list[BranchPoint]()
+    outcome = reached_end(points[-1].parameter)
+    for brake_point in points:
+        at_rest = np.concatenate([brake_point.u[: brake.n], np.zeros(brake.n), brake_point.u[-2:]])
+        orbits.hold(at_rest)
+        guesses = [*(point.u for point in last[-1:]), at_rest]
         if len(last) == 2 and last[1].parameter != last[0].parameter:
-            reach = (brake_point.parameter - last[1].parameter) / (last[1].parameter - last[0].parameter)
-            ahead = [last[1].u + reach * (last[1].u - last[0].u)]
-        for guess in (*ahead, at_rest):
-            point = solve_at(self.orbits, guess, self.settings, brake_point.parameter)
-            # 1e-6: relative distance within which two solutions are one motion
-            if point is not None and self._difference(point, brake_point) < 1e-6:
-                return point
-        return None
+            share = (brake_point.parameter - last[1].parameter) / (last[1].parameter - last[0].parameter)
+            guesses[0] = last[1].u + share * (last[1].u - last[0].u)
+        found = (solve_at(orbits, guess, Settings(iterations=15), brake_point.parameter) for guess in guesses)
+        # 1e-6: relative distance within which two solutions are one motion
+        new = next((p for p in found if p is not None and difference(orbits, p, brake_point) < 1e-6), None)
+        if new is None:
+            outcome = Outcome.of(
+                OutcomeKind.STOPPED, "full_period_diverged",
+                "Newton's method over the full period does not converge from the half-period solution",
+                at=brake_point.parameter,
+            )  # fmt: skip
+            break
+        reached.append(new)
+        if report is not None:
+            report(len(reached) / len(points))
+        if stop():
+            outcome = INTERRUPTED
+            break
+        last = [*last[-1:], new] if brake_point.parameter not in gaps else []
+    return OrbitBranch(orbits, reached, outcome, kind="backbone")
 
-    def _difference(self, point: BranchPoint, brake_point: BranchPoint) -> float:
-        n = self.brake.n
-        scale = self.orbits.scale(point.u)[0]
-        state = point.u[: 2 * n] - np.concatenate([brake_point.u[:n], np.zeros(n)])
-        period = abs(float(point.u[-2] / brake_point.u[-2]) - 1.0)
-        return max(float(np.linalg.norm(state / scale[: 2 * n])), period)
 
-
-FIRST_STEP, LARGEST_STEP = 0.01, 0.05  # of a non-brake branch, in scaled unknowns
-BACK = 60  # points followed back into a tongue from beyond a jump
-SAME = 1e-5  # scaled distance of two that are one
-NEAR = 0.2  # scaled distance between a branch's end and a symmetry breaking that is the other end of it
+def difference(orbits: FreeOrbits, point: BranchPoint, brake_point: BranchPoint) -> float:
+    """Largest of period and scaled state between a motion and the same by half-period shooting, relative."""
+    n = orbits.n
+    state = point.u[: 2 * n] - np.concatenate([brake_point.u[:n], np.zeros(n)])
+    period = abs(float(point.u[-2] / brake_point.u[-2]) - 1.0)
+    return max(float(np.linalg.norm(state / orbits.scale(point.u)[0][: 2 * n])), period)
 
 
 @dataclass(frozen=True)
@@ -265,22 +236,17 @@ def follow_full_period(
     job: ModePath,
     branches: ModeBranches,
     settings: FullPeriodMethod,
-    progress: Callable[[float], None] | None = None,
+    report: Report = None,
     stop: Stop = never,
 ) -> FullPeriodBranches:
     """Follow a half-period backbone again over the whole period, and the non-brake orbits that branch off."""
     points = branches.backbone.points
     gaps = {p.parameter for p in points if any(job.shown(p.parameter) == j.start for j in branches.jumps)}
-    path = FullPeriodPath(branches.problem, points, gaps)
-    reached: list[BranchPoint] = []
-    for point in until(path, stop):
-        reached.append(point)
-        if progress is not None:
-            progress(len(reached) / len(points))
-    if not reached:
-        raise NotTrustedError(f"full-period shooting found no motion to start from: {path.outcome}")
+    backbone = over_full_period(branches.problem, points, gaps, report, stop)
+    if not backbone.points:
+        raise NotTrustedError(f"full-period shooting found no motion to start from: {backbone.outcome}")
     breakings = list(until(_breakings(branches, gaps), stop)) if settings.branches and not stop() else []
-    low, high = sorted((points[0].parameter, points[-1].parameter))
+    reach = min(points[0].parameter, points[-1].parameter), max(points[0].parameter, points[-1].parameter)
     non_brake: list[OrbitBranch] = []
     steps = Settings(step=FIRST_STEP, largest_step=LARGEST_STEP, most_points=settings.points)
     for origin in breakings:
@@ -288,18 +254,13 @@ def follow_full_period(
             continue
         if stop():
             break
-        orbits = NonBrakeBranch(branches.problem, origin, low, high, steps)
-        beside = list(until(orbits, stop))
-        if beside:
-            non_brake.append(
-                OrbitBranch(
-                    orbits.orbits, beside, job.ended(orbits.outcome, beside[-1]), kind="non_brake", mode=origin.mode,
-                    ratio=origin.ratio, origin=origin.parameter,
-                )
-            )  # fmt: skip
-    backbone = OrbitBranch(path.orbits, reached, job.ended(path.outcome, reached[-1]), kind="backbone")
+        branch = non_brake_branch(branches.problem, origin, reach, steps, stop)
+        if branch.points:
+            non_brake.append(replace(branch, outcome=job.ended(branch.outcome, branch.points[-1])))
+    backbone = replace(backbone, outcome=job.ended(backbone.outcome, backbone.points[-1]))
+    differences = [difference(backbone.problem, *pair) for pair in zip(backbone.points, points, strict=False)]
     return FullPeriodBranches(
-        backbone, np.array(path.differences), breakings, non_brake, bool(settings.branches and stop())
+        backbone, np.array(differences), breakings, non_brake, bool(settings.branches and stop())
     )  # fmt: skip
 
 
