@@ -133,6 +133,30 @@ def indicator(closed: Floats, highest: int) -> Complexes:
     return out
 
 
+def product(two_sided: Complexes, x: Complexes, highest: int) -> Complexes:
+    """Harmonics 0 … highest of the product of a real function, given two-sidedly (0, 1, …), and one of harmonics x.
+
+    Parameters
+    ----------
+    two_sided : (K,) coefficients 0, 1, … of the real function.
+    x : (H + 1,) harmonics of the other one.
+    highest : harmonic of the product.
+
+    Returns
+    -------
+    (highest + 1,) complex amplitudes.
+    """
+    from scipy.fft import fft, ifft, next_fast_len  # importing scipy.signal takes most of a second
+
+    a = np.concatenate([np.conj(two_sided[:0:-1]), two_sided])
+    b = np.concatenate([0.5 * np.conj(x[:0:-1]), [x[0]], 0.5 * x[1:]])
+    middle = two_sided.size - 1 + x.size - 1
+    size = next_fast_len(a.size + b.size - 1)
+    p = 2.0 * ifft(fft(a, size) * fft(b, size))[middle : middle + highest + 1]
+    p[0] = 0.5 * p[0].real
+    return np.asarray(p)
+
+
 def one_sided(D: Complexes, highest: int | None = None) -> Contact:
     """The positive part of ``delta = Re sum D_h e^{ih tau}``.
 
@@ -145,12 +169,7 @@ def one_sided(D: Complexes, highest: int | None = None) -> Contact:
     highest = H if highest is None else highest
     closed = close_intervals(D)
     chi = indicator(closed, highest + H)
-    two = np.concatenate([np.conj(chi[:0:-1]), chi])  # index k + highest + H
-    d = np.concatenate([0.5 * np.conj(D[:0:-1]), [D[0]], 0.5 * D[1:]])
-    p = np.convolve(two, d)[2 * H + highest : 2 * H + 2 * highest + 1]
-    positive = 2.0 * p
-    positive[0] = p[0].real
-    return Contact(np.asarray(positive, dtype=complex), chi, closed)
+    return Contact(product(chi, D, highest), chi, closed)
 
 
 def cubic(W: Complexes, highest: int | None = None) -> tuple[Complexes, Complexes]:

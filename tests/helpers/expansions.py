@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamsim.errors import MethodError
@@ -44,10 +46,14 @@ def free_remainder(
     n = system.size
     q0 = expansion.initial(factor, order)
     times = _times(duration, expansion.omega)
-    flow = ExactFlow(weakened(system, factor), Forcing(np.zeros((0, n)), ()), duration)
+    undamped = replace(system, damping=np.zeros_like(system.damping), contacts=system.contacts.undamped())
+    flow = ExactFlow(weakened(undamped, factor), Forcing(np.zeros((0, n)), ()), duration)
     exact = simulate(flow, np.concatenate([q0, np.zeros(n)]), duration=duration).states_at(times)
-    found = expansion.states(factor, times, order, frequency_order)
-    return float(np.abs(exact[:, :n] - found[:, :n]).max() / abs(amplitude))
+    w = expansion.frequency(factor, min(order + 1, 2) if frequency_order is None else frequency_order)
+    c = expansion.coefficients(factor, order)
+    used = np.flatnonzero(np.any(np.abs(c) > 1e-17 * np.abs(c).max(), axis=1))
+    found = np.cos(np.multiply.outer(times, used * w)) @ c[used]
+    return float(np.abs(exact[:, :n] - found).max() / abs(amplitude))
 
 
 def steady(resonant: ResonantForcing, sigma: float) -> tuple[SteadyMotion, ...]:
@@ -85,7 +91,7 @@ def steady(resonant: ResonantForcing, sigma: float) -> tuple[SteadyMotion, ...]:
         )
     )
     grid = grid[grid > 0]
-    values = grid * np.abs(resonant.backbones(grid) - sigma) - F
+    values = grid * np.abs(resonant.backbone(grid) - sigma) - F
     found = [
         float(brentq(excess, grid[i], grid[i + 1], xtol=1e-15 * grid[i + 1], rtol=1e-14))
         for i in np.flatnonzero(values[:-1] * values[1:] < 0)

@@ -256,7 +256,7 @@ def _difference(
     omega = resonant.omega + factor * motion.sigma
     load = np.array(factor * resonant.load[None, :], dtype=np.complex128)
     loads = PeriodicForcing(np.ones(1, dtype=np.int64), load, none, none.astype(np.complex128), none, omega)
-    problem = ForcedOrbits(VariationalFlow(weakened(system.dynamics, factor, factor), loads, omega))
+    problem = ForcedOrbits(VariationalFlow(weakened(system.dynamics, factor), loads, omega))
     orders = [resonant.response(motion, factor, order) for order in (0, 1)]
     guess = np.zeros(problem.flow.size)
     guess[: 2 * n] = resonant.states(orders[1], omega, none)[0]

@@ -24,23 +24,15 @@ first-order change of the nonlinear mode's frequency: the response curve leans a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from beamsim.errors import MethodError
-from beamsim.orbits.aft import one_sided
-from beamsim.orbits.expansions.free import HARMONICS, RESONANT, product_harmonics, rest_clearances
+from beamsim.orbits.aft import one_sided, product
+from beamsim.orbits.expansions.free import HARMONICS, RESONANT, rest_clearances
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
-
-
-def _states(coefficients: Complexes, omega: float, times: Floats) -> Floats:
-    """(nt, 2n) displacements and velocities of a sum of harmonics."""
-    used = np.flatnonzero(np.any(np.abs(coefficients) > 1e-17 * np.abs(coefficients).max(), axis=1))
-    iw = 1j * used * omega
-    e = np.exp(np.multiply.outer(np.asarray(times, dtype=float), iw))
-    Q = coefficients[used]
-    return np.hstack([(e @ Q).real, (e @ (iw[:, None] * Q)).real])
 
 
 @dataclass(frozen=True)
@@ -51,7 +43,6 @@ class SteadyMotion:
     phase: float  # rad, by which the response lags the force
     sigma: float  # detuning: omega = omega_j + factor * sigma
     exponents: Complexes  # (2,) growth rates of the slow flow, per unit of slow time
-    quality: float  # |Psi - sigma| / Im Psi: how far from phase resonance (zero there)
 
     @property
     def complex_amplitude(self) -> complex:
@@ -88,12 +79,9 @@ class ResonantForcing:
         self.load = np.asarray(self.load, dtype=complex)
         _, self.gap = rest_clearances(self.system)
 
-    def backbone(self, amplitude: float) -> complex:
-        """Psi: its real part the change of the mode's frequency, its imaginary part the decay, both per factor."""
-        return complex(self.backbones(np.array([amplitude]))[0])
-
-    def backbones(self, amplitude: Floats) -> Complexes:
-        r"""(na,) Psi at several amplitudes a.
+    def backbone(self, amplitude: Any) -> Any:
+        r"""Psi at one or several amplitudes a: its real part the change of the mode's frequency, its imaginary part the
+        decay, both per factor.
 
         A spring that is closed for the angle :math:`2 \alpha`, :math:`\cos\alpha = g / (|\phi| a)`, adds
         :math:`(k + i \omega c) \phi^2 (\alpha - \sin\alpha \cos\alpha) / (2 \pi \omega)`.
@@ -103,7 +91,7 @@ class ResonantForcing:
         cosine = np.clip(self.gap / np.maximum(reach, 1e-300), -1.0, 1.0)
         closed = np.arccos(cosine) - cosine * np.sqrt(1.0 - cosine**2)
         rate = (c.stiffness + 1j * self.omega * c.dashpot) * c.shape[:, j] ** 2
-        return np.asarray(closed @ rate / (2.0 * np.pi * self.omega) + 0.5j * self.system.damping[j, j])
+        return closed @ rate / (2.0 * np.pi * self.omega) + 0.5j * self.system.damping[j, j]
 
     def detunings(self, amplitude: float) -> tuple[float, ...]:
         """The detunings of steady motions of this amplitude: none, or two about the backbone (equal at its tip)."""
@@ -122,20 +110,12 @@ class ResonantForcing:
         # perturbation (xi + i eta) e^{-i phase}: p' = i (Psi - sigma) p + i Psi' a xi
         along, across = 1j * (psi - sigma) + 1j * slope * amplitude, 1j * (psi - sigma) * 1j
         J = np.array([[along.real, across.real], [along.imag, across.imag]])
-        return SteadyMotion(
-            amplitude,
-            float(-np.angle(Q)),
-            sigma,
-            np.linalg.eigvals(J).astype(complex),
-            abs(psi.real - sigma) / psi.imag if psi.imag else np.inf,
-        )
-
-    def correction(self, Q: complex, omega: float) -> Complexes:
-        """(H + 1, n) harmonics of q_1 under ``Re(Q e^{i omega t}) e_j``, without the fundamental of mode j."""
-        return self._first(Q, omega)[0]
+        return SteadyMotion(amplitude, float(-np.angle(Q)), sigma, np.linalg.eigvals(J).astype(complex))
 
     def _first(self, Q: complex, omega: float) -> tuple[Complexes, Complexes, list[Complexes]]:
-        """q_1, the force at leading order, and the indicators of contact."""
+        """(H + 1, n) harmonics of q_1 under ``Re(Q e^{i omega t}) e_j``, without the fundamental of mode j; the force
+        at leading order, and the indicators of contact.
+        """
         system, c, j, H = self.system, self.system.contacts.one_sided_parts(), self.mode, self.harmonics
         h = np.arange(H + 1)
         force = np.zeros((H + 1, system.size), dtype=complex)
@@ -177,6 +157,8 @@ class ResonantForcing:
         -------
         (H + 1, n) complex amplitudes.
         """
+        from scipy.optimize import root
+
         omega = self.omega + factor * motion.sigma
         Q, j = motion.complex_amplitude, self.mode
         if order == 0:
@@ -184,19 +166,11 @@ class ResonantForcing:
             out[1, j] = Q
             return out
 
-        def balance(x: Floats) -> Floats:
-            R = self._fundamental(complex(x[0], x[1]), omega, factor)
-            return np.array([R.real, R.imag])
+        def balance(x: Floats) -> tuple[float, float]:
+            R = self._fundamental(complex(x[0], x[1]), omega, factor) / abs(Q)
+            return R.real, R.imag
 
-        x = np.array([Q.real, Q.imag])
-        for _ in range(20):
-            R = balance(x)
-            step = 1e-6 * abs(Q)
-            J = np.array([(balance(x + e) - balance(x - e)) / (2 * step) for e in step * np.eye(2)]).T
-            move = np.linalg.solve(J, -R)
-            x = x + move
-            if np.linalg.norm(move) <= 1e-11 * abs(Q):
-                break
+        x = root(balance, [Q.real, Q.imag], tol=1e-12).x
         return self.with_correction(complex(x[0], x[1]), omega, factor)
 
     def with_correction(self, Q: complex, omega: float, factor: float) -> Complexes:
@@ -212,7 +186,7 @@ class ResonantForcing:
         -------
         (H + 1, n) complex amplitudes.
         """
-        out = factor * self.correction(Q, omega)
+        out = factor * self._first(Q, omega)[0]
         out[1, self.mode] += Q
         return out
 
@@ -225,8 +199,7 @@ class ResonantForcing:
         R += factor * 1j * omega * complex(system.damping[j] @ first[1])
         for i in range(c.count):
             rate = c.stiffness[i] + 1j * omega * c.dashpot[i]
-            product = product_harmonics(chi[i], first @ c.shape[i], 1)[1]
-            R += factor * rate * product * c.shape[i, j]
+            R += factor * rate * product(chi[i], first @ c.shape[i], 1)[1] * c.shape[i, j]
         return complex(R)
 
     def states(self, coefficients: Complexes, omega: float, times: Floats) -> Floats:
@@ -242,4 +215,8 @@ class ResonantForcing:
         -------
         (nt, 2n) displacements and velocities.
         """
-        return _states(coefficients, omega, times)
+        used = np.flatnonzero(np.any(np.abs(coefficients) > 1e-17 * np.abs(coefficients).max(), axis=1))
+        iw = 1j * used * omega
+        e = np.exp(np.multiply.outer(np.asarray(times, dtype=float), iw))
+        Q = coefficients[used]
+        return np.hstack([(e @ Q).real, (e @ (iw[:, None] * Q)).real])

@@ -38,7 +38,7 @@ import numpy as np
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import MethodError
 from beamsim.orbits.aft import cubic as cubic_harmonics
-from beamsim.orbits.aft import one_sided
+from beamsim.orbits.aft import one_sided, product
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats
@@ -102,46 +102,10 @@ class ModeExpansion:
         """(n,) the motion at t = 0, where it is at rest: the mode's initial condition."""
         return np.asarray(self.coefficients(factor, order).sum(axis=0))
 
-    def states(self, factor: float, times: Floats, order: int = 1, frequency_order: int | None = None) -> Floats:
-        """(nt, 2n) displacements and velocities, with the frequency to ``frequency_order`` (default: order + 1).
 
-        Parameters
-        ----------
-        factor : of the springs.
-        times : (nt,) s, from an instant of rest.
-        order : of the motion.
-        frequency_order : of its frequency.
-
-        Returns
-        -------
-        (nt, 2n) displacements and velocities.
-        """
-        w = self.frequency(factor, min(order + 1, 2) if frequency_order is None else frequency_order)
-        c = self.coefficients(factor, order)
-        used = np.flatnonzero(np.any(np.abs(c) > 1e-17 * np.abs(c).max(), axis=1))
-        angle = np.multiply.outer(np.asarray(times, dtype=float), used * w)
-        return np.hstack([np.cos(angle) @ c[used], -np.sin(angle) @ (c[used] * (used * w)[:, None])])
-
-
-def weakened(system: PiecewiseLinearSystem, factor: float, damping: float | None = None) -> PiecewiseLinearSystem:
-    """The system with its springs multiplied by a factor and its damping by another (None: no damping at all).
-
-    Parameters
-    ----------
-    system : the structure.
-    factor : of the springs.
-    damping : factor of the structure's damping and the dashpots.
-
-    Returns
-    -------
-    The weakened system.
-    """
-    c = system.contacts
-    return replace(
-        system,
-        damping=system.damping * (0.0 if damping is None else damping),
-        contacts=(c.undamped() if damping is None else c).scaled(factor),
-    )
+def weakened(system: PiecewiseLinearSystem, factor: float) -> PiecewiseLinearSystem:
+    """The system with its springs, dashpots and damping multiplied by a factor."""
+    return replace(system, damping=factor * system.damping, contacts=system.contacts.scaled(factor))
 
 
 def rest_clearances(system: PiecewiseLinearSystem) -> tuple[Floats, Floats]:
@@ -150,30 +114,6 @@ def rest_clearances(system: PiecewiseLinearSystem) -> tuple[Floats, Floats]:
     rest = np.where(flexible, system.constant_load / np.where(flexible, system.stiffness, 1.0), 0.0)
     c = system.contacts.one_sided_parts()
     return rest, c.gap + c.sign * (c.shape @ rest)
-
-
-def product_harmonics(two_sided: Complexes, x: Complexes, highest: int) -> Complexes:
-    """Harmonics 0 … highest of the product of a real function, given two-sidedly (0, 1, …), and one of harmonics x.
-
-    Parameters
-    ----------
-    two_sided : (K,) coefficients 0, 1, … of the real function.
-    x : (H + 1,) harmonics of the other one.
-    highest : harmonic of the product.
-
-    Returns
-    -------
-    (highest + 1,) complex amplitudes.
-    """
-    from scipy.fft import fft, ifft, next_fast_len  # importing scipy.signal takes most of a second
-
-    a = np.concatenate([np.conj(two_sided[:0:-1]), two_sided])
-    b = np.concatenate([0.5 * np.conj(x[:0:-1]), [x[0]], 0.5 * x[1:]])
-    middle = two_sided.size - 1 + x.size - 1
-    size = next_fast_len(a.size + b.size - 1)
-    p = 2.0 * ifft(fft(a, size) * fft(b, size))[middle : middle + highest + 1]
-    p[0] = 0.5 * p[0].real
-    return np.asarray(p)
 
 
 def _springs_under(
@@ -235,7 +175,7 @@ def expand_mode(
     first = _solve(w2, mode, force)
     second_force = a1 * (np.arange(H + 1) ** 2)[:, None] * first
     for tangent, row, k in tangents:
-        second_force -= np.multiply.outer(product_harmonics(tangent, (first @ row).astype(complex), H).real, k * row)
+        second_force -= np.multiply.outer(product(tangent, (first @ row).astype(complex), H).real, k * row)
     a2 = -float(second_force[1, mode]) / amplitude
     if uniform_at is None:
         second = _solve(w2, mode, second_force)
@@ -244,8 +184,7 @@ def expand_mode(
         first = _solve(w2, mode, force, squared)
         second_force = np.zeros_like(force)
         for tangent, row, k in tangents:
-            product = product_harmonics(tangent, (first @ row).astype(complex), H).real
-            second_force -= np.multiply.outer(product, k * row)
+            second_force -= np.multiply.outer(product(tangent, (first @ row).astype(complex), H).real, k * row)
         second = _solve(w2, mode, second_force, squared)
     pole, pole_mode, pole_harmonic = _nearest_pole(w2, mode, force, a1)
     moving = np.abs(first[1:])
