@@ -7,11 +7,11 @@ import pytest
 from sampling import slow_after
 from scipy.optimize import brentq
 
+from beamsim.analyses.continuation.folds import GrazingCurve, start_of_curve
 from beamsim.flow.passage import ContactDirection, PeriodicForcing, moved_system
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Branch, Settings, solve_at
-from beamsim.orbits.folds import GrazingCurve, start_of_curve
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.orbits.special_points import special_points, switch_at_period_doubling
 

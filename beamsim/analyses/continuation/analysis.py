@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -23,6 +23,7 @@ from beamsim.analyses.branch import (
 from beamsim.analyses.continuation.branches import (
     COVERED,
     Budget,
+    Tracer,
     coexisting_branches,
     coincides,
     covered,
@@ -35,11 +36,10 @@ from beamsim.analyses.continuation.branches import (
 from beamsim.analyses.continuation.folds import follow_folds
 from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
 from beamsim.analyses.continuation.overlay import swept_overlay
-from beamsim.analyses.continuation.paths import FollowedParameter, ResponseModel, level_unit, response_model
+from beamsim.analyses.continuation.paths import ResponseModel, level_unit, response_model
 from beamsim.analyses.continuation.refinement import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
 from beamsim.analyses.continuation.side_branches import leavings, side_branches
-from beamsim.analyses.continuation.tracers import Tracer
 from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, LIMITED, OUTPUT, PENETRATION, STRESS, Value, margins_of
@@ -86,7 +86,8 @@ def continuation(
     curves_share = 1.0 if settings.overlay is None else 1.0 - SHARE_OF_OVERLAY
     branches: list[ResponseBranch] = []
     folds: list[FoldBranch] = []
-    outcomes: list[Outcome] = []
+    remarks: list[Outcome] = []
+    done = 0
     for index, level in enumerate(levels):
         part = _part(grown, curves_share * index / len(levels), curves_share / len(levels))
         if branches and stop():
@@ -98,19 +99,21 @@ def continuation(
         traced = _trace(model, settings, level, budget, part)
         if not traced:
             break
-        outcomes.append(_outcome(model, traced, budget, level if len(levels) > 1 else None))
+        remarks += _remarks(model, traced, budget, level if len(levels) > 1 else None)
+        done += 1
         if model.second is not None:
             folds += follow_folds(model, traced, level, budget)
         branches += [_response(model, branch, level, stop) for branch in traced]
     if not branches:
         raise KeyboardInterrupt
-    outcome = _combined(outcomes)
     if isinstance(settings.method, HarmonicBalance):
-        outcome = _trusted(outcome, branches, settings.method.largest_error, model.followed)
+        remarks += _doubt(branches, settings.method.largest_error, model.followed.unit)
+    worst = next((remark for remark in remarks if not remark.complete), COMPLETE)
+    outcome = worst.but(*(remark for remark in remarks if remark is not worst))
     outcome = reduction_checked(balanced(outcome, branches, model.followed.unit), model.system.modes)
     overlay: dict[str, OverlayCurve] | None = {}
     interrupted = stop()
-    missing = [f"level {level:.4g} {scenario.level_unit}" for level in levels[len(outcomes) :]]
+    missing = [f"level {level:.4g} {scenario.level_unit}" for level in levels[done:]]
     if settings.overlay is not None:
         part = _part(grown, curves_share, SHARE_OF_OVERLAY)
         overlay = None if interrupted else swept_overlay(scenario, part, stop)
@@ -191,7 +194,7 @@ def _trace(
     return [with_points_at(piece, wanted)[0] for piece in pieces]
 
 
-def _outcome(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, level: float | None) -> Outcome:
+def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, level: float | None) -> list[Outcome]:
     """What was not reached and why, and where no stable motion was found."""
     f = model.followed
     first, last = f.inward(f.first), f.inward(f.last)
@@ -224,7 +227,7 @@ def _outcome(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
         bands.append((a, b))
     if bands:
         parts.append(Outcome.of(OutcomeKind.NOTED, NO_STABLE_MOTION, "no stable motion was found", at=ranges(bands)))
-    return _combined([part.but(within=within) for part in parts])
+    return [part.but(within=within) for part in parts]
 
 
 def _left_out(model: ResponseModel, settings: Continuation, traced: list[OrbitBranch]) -> Iterator[Outcome]:
@@ -251,29 +254,18 @@ def _stable_stretches(traced: list[OrbitBranch]) -> Iterator[tuple[float, float]
                 yield float(min(a, b)), float(max(a, b))
 
 
-def _combined(outcomes: Sequence[Outcome]) -> Outcome:
-    """The first that is not complete, else complete, with the others as remarks."""
-    remarks = [
-        part for outcome in outcomes for part in (outcome.parts if outcome.code == COMPLETE.code else (outcome,))
-    ]
-    worst = next((part for part in remarks if not part.complete), COMPLETE)
-    return worst.but(*(part for part in remarks if part is not worst))
-
-
-def _trusted(outcome: Outcome, branches: list[ResponseBranch], largest: float, f: FollowedParameter) -> Outcome:
-    """The outcome, with a word on neglected harmonics where they are worth more than allowed."""
+def _doubt(branches: list[ResponseBranch], largest: float, unit: str) -> Iterator[Outcome]:
+    """A word on neglected harmonics where they are worth more than allowed."""
     error = np.concatenate([b.neglected_harmonics for b in branches if b.neglected_harmonics is not None])
     worst = int(np.argmax(error))
-    if error[worst] <= largest:
-        return outcome
-    parameter = float(np.concatenate([b.parameter for b in branches])[worst])
-    doubt = Outcome.of(
-        OutcomeKind.UNTRUSTED, "harmonics_neglected",
-        f"the neglected harmonics amount to {100 * error[worst]:.3g} % of the motion (sweep.method.largest_error = "
-        f"{100 * largest:g} %)",
-        at=Where(parameter, f.unit), remedy="use more harmonics, or the shooting method",
-    )  # fmt: skip
-    return doubt.but(*outcome.parts) if outcome.code == COMPLETE.code else outcome.but(doubt)
+    if error[worst] > largest:
+        parameter = float(np.concatenate([b.parameter for b in branches])[worst])
+        yield Outcome.of(
+            OutcomeKind.UNTRUSTED, "harmonics_neglected",
+            f"the neglected harmonics amount to {100 * error[worst]:.3g} % of the motion (sweep.method.largest_error = "
+            f"{100 * largest:g} %)",
+            at=Where(parameter, unit), remedy="use more harmonics, or the shooting method",
+        )  # fmt: skip
 
 
 def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop = never) -> ResponseBranch:
@@ -402,8 +394,8 @@ def _summary(
         ],
         "without_stable_motion": [
             {"band": list(band), "level": part.within.value if isinstance(part.within, Where) else branches[0].level}
-            for part in (outcome, *outcome.parts)
-            if part.code == NO_STABLE_MOTION and part.place is not None
+            for part in outcome.all_of(NO_STABLE_MOTION)
+            if part.place is not None
             for band in part.place.value
         ],
         **_largest(model, branches),

@@ -3,12 +3,16 @@
 The main branch begins at the first value. Where it ends before the last (an isolated loop, a corner that the follower
 does not pass), another begins from a motion that a transient comes to where nothing is known yet: first at the far end,
 then in the middle of the longest stretch that is left. A branch that runs into a known one ends there.
+
+Motions that transients from rest do not come to are sought in two ways: by transients from states that reach the
+contacts, and by following motions down in level from one at which contact exists.
 """
 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -16,9 +20,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from beamsim.analyses.continuation.tracers import Tracer
 from beamsim.contacts.friction import drops
 from beamsim.contacts.hardening import ELASTIC, LOADING
+from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.outcomes import Stop, never, until
 from beamsim.orbits.branch import (
     INTERRUPTED,
     POINT_LIMIT,
@@ -32,18 +37,127 @@ from beamsim.orbits.branch import (
 from beamsim.orbits.continuation import NOT_SMOOTH, STEP_TOO_SMALL, Branch, Settings, interpolated
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, Where, both_directions, never, until
+from beamsim.orbits.continuation import (
+    NOT_SMOOTH,
+    STEP_TOO_SMALL,
+    Branch,
+    Settings,
+    at_parameter,
+    interpolated,
+    solve_at,
+)
+from beamsim.orbits.harmonic_balance import ForcedBalance
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess
+from beamsim.orbits.special_points import special_points
+from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
+from beamsim.typing import Floats
 
+RAISED = (3.0, 10.0, 30.0)  # levels at which a motion with contact is looked for, over that of the curve
+BEYOND_GAP = (1.5, 4.0)  # deflections that transients begin with, over those that reach the contact
+SETTINGS = Settings(iterations=25)
 BACK_TO_PERIOD = "back_to_period"
-
 Report = Callable[[float], None]
-SpecialBetween = Callable[[BranchPoint, BranchPoint, Settings, list[FailedSearch]], list[SpecialPoint]]
-
-MOST_BEGINNINGS = 12  # of branches that cover the range
 EXCURSION = 1.5  # how far beyond the first frequency or level, as a ratio, a branch may go
-SIDE_EXCURSION = 0.1  # the same for branches that leave others, as a share of the range
 COVERED = 1e-3  # of the range: stretches shorter than this count as covered
 COINCIDES = 2e-3  # distance from a known branch, against the motion, within which a motion belongs to it
-AT_END = 1e-9  # relative distance in the parameter at which a motion is beside the end of a branch
+
+
+@dataclass(frozen=True)
+class Tracer:
+    """Finds and follows the motions of a problem, by shooting or by harmonic balance.
+
+    Parameters
+    ----------
+    problem : along the parameter.
+    reach : values that a branch must not leave.
+    """
+
+    problem: ForcedOrbits | ForcedBalance
+    reach: tuple[float, float]
+
+    def begin(self, value: float, forward: float) -> BranchPoint | None:
+        """A motion at a value, its tangent pointing forward: a stable one if a transient reaches it."""
+        with suppress(ArithmeticError, np.linalg.LinAlgError):
+            if isinstance(self.problem, ForcedBalance):
+                return self.problem.first_motion(value, forward)
+            orbit = find_orbit(ForcedOrbits(self.problem.flow_at(value)[0]), stable=True)
+            if orbit is not None:
+                return solve_at(self.problem, np.append(orbit.u[:-1], value), SETTINGS, value, forward)
+        return None
+
+    def sought(self, value: float) -> Iterator[BranchPoint | None]:
+        """Motions at a value beside those that are followed, with repetitions; None where one was sought in vain.
+
+        Harmonic balance has them from shooting, and none with cubic springs.
+        """
+        if isinstance(self.problem, ForcedOrbits):
+            for state in periodic_states(self.problem.flow_at(value)[0]):
+                yield self._found(solve_at, self.problem, np.append(state, value), SETTINGS, value)
+        elif self.problem.cubic is None:
+            local, basis = self.problem.by_shooting(value)
+            flow, period = local.flow, 2 * np.pi * self.problem.multiple / local.omega
+            for state in periodic_states(flow, self.problem.multiple):
+                local.flow = flow
+                yield self._found(self.problem.from_passage, local, basis, flow.carry(state, period), value)
+
+    @staticmethod
+    def _found(find: Callable[..., BranchPoint | None], *of: Any) -> BranchPoint | None:
+        try:
+            return find(*of)
+        except (ArithmeticError, np.linalg.LinAlgError):
+            return None
+
+
+def _settled(local: ForcedOrbits, flow: PeriodicFlow, z: Floats, periods: int) -> tuple[Floats, BranchPoint | None]:
+    """A state after some periods, and the stable motion that it comes to."""
+    for _ in range(periods):
+        z = flow.carry(z, 2 * np.pi / local.omega).end
+    orbit = solve_at(local, np.append(z, local.value), SETTINGS, local.value)
+    return z, orbit if orbit is not None and local.orbit(orbit).stable else None
+
+
+def periodic_states(flow: PeriodicFlow, multiple: int = 1) -> Iterator[Floats]:
+    """States of periodic motions of a system, with repetitions: by transients, and down from higher levels."""
+    with suppress(ArithmeticError, np.linalg.LinAlgError):
+        yield from _from_beyond_gaps(ForcedOrbits(flow, multiple=multiple))
+    with suppress(ArithmeticError, np.linalg.LinAlgError):
+        yield from _followed_down(ForcedOrbits(flow, "level", multiple))
+
+
+def _from_beyond_gaps(local: ForcedOrbits) -> Iterator[Floats]:
+    """States that transients come to which begin beyond the contacts, to either side."""
+    flow = local.flow
+    linear = linear_guess(flow)
+    n = flow.system.size
+    springs = flow.system.contacts.split()  # one per breakpoint of a piecewise-linear law
+    for shape, gap in zip(springs.shape, springs.gap, strict=True):
+        reached = float(np.abs(shape @ linear[:n]))
+        if reached == 0.0:
+            continue
+        for factor in BEYOND_GAP:
+            for side in (1.0, -1.0):
+                z = linear * (side * factor * max(abs(float(gap)), reached) / reached)
+                _, orbit = _settled(local, flow, z, 80)
+                if orbit is not None:
+                    yield orbit.u[:-1]
+
+
+def _followed_down(problem: ForcedOrbits) -> Iterator[Floats]:
+    """States at the level of the problem, on branches that come down from levels at which contact exists."""
+    level = problem.level
+    for factor in RAISED:
+        high = factor * level
+        raised = ForcedOrbits(problem.flow.under(problem.omega, high), "level", problem.multiple)
+        start = find_orbit(raised, forward=-1.0)
+        if start is None or not start.data.signature:
+            continue
+        branch = Branch(raised, start, 0.2 * level, 2.0 * high, Settings(largest_step=0.2, most_points=150))
+        for a, b in pairwise(branch):
+            if (a.parameter - level) * (b.parameter - level) <= 0 and a.parameter != b.parameter:
+                point = at_parameter(raised, a, b, level, SETTINGS)
+                if point is not None:
+                    yield point.u[:-1]
+        return
 
 
 @dataclass
@@ -122,7 +236,7 @@ def reach_of(first: float, last: float, beyond: bool) -> tuple[float, float]:
 def side_reach(first: float, last: float, reach: tuple[float, float]) -> tuple[float, float]:
     """Where branches may go that begin beside the main ones: a little beyond the range, within the reach of these."""
     low, high = sorted((first, last))
-    beyond = SIDE_EXCURSION * (high - low)
+    beyond = 0.1 * (high - low)
     return max(low - beyond, reach[0]), min(high + beyond, reach[1])
 
 
@@ -180,7 +294,7 @@ def trace_range(
         grown(1.0 - sum(b - a for a, b in known) / (high - low))
 
     begin = first
-    for count in range(MOST_BEGINNINGS):
+    for count in range(12):
         tried.append(begin)
         start = tracer.begin(begin, last - first if count == 0 else first - last)
         if start is not None:
@@ -247,9 +361,8 @@ def follow(
         start = start.reversed()
     most = min(budget.branch_points, budget.left)
     limit = "sweep.most_branch_points" if most == budget.branch_points else "sweep.most_points"
-    return walk(
-        tracer.branch(start, Settings(most_points=most)), tracer.special, budget, limit, joining(known, tell=tell)
-    )
+    branch = Branch(tracer.problem, start, *tracer.reach, Settings(most_points=most))
+    return walk(branch, budget, joining(known, tell=tell), limit)
 
 
 def joining(
@@ -280,15 +393,18 @@ def joining(
 
 
 def walk(
-    branch: Branch,
-    special_between: SpecialBetween | None,
-    budget: Budget,
-    limit: str,
-    ends: Callable[[BranchPoint], Outcome | None],
-) -> OrbitBranch:
+    branch: Branch, budget: Budget, ends: Callable[[BranchPoint], Outcome | None], limit: str = "",
+    special_between: Callable[..., list[SpecialPoint]] | None = special_points,
+) -> OrbitBranch:  # fmt: skip
     """The points of a branch with the special ones among them, until it ends by itself, by a test or by the budget.
 
-    ``limit`` is the setting behind the branch's own number of points, empty where that is no setting.
+    Parameters
+    ----------
+    branch : to be followed.
+    budget : points and time that may be spent.
+    ends : the outcome with which a point ends the branch, if it does.
+    limit : the setting behind the branch's own number of points, empty where that is no setting.
+    special_between : what is looked for between neighbours, if anything.
     """
     points: list[BranchPoint] = []
     special: list[SpecialPoint] = []
@@ -301,7 +417,8 @@ def walk(
         if outcome is not None and outcome.code == BACK_TO_PERIOD:
             break
         if points and special_between is not None:
-            between = along(points[-1], point, special_between(points[-1], point, branch.settings, failed))
+            found = special_between(branch.problem, points[-1], point, branch.settings, failed)
+            between = along(points[-1], point, found)
             special += between
             points += [s.point for s in between]
         points.append(point)
@@ -334,7 +451,8 @@ def coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
     for branch in known:
         off = branch.values - p
         low, high = np.minimum(off[:-1], off[1:]), np.maximum(off[:-1], off[1:])
-        for i in np.flatnonzero((low <= AT_END * abs(p)) & (high >= -AT_END * abs(p)) & (low < high)):
+        # 1e-9: relative distance at which a motion is beside the end of a branch
+        for i in np.flatnonzero((low <= 1e-9 * abs(p)) & (high >= -1e-9 * abs(p)) & (low < high)):
             a, b = branch.points[int(i)], branch.points[int(i) + 1]
             between = a.u + np.clip(off[i] / (off[i] - off[i + 1]), 0.0, 1.0) * (b.u - a.u)
             away = float(np.linalg.norm(((between - point.u) / point.scale)[:-1]))
@@ -361,10 +479,6 @@ def joined(forward: OrbitBranch, back: OrbitBranch | None = None) -> OrbitBranch
     points = (*back.points[::-1][:-1], *forward.points)
     outcome, special = both_directions(back.outcome, forward.outcome), (*back.special[::-1], *forward.special)
     return replace(forward, points=points, outcome=outcome, special=special)
-
-
-_SAMPLES = 4000  # of a period
-_REACHES = 1e-3  # of the yield force: a motion that comes closer just reaches it
 
 
 def explained(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
@@ -396,7 +510,7 @@ def _just_yields(problem: ForcedOrbits, point: BranchPoint) -> bool:
     """Whether in an elastic motion the force of a stop that yields comes close to its yield force."""
     flow, passage = problem.cycle(point)
     contacts, n = flow.system.contacts, 2 * flow.system.size
-    times = np.linspace(0.0, passage.duration, _SAMPLES, endpoint=False)
+    times = np.linspace(0.0, passage.duration, 4000, endpoint=False)
     y = flow.states_at(passage, times)
     penetration = flow.penetration_of(y, times)[0]
     segment = np.searchsorted(passage.time, times, side="right") - 1
@@ -407,6 +521,7 @@ def _just_yields(problem: ForcedOrbits, point: BranchPoint) -> bool:
         (guard,) = (guard for guard in law.phases[ELASTIC].guards if guard.next == LOADING)
         slider = y[:, n + contacts.first[j]]
         left = guard.row.constant + guard.row.penetration * penetration[:, j] + guard.row.internal[0] * slider
-        if np.any(left[phases[:, j] == ELASTIC] < _REACHES * guard.row.constant):
+        # 1e-3: of the yield force: a motion that comes closer just reaches it
+        if np.any(left[phases[:, j] == ELASTIC] < 1e-3 * guard.row.constant):
             return True
     return False

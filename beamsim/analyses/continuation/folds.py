@@ -1,9 +1,21 @@
-"""Folds of a response followed in a second parameter: the border of the region with several motions."""
+"""Folds of a response followed in a second parameter: the border of the region with several motions.
+
+Unknowns are the state, the frequency and the second parameter. At a fold there comes, to the shooting equations
+:math:`R = 0`, :math:`g = 0` from the bordered system
+
+.. math:: \\begin{pmatrix} M - I & b \\\\ c^T & 0 \\end{pmatrix} \\begin{pmatrix} v \\\\ g \\end{pmatrix} =
+          \\begin{pmatrix} 0 \\\\ 1 \\end{pmatrix},
+
+which vanishes exactly where M has a multiplier 1 (W. Govaerts, *Numerical Methods for Bifurcations of Dynamical
+Equilibria*, 2000).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,18 +24,160 @@ from beamsim.analyses.continuation.branches import Budget, joined, walk
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import ResponseModel
 from beamsim.analyses.values import DISPLACEMENT
+from beamsim.flow.passage import ContactDirection, Frequency, Parameter, Passage
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
-from beamsim.orbits.continuation import Branch, Settings
-from beamsim.orbits.folds import start_of_curve
+from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.orbits.special_points import extremum
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 from beamsim.structures.assembly import snubber_site
+from beamsim.typing import Floats
 
+SecondParameter = Literal["level"] | Callable[[float], tuple[PeriodicFlow, ContactDirection]]
 SETTINGS = Settings(tolerance=1e-9, most_points=600)  # of one curve, in each direction
 CORNER = 1e-5  # relative distance in frequency within which a fold lies on a grazing
 SAME = 1e-6  # relative distance within which a fold lies on a curve that is known
 TOO_CLOSE = Outcome.of(OutcomeKind.STOPPED, "corner_too_close", "the fold is too close to a corner of the curve")
 BEYOND = 3.0  # how far the frequency may leave the range it was found in, as a ratio
+
+
+@dataclass
+class TwoParameterCurve:
+    """What curves in the frequency and a second parameter share; the unknowns are the shooting problem's (state,
+    omega) and the second parameter."""
+
+    orbits: ForcedOrbits  # in frequency
+    second: SecondParameter
+
+    def __post_init__(self) -> None:
+        self._along = ForcedOrbits(self.orbits.flow, self.second, self.orbits.multiple)
+        self._along.level = self.orbits.level
+
+    def flow_at(self, u: Floats) -> tuple[PeriodicFlow, tuple[Parameter, Parameter]]:
+        """The flow with both parameters set, and these."""
+        self._along.omega = float(u[-2])
+        if self._along.omega <= 0:
+            raise ArithmeticError("the frequency became negative")
+        flow, parameter = self._along.flow_at(float(u[-1]))
+        return flow, (Frequency(), parameter)
+
+    def shoot(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+        """The shooting residual (N,) with its Jacobian (N, N + 2), and the motion."""
+        flow, parameters = self.flow_at(u)
+        return self._along.shoot(flow, u[:-2], parameters)
+
+    def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
+        """Curves in two parameters are followed as if they had no corners."""
+        return True
+
+    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
+        """The flow at a point, and its motion over a period."""
+        return self.flow_at(point.u)[0], point.data
+
+    def scale(self, u: Floats) -> tuple[Floats, Floats]:
+        """As the shooting problem's; the further equation has the scale one."""
+        scale, residual = self.orbits.scale(u[:-1])
+        return np.append(scale, max(abs(u[-1]), 1e-12)), np.append(residual, 1.0)
+
+
+@dataclass
+class FoldCurve(TwoParameterCurve):
+    """Folds as a continuation problem."""
+
+    border: tuple[Floats, Floats]  # b and c, unit vectors in scaled unknowns
+
+    def _bordered(self, A: Floats, scale: Floats) -> tuple[float, Floats, Floats]:
+        """g, and the vectors of its derivative ``-w^T dA v`` in the unknowns' own units."""
+        b, c = self.border
+        s = scale[: A.shape[0]]
+        bordered = np.zeros((A.shape[0] + 1,) * 2)
+        bordered[:-1, :-1] = A * s / s[:, None]
+        bordered[:-1, -1], bordered[-1, :-1] = b, c
+        last = np.zeros(A.shape[0] + 1)
+        last[-1] = 1.0
+        right, left = np.linalg.solve(bordered, last), np.linalg.solve(bordered.T, last)
+        return float(right[-1]), left[:-1] / s, right[:-1] * s
+
+    def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+        """The shooting residual and g, with their Jacobian.
+
+        Second derivatives are symmetric, so that the whole row of g follows from how the first derivatives change along
+        the one direction v: a central difference of two passages, whatever the size of the model.
+        """
+        R, A, passage = self.shoot(u)
+        scale = self.scale(u)[0]
+        k = R.size
+        g, w, v = self._bordered(A[:, :k], scale)
+        # 1e-6: step along v, against the unknowns' scale
+        step = 1e-6 / float(np.linalg.norm(v / scale[:k]))
+        h = np.append(v * step, np.zeros(2))
+        change = self.shoot(u + h)[1] - self.shoot(u - h)[1]
+        return np.append(R, g), np.vstack([A, -w @ change / (2.0 * step)]), passage
+
+
+@dataclass
+class GrazingCurve(TwoParameterCurve):
+    """Motions that just touch a stop, as a continuation problem.
+
+    Where a stiff stop turns a response curve back, the fold lies on top of the grazing: the curve has a corner, or
+    nearly, and no smooth fold to follow. The border of the region with several motions is then the curve of grazings:
+    to the shooting equations comes that the penetration's extreme is zero. Its derivative is that of the penetration
+    at a fixed time, since the rate is zero at an extreme.
+    """
+
+    contact: int = 0
+    top: bool = True  # the penetration just reaches the border from below (else from above)
+    share: float = 0.0  # when in the period, near which the extreme is looked for
+    level: float = 0.0  # m, penetration at the border
+
+    def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+        """The shooting residual and the penetration's extreme, with their Jacobian."""
+        R, A, passage = self.shoot(u)
+        flow, parameters = self.flow_at(u)
+        height, time = extremum(flow, passage, self.contact, self.top, self.share * passage.duration, self.level)
+        if not np.isfinite(height):
+            raise ArithmeticError("the penetration has no extreme near the grazing")
+        self.share = time / passage.duration
+        touch = flow.carry(passage.start, time, parameters)
+        by_start, by_parameters = flow.penetration_derivative(touch, self.contact, parameters)
+        return np.append(R, height), np.vstack([A, np.append(by_start, by_parameters)]), passage
+
+    def scale(self, u: Floats) -> tuple[Floats, Floats]:
+        """As a curve of folds; the extreme against the motion."""
+        scale, residual = super().scale(u)
+        residual[-1] = scale[0]
+        return scale, residual
+
+
+def start_of_curve(
+    orbits: ForcedOrbits, at: SpecialPoint, second: SecondParameter, value: float, forward: float = 1.0
+) -> tuple[FoldCurve | GrazingCurve, BranchPoint] | None:
+    """The curve of folds, or of grazings, through one that was located, from its value of the second parameter on.
+
+    Parameters
+    ----------
+    orbits : shooting in frequency.
+    at : a fold on a branch of it; a grazing, or a nonsmooth fold, for a curve of grazings.
+    second : the second parameter.
+    value : of the second parameter on that branch.
+    forward : whether the curve begins to larger values (> 0) or smaller ones.
+
+    Returns
+    -------
+    The problem and its first point; None where Newton's method does not converge.
+    """
+    curve: FoldCurve | GrazingCurve
+    if at.kind == "fold":
+        scale = orbits.scale(at.point.u)[0][:-1]
+        A = orbits.monodromy(at.point) - np.eye(orbits.flow.size)
+        U, _, V = np.linalg.svd(A * scale / scale[:, None])
+        curve = FoldCurve(orbits, second, (U[:, -1], V[-1]))
+    else:
+        curve = GrazingCurve(orbits, second, at.contact, at.top, at.time / at.point.data.duration, at.level)
+    settings = Settings(tolerance=1e-9, iterations=12)
+    point = solve_at(curve, np.append(at.point.u, value), settings, value, forward)
+    return None if point is None else (curve, point)
 
 
 def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, budget: Budget) -> list[FoldBranch]:
@@ -117,7 +271,7 @@ def _curve(
             halves.append(OrbitBranch(None, (), close))
         else:
             curve, start = begun
-            halves.append(walk(Branch(curve, start, low, high, SETTINGS), None, budget, "", within))
+            halves.append(walk(Branch(curve, start, low, high, SETTINGS), budget, within, special_between=None))
     # what was followed comes first, so that its points are kept
     followed = joined(*sorted(halves, key=lambda half: not half.points))
     names = [p.name for p in model.system.probes]

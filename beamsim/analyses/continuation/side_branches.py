@@ -13,9 +13,8 @@ from beamsim.analyses.continuation.branches import (
     joining,
     walk,
 )
-from beamsim.analyses.continuation.tracers import Tracer
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
-from beamsim.orbits.continuation import Settings
+from beamsim.orbits.continuation import Branch, Settings
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.special_points import switch_at_branch_point, switch_at_period_doubling
 from beamsim.outcomes import Outcome, OutcomeKind
@@ -121,7 +120,6 @@ def _followed(
     """A branch until it returns: with its halves alike again, or on a known branch."""
     most = min(budget.side_points, share, budget.left)
     limit = "sweep.most_side_points" if most == budget.side_points else "sweep.most_points"
-    tracer = Tracer(problem, reach)
     last: Floats | None = None
 
     def halves_alike(point: BranchPoint) -> Outcome | None:
@@ -133,8 +131,8 @@ def _followed(
         last = unlike
         return None
 
-    return walk(tracer.branch(start, Settings(most_points=most)), tracer.special, budget, limit,
-                joining(known, leaves=True) if known else halves_alike)  # fmt: skip
+    ends = joining(known, leaves=True) if known else halves_alike
+    return walk(Branch(problem, start, *reach, Settings(most_points=most)), budget, ends, limit)
 
 
 def _unlike(problem: ForcedOrbits, point: BranchPoint) -> Floats:

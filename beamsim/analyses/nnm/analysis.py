@@ -12,7 +12,7 @@ import numpy as np
 from beamsim.analyses.branch import ModeBranch, SpecialPointResult
 from beamsim.analyses.continuation.refinement import Wanted, with_points_at
 from beamsim.analyses.doubts import forces_beyond_tables, reduction_checked
-from beamsim.analyses.nnm.full_period import FullPeriodBranches, follow_full_period
+from beamsim.analyses.nnm.full_period import difference, follow_full_period
 from beamsim.analyses.nnm.multiple_scales import (
     compare_expansion,
     exact_points,
@@ -27,8 +27,8 @@ from beamsim.analyses.nnm.result import (
     NormalModeResult,
     PhaseResonanceResult,
     RelaxedComparison,
+    nnm_summary,
 )
-from beamsim.analyses.nnm.summary import nnm_summary
 from beamsim.analyses.run.orbit_energy import balanced
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
@@ -108,7 +108,7 @@ def nnm(
     shown, point = _shown(branches)
     branch = branches[shown]
     state = np.concatenate([branch.coordinates[point], branch.coordinate_velocities[point]])
-    flow = work.orbit_branches[shown].points[point].data.flow
+    flow = (work.full_period or followed).every[shown].points[point].data.flow
     motion = orbit_motion(system, flow, state, 1.0 / float(branch.frequency_hz[point]))
     branches = (*branches[:shown], replace(branch, motion=motion), *branches[shown + 1 :])
     resonance = None
@@ -151,7 +151,7 @@ class _MethodResults:
 
     followed: ModeBranches
     processor_time_s: float  # of the exact motions
-    full_period: FullPeriodBranches | None = None
+    full_period: ModeBranches | None = None
     expansion: ExpansionComparison | None = None
     relaxed: RelaxedComparison | None = None
     relaxing: bool = False  # whether relaxed minimisation is the method and not a comparison
@@ -164,13 +164,6 @@ class _MethodResults:
             self.left_out.append(to)
             return False
         return True
-
-    @property
-    def orbit_branches(self) -> list[OrbitBranch]:
-        """The branches of the result as they were followed."""
-        if self.full_period is None:
-            return [self.followed.backbone, *self.followed.tongues]
-        return [self.full_period.backbone, *self.followed.tongues, *self.full_period.non_brake]
 
 
 def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
@@ -217,6 +210,8 @@ def _followed(
     work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
     if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting", stop):
         work.full_period = follow_full_period(job, work.followed, solver, progress, stop)
+        if solver.branches and work.full_period.backbone.outcome.complete:
+            work.goes_on("the end of the search for non-brake orbits", stop)
     work.processor_time_s = clock.process_time() - begin
     if relaxing is not None and work.goes_on("relaxed minimisation", stop):
         work.relaxed = compare_relaxed(
@@ -326,11 +321,13 @@ def _branches(
     of_backbone: dict[str, Any] = {"special": special}
     if full is not None:
         breakings = (
-            SpecialPointResult("symmetry_breaking", job.shown(b.point.parameter), 1.0 / brake.split(b.point.u)[1])
-            for b in full.breakings
+            SpecialPointResult("symmetry_breaking", job.shown(at.parameter), 1.0 / brake.split(at.u)[1])
+            for at in full.breakings
         )
-        of_backbone = {"special": (*special, *breakings), "half_period_difference": full.differences}
-    backbone, *others = work.orbit_branches
+        pairs = zip(full.backbone.points, work.followed.backbone.points, strict=False)
+        differences = np.array([difference(full.backbone.problem, *pair) for pair in pairs])
+        of_backbone = {"special": (*special, *breakings), "half_period_difference": differences}
+    backbone, *others = (full or work.followed).every
     return (
         branch_result(system, job, brake, backbone, **of_backbone),
         *(branch_result(system, job, brake, branch) for branch in others),
@@ -349,7 +346,7 @@ def _outcome(work: _MethodResults, resonance: PhaseResonanceResult | None) -> Ou
     """How the first of the methods that did not end well ended; or the shares of energy at the backbone's end."""
     ends = [work.followed.backbone.outcome]
     if work.full_period is not None:
-        ends.append(work.full_period.outcome)
+        ends.append(work.full_period.backbone.outcome)
     if work.relaxed is not None and (work.relaxing or work.relaxed.outcome.interrupted):
         ends.append(work.relaxed.outcome)
     if resonance is not None:

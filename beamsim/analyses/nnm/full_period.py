@@ -25,6 +25,7 @@ from beamsim.orbits.continuation import Branch, Settings, locate, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import beside
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, until
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario.sweep import FullPeriodMethod
 from beamsim.typing import Floats
 
@@ -214,31 +215,13 @@ def difference(orbits: FreeOrbits, point: BranchPoint, brake_point: BranchPoint)
     return max(float(np.linalg.norm(state / orbits.scale(point.u)[0][: 2 * n])), period)
 
 
-@dataclass(frozen=True)
-class FullPeriodBranches:
-    """A backbone over the whole period and what leaves it."""
-
-    backbone: OrbitBranch
-    differences: Floats  # (np,) relative, from half-period shooting
-    breakings: list[SymmetryBreaking]  # along the backbone and its tongues
-    non_brake: list[OrbitBranch]
-    unfinished: bool  # whether it was time to end before all of them were followed
-
-    @property
-    def outcome(self) -> Outcome:
-        """How all of it ended."""
-        if self.backbone.outcome.complete and self.unfinished:
-            return interruption("during the search for non-brake orbits")
-        return self.backbone.outcome
-
-
 def follow_full_period(
     job: ModePath,
     branches: ModeBranches,
     settings: FullPeriodMethod,
     report: Report = None,
     stop: Stop = never,
-) -> FullPeriodBranches:
+) -> ModeBranches:
     """Follow a half-period backbone again over the whole period, and the non-brake orbits that branch off."""
     points = branches.backbone.points
     gaps = {p.parameter for p in points if any(job.shown(p.parameter) == j.start for j in branches.jumps)}
@@ -258,10 +241,8 @@ def follow_full_period(
         if branch.points:
             non_brake.append(replace(branch, outcome=job.ended(branch.outcome, branch.points[-1])))
     backbone = replace(backbone, outcome=job.ended(backbone.outcome, backbone.points[-1]))
-    differences = [difference(backbone.problem, *pair) for pair in zip(backbone.points, points, strict=False)]
-    return FullPeriodBranches(
-        backbone, np.array(differences), breakings, non_brake, bool(settings.branches and stop())
-    )  # fmt: skip
+    left_at = tuple(origin.point for origin in breakings)
+    return replace(branches, backbone=backbone, non_brake=tuple(non_brake), breakings=left_at)
 
 
 def _breakings(branches: ModeBranches, gaps: set[float]) -> list[SymmetryBreaking]:

@@ -45,6 +45,13 @@ class ModeBranches:
     backbone: OrbitBranch
     tongues: tuple[OrbitBranch, ...] = ()
     jumps: tuple[BranchJump, ...] = ()
+    non_brake: tuple[OrbitBranch, ...] = ()  # by full-period shooting
+    breakings: tuple[BranchPoint, ...] = ()  # brake orbits from which these leave, along the backbone and its tongues
+
+    @property
+    def every(self) -> tuple[OrbitBranch, ...]:
+        """The backbone first."""
+        return (self.backbone, *self.tongues, *self.non_brake)
 
     @property
     def problem(self) -> BrakeOrbits:
