@@ -208,10 +208,6 @@ class HarmonicMotion:
     deflections: Complexes  # (H + 1, r) of the springs, one-sided ones first
     forces: Complexes  # (H + 1, r) their forces on the structure
     closed: tuple[Floats, ...]  # (c, 2) of every one-sided spring, the phases during which it is closed, rad
-    tangent: Complexes  # (r, 2H + 1) two-sided coefficients of the contact's indicator, or of a cubic spring's 3 w²
-    springs: Contacts  # (m,) the one-sided springs
-    owner: Ints  # (m,) contact that each is a part of
-    direction: Floats  # (m,) of its force in that of the contact
 
     @cached_property
     def coordinates(self) -> Complexes:
@@ -229,7 +225,7 @@ class HarmonicMotion:
     def phases(self) -> Ints:
         """(G, m) phases of the springs between the edges, 1 where one is closed."""
         middle = 0.5 * self.fundamental * (self.edges[1:] + self.edges[:-1])
-        closed = np.zeros((middle.size, self.springs.count), dtype=np.int64)
+        closed = np.zeros((middle.size, len(self.closed)), dtype=np.int64)
         for j, phases in enumerate(self.closed):
             for begin, end in phases:
                 closed[:, j] |= (middle - begin) % (2 * np.pi) < end - begin
@@ -252,84 +248,6 @@ class HarmonicMotion:
         return np.hstack([(e @ self.coordinates).real, (e @ (iw[:, None] * self.coordinates)).real])
 
 
-@dataclass(frozen=True)
-class Truncation:
-    """Error by the neglected harmonics, relative to the motion."""
-
-    neglected: float  # norm of the harmonics above H, by one Newton step with twice as many, against the motion's
-    retained: float  # the same of the change in harmonics 0 … H
-
-    @property
-    def error(self) -> float:
-        """Both together."""
-        return float(np.hypot(self.neglected, self.retained))
-
-
-@dataclass
-class _Forces:
-    """Forces of the springs, for a factor of one, and their derivatives."""
-
-    value: Complexes  # (H + 1, r)
-    by_deflection: Complexes  # (r, H + 1, 2H + 1) of spring j by its own real coefficients
-    by_base: Complexes  # (H + 1, r) by a parameter, through the base's motion
-    by_rate: Complexes  # (H + 1, r) by the fundamental frequency, at given harmonics
-    tangent: Complexes  # (r, 2H + 1)
-    closed: tuple[Floats, ...]
-
-
-class _Springs:
-    """One-sided and cubic springs behind one condensed structure."""
-
-    def __init__(self, system: PiecewiseLinearSystem, cubic_springs: CubicSprings | None, typical: float) -> None:
-        if not system.contacts.one_sided:
-            raise MethodError(
-                "contacts", "whose laws have internal states (a dashpot that never pulls, Maxwell branches, friction, "
-                "hardening) are beyond harmonic balance", "use shooting, or leave these out",
-            )  # fmt: skip
-        c = system.contacts.one_sided_parts()
-        self.owner, self.direction = system.contacts.owners_of_parts
-        self.rows = c.shape if cubic_springs is None else np.vstack([c.shape, cubic_springs.shape])
-        if self.rows.shape[0] == 0:
-            raise MethodError("", "harmonic balance needs a contact or a nonlinear spring", "it is linear without one")
-        self.system = replace(system, contacts=c)
-        self.cubic = np.zeros(0) if cubic_springs is None else cubic_springs.stiffness
-        self.felt = np.zeros(0) if cubic_springs is None else cubic_springs.felt
-        self.structure = Condensation(system.stiffness, system.damping, self.rows, typical)
-        self.count = self.rows.shape[0]
-
-    def forces(self, W: Complexes, omega: float, base: Complexes, base_slope: Complexes) -> _Forces:
-        """Forces at deflections W (H + 1, r) over a base motion (H + 1,), given with its derivative by a parameter."""
-        c, H = self.system.contacts, W.shape[0] - 1
-        value, by_base, by_rate = (np.zeros((H + 1, self.count), dtype=complex) for _ in range(3))
-        by_x = np.zeros((self.count, H + 1, 2 * H + 1), dtype=complex)
-        tangent = np.zeros((self.count, 2 * H + 1), dtype=complex)
-        h = np.arange(H + 1)
-        closed = []
-        for j in range(c.count):
-            s = float(c.sign[j])
-            D = -s * (W[:, j] + c.felt[j] * base)
-            D[0] = D[0].real - c.gap[j]
-            contact = one_sided(D)
-            closed.append(contact.closed)
-            tangent[j] = contact.chi
-            # k delta_+ + c (delta_+)': the force of Kelvin and Voigt while closed
-            rate = c.stiffness[j] + 1j * h * omega * c.dashpot[j]
-            value[:, j] = s * rate * contact.positive
-            by_x[j] = -rate[:, None] * toeplitz(contact.chi, H, H)
-            by_rate[:, j] = s * 1j * h * c.dashpot[j] * contact.positive
-            by_base[:, j] = c.felt[j] * (by_x[j] @ to_real(base_slope))
-        for i, k in enumerate(self.cubic):
-            j = c.count + i
-            absolute = W[:, j] + self.felt[i] * base
-            absolute[0] = absolute[0].real
-            third, slope = cubic(absolute)
-            tangent[j] = slope
-            by_x[j] = -k * toeplitz(slope, H, H)
-            value[:, j] = -k * third
-            by_base[:, j] = self.felt[i] * (by_x[j] @ to_real(base_slope))
-        return _Forces(value, by_x, by_base, by_rate, tangent, tuple(closed))
-
-
 def _rows_real(R: Complexes) -> Floats:
     """((2H + 1) r,) real equations, harmonic by harmonic."""
     return to_real(R).ravel()
@@ -340,26 +258,15 @@ def _times(matrices: Complexes, vectors: Complexes) -> Complexes:
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 
 
-def _residual(W: Complexes, receptances: Receptances, total: Complexes) -> Floats:
-    """Of the deflections, with ``total = force + S W``."""
-    return _rows_real(W - receptances.response - _times(receptances.receptance, total))
-
-
-def _with_shifts(by_x: Complexes, S: Complexes) -> Complexes:
-    """Derivative of ``force + S W`` by the real coefficients, from that of the force."""
-    M = by_x.copy()
-    k = np.arange(1, by_x.shape[1])
-    M[:, 0, 0] += S[0]
-    M[:, k, 2 * k - 1] += S[1:].T
-    M[:, k, 2 * k] += 1j * S[1:].T
-    return M
-
-
 def _jacobian(receptances: Receptances, S: Complexes, by_x: Complexes) -> Floats:
-    """((2H+1) r, (2H+1) r) derivative of the residual by the real coefficients."""
+    """((2H+1) r, (2H+1) r) derivative of the residual by the real coefficients, from that of the forces."""
     r, hs, xs = by_x.shape
     k, i = np.arange(1, hs), np.arange(r)
-    J = -np.einsum("hij,jhx->hixj", receptances.receptance, _with_shifts(by_x, S))
+    by_total = by_x.copy()  # of force + S W
+    by_total[:, 0, 0] += S[0]
+    by_total[:, k, 2 * k - 1] += S[1:].T
+    by_total[:, k, 2 * k] += 1j * S[1:].T
+    J = -np.einsum("hij,jhx->hixj", receptances.receptance, by_total)
     J[0, i, 0, i] += 1.0
     J[k[:, None], i, 2 * k[:, None] - 1, i] += 1.0
     J[k[:, None], i, 2 * k[:, None], i] += 1j
@@ -394,7 +301,9 @@ class ForcedBalance:
     multiple: int = 1
     cubic: CubicSprings | None = None
     bifurcates: ClassVar[bool] = True
-    _springs: _Springs = field(init=False, repr=False)
+    rows: Floats = field(init=False, repr=False)  # (r, n) where the springs act, one-sided ones first
+    _structure: Condensation = field(init=False, repr=False)
+    _stops: Contacts = field(init=False, repr=False)  # the one-sided springs
     _reduced: tuple[float, ForcedOrbits, Floats] | None = field(default=None, init=False, repr=False)
     _spectra: MutableMapping[HarmonicMotion, Complexes] = field(
         default_factory=WeakKeyDictionary, init=False, repr=False
@@ -406,12 +315,16 @@ class ForcedBalance:
             raise MethodError(
                 "harmonics", f"= {self.harmonics} does not reach the excitation's {least}", f"use {least} or more"
             )
-        self._springs = _Springs(self.system, self.cubic, self.omega)
-
-    @property
-    def rows(self) -> Floats:
-        """(r, n) where the springs act, one-sided ones first."""
-        return self._springs.rows
+        if not self.system.contacts.one_sided:
+            raise MethodError(
+                "contacts", "whose laws have internal states (a dashpot that never pulls, Maxwell branches, friction, "
+                "hardening) are beyond harmonic balance", "use shooting, or leave these out",
+            )  # fmt: skip
+        self._stops = self.system.contacts.one_sided_parts()
+        self.rows = self._stops.shape if self.cubic is None else np.vstack([self._stops.shape, self.cubic.shape])
+        if self.rows.shape[0] == 0:
+            raise MethodError("", "harmonic balance needs a contact or a nonlinear spring", "it is linear without one")
+        self._structure = Condensation(self.system.stiffness, self.system.damping, self.rows, self.omega)
 
     def at(self, value: float) -> tuple[float, float]:
         """Excitation frequency, rad/s, and level at a value of the parameter."""
@@ -434,29 +347,68 @@ class ForcedBalance:
         omega, level = self.at(float(u[-1]))
         if not (np.isfinite(omega) and omega > 0):
             raise ArithmeticError("the frequency became negative")
-        W = to_complex(u[:-1].reshape(-1, self._springs.count))
+        W = to_complex(u[:-1].reshape(-1, self.rows.shape[0]))
         F, d, dF, dd = self._loads(omega, level)
         w, nu = omega / self.multiple, self.multiple
-        structure = self._springs.structure
-        S = structure.shifts(self.harmonics)
-        receptances = structure.at(w, F, nu * dF)  # derivatives by the fundamental frequency: nu times those by omega
-        forces = self._springs.forces(W, w, d, dd)
-        total = forces.value + S * W
+        S = self._structure.shifts(self.harmonics)
+        # derivatives by the fundamental frequency: nu times those by omega
+        receptances = self._structure.at(w, F, nu * dF)
+        force, by_deflection, by_base, by_rate, closed = self._forces(W, w, d, dd)
+        total = force + S * W
         J = np.empty((u.size - 1, u.size))
-        J[:, :-1] = _jacobian(receptances, S, forces.by_deflection)
-        slope = _times(receptances.receptance, forces.by_base)
+        J[:, :-1] = _jacobian(receptances, S, by_deflection)
+        slope = _times(receptances.receptance, by_base)
         if self.parameter == "frequency":
             slope += (receptances.response_slope + _times(receptances.receptance_slope, total)) / nu
-            slope += _times(receptances.receptance, forces.by_rate) / nu
+            slope += _times(receptances.receptance, by_rate) / nu
         else:
-            slope += structure.at(w, dF, np.zeros_like(dF)).response
+            slope += self._structure.at(w, dF, np.zeros_like(dF)).response
         J[:, -1] = -_rows_real(slope)
-        springs = self._springs
-        motion = HarmonicMotion(
-            w, structure, F, W, forces.value, forces.closed, forces.tangent, springs.system.contacts, springs.owner,
-            springs.direction,
-        )  # fmt: skip
-        return _residual(W, receptances, total), J, motion
+        R = _rows_real(W - receptances.response - _times(receptances.receptance, total))
+        return R, J, HarmonicMotion(w, self._structure, F, W, force, closed)
+
+    def _forces(
+        self, W: Complexes, omega: float, base: Complexes, base_slope: Complexes
+    ) -> tuple[Complexes, Complexes, Complexes, Complexes, tuple[Floats, ...]]:
+        """Forces of the springs and their derivatives.
+
+        Parameters
+        ----------
+        W : (H + 1, r) deflections.
+        omega : rad/s, fundamental frequency.
+        base, base_slope : (H + 1,) motion of the base, and its derivative by a parameter.
+
+        Returns
+        -------
+        The forces (H + 1, r); their derivatives by a spring's own real coefficients (r, H + 1, 2H + 1), by the
+        parameter through the base's motion, and by the fundamental frequency (H + 1, r) each; the phases during which
+        each one-sided spring is closed.
+        """
+        c, H, count = self._stops, W.shape[0] - 1, self.rows.shape[0]
+        value, by_base, by_rate = (np.zeros((H + 1, count), dtype=complex) for _ in range(3))
+        by_x = np.zeros((count, H + 1, 2 * H + 1), dtype=complex)
+        h = np.arange(H + 1)
+        felt = c.felt if self.cubic is None else np.append(c.felt, self.cubic.felt)
+        absolute = W + np.multiply.outer(base, felt)
+        absolute[0] = absolute[0].real
+        closed = []
+        for j in range(c.count):
+            s = float(c.sign[j])
+            D = -s * absolute[:, j]
+            D[0] -= c.gap[j]
+            contact = one_sided(D)
+            closed.append(contact.closed)
+            # k delta_+ + c (delta_+)': the force of Kelvin and Voigt while closed
+            rate = c.stiffness[j] + 1j * h * omega * c.dashpot[j]
+            value[:, j] = s * rate * contact.positive
+            by_x[j] = -rate[:, None] * toeplitz(contact.chi, H, H)
+            by_rate[:, j] = s * 1j * h * c.dashpot[j] * contact.positive
+        for j, k in enumerate([] if self.cubic is None else self.cubic.stiffness, c.count):
+            third, slope = cubic(absolute[:, j])
+            by_x[j] = -k * toeplitz(slope, H, H)
+            value[:, j] = -k * third
+        by_base[:] = felt * (by_x @ to_real(base_slope)).T
+        return value, by_x, by_base, by_rate, tuple(closed)
 
     def flow_at(self, value: float) -> SmoothFlow:
         """The flow of the same structure at a value of the parameter, each spring a contact of its own."""
@@ -466,7 +418,7 @@ class ForcedBalance:
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Deflections by the size of each spring's motion, or its gap."""
-        size = _sizes(u[:-1].reshape(-1, self._springs.count), self._springs.system.contacts.gap)
+        size = _sizes(u[:-1].reshape(-1, self.rows.shape[0]), self._stops.gap)
         omega = abs(self.omega) if self.parameter == "frequency" else max(abs(float(u[-1])), 1e-12)
         return np.append(size, omega), size
 
@@ -474,7 +426,7 @@ class ForcedBalance:
         """Unknowns of the response with every spring open."""
         omega, level = self.at(value)
         F = self._loads(omega, level)[0]
-        r, structure = self._springs.count, self._springs.structure
+        r, structure = self.rows.shape[0], self._structure
         receptances = structure.at(omega / self.multiple, F, np.zeros_like(F))
         S = structure.shifts(self.harmonics)
         # R = 0 without forces
@@ -482,10 +434,6 @@ class ForcedBalance:
             np.linalg.pinv(np.eye(r) - receptances.receptance * S[:, None, :], rcond=1e-12), dtype=complex
         )
         return np.append(_rows_real(_times(inverse, receptances.response)), value)
-
-    def guess(self, coordinates: Floats, value: float) -> Floats:
-        """Unknowns of a motion known at N equidistant times of a period, (N, n) coordinates."""
-        return np.append(_rows_real(_harmonics(coordinates @ self.rows.T, self.harmonics)), value)
 
     def multipliers(self, point: BranchPoint) -> Complexes:
         """Floquet multipliers, the largest first; computed once for each motion."""
@@ -542,18 +490,14 @@ class ForcedBalance:
         -------
         The motion; None where none is found.
         """
-        settings = Settings(iterations=20)
-        if self.cubic is not None and self.cubic.count:
-            return solve_at(self, self.linear_guess(value), settings, value, forward)
-        local, basis = self.by_shooting(value)
-        orbit = None
-        with suppress(ArithmeticError):
-            orbit = find_orbit(local, stable=True)
-        if orbit is not None:
-            point = self.from_passage(local, basis, orbit.data, value, forward)
-            if point is not None:
-                return point
-        return solve_at(self, self.linear_guess(value), settings, value, forward)
+        if self.cubic is None or not self.cubic.count:
+            with suppress(ArithmeticError):
+                local, basis = self.by_shooting(value)
+                orbit = find_orbit(local, stable=True)
+                point = None if orbit is None else self.from_passage(local, basis, orbit.data, value, forward)
+                if point is not None:
+                    return point
+        return solve_at(self, self.linear_guess(value), Settings(iterations=20), value, forward)
 
     def by_shooting(self, value: float) -> tuple[ForcedOrbits, Floats]:
         """The shooting problem of the reduced structure at a value, and its coordinates in the given ones."""
@@ -578,7 +522,9 @@ class ForcedBalance:
         """
         times = np.linspace(0.0, passage.duration, 8 * self.harmonics, endpoint=False)
         q = local.flow.states_at(passage, times)[:, : local.flow.system.size]
-        return solve_at(self, self.guess(q @ basis.T, value), Settings(iterations=20), value, forward)
+        W = np.fft.rfft(q @ (self.rows @ basis).T, axis=0)[: self.harmonics + 1] * (2.0 / times.size)
+        W[0] *= 0.5
+        return solve_at(self, np.append(_rows_real(W), value), Settings(iterations=20), value, forward)
 
     def orbit(self, point: BranchPoint) -> Orbit:
         """What a converged point means."""
@@ -600,14 +546,6 @@ def _sizes(x: Floats, clearances: Floats) -> Floats:
     return np.asarray(np.broadcast_to(np.maximum(size, 1e-30), x.shape)).ravel()
 
 
-def _harmonics(samples: Floats, highest: int) -> Complexes:
-    """(H + 1, r) harmonics of equidistant samples (N, r) over a period."""
-    count = samples.shape[0]
-    spectrum = np.fft.rfft(samples, axis=0) * (2.0 / count)
-    spectrum[0] *= 0.5
-    return resampled(spectrum[: (count + 1) // 2], highest)
-
-
 def resampled(W: Complexes, highest: int) -> Complexes:
     """The same motion with harmonics 0 … ``highest``: cut, or filled up with zeros."""
     out = np.zeros((highest + 1, *W.shape[1:]), dtype=complex)
@@ -616,32 +554,26 @@ def resampled(W: Complexes, highest: int) -> Complexes:
     return out
 
 
-def truncation(
-    problem: ForcedBalance, point: BranchPoint, more: int | None = None, *, across: bool = False
-) -> Truncation:
-    """Error by the neglected harmonics, estimated by one Newton step with ``more`` (default 2 H + 1) harmonics.
+def truncation(problem: ForcedBalance, point: BranchPoint, *, across: bool = False) -> float:
+    """Error by the neglected harmonics relative to the motion, by one Newton step with 2 H + 1 harmonics.
 
     The parameter is fixed, or with ``across`` the step is taken across the branch: at a fold, whose parameter moves,
-    only that has a meaning.
-
-    The step is the error of the deflections at the springs up to terms of second order, the harmonics beyond ``more``
-    excepted.
+    only that has a meaning. The step is the error of the deflections at the springs up to terms of second order, the
+    harmonics beyond 2 H + 1 excepted.
 
     Parameters
     ----------
     problem : the balance.
     point : a motion of it.
-    more : harmonics.
     across : see above.
 
     Returns
     -------
-    The errors, relative to the motion.
+    The norm of the neglected harmonics and of the change in the others, over that of the motion.
     """
-    larger = replace(problem, harmonics=2 * problem.harmonics + 1 if more is None else more)
+    larger = replace(problem, harmonics=2 * problem.harmonics + 1)
     motion: HarmonicMotion = point.data
-    W = resampled(motion.deflections, larger.harmonics)
-    u = np.append(_rows_real(W), point.parameter)
+    u = np.append(_rows_real(resampled(motion.deflections, larger.harmonics)), point.parameter)
     R, J, _ = larger.residual(u)
     row = np.zeros(u.size)
     row[-1] = 1.0
@@ -649,7 +581,5 @@ def truncation(
         tangent, row = point.tangent * point.scale, row * point.tangent[-1] * point.scale[-1]
         row[: tangent.size - 1] = tangent[:-1]
     scale = larger.scale(u)[0]
-    step = (newton_step(J * scale, row / scale, R, 0.0) * scale)[:-1]
-    size = float(np.linalg.norm(u[:-1]))
-    cut = (2 * problem.harmonics + 1) * W.shape[1]
-    return Truncation(float(np.linalg.norm(step[cut:])) / size, float(np.linalg.norm(step[:cut])) / size)
+    step = newton_step(J * scale, row / scale, R, 0.0) * scale
+    return float(np.linalg.norm(step[:-1]) / np.linalg.norm(u[:-1]))

@@ -329,7 +329,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
 def _neglected(problem: ForcedBalance, point: BranchPoint) -> float:
     """What the neglected harmonics are worth, against the motion."""
     try:
-        return truncation(problem, point, across=True).error
+        return truncation(problem, point, across=True)
     except (ArithmeticError, np.linalg.LinAlgError):
         return np.inf
 
