@@ -168,11 +168,6 @@ class BranchResult:
         along=(*_POINT, Counter("internal_state", "number of the internal state")),
     )  # fmt: skip
 
-    @property
-    def status(self) -> str:
-        """How the branch ended, as text."""
-        return self.outcome.text
-
 
 @declared(kw_only=True)
 class FoldBranch(BranchResult):

@@ -412,7 +412,7 @@ def _summary(
                 "largest_parameter": float(c.parameter.max(initial=-np.inf)),
                 "smallest_hz": float(c.frequency_hz.min(initial=np.inf)),
                 "largest_hz": float(c.frequency_hz.max(initial=-np.inf)),
-                "status": c.status,
+                "status": c.outcome.text,
             }
             for c in folds
         ]

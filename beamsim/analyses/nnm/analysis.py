@@ -23,6 +23,7 @@ from beamsim.analyses.nnm.paths import ModeBranches, ModePath, alike, mode_path
 from beamsim.analyses.nnm.phase_resonance import hold_mode
 from beamsim.analyses.nnm.relaxed import compare_relaxed
 from beamsim.analyses.nnm.result import (
+    BranchJump,
     ExpansionComparison,
     NormalModeResult,
     PhaseResonanceResult,
@@ -125,7 +126,7 @@ def nnm(
         method=scenario.nnm.method.kind,
         outcome=outcome,
         branches=branches,
-        jumps=followed.jumps,
+        jumps=tuple(BranchJump(job.shown(j.start), job.shown(j.end), j.mode + 1, j.ratio) for j in followed.jumps),
         stations=system.stations,
         linear_shape=mode_shape(system.deflection, followed.problem.vectors[:, job.mode], motion.at_rest[0]),
         motion_branch=shown,
@@ -205,7 +206,7 @@ def _followed(
         relaxing = solver
     elif "relaxed_minimisation" in compare:
         relaxing = RelaxedMinimisationMethod()
-    followed, requested = _with_points(scenario, job, job.follow(progress, stop))
+    followed, requested = _with_points(scenario, job.follow(progress, stop))
     work = _MethodResults(followed, 0.0, requested=requested)
     work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
     if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting", stop):
@@ -223,16 +224,12 @@ def _followed(
     return work
 
 
-def _with_points(
-    scenario: Scenario, job: ModePath, followed: ModeBranches
-) -> tuple[ModeBranches, list[RequestedPoint]]:
+def _with_points(scenario: Scenario, followed: ModeBranches) -> tuple[ModeBranches, list[RequestedPoint]]:
     """The branches with points at the energies and frequencies asked for; the outcome names what none passes."""
     settings = scenario.nnm
     assert settings is not None
     if not (settings.energies or settings.frequencies):
         return followed, []
-    inside = {jump.start for jump in followed.jumps}
-    gaps = {p.parameter for p in followed.backbone.points if job.shown(p.parameter) in inside}
     problem = followed.problem
     numbers: dict[str, Callable[[BranchPoint], float]] = {
         "energy": lambda p: float(p.data.energy), "frequency": lambda p: 1.0 / problem.split(p.u)[1],
@@ -246,7 +243,7 @@ def _with_points(
     branches: list[OrbitBranch] = []
     requested: list[RequestedPoint] = []
     for index, branch in enumerate((followed.backbone, *followed.tongues)):
-        more, passed = with_points_at(branch, wanted, gaps if index == 0 else ())
+        more, passed = with_points_at(branch, wanted, followed.gaps if index == 0 else ())
         branches.append(more)
         requested += [(index, each, point) for each, point in passed]
     outcome = branches[0].outcome

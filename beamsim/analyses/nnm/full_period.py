@@ -224,11 +224,10 @@ def follow_full_period(
 ) -> ModeBranches:
     """Follow a half-period backbone again over the whole period, and the non-brake orbits that branch off."""
     points = branches.backbone.points
-    gaps = {p.parameter for p in points if any(job.shown(p.parameter) == j.start for j in branches.jumps)}
-    backbone = over_full_period(branches.problem, points, gaps, report, stop)
+    backbone = over_full_period(branches.problem, points, branches.gaps, report, stop)
     if not backbone.points:
         raise NotTrustedError(f"full-period shooting found no motion to start from: {backbone.outcome}")
-    breakings = list(until(_breakings(branches, gaps), stop)) if settings.branches and not stop() else []
+    breakings = list(until(_breakings(branches), stop)) if settings.branches and not stop() else []
     reach = min(points[0].parameter, points[-1].parameter), max(points[0].parameter, points[-1].parameter)
     non_brake: list[OrbitBranch] = []
     steps = Settings(step=FIRST_STEP, largest_step=LARGEST_STEP, most_points=settings.points)
@@ -245,10 +244,10 @@ def follow_full_period(
     return replace(branches, backbone=backbone, non_brake=tuple(non_brake), breakings=left_at)
 
 
-def _breakings(branches: ModeBranches, gaps: set[float]) -> list[SymmetryBreaking]:
+def _breakings(branches: ModeBranches) -> list[SymmetryBreaking]:
     """Along the backbone, its tongues, and the ways back into a tongue from beyond a jump; each once."""
     orbits, breakings = branches.problem, list[SymmetryBreaking]()
-    for points in _paths(branches, gaps):
+    for points in _paths(branches):
         for a, b in pairwise(points):
             origin = breaking_between(orbits, a, b, Settings())
             if origin is not None and not any(_alike(orbits, origin, known) for known in breakings):
@@ -256,19 +255,19 @@ def _breakings(branches: ModeBranches, gaps: set[float]) -> list[SymmetryBreakin
     return breakings
 
 
-def _paths(branches: ModeBranches, gaps: set[float]) -> Iterator[list[BranchPoint]]:
+def _paths(branches: ModeBranches) -> Iterator[list[BranchPoint]]:
     low, high = sorted((branches.backbone.points[0].parameter, branches.backbone.points[-1].parameter))
     stretch: list[BranchPoint] = []
     for point in branches.backbone.points:
         stretch.append(point)
-        if point.parameter in gaps:
+        if point.parameter in branches.gaps:
             yield stretch
             stretch = []
     yield stretch
     for tongue in branches.tongues:
         yield list(tongue.points)
     for a, b in pairwise(branches.backbone.points):
-        if a.parameter in gaps:
+        if a.parameter in branches.gaps:
             start = b.towards(a.parameter - b.parameter)
             yield list(Branch(branches.problem, start, low, high, Settings(most_points=BACK)))
 

@@ -94,9 +94,9 @@ def special_points(
     special: list[SpecialPointResult] = []
     failed: list[FailedSearch] = []
     names, orbits = system.contact_names, branches.problem
-    cut, settings = {jump.start for jump in branches.jumps}, Settings(iterations=10)
+    settings = Settings(iterations=10)
     for a, b in pairwise(branches.backbone.points):
-        if job.shown(a.parameter) in cut:
+        if a.parameter in branches.gaps:
             continue
         if stop():
             return tuple(special), failed, True

@@ -8,11 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamsim.analyses.nnm.result import UNITS, BranchJump
+from beamsim.analyses.nnm.result import UNITS
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.backbone import MODE_LOST, Backbone
+from beamsim.outcomes import Stop, never, until
+from beamsim.orbits.backbone import MODE_LOST, Backbone, Jump
 from beamsim.orbits.branch import INTERRUPTED, REACHED_END, BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
@@ -44,7 +46,7 @@ class ModeBranches:
 
     backbone: OrbitBranch
     tongues: tuple[OrbitBranch, ...] = ()
-    jumps: tuple[BranchJump, ...] = ()
+    jumps: tuple[Jump, ...] = ()
     non_brake: tuple[OrbitBranch, ...] = ()  # by full-period shooting
     breakings: tuple[BranchPoint, ...] = ()  # brake orbits from which these leave, along the backbone and its tongues
 
@@ -54,6 +56,11 @@ class ModeBranches:
         return (self.backbone, *self.tongues, *self.non_brake)
 
     @property
+    def gaps(self) -> set[float]:
+        """Parameters of the points of the backbone that a jump follows."""
+        return {jump.start for jump in self.jumps}
+
+    @property
     def problem(self) -> BrakeOrbits:
         """The shooting problem of the backbone and the tongues."""
         problem: BrakeOrbits = self.backbone.problem
@@ -61,7 +68,7 @@ class ModeBranches:
 
     def at_factor(self, factor: float) -> BranchPoint | None:
         """The motion of a backbone in the stiffness factor between its points; None where a jump crosses the factor."""
-        points, gaps = self.backbone.points, {jump.start for jump in self.jumps}
+        points, gaps = self.backbone.points, self.gaps
         forward = points[-1].parameter >= points[0].parameter
         for a, b in pairwise(points):
             low, high = (a.parameter, b.parameter) if forward else (b.parameter, a.parameter)
@@ -223,13 +230,12 @@ class ModePath:
     ) -> ModeBranches:
         backbone = Backbone(orbits, start, last, self.mode, points=POINTS)
         points = list(until(_reporting(backbone, start.parameter, last, progress), stop))
-        jumps = tuple(BranchJump(self.shown(j.start), self.shown(j.end), j.mode + 1, j.ratio) for j in backbone.jumps)
         outcome = self.ended(backbone.outcome, points[-1])
         if outcome.code == MODE_LOST:
             outcome = outcome.but(remedy=_BESIDE[self.parameter])
         branch = OrbitBranch(orbits, points, outcome, kind="backbone")
         tongues = (replace(t, outcome=self.ended(t.outcome, t.points[-1])) for t in backbone.tongues)
-        return ModeBranches(branch, tuple(tongues), jumps)
+        return ModeBranches(branch, tuple(tongues), tuple(backbone.jumps))
 
     def shown(self, value: float) -> float:
         """The parameter as people read it: J instead of its logarithm, Hz instead of rad/s."""

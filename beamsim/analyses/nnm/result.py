@@ -131,16 +131,6 @@ class PhaseResonanceResult:
     predicted: PredictedLevels = group("predicted", PredictedLevels)
     motions: tuple[ResonantMotion, ...] = members("levels", ResonantMotion)
 
-    @property
-    def status(self) -> str:
-        """complete, or the levels without a motion."""
-        return self.outcome.text
-
-    @property
-    def complete(self) -> bool:
-        """Whether every level's motion was found."""
-        return self.outcome.complete
-
 
 # --- Other methods beside the exact motions --------------------------------------------------------------------------
 
@@ -233,16 +223,6 @@ class RelaxedComparison:
     jumped: Bools = dataset("1", "whether the step left the motion that the one before was on", flags=("no", "yes"))
     shooting_passages: int = attribute("1", "motions computed for the backbone, its tongues and the same factors")
     shooting_processor_time_s: float = attribute("s", "processor time of shooting")
-
-    @property
-    def status(self) -> str:
-        """complete, or why it ended early."""
-        return self.outcome.text
-
-    @property
-    def steps_reached(self) -> int:
-        """Number of steps whose functional fell below the tolerance."""
-        return int(np.count_nonzero(self.reached))
 
     @property
     def cost_ratio(self) -> float:
@@ -423,7 +403,7 @@ def _full_period(result: NormalModeResult) -> dict[str, Any]:
                 "start": _end(b, 0),
                 "end": _end(b, -1),
                 "largest_least_kinetic": float(b.least_kinetic.max()),
-                "status": b.status,
+                "status": b.outcome.text,
             }
             for b in result.non_brake
         ],
@@ -436,7 +416,7 @@ def _relaxed(relaxed: RelaxedComparison) -> dict[str, Any]:
     spent = float(relaxed.processor_time_s.sum())
     return {
         "steps": relaxed.steps,
-        "steps_reached": relaxed.steps_reached,
+        "steps_reached": int(np.count_nonzero(relaxed.reached)),
         "tolerance": relaxed.tolerance,
         "largest_functional": float(relaxed.functional.max(initial=0.0)),
         "end": {
@@ -454,7 +434,7 @@ def _relaxed(relaxed: RelaxedComparison) -> dict[str, Any]:
         "processor_time_s": spent,
         "shooting_processor_time_s": relaxed.shooting_processor_time_s,
         "cost_ratio": relaxed.cost_ratio,
-        "status": relaxed.status,
+        "status": relaxed.outcome.text,
     }
 
 
@@ -498,7 +478,7 @@ def _order(orders: Floats, small: Bools) -> float:
 def _phase_resonance(result: PhaseResonanceResult) -> dict[str, Any]:
     """Forced motions at phase resonance, level by level."""
     return {
-        "status": result.status,
+        "status": result.outcome.text,
         "quantity": result.quantity,
         "unit": result.unit,
         "probe": result.probe,
