@@ -23,7 +23,6 @@ from scipy.optimize import brentq
 from beamsim.contacts.friction import drops
 from beamsim.contacts.hardening import ELASTIC, LOADING
 from beamsim.flow.periodic_flow import PeriodicFlow
-from beamsim.outcomes import Stop, never, until
 from beamsim.orbits.branch import (
     INTERRUPTED,
     POINT_LIMIT,
@@ -34,9 +33,6 @@ from beamsim.orbits.branch import (
     too_many_points,
     with_failed_searches,
 )
-from beamsim.orbits.continuation import NOT_SMOOTH, STEP_TOO_SMALL, Branch, Settings, interpolated
-from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import Outcome, OutcomeKind, Stop, Where, both_directions, never, until
 from beamsim.orbits.continuation import (
     NOT_SMOOTH,
     STEP_TOO_SMALL,
@@ -49,7 +45,7 @@ from beamsim.orbits.continuation import (
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess
 from beamsim.orbits.special_points import special_points
-from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
+from beamsim.outcomes import Outcome, OutcomeKind, Stop, Where, both_directions, never, until
 from beamsim.typing import Floats
 
 RAISED = (3.0, 10.0, 30.0)  # levels at which a motion with contact is looked for, over that of the curve

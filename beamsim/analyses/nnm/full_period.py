@@ -18,14 +18,11 @@ import numpy as np
 
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.errors import NotTrustedError
-from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch, reached_end
-from beamsim.outcomes import Stop, never, until
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, reached_end
 from beamsim.orbits.continuation import Branch, Settings, locate, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import beside
-from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, until
-from beamsim.outcomes import Outcome, OutcomeKind
+from beamsim.outcomes import Outcome, OutcomeKind, Stop, never, until
 from beamsim.scenario.sweep import FullPeriodMethod
 from beamsim.typing import Floats
 

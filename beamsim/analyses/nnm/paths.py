@@ -12,8 +12,6 @@ from beamsim.analyses.nnm.result import UNITS
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
-from beamsim.orbits.backbone import MODE_LOST, Backbone
-from beamsim.outcomes import Stop, never, until
 from beamsim.orbits.backbone import MODE_LOST, Backbone, Jump
 from beamsim.orbits.branch import INTERRUPTED, REACHED_END, BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Branch, Settings, solve_at
