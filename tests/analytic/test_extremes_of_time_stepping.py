@@ -83,10 +83,10 @@ def test_continuation_with_a_cubic_spring_and_a_stop():
     start = tuple(x[point, 0] / np.sqrt(MASS) for x in (branch.coordinates, branch.coordinate_velocities))
     hz = branch.frequency_hz[point]
     low, high, force, acceleration, share = independent(start, hz)
-    assert branch.min_displacement["m"][point] == pytest.approx(low, rel=1e-6)
-    assert branch.max_displacement["m"][point] == pytest.approx(high, rel=1e-6)
-    assert branch.peak_force["stop"][point] == pytest.approx(force, rel=1e-3)
-    assert branch.peak_acceleration["m"][point] == pytest.approx(acceleration, rel=1e-3)
+    assert branch.displacement["m"].minimum[point] == pytest.approx(low, rel=1e-6)
+    assert branch.displacement["m"].maximum[point] == pytest.approx(high, rel=1e-6)
+    assert branch.force["stop"].peak[point] == pytest.approx(force, rel=1e-3)
+    assert branch.acceleration["m"].peak[point] == pytest.approx(acceleration, rel=1e-3)
     assert branch.contact_share["stop"][point] == pytest.approx(share, rel=1e-6)
 
 

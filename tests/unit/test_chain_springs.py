@@ -98,4 +98,4 @@ def test_a_branch_names_the_spring_whose_breakpoint_it_grazes():
     found = continuation(load_scenario(CASE, {"sweep.seek_at": 0})).branches[0]
     assert found.outcome.complete
     assert {e.snubber for e in found.special if e.kind == "grazing"} >= {"link_spring_1"}
-    assert list(found.peak_force) == ["snubber_1", "stop"]
+    assert list(found.force) == ["snubber_1", "stop"]
