@@ -7,7 +7,7 @@ everything small is made smaller by a common factor, at the same detuning agains
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -136,52 +136,43 @@ def _mode(system: StructuralSystem, loads: PeriodicForcing, low: float, high: fl
     return best
 
 
-@dataclass(frozen=True)
-class _Expansion:
-    """A mode under a force, and the probes."""
+def _curve(r: ResonantForcing, tip: float, low: float, high: float) -> list[SteadyMotion]:
+    """Steady motions at a factor of one, from one end of the range through the tip to the other (rad/s)."""
+    force = abs(complex(r.load[r.mode])) / (2 * r.omega)
+    smallest = 0.2 * force / max(abs(low - r.omega), abs(high - r.omega), 1e-9 * r.omega)
+    near_tip = tip * np.sin(np.linspace(np.arcsin(min(smallest / tip, 0.5)), 0.5 * np.pi, CURVE_POINTS))
+    amplitudes = np.unique(np.concatenate([np.geomspace(min(smallest, 0.5 * tip), tip, CURVE_POINTS), near_tip]))
+    below, above = [], []
+    for a in amplitudes * (1.0 - 1e-12):
+        sides = r.detunings(float(a))
+        if sides:
+            below.append(r.motion(float(a), sides[0]))
+            above.append(r.motion(float(a), sides[1]))
+    return [m for m in [*below, *reversed(above)] if low <= r.omega + m.sigma <= high]
 
-    system: StructuralSystem
-    resonant: ResonantForcing
-    coarse: ResonantForcing  # with fewer harmonics, for pictures
 
-    def curve(self, low: float, high: float) -> list[SteadyMotion]:
-        """Steady motions at a factor of one, from one end of the range through the tip to the other (rad/s)."""
-        r = self.resonant
-        force = abs(complex(r.load[r.mode])) / (2 * r.omega)
-        tip = self.tip()
-        smallest = 0.2 * force / max(abs(low - r.omega), abs(high - r.omega), 1e-9 * r.omega)
-        near_tip = tip * np.sin(np.linspace(np.arcsin(min(smallest / tip, 0.5)), 0.5 * np.pi, CURVE_POINTS))
-        amplitudes = np.unique(np.concatenate([np.geomspace(min(smallest, 0.5 * tip), tip, CURVE_POINTS), near_tip]))
-        below, above = [], []
-        for a in amplitudes * (1.0 - 1e-12):
-            sides = r.detunings(float(a))
-            if sides:
-                below.append(r.motion(float(a), sides[0]))
-                above.append(r.motion(float(a), sides[1]))
-        return [m for m in [*below, *reversed(above)] if low <= r.omega + m.sigma <= high]
+def _tip(r: ResonantForcing) -> float:
+    """Largest amplitude: there the decay takes all that the force gives; far beyond the gaps without damping."""
+    from scipy.optimize import brentq
 
-    def tip(self) -> float:
-        """Largest amplitude: there the decay takes all that the force gives; far beyond the gaps without damping."""
-        from scipy.optimize import brentq
+    force = abs(complex(r.load[r.mode])) / (2 * r.omega)
 
-        r = self.resonant
-        force = abs(complex(r.load[r.mode])) / (2 * r.omega)
+    def excess(log_a: float) -> float:
+        a = float(np.exp(log_a))
+        return float(np.log(max(a * r.backbone(a).imag, 1e-300) / force))
 
-        def excess(log_a: float) -> float:
-            a = float(np.exp(log_a))
-            return float(np.log(max(a * r.backbone(a).imag, 1e-300) / force))
+    start = np.log(force / r.omega)
+    if excess(start + 30.0) < 0:
+        return float(np.exp(start + 7.0))
+    return float(np.exp(brentq(excess, start - 30.0, start + 30.0, xtol=1e-13)))
 
-        start = np.log(force / r.omega)
-        if excess(start + 30.0) < 0:
-            return float(np.exp(start + 7.0))
-        return float(np.exp(brentq(excess, start - 30.0, start + 30.0, xtol=1e-13)))
 
-    def peaks(self, coefficients: Complexes) -> dict[str, float]:
-        """Largest deflection of a period at each probe."""
-        phase = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
-        wave = np.exp(1j * np.multiply.outer(phase, np.arange(coefficients.shape[0])))
-        x = (wave @ coefficients).real
-        return {p.name: float(np.abs(x @ p.shape).max()) for p in self.system.probes}
+def _peaks(coefficients: list[Complexes], system: StructuralSystem) -> dict[str, Floats]:
+    """(np,) largest deflections of a period at each probe, of motions given by their harmonics (H + 1, n)."""
+    phase = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+    wave = np.exp(1j * np.multiply.outer(phase, np.arange(coefficients[0].shape[0])))
+    motions = [(wave @ each).real for each in coefficients]
+    return {p.name: np.array([np.abs(x @ p.shape).max() for x in motions]) for p in system.probes}
 
 
 def _compare(
@@ -189,13 +180,10 @@ def _compare(
 ) -> ForcedExpansionComparison:
     omega = float(np.sqrt(system.dynamics.stiffness[mode]))
     force = loads.at(omega, level)[0].sum(axis=0)
-    expansion = _Expansion(
-        system,
-        ResonantForcing(system.dynamics, mode, force),
-        ResonantForcing(system.dynamics, mode, force, CURVE_HARMONICS),
-    )
-    resonant = expansion.resonant
-    motions = expansion.curve(2 * np.pi * low, 2 * np.pi * high)
+    resonant = ResonantForcing(system.dynamics, mode, force)
+    coarse = ResonantForcing(system.dynamics, mode, force, CURVE_HARMONICS)  # for pictures
+    tip = _tip(resonant)
+    motions = _curve(resonant, tip, 2 * np.pi * low, 2 * np.pi * high)
     if not motions:
         raise ScenarioError(
             Problem(
@@ -204,13 +192,9 @@ def _compare(
                 "sweep about that frequency",
             )
         )
-    leading = [expansion.peaks(expansion.coarse.response(m, 1.0, 0)) for m in motions]
-    first = [
-        expansion.peaks(expansion.coarse.with_correction(m.complex_amplitude, resonant.omega + m.sigma, 1.0))
-        for m in motions
-    ]
-    names = [p.name for p in system.probes]
-    amplitude = NEAR_TIP * expansion.tip()
+    leading = [coarse.response(m, 1.0, 0) for m in motions]
+    first = [coarse.with_correction(m.complex_amplitude, resonant.omega + m.sigma, 1.0) for m in motions]
+    amplitude = NEAR_TIP * tip
     reference = resonant.motion(amplitude, resonant.detunings(amplitude)[0])
     factor, difference, agrees = _differences(system, resonant, reference)
     return ForcedExpansionComparison(
@@ -219,8 +203,8 @@ def _compare(
         linear_frequency_hz=omega / (2 * np.pi),
         frequency_hz=np.array([omega + m.sigma for m in motions]) / (2 * np.pi),
         stable=np.array([m.stable for m in motions]),
-        leading={name: np.array([row[name] for row in leading]) for name in names},
-        first={name: np.array([row[name] for row in first]) for name in names},
+        leading=_peaks(leading, system),
+        first=_peaks(first, system),
         backbone_hz=np.array([omega + resonant.backbone(m.amplitude).real for m in motions]) / (2 * np.pi),
         factor=factor,
         factor_frequency_hz=(omega + factor * reference.sigma) / (2 * np.pi),

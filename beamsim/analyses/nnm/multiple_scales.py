@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,65 +18,26 @@ from beamsim.orbits.expansions.free import (
     observed_orders,
 )
 from beamsim.orbits.free_orbits import BrakeOrbits
-from beamsim.orbits.spring_families import SpringFamily
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
 ExactPoints = tuple[BrakeOrbits, list[BranchPoint | None]]  # shooting, and its motions
 
 ORDERS = (0, 1, 2)
-BEYOND_THE_MODES = 1.5
 MOST_HARMONICS = 4000
 NOISE = 5e-12  # relative differences below it are those of the exact motion's own convergence
 LEAST_SHARE = 0.5  # of the energy in the mode asked for, for an exact motion to count as its continuation
 FURTHEST = 0.3  # relative distance of an exact initial vector from the expansion's
 
 
-@dataclass(frozen=True)
-class _Case:
-    """What an expansion needs of a structure."""
-
-    family: SpringFamily
-    mode: int  # from 0
-    energy: float
-    sign: float
-
-    @property
-    def harmonics(self) -> int:
-        """Where series are cut: beyond the harmonics that are close to the highest modes."""
-        omega = self.family.omega
-        highest = int(BEYOND_THE_MODES * float(omega.max() / max(float(omega[self.mode]), 1e-300)))
-        return min(max(HARMONICS, highest), MOST_HARMONICS)
-
-    def expansion(self, factor: float, order: int, uniform: bool = False) -> ModeExpansion:
-        with locating({"mode": "nnm.mode", "energy": "nnm.energy", "expansion": "nnm.method"}):
-            return expand_mode_at_energy(
-                self.family, self.mode, self.energy, factor, order, self.sign, self.harmonics, uniform
-            )
-
-
-def _case(structure: StructuralSystem, mode: int, energy: float | None) -> _Case:
-    c = structure.dynamics.contacts.split()
-    if np.any(structure.dynamics.damping) or c.damped:
-        raise ValueError("nonlinear normal modes belong to the structure without damping; use conservative_system")
-    index = flexible_mode(structure, mode)
-    away = float((c.sign @ c.shape)[index]) if c.count else 1.0
-    return _Case(spring_family(structure), index, held_energy(structure, energy), -1.0 if away < 0 else 1.0)
-
-
-def default_factors(reach: float, most: float = 1.0) -> Floats:
-    """(7,) falling by halves from a third of the expansion's reach."""
-    return np.asarray(min(most, reach / SAFELY) * 0.5 ** np.arange(7))
-
-
 def factors_from(largest: float, reach: float) -> Floats:
-    """From the factor asked for by halves into the expansion's reach, and on from there."""
+    """From the factor asked for by halves into a third of the expansion's reach, and on from there."""
     small = largest
     above = []
     while small > reach / SAFELY:
         above.append(small)
         small *= 0.5
-    return np.concatenate([above, default_factors(reach, small)])
+    return np.concatenate([above, small * 0.5 ** np.arange(7)])
 
 
 def expansion_path(
@@ -93,17 +53,30 @@ def expansion_path(
     ----------
     structure : without damping (see :func:`beamsim.analyses.nnm.analysis.conservative_system`).
     energy : J; may be left out where the motion doesn't depend on it (no gaps, loads or cubic springs).
-    factors : of all nonlinear springs' stiffness (default: :func:`default_factors`).
-    largest : the factor to begin with instead, by halves down into the expansion's reach and on from there.
+    factors : of all nonlinear springs' stiffness; by default by halves down into the expansion's reach and on.
+    largest : the factor to begin with then, by default a third of the reach.
 
     Raises
     ------
     ScenarioError : at internal resonances, without nonlinear springs, or where the energy is missing.
     """
-    case = _case(structure, mode, energy)
-    linear = case.expansion(0.0, 0)
+    c = structure.dynamics.contacts.split()
+    if np.any(structure.dynamics.damping) or c.damped:
+        raise ValueError("nonlinear normal modes belong to the structure without damping; use conservative_system")
+    index, family, held = flexible_mode(structure, mode), spring_family(structure), held_energy(structure, energy)
+    away = float((c.sign @ c.shape)[index]) if c.count else 1.0
+    # series are cut beyond the harmonics that are close to the highest modes
+    highest = int(1.5 * float(family.omega.max() / max(float(family.omega[index]), 1e-300)))
+    harmonics = min(max(HARMONICS, highest), MOST_HARMONICS)
+
+    def expand(factor: float, order: int, uniform: bool = False) -> ModeExpansion:
+        with locating({"mode": "nnm.mode", "energy": "nnm.energy", "expansion": "nnm.method"}):
+            sign = -1.0 if away < 0 else 1.0
+            return expand_mode_at_energy(family, index, held, factor, order, sign, harmonics, uniform)
+
+    linear = expand(0.0, 0)
     if factors is None:
-        chosen = default_factors(linear.reach) if largest is None else factors_from(largest, linear.reach)
+        chosen = factors_from(min(1.0, linear.reach / SAFELY) if largest is None else largest, linear.reach)
     else:
         chosen = np.atleast_1d(np.asarray(factors, dtype=float))
     n = structure.dynamics.size
@@ -111,13 +84,13 @@ def expansion_path(
     shape, uniform = np.empty((chosen.size, 3, n)), np.empty((chosen.size, 3, n))
     for i, factor in enumerate(chosen):
         for order in ORDERS:
-            expansion = case.expansion(float(factor), order)
+            expansion = expand(float(factor), order)
             frequency[i, order] = expansion.frequency(float(factor), order) / (2 * np.pi)
             shape[i, order] = expansion.initial(float(factor), order)
-            uniform[i, order] = case.expansion(float(factor), order, uniform=True).initial(float(factor), order)
+            uniform[i, order] = expand(float(factor), order, uniform=True).initial(float(factor), order)
     return ExpansionPath(
         mode=mode,
-        energy=case.energy,
+        energy=held,
         linear_frequency_hz=linear.omega / (2 * np.pi),
         first_hz=linear.omega1 / (2 * np.pi),
         second_hz=linear.omega2 / (2 * np.pi),
@@ -141,10 +114,10 @@ def exact_points(structure: StructuralSystem, path: ExpansionPath, branches: Mod
     Without a motion of the backbone it must be close to the expansion. None where Newton's method ends on another
     motion: in the tongue of an internal resonance, or one that is run through twice.
     """
-    case = _case(structure, path.mode, path.energy)
-    orbits = BrakeOrbits(case.family, energy=path.energy) if branches is None else branches.problem
+    family, mode = spring_family(structure), path.mode - 1
+    orbits = BrakeOrbits(family, energy=path.energy) if branches is None else branches.problem
     points: list[BranchPoint | None] = [None] * path.factor.size
-    weight = case.family.omega
+    weight = family.omega
     for i in np.argsort(path.factor):
         factor = float(path.factor[i])
         points[i] = None if branches is None else branches.at_factor(factor)
@@ -157,7 +130,7 @@ def exact_points(structure: StructuralSystem, path: ExpansionPath, branches: Mod
             continue
         q = point.u[: orbits.n]
         far = np.linalg.norm(weight * (q - guess)) > FURTHEST * np.linalg.norm(weight * q)
-        own_mode = orbits.share_at(point)[case.mode] > LEAST_SHARE and orbits.swings_once(point, case.mode)
+        own_mode = orbits.share_at(point)[mode] > LEAST_SHARE and orbits.swings_once(point, mode)
         points[i] = point if own_mode and not far else None
     return orbits, points
 
