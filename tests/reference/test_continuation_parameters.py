@@ -110,3 +110,4 @@ def test_extremes_are_those_of_a_stepped_sine():
     for ours, exact in pairs:
         np.testing.assert_allclose(ours[[0, -1]], exact, rtol=2e-4)
     assert curve.summary["margins"]["peak_force"]["value"] == branch.force["tip"].peak.max()
+    assert curve.summary["peak_force_n"]["tip"] == branch.force["tip"].peak[branch.stable].max()
