@@ -21,10 +21,9 @@ from beamsim.kinds import KINDS, named
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from beamsim.analyses.compare.analysis import compare
+    from beamsim.analyses.compare.analysis import compare, pair_channels
     from beamsim.analyses.compare.result import Comparison
-    from beamsim.analyses.compare_modes.analysis import compare_modes
-    from beamsim.analyses.compare_modes.result import ModeComparison
+    from beamsim.analyses.compare_modes import ModeComparison, compare_modes, read_shapes
     from beamsim.analyses.continuation.result import ContinuationResult
     from beamsim.analyses.designs.analysis import design_study
     from beamsim.analyses.designs.plan import plan_designs
@@ -38,9 +37,7 @@ if TYPE_CHECKING:
     from beamsim.measurements.channels import read_tests
     from beamsim.scenario import Scenario, load_scenario
     from beamsim.store.export import export_result
-    from beamsim.store.pairing import pair_channels
     from beamsim.store.results import open_result, write_result
-    from beamsim.store.shapes import read_shapes
     from beamsim.store.studies import ensemble
     from beamsim.trust.checked import continuation, nnm, run, sweep
 
@@ -51,8 +48,8 @@ _NAMES = {
     "beamsim.store.studies": ("ensemble",),
     "beamsim.store.export": ("export_result",),
     "beamsim.measurements.channels": ("read_tests",),
-    "beamsim.store.pairing": ("pair_channels",),
-    "beamsim.store.shapes": ("read_shapes",),
+    "beamsim.analyses.compare.analysis": ("pair_channels",),
+    "beamsim.analyses.compare_modes": ("read_shapes",),
     "beamsim.store.results": ("open_result", "write_result"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}

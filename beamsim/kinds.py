@@ -78,8 +78,8 @@ KINDS = {
     ),
     "compare-modes": Kind(
         "compare-modes", "the result of `beamsim compare-modes`",
-        analysis="beamsim.analyses.compare_modes.analysis:compare_modes",
-        result="beamsim.analyses.compare_modes.result:ModeComparison",
+        analysis="beamsim.analyses.compare_modes:compare_modes",
+        result="beamsim.analyses.compare_modes:ModeComparison",
         views="beamsim.cli.comparison_report:VIEWS_OF_MODES",
         figures="beamsim.plots.comparison:mode_comparison_figures",
     ),

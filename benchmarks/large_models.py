@@ -139,7 +139,7 @@ def main() -> None:
     parser.add_argument("--check", action="store_true", help="`beamsim check` instead of a run")
     arguments = parser.parse_args()
     from beamsim import run
-    from beamsim.analyses.check import analysis
+    from beamsim.analyses.check import check
     from beamsim.scenario import load_scenario
 
     with tempfile.TemporaryDirectory() as name:
@@ -153,7 +153,7 @@ def main() -> None:
         scenario = load_scenario(folder / "case.yaml")
         if arguments.check:
             with measured("check"):
-                for row in next(iter(analysis.check(scenario).values())):
+                for row in next(iter(check(scenario).values())):
                     print("   ", row.name, row.text)
             return
         with measured("run"):

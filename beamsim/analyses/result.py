@@ -154,7 +154,7 @@ class Result:
         ImportError
             If pandas is not installed.
         """
-        return named("beamsim.store.frames:data_frames")(self)  # type: ignore[no-any-return]
+        return named("beamsim.store.export:data_frames")(self)  # type: ignore[no-any-return]
 
     def to_xarray(self) -> xarray.DataTree:
         """Return the groups of the result file as a tree of datasets with their axes, units and meanings.
@@ -164,7 +164,7 @@ class Result:
         ImportError
             If xarray or h5netcdf is not installed.
         """
-        return named("beamsim.store.frames:data_tree")(self)  # type: ignore[no-any-return]
+        return named("beamsim.store.export:data_tree")(self)  # type: ignore[no-any-return]
 
     def _repr_html_(self) -> str:
         """Return the printed table as HTML, for notebooks."""

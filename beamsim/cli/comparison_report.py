@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.compare.result import ChannelComparison, Comparison, PeakPair
-from beamsim.analyses.compare_modes.result import ModeComparison
+from beamsim.analyses.compare_modes import ModeComparison
 from beamsim.cli.report import Labelled, Views
 from beamsim.cli.tables import lines, percent
 from beamsim.plots.style import amount, scale_for

@@ -6,11 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from beamsim.analyses.compare.analysis import compare
+from beamsim.analyses.compare.analysis import compare, pair_channels
 from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
-from beamsim.analyses.compare_modes.analysis import compare_modes
-from beamsim.analyses.compare_modes.result import ModeComparison
+from beamsim.analyses.compare_modes import ModeComparison, compare_modes, read_shapes
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.cli.conclusion import concluded
 from beamsim.cli.options import Given
@@ -18,9 +17,7 @@ from beamsim.cli.preparation import located, output_file, prepared
 from beamsim.errors import LimitExceededError, Problem, ScenarioError
 from beamsim.measurements.channels import history_named, read_tests
 from beamsim.scenario import load_scenario
-from beamsim.store.pairing import pair_channels
 from beamsim.store.results import kind_of, open_result
-from beamsim.store.shapes import read_shapes
 
 
 def identify(given: Given) -> None:

@@ -16,9 +16,8 @@ from beamsim.cli.options import Reporting
 from beamsim.cli.progress import progress_of
 from beamsim.errors import ResultFileError, StoppedEarlyError
 from beamsim.scenario import Scenario
-from beamsim.store.journal import journal_path, opened_journal
 from beamsim.store.results import holds, open_result
-from beamsim.store.studies import stored_study
+from beamsim.store.studies import journal_path, opened_journal, stored_study
 
 
 def sweep_designs(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool, **options: Any) -> None:

@@ -6,9 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from beamsim.analyses.designs.choice import Objective
-from beamsim.analyses.designs.plan import limited_response
-from beamsim.analyses.designs.result import Coordinate, DesignsResult, parameter_label, responses_of
+from beamsim.analyses.designs.result import (
+    Coordinate,
+    DesignsResult,
+    Objective,
+    limited_response,
+    parameter_label,
+    responses_of,
+)
 from beamsim.analyses.values import limit_label
 from beamsim.cli.report import Labelled, Views, margins
 from beamsim.plots.style import amount, extent, margin_text

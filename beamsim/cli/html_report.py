@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from beamsim.analyses.animate.frames import BuiltModel, frames_of_orbit, frames_of_run, model_of
+from beamsim.analyses.run.animation import BuiltModel, frames_of_orbit, frames_of_run, model_of
 from beamsim.analyses.run.result import RunResult
 from beamsim.cli.failures import say
 from beamsim.cli.preparation import output_file, output_folder
@@ -24,8 +24,7 @@ from beamsim.report.contents import SketchedModel, page_of
 from beamsim.report.page import animation_page, plotly
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import named_files
-from beamsim.store.consistency import open_consistent
-from beamsim.store.results import kind_of
+from beamsim.store.results import kind_of, open_consistent
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 

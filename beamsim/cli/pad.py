@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from beamsim.analyses.pad.analysis import PadInput, PadNumbers
-from beamsim.analyses.pad.analysis import pad as designed
+from beamsim.analyses.pad import PadInput, PadNumbers
+from beamsim.analyses.pad import pad as designed
 from beamsim.cli.printing import print_json
 from beamsim.errors import Problem, ScenarioError
 from beamsim.plots.style import amount

@@ -13,9 +13,8 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.kinds import KINDS, named
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import shown_in
-from beamsim.store.consistency import open_consistent
 from beamsim.store.export import FORMATS, export_result, export_target, remark_on_places
-from beamsim.store.results import kind_of, open_result
+from beamsim.store.results import kind_of, open_consistent, open_result
 
 
 def info(path: Path, *, as_json: bool) -> None:

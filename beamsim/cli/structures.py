@@ -8,8 +8,8 @@ from typing import NamedTuple, cast
 
 import typer
 
-from beamsim.analyses.check.analysis import FAILS
-from beamsim.analyses.check.analysis import check as checked
+from beamsim.analyses.check import FAILS
+from beamsim.analyses.check import check as checked
 from beamsim.cli.preparation import located, output_file
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import progress_of

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from beamsim.analyses.animate.frames import Frames
+from beamsim.analyses.run.animation import Frames
 from beamsim.files import replacing
 from beamsim.plots.sketch import BODY, REST, STOP, SUPPORTS, Sketch, finish_positions, scale_bar
 from beamsim.plots.style import amount, round_length

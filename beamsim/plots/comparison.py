@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, SweptComparison
-from beamsim.analyses.compare_modes.result import ModeComparison
+from beamsim.analyses.compare_modes import ModeComparison
 from beamsim.plots.drawing import (
     DARK,
     HERTZ,

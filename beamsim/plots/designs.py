@@ -12,9 +12,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from beamsim.analyses.designs.choice import Objective
-from beamsim.analyses.designs.realisations import judged
-from beamsim.analyses.designs.result import Coordinate, DesignsResult, Response, SobolIndices, responses_of
+from beamsim.analyses.designs.result import (
+    Coordinate,
+    DesignsResult,
+    Objective,
+    Response,
+    SobolIndices,
+    judged,
+    responses_of,
+)
 from beamsim.plots.drawing import (
     DARK,
     MOST_CURVES,

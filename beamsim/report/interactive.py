@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.colors import to_hex
 
 from beamsim.analyses.compare.result import Comparison
-from beamsim.analyses.compare_modes.result import ModeComparison
+from beamsim.analyses.compare_modes import ModeComparison
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.designs.result import DesignsResult
 from beamsim.analyses.identify.result import IdentificationResult

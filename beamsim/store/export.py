@@ -9,20 +9,26 @@ from __future__ import annotations
 import csv
 import json
 import re
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.analyses.result import Result
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
-from beamsim.store.flat import Items, joined, last, parent
-from beamsim.store.records import bodies_without_places, records_of
-from beamsim.store.results import decode_summary, open_result, open_with_items
-from beamsim.store.uff import write_uff
+from beamsim.store.flat import Items, items_of, joined, last, parent
+from beamsim.store.results import decode_summary, open_result, open_with_items, write_result
+from beamsim.store.universal import bodies_without_places, records_of, write_uff
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 ROWS_AT_ONCE = 2**16  # of a table that are turned into text together
 _UNITS = {"": "", "1": "", "degree": "deg", "kg^-0.5": "per_sqrt_kg", "kg^0.5 m": "m_sqrt_kg"}
@@ -309,3 +315,42 @@ def remark_on_places(path: Path) -> str:
 FORMATS: dict[str, Callable[[Any, Items, Path], list[Path]]] = {
     "csv": _export_csv, "uff": _export_uff, "mat": _export_mat
 }  # fmt: skip
+
+
+def data_frames(result: Result) -> dict[str, pandas.DataFrame]:
+    """Return the tables of the CSV export as data frames, by name.
+
+    Raises
+    ------
+    ImportError
+        If pandas is not installed.
+    """
+    pd = _imported("pandas")
+    frames = {}
+    for table in tables_of(items_of(result)):
+        headers = [column.header for column in (*table.axes, *table.columns)]
+        frames[table.name] = pd.DataFrame(dict(zip(headers, table.part(0, table.size), strict=True)))
+    return frames
+
+
+def data_tree(result: Result) -> xarray.DataTree:
+    """Return the groups of the result file as a tree of datasets.
+
+    Raises
+    ------
+    ImportError
+        If xarray or h5netcdf is not installed.
+    """
+    xr = _imported("xarray")
+    _imported("h5netcdf")
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_result(result, Path(folder) / "result.h5")
+        with xr.open_datatree(path, engine="h5netcdf", phony_dims="sort") as tree:
+            return tree.load()  # type: ignore[no-any-return]
+
+
+def _imported(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise ImportError(f"this needs {name}, which is not installed: pip install {name}") from error

@@ -1,29 +1,34 @@
 """Writing and reading of result files.
 
-The fields of the result declare what is stored, see `beamsim.fields`; `beamsim.store.flat` makes items of them, and
-`beamsim.store.hdf5` a file. ``/summary`` has no datasets, only attributes under the names of the summary. Numbers and
-texts are native attributes; everything else (per-probe values, lists, truth values, nothing) is a JSON text, and the
-attribute ``json_encoded`` lists the names of those, separated by spaces. A NaN is ``null`` in JSON: inside a list or an
-object read it back as NaN.
+The fields of the result declare what is stored, see `beamsim.fields`, and `beamsim.store.flat` makes items of them.
+Files are written completely or not at all. ``/summary`` has no datasets, only attributes under the names of the
+summary. Numbers and texts are native attributes; everything else (per-probe values, lists, truth values, nothing) is a
+JSON text, and the attribute ``json_encoded`` lists the names of those, separated by spaces. A NaN is ``null`` in JSON:
+inside a list or an object read it back as NaN.
 """
 
 from __future__ import annotations
 
+import errno
 import json
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+import h5py
 import numpy as np
 
 from beamsim import __version__
 from beamsim.errors import ResultFileError
 from beamsim.fields import plain
+from beamsim.files import replacing
 from beamsim.kinds import KINDS, kind_of_class, named
-from beamsim.store.flat import Item, Items, Reader, items_of
-from beamsim.store.hdf5 import opened, read_items, write_items
+from beamsim.measurements.read import scale_along
+from beamsim.store.flat import Item, Items, Reader, items_of, last, parent
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
@@ -206,3 +211,216 @@ def _kind(file: Any, path: Path | str) -> str:
     if command not in KINDS:
         raise ResultFileError(f"{path}: written by `beamsim {command}`, which is unknown to this version")
     return str(command)
+
+
+TEXT = h5py.string_dtype("utf-8")
+MAPPED_BYTES = 2**24  # larger arrays are read from the file where they are used
+_OF_HDF5 = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME")
+_ITEM_BYTES = 4096  # more than HDF5 takes for an item besides its values and texts
+
+
+def write_items(items: Items, path: Path | str) -> None:
+    """Write items to a file, which replaces ``path`` when it is complete.
+
+    Raises
+    ------
+    ResultFileError
+        If it cannot be written (no permission, disk full, a folder of that name).
+    """
+    with replacing(path) as temporary:
+        _reserve(temporary, sum(map(_size, items.values())))
+        with h5py.File(temporary, "w", alignment_threshold=_ITEM_BYTES, alignment_interval=8) as file:  # for maps
+            for place, item in items.items():
+                _create(file, place, item)
+            for place, item in items.items():
+                for k, axis in enumerate(item.axes):
+                    file[place].dims[k].attach_scale(file[axis])
+
+
+def _size(item: Item) -> int:
+    texts = sum(len(value) for value in item.attributes.values() if isinstance(value, str))
+    values = 0 if item.values is None else item.values.size * item.values.dtype.itemsize
+    return values + 4 * texts + _ITEM_BYTES
+
+
+def _reserve(path: Path, size: int) -> None:
+    """Take and give back the room of a file on its disk: HDF5 ends the process where a disk is full.
+
+    Raises
+    ------
+    OSError
+        If there is not enough.
+    """
+    with open(path, "xb") as file:
+        try:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, size)
+            else:
+                file.truncate(size)
+        except OSError as error:
+            if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):  # of file systems that cannot
+                raise
+
+
+def _create(file: h5py.File, place: str, item: Item) -> None:
+    """Make the group or dataset of an item."""
+    values = item.values
+    if values is None:
+        owner = file.require_group(place)
+    else:
+        array = np.asarray(values)
+        if array.dtype.kind in "OU":
+            array = array.astype(TEXT)
+        owner = file.create_dataset(place, data=array.view(np.uint8) if array.dtype == np.bool_ else array)
+    for name, value in item.attributes.items():
+        owner.attrs[name] = value
+    if item.scale:
+        owner.make_scale(last(place))
+
+
+def read_items(file: h5py.File) -> Items:
+    """The items of an open file.
+
+    Raises
+    ------
+    ValueError
+        If an array is of another length than its axis, or neither of numbers nor of text.
+    """
+    items: Items = {"/": Item(_attributes(file))}
+    scales: dict[int, str] = {}  # by address: to ask a scale for its name, HDF5 searches the file
+    along: dict[str, list[int]] = {}
+
+    def note(name: str, owner: h5py.Group | h5py.Dataset) -> None:
+        place = f"/{name}"
+        item = items[place] = Item(_attributes(owner))
+        if isinstance(owner, h5py.Dataset):
+            item.values, item.scale = _values(owner), owner.is_scale
+            if item.scale:
+                scales[_address(owner)] = place
+            else:
+                along[place] = [_address(scale_along(owner, k)) for k in range(owner.ndim)]
+
+    file.visititems(note)
+    for place, addresses in along.items():
+        item = items[place]
+        item.axes = tuple(scales.get(address, "") for address in addresses)
+        for k, axis in enumerate(item.axes):
+            if axis and items[axis].values.shape != item.values.shape[k : k + 1]:
+                raise ValueError(f"{place} has {item.values.shape[k]} values along {axis}")
+    return items
+
+
+def _address(dataset: h5py.Dataset | None) -> int:
+    """Where a dataset is in its file; -1 of none."""
+    return -1 if dataset is None else int(h5py.h5o.get_info(dataset.id).addr)
+
+
+def _attributes(owner: h5py.Group | h5py.Dataset) -> dict[str, Any]:
+    values = {name: owner.attrs[name] for name in owner.attrs if name not in _OF_HDF5}
+    for value in values.values():
+        for text in np.atleast_1d(value) if isinstance(value, np.ndarray) else (value,):
+            if isinstance(text, str):
+                text.encode()  # h5py reads bytes that are no UTF-8 as surrogates: the error says that they are damage
+    return values
+
+
+def _values(dataset: h5py.Dataset) -> Any:
+    """The values: numbers, texts as objects, flags as truth values."""
+    if h5py.check_string_dtype(dataset.dtype) is not None:
+        return np.asarray(dataset.asstr()[()], dtype=object)
+    if not np.issubdtype(dataset.dtype, np.number) and dataset.dtype != np.bool_:
+        raise ValueError(f"{dataset.name} holds {dataset.dtype}, neither numbers nor text")
+    offset = dataset.id.get_offset() if dataset.nbytes > MAPPED_BYTES else None
+    if offset is None:
+        values = np.asarray(dataset[()])
+    else:
+        values = np.memmap(dataset.file.filename, dataset.dtype, "c", offset, dataset.shape)
+    flags = "flag_meanings" in dataset.attrs
+    return values.view(np.bool_) if flags and values.dtype == np.uint8 else values
+
+
+@contextmanager
+def opened(path: Path | str, command: str = "run") -> Iterator[h5py.File]:
+    """An HDF5 file, open for reading; errors in reading it are reported as its damage.
+
+    Raises
+    ------
+    ResultFileError
+        If the file is missing, unreadable or damaged; ``command`` is what writes such files.
+    """
+    place = Path(path)
+    remedy = f"give the .h5 file that `beamsim {command}` wrote"
+    try:
+        if place.is_dir():
+            raise ResultFileError(f"{path}: is a folder; {remedy}")
+        if not place.exists():
+            raise ResultFileError(f"{path}: no such result file; `beamsim {command} case.yaml` writes one")
+        if not place.is_file():
+            raise ResultFileError(f"{path}: not a regular file; {remedy}")
+        file = h5py.File(place, "r")
+    except PermissionError as error:
+        raise ResultFileError(f"{path}: no permission to read it") from error
+    except (OSError, ValueError) as error:
+        raise ResultFileError(f"{path}: not an HDF5 file, or damaged; {remedy}, or run the case again") from error
+    with file:
+        try:
+            yield file
+        except (LookupError, ValueError, ArithmeticError, OSError, RuntimeError) as error:
+            reason = str(error.args[0] if isinstance(error, KeyError) and error.args else error).partition("\n")[0]
+            raise ResultFileError(f"{path}: damaged ({reason or type(error).__name__}); run the case again") from error
+
+
+FAR = 2.0  # times the peak: those of stepped and of stopped motions are peaks of some of the samples
+_OF_CURVES = ("peak_displacement", "max_displacement", "min_displacement")
+BEYOND = 1e100  # in its unit: no input within the range of physical quantities (1e30, 1e-30 Hz) leads there
+
+
+def open_consistent(path: Path | str, kind: str = "") -> Any:
+    """Read a result file as `open_result` does, and look at its curves.
+
+    Raises
+    ------
+    ResultFileError
+        Also where a curve holds NaN or infinity, goes far beyond its peak, or beyond all that inputs lead to.
+    """
+    result, items = open_with_items(path, kind)
+    times = items["/time"].values if "/time" in items else np.zeros(1)
+    if not 0.0 <= times[0] <= times[-1] < np.inf:
+        raise ResultFileError(f"{path}: damaged (its times are not those of a run); run the case again")
+    for place, item in items.items():
+        if not _is_curve(items, place, result.complete):
+            continue
+        largest, peak = float(np.max(np.abs(item.values), initial=0.0)), _peak(items, result.summary, place)
+        name = f"{last(place).replace('_', ' ')} in {parent(place)}"
+        if not np.isfinite(largest):
+            reason = f"the {name} holds values that are not finite"
+        elif peak is not None and largest > FAR * peak:
+            reason = f"the {name} reaches {largest:.4g} {item.unit}, and its peak is {peak:.4g} {item.unit}"
+        elif largest > BEYOND:
+            reason = f"the {name} reaches {largest:.4g} {item.unit}"
+        else:
+            continue
+        raise ResultFileError(f"{path}: damaged ({reason}); run the case again")
+    return result
+
+
+def _is_curve(items: Items, place: str, complete: bool) -> bool:
+    """Whether an array is a quantity over the time of a run, or the displacement of a probe along a complete curve.
+
+    Energies are left out: where they are not finite, the outcome says so.
+    """
+    item = items[place]
+    if item.values is None or item.values.dtype.kind != "f" or parent(place) == "/energy":
+        return False
+    return item.axes == ("/time",) or (complete and last(place) in _OF_CURVES and bool(item.axes))
+
+
+def _peak(items: Items, summary: Mapping[str, Any], place: str) -> float | None:
+    """The largest displacement of a probe in the summary; None where it has none."""
+    probe, folder = items[parent(place)].attributes.get("name"), parent(parent(place))
+    if last(folder) != "probes" or last(place) not in ("displacement", *_OF_CURVES):
+        return None
+    curve, peaks = parent(folder), summary.get("peak_displacement_m")
+    if peaks is not None:
+        return (peaks if curve == "/" else peaks.get(last(curve), {})).get(probe)  # type: ignore[no-any-return]
+    return max((peak["value_m"] for peak in summary.get("peaks", ()) if peak["probe"] == probe), default=None)

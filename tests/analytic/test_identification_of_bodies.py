@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.analyses.identify.contact_point import snubber_point
+from beamsim.analyses.identify.stiffness import snubber_point
 from beamsim.scenario import load_scenario
 
 PANEL = {

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.assurance import assurance
-from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.analyses.identify.contact_point import free_frequencies, mode_shapes
+from beamsim.analyses.identify.analysis import free_frequencies, identify_stiffness, mode_shapes
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 
@@ -44,7 +43,7 @@ def test_parameters_come_back_from_their_own_frequencies():
 
 def test_the_snubber_is_identified_with_the_updated_beam():
     true = load_scenario(BASE, {"beam.youngs_modulus": 75e9})
-    from beamsim.analyses.identify.contact_point import snubber_point
+    from beamsim.analyses.identify.stiffness import snubber_point
 
     contact = snubber_point(true, "tip").frequencies(2e5, 1) / (2 * np.pi)
     section = {"measured_with": contact.tolist()}

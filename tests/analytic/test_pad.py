@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.pad.restitution import angle, contact_time, damping_ratio, restitution
-from beamsim.analyses.pad.rubber_block import block_modulus, block_stiffness
+from beamsim.analyses.pad import angle, block_modulus, block_stiffness, contact_time, damping_ratio, restitution
 from beamsim.scenario import load_scenario
 from tests.helpers.commands import invoke
 

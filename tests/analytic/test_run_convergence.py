@@ -117,8 +117,7 @@ def test_off_and_studies():
     unchecked = beamsim.run(harmonic_beam(run={"convergence": "off"}))
     assert unchecked.summary["convergence"] == {}
     assert dict(table_rows("run", unchecked))["convergence"] == "not checked: not asked for"
-    from beamsim.analyses.designs.cases import Case
-    from beamsim.analyses.designs.plan import plan_designs
+    from beamsim.analyses.designs.plan import Case, plan_designs
 
     vary = {"kind": "grid", "parameters": [{"path": "snubbers.tip.stiffness", "values": [1e5, 2e5]}]}
     study, case = plan_designs(harmonic_beam(vary=vary)).study, Case(0, (1e5,))

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.analyses.identify.contact_point import snubber_point
+from beamsim.analyses.identify.stiffness import snubber_point
 from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from beamsim.analyses.designs.gathering import sensitivities
+from beamsim.analyses.designs.plan import latin_hypercube, sobol
 from beamsim.analyses.designs.result import Response
-from beamsim.analyses.designs.sampling import latin_hypercube, sobol
-from beamsim.analyses.designs.sensitivity import sensitivities
 from beamsim.scenario.parameters import VariedParameter
 
 pytestmark = pytest.mark.quick

@@ -7,10 +7,10 @@ import pytest
 import pyuff
 
 import beamsim
+from beamsim.analyses.compare_modes import read_shapes
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.shapes import read_shapes
-from beamsim.store.uff import Source, record_55, write_uff
+from beamsim.store.universal import Source, record_55, write_uff
 from beamsim.structures.places import Place
 from beamsim.system.parts import reduced_parts
 from tests.helpers.commands import invoke

@@ -224,7 +224,7 @@ def test_beginning_anew_says_what_it_gives_up(here, monkeypatch):
     from beamsim.analyses.designs.plan import plan_designs
     from beamsim.analyses.designs.result import CaseOutcome
     from beamsim.scenario import load_scenario
-    from beamsim.store.journal import opened_journal
+    from beamsim.store.studies import opened_journal
 
     plan = plan_designs(load_scenario("case.yaml"))
     with opened_journal(here / "case.h5.partial", plan.fingerprint, resume=False) as journal:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.identify.steady import steady_vibration
+from beamsim.analyses.identify.vibrations import steady_vibration
 from beamsim.scenario import load_scenario
 from tests.helpers.commands import invoke
 

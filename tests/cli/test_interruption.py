@@ -20,7 +20,7 @@ from beamsim.outcomes import COMPLETE
 from beamsim.plots.nnm import nnm_figures
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
-from beamsim.store import hdf5
+from beamsim.store import results as result_files
 from beamsim.store.results import open_result
 from tests.helpers.commands import invoke
 
@@ -233,7 +233,7 @@ def test_a_signal_during_a_comparison_keeps_the_result(heeded, monkeypatch, tmp_
 
 def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkeypatch, tmp_path):
 
-    from beamsim.analyses.designs.cases import CaseSolver
+    from beamsim.analyses.designs.analysis import CaseSolver
 
     solved = []
 
@@ -306,7 +306,7 @@ def signals_in(monkeypatch, module, name, *numbers):
 @pytest.mark.parametrize("plots", [True, False])
 @pytest.mark.parametrize("name", WRITTEN)
 def test_a_signal_while_the_file_is_written_waits_for_it(name, plots, invoked, monkeypatch):
-    signals_in(monkeypatch, hdf5, "_create", signal.SIGTERM)
+    signals_in(monkeypatch, result_files, "_create", signal.SIGTERM)
     done = invoked(name, *([] if plots else ["--no-plots"]))
     assert "; press again to stop at once" in done.output
     assert os.listdir() == ["case.h5"]
@@ -321,7 +321,7 @@ def test_a_signal_while_the_file_is_written_waits_for_it(name, plots, invoked, m
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_second_signal_while_the_file_is_written_ends_at_once(number, code, invoked, monkeypatch):
-    signals_in(monkeypatch, hdf5, "_create", number, number)
+    signals_in(monkeypatch, result_files, "_create", number, number)
     Path("case.h5").write_bytes(b"old")
     done = invoked("run")
     assert done.exit_code == code, done.output

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from beamsim.errors import ResultFileError
-from beamsim.store import hdf5
+from beamsim.store import results as result_files
 from beamsim.store.flat import Item
 
 CASE = """
@@ -100,9 +100,9 @@ def test_whatever_happens_while_a_file_is_written_is_told_and_leaves_nothing(err
         made.append(arguments)
         return hdf5_create(*arguments)
 
-    hdf5_create = hdf5._create
-    monkeypatch.setattr(hdf5, "_create", create)
+    hdf5_create = result_files._create
+    monkeypatch.setattr(result_files, "_create", create)
     expected = ResultFileError if isinstance(error, OSError) else type(error)
     with pytest.raises(expected):
-        hdf5.write_items(ITEMS, tmp_path / "x.h5")
+        result_files.write_items(ITEMS, tmp_path / "x.h5")
     assert os.listdir(tmp_path) == []

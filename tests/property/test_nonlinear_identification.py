@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.compare.measured import harmonics_of
+from beamsim.analyses.compare.analysis import harmonics_of
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.analyses.identify.covariance import inverse_information
-from beamsim.analyses.identify.fit import Fit, UnpredictableError
-from beamsim.analyses.identify.nonlinear_fit import fit_nonlinear
-from beamsim.analyses.identify.steady import steady_vibration
+from beamsim.analyses.identify.fit import Fit, UnpredictableError, inverse_information
+from beamsim.analyses.identify.vibrations import fit_nonlinear, steady_vibration
 from beamsim.errors import ScenarioError
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from shipped import PATHS, shipped
 
-from beamsim.analyses.designs.cases import Case
-from beamsim.analyses.designs.plan import plan_designs, plan_draws
+from beamsim.analyses.designs.plan import Case, plan_designs, plan_draws
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.base import Schema, path_text

@@ -6,8 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.analyses.identify.contact_point import snubber_point
-from beamsim.analyses.identify.stiffness import MeasuredModes, fit_stiffness
+from beamsim.analyses.identify.stiffness import MeasuredModes, fit_stiffness, snubber_point
 from beamsim.scenario import load_scenario
 from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.secular import SpringPoint

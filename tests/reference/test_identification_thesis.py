@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.analyses.identify.contact_point import snubber_point
+from beamsim.analyses.identify.stiffness import snubber_point
 from beamsim.scenario import load_scenario
 
 CASE = Path(__file__).parents[2] / "configs" / "identify_snubber.yaml"

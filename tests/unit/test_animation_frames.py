@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.animate.frames import FRAMES, frames_of_run
+from beamsim.analyses.run.animation import FRAMES, frames_of_run
 from beamsim.plots.animation import scene_of
 from beamsim.scenario import load_scenario
 

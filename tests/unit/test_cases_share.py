@@ -3,8 +3,7 @@
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.cases import Case
-from beamsim.analyses.designs.plan import plan_draws
+from beamsim.analyses.designs.plan import Case, plan_draws
 from beamsim.scenario import load_scenario
 
 BASE = """\

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.assurance import assurance
-from beamsim.analyses.compare.sweeps import Tracking, compare_sweep, peaks_of
-from beamsim.analyses.compare.tracking import track
+from beamsim.analyses.compare.sweeps import Tracking, compare_sweep, peaks_of, track
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import read_signals

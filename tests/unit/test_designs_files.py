@@ -12,8 +12,8 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.plots.designs import design_figures, shown_quantities
 from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
-from beamsim.store.journal import journal_path, opened_journal
 from beamsim.store.results import write_result
+from beamsim.store.studies import journal_path, opened_journal
 
 BASE = """\
 title: Fabricated study

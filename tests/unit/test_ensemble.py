@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs import cases
-from beamsim.store.journal import journal_path, opened_journal
+from beamsim.analyses.designs.analysis import CaseSolver
+from beamsim.store.studies import journal_path, opened_journal
 
 CASE = """\
 chain: {masses: [1], springs: [100, 0], snubbers: [{name: stop, mass: 1, side: below, stiffness: 1 kN/m, gap: 2 mm}]}
@@ -100,7 +100,7 @@ def test_what_cannot_be_drawn_is_refused_with_its_place(scenario, draws, respons
 
 def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path, monkeypatch):
     file = tmp_path / "gaps.h5"
-    real, solved = cases.CaseSolver.solve, []
+    real, solved = CaseSolver.solve, []
 
     def until_the_third(self, case):
         if len(solved) == 2:
@@ -109,7 +109,7 @@ def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path,
         return real(self, case)
 
     with monkeypatch.context() as patch:
-        patch.setattr(cases.CaseSolver, "solve", until_the_third)
+        patch.setattr(CaseSolver, "solve", until_the_third)
         with pytest.raises(KeyboardInterrupt):
             beamsim.ensemble(scenario, DRAWS, file=file, workers=1)
     assert journal_path(file).exists()

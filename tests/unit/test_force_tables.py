@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.identify.steady import steady_vibration
+from beamsim.analyses.identify.vibrations import steady_vibration
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.contacts.pads import _slopes, fit_branch, fit_curve, loop_width, relaxed_part
 from beamsim.errors import ScenarioError

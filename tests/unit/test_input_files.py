@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.animate.frames import model_of
 from beamsim.analyses.designs.plan import plan_designs
+from beamsim.analyses.run.animation import model_of
 from beamsim.cli.html_report import _model, _sketched
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario

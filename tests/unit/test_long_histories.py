@@ -9,7 +9,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run import exact_motion
 from beamsim.flow import moments, trajectory
-from beamsim.store import export, hdf5
+from beamsim.store import export, results
 from beamsim.store.export import export_result
 from beamsim.store.results import write_result
 
@@ -35,7 +35,7 @@ def small_parts(monkeypatch):
 def along_time(path):
     """By name, the arrays along the time of a run, the time included."""
     with h5py.File(path) as file:
-        items = hdf5.read_items(file)
+        items = results.read_items(file)
     return {name: np.array(item.values) for name, item in items.items() if item.axes == ("/time",) or name == "/time"}
 
 

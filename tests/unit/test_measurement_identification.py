@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.compare.measured import harmonics_of, settled_from
+from beamsim.analyses.compare.analysis import harmonics_of, settled_from
 from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import in_si, read_signals
 from beamsim.measurements.signal import MeasuredSignal

@@ -6,7 +6,7 @@ import yaml
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.analyses.identify.branch_fit import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
+from beamsim.analyses.identify.pad_fit import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, recovering_law
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario

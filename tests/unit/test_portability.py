@@ -16,7 +16,7 @@ from beamsim.cli import use_utf8
 from beamsim.cli.failures import broken_pipe, discard_output
 from beamsim.cli.interruption import interruptible
 from beamsim.errors import ResultFileError
-from beamsim.store.journal import LOCKED_BYTE, opened_journal
+from beamsim.store.studies import LOCKED_BYTE, opened_journal
 
 pytestmark = pytest.mark.quick
 

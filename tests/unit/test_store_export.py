@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.compare_modes import read_shapes
 from beamsim.errors import ResultFileError
 from beamsim.scenario import load_scenario
 from beamsim.store.export import export_result
 from beamsim.store.results import write_result
-from beamsim.store.shapes import read_shapes
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

@@ -1,24 +1,30 @@
-"""``beamsim compare``: a computed and a measured motion, aligned in phase and compared harmonic by harmonic."""
+"""``beamsim compare``: a computed and a measured motion, aligned in phase and compared harmonic by harmonic.
+
+The channels of a measurement are assigned to probes and snubbers by their names.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.compare.measured import Harmonics, best_phase, harmonics_of, settled_from
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
+from beamsim.analyses.run.records import project
 from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import amplitude_db, spectrum
-from beamsim.measurements.channels import unusable
+from beamsim.analyses.sweep.result import SweepResult
+from beamsim.errors import Problem, ScenarioError
+from beamsim.measurements.channels import channel_named, holds_name, in_si, read_signals, unusable
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import SpectrumSettings
-from beamsim.typing import Floats
+from beamsim.typing import Complexes, Floats, Ints
 
 QUANTITIES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity", "force")
 _SHOWN_PERIODS = 4
@@ -244,3 +250,247 @@ def _compared(channel: ChannelComparison) -> dict[str, Any]:
         **{name: getattr(channel, name) for name in names},
         "harmonics": [dict(zip(harmonics, row, strict=True)) for row in rows],
     }
+
+
+def pair_channels(
+    result: RunResult | SweepResult,
+    path: Path,
+    *,
+    place: str | None = None,
+    quantity: str | None = None,
+    channel: str | None = None,
+    unit: str | None = None,
+    axis_unit: str | None = None,
+) -> list[tuple[str, str, MeasuredSignal]]:
+    """The measured channels of a file that belong to the probes and snubbers of a result by name, in SI units.
+
+    With `channel`, or in a file with one, that one is compared with `quantity` (by default what its name or unit says,
+    else the absolute acceleration) at `place` (by default the one it is named after, or the only one).
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be used or no channel matches.
+    """
+    signals = read_signals(path, axis_unit)
+    probes, snubbers = _places(result)
+    places = list(dict.fromkeys([*probes, *snubbers]))
+    if place is not None and place not in places:
+        raise ScenarioError(Problem("", f"--probe {place} is not in the result", f"it has {', '.join(places)}"))
+    if channel is not None or len(signals) == 1:
+        signal = channel_named(
+            signals, channel or signals[0].name, quantity or "absolute_acceleration", path, required=channel is not None
+        )
+        compared = quantity or _quantity_of(signal.name, signal.unit or unit or "")
+        at = place or _place_of(signal, snubbers if compared == "force" else probes, path)
+        _known(snubbers if compared == "force" else probes, at, compared)
+        return [(at, compared, in_si(signal, unit, compared, "--unit"))]
+    pairs: list[tuple[str, str, MeasuredSignal]] = []
+    for name in places if place is None else [place]:
+        for q in QUANTITIES if quantity is None else [quantity]:
+            if name not in (snubbers if q == "force" else probes):
+                continue
+            try:
+                signal = channel_named(signals, name, q, path, required=True)
+            except ScenarioError:
+                continue
+            pairs.append((name, q, signal))
+    if not pairs:
+        names = ", ".join(s.name for s in signals[:12])
+        raise ScenarioError(
+            Problem(
+                "",
+                f"{path} has no channel named after a probe ({', '.join(places)}) and a quantity",
+                f"specify them: --channel NAME --probe NAME --quantity absolute_acceleration; it has {names}",
+            )
+        )
+    try:
+        return [(name, q, in_si(signal, unit, q, "--unit")) for name, q, signal in pairs]
+    except ScenarioError as error:
+        several = list(dict.fromkeys(q for _, q, _ in pairs))
+        if unit is None or len(several) == 1:
+            raise
+        problem = error.problems[0]
+        remedy = f"the file has {', '.join(several)}: choose one with --quantity, for example --quantity {several[0]}"
+        raise ScenarioError(Problem(problem.path, problem.message, remedy)) from None
+
+
+def _quantity_of(channel: str, unit: str) -> str:
+    """The quantity that a channel's name or unit says."""
+    spoken = channel.lower().replace("_", " ")
+    longest_first = sorted(QUANTITIES, key=len, reverse=True)
+    by_name = next((q for q in longest_first if q.replace("_", " ") in spoken), "")
+    if by_name or not unit:
+        return by_name or "absolute_acceleration"
+    for q in ("absolute_acceleration", "velocity", "force", "displacement"):
+        try:
+            in_si(MeasuredSignal(channel, np.zeros(0), np.zeros(0)), unit, q, "")
+        except ScenarioError:
+            continue
+        return q
+    return "absolute_acceleration"
+
+
+def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:
+    """The probe or snubber that a channel is named after, or the only one.
+
+    Raises
+    ------
+    ScenarioError
+        If there are several and the channel's name says none or more than one of them.
+    """
+    named = [name for name in places if holds_name(signal.name, name)]
+    if len(named) == 1 or (not named and len(places) == 1):
+        return (named or places)[0]
+    what = f"is named after {' and '.join(named)}" if named else "is named after none of the probes"
+    raise ScenarioError(
+        Problem("", f"{path}: the channel {signal.name} {what}", f"say where it was measured: --probe {places[0]}"
+                f" (there are {', '.join(places)})")
+    )  # fmt: skip
+
+
+def _places(result: RunResult | SweepResult) -> tuple[list[str], list[str]]:
+    """Names of the probes and snubbers of a result."""
+    if isinstance(result, RunResult):
+        return list(result.probes), list(result.snubbers)
+    curves = result.curves.values()
+    return list(dict.fromkeys(p for c in curves for p in c.displacement)), list(
+        dict.fromkeys(s for c in curves for s in c.force)
+    )
+
+
+def _known(owners: list[str], place: str, quantity: str) -> None:
+    if quantity not in QUANTITIES:
+        raise ScenarioError(
+            Problem("", f"--quantity {quantity} is not one of {', '.join(QUANTITIES)}", "choose one of these")
+        )
+    if place not in owners:
+        raise ScenarioError(Problem("", f"--probe {place} has no {quantity}", f"choose from {', '.join(owners)}"))
+
+
+_PHASES = 720  # grid for the initial guess of Newton's method
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """Harmonics of a steady vibration: x = Im sum_k value_k e^{2 pi i k f t}."""
+
+    order: Ints  # (h,)
+    value: Complexes  # (h,)
+    noise: Floats  # (h,) standard deviation of real and imaginary part; zero when unknown
+    has_phase: bool
+
+
+def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: float | None = None) -> Harmonics:
+    r"""The first `count` harmonics of a frequency, by least squares on the signal or from a spectrum's lines.
+
+    All harmonics of a time history up to half the sample rate (60 at most) are fitted; the scatter of the residual,
+    assumed white, gives the noise :math:`s \sqrt{2 / N}` of each part.
+
+    Raises
+    ------
+    MeasurementError
+        If the record is too short or its spectrum too coarse.
+    """
+    orders = np.arange(1, count + 1)
+    if signal.of_frequency:
+        return _of_spectrum(signal, frequency_hz, orders)
+    t, x = signal.x, np.asarray(signal.y, dtype=float)
+    if last is not None:
+        kept = t >= t[-1] - last
+        t, x = t[kept], x[kept]
+    if t.size < 4:
+        raise _short(f"has {t.size} samples in the part used")
+    rate = (t.size - 1) / (t[-1] - t[0])
+    if (t[-1] - t[0]) * frequency_hz < 1 - 1e-3:
+        raise _short(f"lasts {t[-1] - t[0]:.4g} s, less than a period of {frequency_hz:g} Hz")
+    highest = int(0.499 * rate / frequency_hz)
+    if highest < count:
+        raise _short(
+            f"is sampled at {rate:.5g} Hz, too slowly for {count} harmonics of {frequency_hz:g} Hz (it has {highest})"
+        )
+    # 60: fitted to a signal; the residual counts as noise
+    taken = min(highest, 60, max(count, (t.size - 2) // 4))
+    every = frequency_hz * np.arange(1, taken + 1, dtype=np.float64)
+    mean, value = project(t, x, every)
+    phase = np.exp(2j * np.pi * frequency_hz * t)
+    fitted = np.full(t.size, mean)
+    power = np.ones(t.size, dtype=complex)
+    for c in value:
+        power = power * phase
+        fitted += (c * power).imag
+    freedom = t.size - 1 - 2 * taken
+    scatter = np.sqrt(np.sum((x - fitted) ** 2) / freedom) if freedom > 0 else 0.0
+    return Harmonics(orders, value[:count], np.full(count, scatter * np.sqrt(2.0 / t.size)), True)
+
+
+def _short(message: str) -> MeasurementError:
+    return MeasurementError(message, "use a longer record or a higher sample rate, or fewer harmonics")
+
+
+def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> Harmonics:
+    step = float(np.median(np.diff(signal.x))) if signal.x.size > 1 else np.inf
+    if step > 0.5 * frequency_hz:
+        raise _short(f"has a line every {step:g} Hz, which is too coarse for harmonics of {frequency_hz:g} Hz")
+    if orders[-1] * frequency_hz > signal.x[-1] + 0.5 * step:
+        raise _short(f"ends at {signal.x[-1]:g} Hz, below harmonic {orders[-1]} of {frequency_hz:g} Hz")
+    nearest = np.array([int(np.argmin(np.abs(signal.x - k * frequency_hz))) for k in orders])
+    complex_values = bool(np.iscomplexobj(signal.y))
+    value = signal.y[nearest].astype(complex)
+    if complex_values:
+        value = 1j * value  # from cosines to sines
+    # the lines between the harmonics are noise
+    distance = np.abs(signal.x / frequency_hz - np.round(signal.x / frequency_hz)) * frequency_hz
+    between = np.abs(signal.y[distance > max(4 * step, 0.1 * frequency_hz)])
+    # the amplitude of noise with standard deviation s in both parts has the median 1.1774 s
+    noise = float(np.median(between)) / 1.1774 if between.size > 8 else 0.0
+    return Harmonics(orders, value, np.full(orders.size, noise), complex_values)
+
+
+def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
+    """Start of the longest last part of a history whose periods repeat, s, and the largest relative difference in it.
+
+    Periods are compared with the last one or the last but one (a period-doubled motion), in the rms. Where the last
+    periods already differ by more, the part is the last half.
+    """
+    from scipy.interpolate import CubicSpline
+
+    count = int(np.floor((time[-1] - time[0]) / period * (1 + 1e-9)))
+    if count < 4:
+        return float(time[0]), 0.0
+    phases = np.linspace(0.0, 1.0, 64, endpoint=False)
+    starts = time[-1] - period * np.arange(count, 0, -1)
+    periods = CubicSpline(time, x)(starts[:, None] + period * phases)
+    periods = periods - periods[-2:].mean()
+    size = max(float(np.sqrt(np.mean(periods[-2:] ** 2))), 1e-300)
+    rms = np.sqrt(np.mean((periods[:, None, :] - periods[None, -2:, :]) ** 2, axis=2)) / size  # (count, 2)
+    rms[-1, 1] = rms[-2, 0] = np.inf  # not with themselves
+    difference = np.minimum(rms[:, 0], rms[:, 1])
+    difference[-1] = difference[-2] = min(float(rms[-1, 0]), float(difference[-4:-2].max()))
+    # 0.01: of the rms: periods that differ by less are alike
+    moving = np.flatnonzero(difference > 0.01)
+    first = int(moving[-1]) + 1 if moving.size else 0
+    if count - first < 4:
+        half = count // 2
+        return float(starts[half]), float(difference[half:].max())
+    return float(max(starts[first], time[0])), float(difference[first:].max())
+
+
+def best_phase(measured: Harmonics, predicted: Complexes, sigma: Floats) -> float:
+    """The phase psi that brings predicted e^{i k psi} closest to the measured harmonics."""
+    psi = np.arange(_PHASES) * (2 * np.pi / _PHASES)
+    weight = np.conj(measured.value) * predicted / sigma**2
+
+    gain = (np.exp(1j * np.multiply.outer(psi, measured.order)) @ weight).real
+    best = float(psi[int(np.argmax(gain))])
+    for _ in range(30):
+        turned = weight * np.exp(1j * measured.order * best)
+        slope = float(-np.sum(measured.order * turned.imag))
+        curvature = float(-np.sum(measured.order**2 * turned.real))
+        if curvature >= 0:
+            break
+        step = -slope / curvature
+        best += float(np.clip(step, -0.01, 0.01))
+        if abs(step) < 1e-14:
+            break
+    return best

@@ -6,15 +6,20 @@ import time as clock
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from threading import Event
+from typing import Any
 
-from beamsim.analyses.designs.cases import Case, CaseSolver, Study, solve_case
 from beamsim.analyses.designs.gathering import gather
-from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_designs
+from beamsim.analyses.designs.plan import Case, DesignPlan, Study, check_cases, plan_designs
+from beamsim.analyses.designs.responses import Responses, entries_of, is_asked, responses_of_result, run_responses
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.analyses.parallel import cluster, default_workers, processes, threads
-from beamsim.errors import Problem, ScenarioError
-from beamsim.outcomes import Stop, never
+from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
+from beamsim.errors import BeamsimError, Problem, ScenarioError
+from beamsim.kinds import KINDS, named
+from beamsim.outcomes import Outcome, OutcomeKind, Stop, never
 from beamsim.scenario import Scenario
+from beamsim.system.build import build_system
+from beamsim.system.parts import SharedBuilds
 
 THREADED = ("run", "swept_sine")  # analyses whose time is spent in compiled code, which threads execute side by side
 
@@ -90,3 +95,51 @@ def _solved(
     elif cases:
         with processes(count, stop) if scheduler is None else cluster(scheduler) as pool:
             yield from pool.completed(partial(solve_case, study), cases, stop)
+
+
+class CaseSolver:
+    """Solves the cases of one study; what they share is built once. May be used by several threads."""
+
+    def __init__(self, study: Study, stop: Stop = never) -> None:
+        self.study = study
+        self.stop = stop
+        self.shared = SharedBuilds()
+
+    def solve(self, case: Case) -> CaseOutcome:
+        """Solve one case, unless it is to stop; an error becomes part of the outcome, so that other cases continue."""
+        begin = clock.thread_time()
+        values: Responses = {}
+        try:
+            values, outcome = self._responses(self.study.scenario(case))
+        except BeamsimError as error:
+            outcome = Outcome.of(OutcomeKind.FAILED, "failed", "; ".join(str(error).splitlines()))
+        except (ArithmeticError, ValueError, RuntimeError) as error:
+            reason = f"internal error ({type(error).__name__}: {error})"
+            outcome = Outcome.of(OutcomeKind.FAILED, "failed", reason)
+        values = {name: value for name, value in values.items() if is_asked(name, self.study.asked)}
+        return CaseOutcome(case.number, values if outcome.complete else {}, outcome, clock.thread_time() - begin)
+
+    def _responses(self, scenario: Scenario) -> tuple[Responses, Outcome]:
+        """Of a run the values that are asked for, if they can be had alone; else those of the whole result."""
+        analysis = self.study.analysis
+        if analysis == "run" and gives_figures(scenario):
+            asked = entries_of(self.study.asked, scenario.excitation.kind)
+            system = build_system(scenario, self.shared, assessed=False, recovered=needs_recovery(asked))
+            figures, outcome = asked_figures(system, scenario, asked, self.stop)
+            return run_responses(figures), outcome
+        kind = analysis if analysis in KINDS else "sweep"
+        result: Any = named(KINDS[kind].analysis)(scenario, stop=self.stop)
+        return responses_of_result(result), result.outcome
+
+
+_SOLVERS: dict[str, CaseSolver] = {}  # of the study that this worker process is computing
+
+
+def solve_case(study: Study, case: Case) -> CaseOutcome:
+    """Solve one case in a worker process, which keeps what the cases of a study share."""
+    solver = _SOLVERS.get(study.fingerprint)
+    if solver is None:  # threads of a cluster's worker may come here at once, each with a solver that gives the same
+        solver = CaseSolver(study)
+        _SOLVERS.clear()
+        _SOLVERS[study.fingerprint] = solver
+    return solver.solve(case)

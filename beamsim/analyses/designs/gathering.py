@@ -10,23 +10,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.choice import Objective, best_cases, passing_cases
-from beamsim.analyses.designs.plan import DesignPlan, limited_response, varies_seed
-from beamsim.analyses.designs.realisations import Realisations, judging, scatter_of
+from beamsim.analyses.designs.plan import DesignPlan, Realisations, varies_seed
 from beamsim.analyses.designs.responses import describe
 from beamsim.analyses.designs.result import (
     CaseFailure,
     CaseOutcome,
     DesignsResult,
+    Objective,
     RealisedResponse,
     Response,
     SobolIndices,
     is_scalar,
+    judging,
+    limited_response,
     responses_of,
 )
-from beamsim.analyses.designs.sensitivity import sensitivities
 from beamsim.analyses.doubts import forces_beyond_tables
-from beamsim.analyses.values import margin_of
+from beamsim.analyses.values import margin_of, margins_of
 from beamsim.outcomes import Outcome, OutcomeKind, together
 from beamsim.scenario.parameters import Value
 from beamsim.system.outputs import output_units
@@ -51,7 +51,7 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
     solved = solved.reshape(-1, count).all(axis=1).reshape(plan.shape)
     missing = int(np.sum(~known.reshape(-1, count).all(axis=1)))
     failures = _failures(plan, outcomes)
-    passing = passing_cases(margins, solved)
+    passing = np.logical_and.reduce([solved, *(margin.values >= 0.0 for margin in margins.values())])
     objective = Objective.of(plan.scenario.vary)
     values, unknown = None, False
     if objective.response:
@@ -62,7 +62,7 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
     shares = meets.mean(axis=-1) if limits and count > 1 else None
     sensitivity, gaps = sensitivities(responses, len(plan.coordinates)) if plan.kind == "sobol" else ((), [])
     scalar = {name: r for name, r in realised.items() if is_scalar(r, (*plan.shape, count))} if count > 1 else {}
-    stored = {name: RealisedResponse(name, r.values, r.unit, r.long_name) for name, r in scalar.items()}
+    stored = {name: RealisedResponse(**vars(response)) for name, response in scalar.items()}
     return DesignsResult(
         scenario=plan.scenario,
         analysis=plan.study.analysis,
@@ -156,11 +156,23 @@ def _tolerances(realisations: Realisations) -> dict[str, Any] | None:
 def _scatter(
     realised: Mapping[str, RealisedResponse], best: Sequence[Mapping[str, Any]], cases: int, count: int
 ) -> dict[str, Any] | None:
-    """What the best case ranges over within its tolerances, or the only one."""
+    """What the best case ranges over within its tolerances, or the only one; known realisations only."""
     if not realised or not (best or cases == 1):
         return None
     case = int(best[0]["case"]) if best else 0
-    return {"case": case, "responses": scatter_of(realised, case, count)}
+    ranges = {}
+    for name, response in realised.items():
+        values = response.values.reshape(-1, count)[case]
+        known = values[np.isfinite(values)]
+        if known.size:
+            extremes = {"smallest": float(known.min()), "largest": float(known.max())}
+            ranges[name] = {"nominal": float(values[0]), **extremes, **_quantiles(known)}
+    return {"case": case, "responses": ranges}
+
+
+def _quantiles(known: Floats) -> dict[str, float]:
+    low, high = np.quantile(known, [0.05, 0.95])
+    return {"quantile_5_percent": float(low), "quantile_95_percent": float(high)}
 
 
 def _about_choice(
@@ -240,11 +252,7 @@ def _worst_margins(
         case = int(np.nanargmin(flat))
         values, places = where[name]
         summary[name] = {
-            "limit": limits[name],
-            "value": float(values[case]),
-            "margin": float(flat[case]),
-            "at": str(places[case]),
-            "exceeded": bool(values[case] > limits[name]),
+            **margins_of(plan.scenario.limits, {name: (float(values[case]), str(places[case]))})[name],
             "case": case,
             "parameters": _named(plan, case),
             "cases_exceeding": int(np.sum(values > limits[name])),
@@ -273,8 +281,7 @@ def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, 
             summary[name] |= {
                 "mean": float(known.mean()),
                 "standard_deviation": float(known.std(ddof=1)) if known.size > 1 else math.nan,
-                "quantile_5_percent": float(np.quantile(known, 0.05)),
-                "quantile_95_percent": float(np.quantile(known, 0.95)),
+                **_quantiles(known),
             }
     return summary
 
@@ -300,3 +307,70 @@ def _outcome(cases: int, missing: int, failures: tuple[CaseFailure, ...]) -> Out
             )
         )  # fmt: skip
     return together(parts)
+
+
+def best_cases(
+    values: Floats | None, margins: Mapping[str, Response], passing: Bools, *, largest: bool
+) -> list[dict[str, Any]]:
+    """The best of the cases that pass, best first: case, value of the objective, smallest margin and its limit.
+
+    Parameters
+    ----------
+    values : (cases,) of the objective; None for the smallest margin.
+    largest : whether large values are better.
+    """
+    names, each = list(margins), np.array([margin.values.ravel() for margin in margins.values()])
+    smallest = each.min(axis=0) if names else None
+    decisive = np.where(np.isnan(each), -np.inf, each).argmin(axis=0) if names else []
+    values = smallest if values is None else values
+    if values is None:
+        return []
+    of_passing = np.flatnonzero(passing.ravel() & ~np.isnan(values))
+    order = of_passing[np.argsort((-1.0 if largest else 1.0) * values[of_passing], kind="stable")]
+    return [
+        {
+            "case": int(case),
+            "value": float(values[case]),
+            **({} if smallest is None else {"margin": float(smallest[case]), "limit": names[decisive[case]]}),
+        }
+        for case in order[:10]
+    ]
+
+
+def sensitivities(responses: Mapping[str, Response], count: int) -> tuple[tuple[SobolIndices, ...], list[str]]:
+    """The indices of every response that varies and is known in all cases, and the names of those with gaps.
+
+    Parameters
+    ----------
+    responses : of the cases of `beamsim.analyses.designs.plan.sobol`, in their order.
+    count : number of parameters.
+    """
+    indices, gaps = [], []
+    for name, response in responses.items():
+        if response.values.ndim != 1:
+            continue
+        if not np.all(np.isfinite(response.values)):
+            gaps.append(name)
+        elif np.ptp(response.values) > 1e-9 * np.max(np.abs(response.values)):  # less is round-off
+            indices.append(_indices(name, response.values.reshape(count + 2, -1)))
+    return tuple(indices), gaps
+
+
+def _indices(name: str, parts: Floats) -> SobolIndices:
+    """First and total indices from the responses (k + 2, n) of A, B and the k mixed samples."""
+    from scipy.stats import bootstrap, sobol_indices
+
+    count, samples = parts.shape[0] - 2, parts.shape[1]
+
+    def of_rows(rows: NDArray[np.int64]) -> Floats:
+        chosen = parts[:, rows]
+        given: Any = {"f_A": chosen[:1], "f_B": chosen[1:2], "f_AB": chosen[2:, None]}
+        indices = sobol_indices(func=given, n=samples)
+        return np.stack([np.reshape(indices.first_order, count), np.reshape(indices.total_order, count)])
+
+    first, total = of_rows(np.arange(samples))
+    spread: Any = bootstrap(
+        [np.arange(samples)], of_rows, vectorized=False, n_resamples=200, confidence_level=0.95,
+        method="percentile", rng=np.random.default_rng(0),
+    ).confidence_interval  # fmt: skip
+    return SobolIndices(name, first, total, spread.low[0], spread.high[0], spread.low[1], spread.high[1])

@@ -6,40 +6,121 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.cases import Case, Study, analysis_of
-from beamsim.analyses.designs.choice import Objective
-from beamsim.analyses.designs.realisations import Realisations
 from beamsim.analyses.designs.responses import QUANTITIES
-from beamsim.analyses.designs.result import Coordinate
-from beamsim.analyses.designs.sampling import latin_hypercube, listed_values, sobol
+from beamsim.analyses.designs.result import Coordinate, Objective, Tolerance, limited_response
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, plain, suggestion
-from beamsim.scenario.parameters import Value, VariedParameter, drawn_parameters, varied_parameters, with_values
-from beamsim.scenario.reporting import OF_OUTPUTS
+from beamsim.scenario.parameters import (
+    ToleratedParameter,
+    Value,
+    VariedParameter,
+    drawn_parameters,
+    tolerances_of,
+    tolerated_parameters,
+    value_at,
+    varied_parameters,
+    with_values,
+)
 from beamsim.scenario.scenario import named_files
-from beamsim.scenario.studies import LatinHypercube, Sobol, Vary
+from beamsim.scenario.studies import LatinHypercube, Sobol
+from beamsim.typing import Floats
 
 MOST_CHECKED = 400  # cases checked before the first is solved
+ANALYSES = ("run", "swept_sine", "stepped", "continuation")  # of a case: a run, or the kind of sweep
 MOST_SHOWN = 5  # problems and failures in a message
 
 
-def limited_response(limit: str) -> str:
-    """The end of the names of the responses that a limit is compared with.
+@dataclass(frozen=True)
+class Realisations:
+    """The same sample of deviations about every case; without tolerances only the case itself."""
 
-    >>> limited_response("gap"), limited_response("outputs.clamp")
-    ('largest_gap', 'outputs/clamp/peak_output')
-    """
-    if limit.startswith(OF_OUTPUTS):
-        return f"outputs/{limit.removeprefix(OF_OUTPUTS)}/peak_output"
-    return "largest_gap" if limit == "gap" else limit
+    parameters: tuple[ToleratedParameter, ...] = ()
+    # (realisations, parameters) in shares of the tolerances, from -1 to 1; the first row, zero, is the case itself
+    deviations: Floats = field(default_factory=lambda: np.zeros((1, 0)))
+    quantile: float = 1.0  # by which a case is judged, counted from the good side
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Realisations:
+        """What a scenario with ``vary`` asks for."""
+        asked = tolerances_of(scenario)
+        if asked is None:
+            return cls()
+        parameters = tolerated_parameters(scenario)
+        units = tuple(replace(p.number, low=-1.0, high=1.0, spacing="linear") for p in parameters)
+        sample: Any = latin_hypercube(units, asked.samples, asked.seed)
+        return cls(parameters, np.vstack([np.zeros(len(parameters)), np.transpose(sample)]), asked.quantile)
+
+    @property
+    def count(self) -> int:
+        """Number of realisations of each case, the case itself among them."""
+        return int(self.deviations.shape[0])
+
+    def values(self, case: Scenario, realisation: int) -> dict[Path, float]:
+        """The numbers of a realisation by place; each deviates from what it is in the case, or follows from there."""
+        values: dict[Path, float] = {}
+        for parameter, deviation in zip(self.parameters, self.deviations[realisation], strict=True):
+            nominal = float(value_at(case, parameter.number.places[0]))
+            value = nominal + float(deviation) * parameter.reach(nominal)
+            values |= dict.fromkeys(parameter.number.places, value)
+        return values
+
+    def tolerances(self) -> tuple[Tolerance, ...]:
+        """What is stored of the tolerances."""
+        return tuple(
+            Tolerance(
+                path=p.number.path,
+                deviations=self.deviations[:, k],
+                tolerance=0.5 * (p.number.high - p.number.low) if p.share is None else p.share,
+                unit=p.number.unit if p.share is None else "1",
+                relative=p.share is not None,
+            )
+            for k, p in enumerate(self.parameters)
+        )
+
+    def as_data(self) -> list[Any]:
+        """Plain data of all that the cases depend on; empty without tolerances."""
+        deviations = [] if self.count == 1 else self.deviations.tolist()
+        return [
+            *([p.number.path, p.share, p.number.low, p.number.high, p.number.places] for p in self.parameters),
+            *deviations,
+        ]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case of a study."""
+
+    number: int  # from 0
+    values: tuple[Value, ...]  # of each varied parameter
+    realisation: int = 0  # within the tolerances; 0 is the case itself
+
+
+@dataclass(frozen=True)
+class Study:
+    """What the cases of a study share."""
+
+    analysis: str
+    case: Scenario  # as it was written
+    places: tuple[tuple[Path, ...], ...]  # of each varied parameter
+    realisations: Realisations
+    asked: tuple[str, ...]  # responses; empty for all
+    fingerprint: str
+
+    def scenario(self, case: Case) -> Scenario:
+        """The scenario of a case; raises a ScenarioError if it is invalid."""
+        given = {place: value for at, value in zip(self.places, case.values, strict=True) for place in at}
+        scenario = with_values(self.case, given)
+        if case.realisation:
+            scenario = with_values(scenario, self.realisations.values(scenario, case.realisation))
+        return scenario.rechecked()
 
 
 @dataclass(frozen=True)
@@ -84,7 +165,9 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
         columns = sobol(varied, vary.samples, vary.seed)
     else:
         columns = [listed_values(parameter) for parameter in varied]
-    _check_objective(scenario, vary)
+    for key in ("minimise", "maximise"):
+        if name := getattr(vary, key):
+            _check_response(scenario, name, f"vary.{key}")
     objective = Objective.of(vary).response
     asked = _asked(scenario, vary.responses, "vary.responses", objective)
     return _plan(scenario, vary.kind, varied, columns, asked, Realisations.of(scenario))
@@ -164,12 +247,6 @@ def check_cases(plan: DesignPlan) -> None:
         raise plan.scenario.located(ScenarioError(problems[:MOST_SHOWN]))
 
 
-def _check_objective(scenario: Scenario, vary: Vary) -> None:
-    for key in ("minimise", "maximise"):
-        if name := getattr(vary, key):
-            _check_response(scenario, name, f"vary.{key}")
-
-
 def _check_response(scenario: Scenario, name: str, where: str) -> None:
     quantity = name.rpartition("/")[2]
     if quantity not in QUANTITIES:
@@ -192,6 +269,20 @@ def _asked(scenario: Scenario, responses: Sequence[str], where: str, objective: 
     limits = () if scenario.limits is None else scenario.limits.given
     needed = (objective,) if objective else ()
     return tuple(dict.fromkeys((*responses, *needed, *(limited_response(name).rpartition("/")[2] for name in limits))))
+
+
+def analysis_of(scenario: Scenario) -> str:
+    """Analysis of each case: its sweep, else its run."""
+    kind = "run" if scenario.sweep is None else str(scenario.sweep.kind)
+    if kind not in ANALYSES:
+        raise ScenarioError(
+            Problem("sweep.kind", f"= {kind} cannot be combined with vary", f"use one of {', '.join(ANALYSES)}")
+        )
+    if kind == "run" and scenario.run is None:
+        raise ScenarioError(
+            Problem("run", "is missing", "add for example `run: {duration: 1 s}`; without sweep every case is a run")
+        )
+    return kind
 
 
 def _plan(
@@ -257,3 +348,58 @@ def _array(column: list[Value]) -> NDArray[Any]:
 def _assigned(coordinate: Coordinate, value: Value) -> str:
     shown, unit = value if isinstance(value, str) else f"{value:.6g}", coordinate.unit
     return f"{coordinate.path} = {shown} {unit if unit != '1' else ''}".rstrip()
+
+
+def listed_values(parameter: VariedParameter) -> list[Value]:
+    """The values of a list or of an evenly spaced range."""
+    if parameter.values:
+        return list(parameter.values)
+    spaced = np.geomspace if parameter.spacing == "logarithmic" else np.linspace
+    values = spaced(parameter.low, parameter.high, parameter.points)
+    values[0], values[-1] = parameter.low, parameter.high
+    return [*dict.fromkeys(int(v) for v in np.rint(values))] if parameter.whole else values.tolist()
+
+
+def latin_hypercube(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[list[Value]]:
+    """Columns of a Latin-hypercube sample, one a parameter."""
+    from scipy.stats.qmc import LatinHypercube
+
+    return _distributed(varied, LatinHypercube(len(varied), rng=np.random.default_rng(seed)).random(samples))
+
+
+def sobol(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[list[Value]]:
+    """Columns for Sobol' indices: two independent samples A and B, then for each parameter A with its column of B.
+
+    Source: A. Saltelli et al., Computer Physics Communications 181 (2010) 259-270.
+    """
+    from scipy.stats.qmc import Sobol
+
+    count = len(varied)
+    both = Sobol(2 * count, rng=np.random.default_rng(seed)).random(samples)
+    a, b = both[:, :count], both[:, count:]
+    parts = [a, b]
+    for k in range(count):
+        mixed = a.copy()
+        mixed[:, k] = b[:, k]
+        parts.append(mixed)
+    return _distributed(varied, np.concatenate(parts))
+
+
+def _distributed(varied: tuple[VariedParameter, ...], cube: Floats) -> list[list[Value]]:
+    """Map each column of the unit cube by the inverse distribution of its parameter."""
+    from scipy.stats import truncnorm
+
+    columns: list[list[Value]] = []
+    for parameter, u in zip(varied, cube.T, strict=True):
+        low, high = parameter.low, parameter.high
+        if parameter.spacing == "logarithmic":
+            values = low * (high / low) ** u
+        elif parameter.distribution == "normal":
+            deviation = truncnorm.ppf(u, -3.0, 3.0) / 3.0  # three standard deviations are the tolerance
+            values = 0.5 * (low + high) + 0.5 * (high - low) * deviation
+        elif parameter.whole:
+            values = np.minimum(np.floor(low + u * (high - low + 1.0)), high)
+        else:
+            values = low + u * (high - low)
+        columns.append([int(v) for v in values] if parameter.whole else values.tolist())
+    return columns

@@ -1,4 +1,4 @@
-"""Responses that a design study keeps of each case: numbers by name of quantity, probe or snubber."""
+"""Responses that a design study keeps of each case: the values that every analysis reports, by quantity and place."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from beamsim.analyses.branch import largest_of_stable
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, VALUES
-
-MODES_KEPT = 6
+from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, VALUES, Value
 
 Responses = dict[str, float | list[float]]
 
-_OTHERS: dict[str, tuple[str, str, str, str]] = {
+OF_RUNS: dict[str, tuple[str, str, str, str]] = {
+    value.name: (value.section, value.entry, value.unit, value.meaning) for value in VALUES
+} | {
     "contact_share": ("snubbers", "contact_share", "1", "share of the time in contact"),
     "contacts": ("snubbers", "contacts", "1", "number of closings"),
     "static_force": ("snubbers", "static_force_n", "N", "contact force at static equilibrium"),
@@ -33,10 +33,7 @@ _OTHERS: dict[str, tuple[str, str, str, str]] = {
     "closed_frequencies_hz": ("", "closed_frequencies_hz", "Hz", "natural frequencies with every contact closed"),
     "energy_error": ("", "energy_error", "1", "energy balance error"),
 }  # fmt: skip
-"""Responses of a run that are not extremes of channels: section, entry of the summary, unit and meaning."""
-OF_RUNS: dict[str, tuple[str, str, str, str]] = {
-    value.name: (value.section, value.entry, value.unit, value.meaning) for value in VALUES
-} | _OTHERS
+"""Responses of a run, extremes of channels first: section, entry of the summary, unit and meaning."""
 QUANTITIES: dict[str, tuple[str, str]] = {name: (unit, meaning) for name, (_, _, unit, meaning) in OF_RUNS.items()} | {
     "bilinear_frequency_hz": ("Hz", "2 f F / (f + F) of the first open (f) and closed (F) frequency"),
     "resonance_frequency": ("Hz", "frequency of the largest response"),
@@ -52,16 +49,36 @@ def describe(name: str, output_units: Mapping[str, str]) -> tuple[str, str]:
     return QUANTITIES.get(quantity, ("1", quantity.replace("_", " ")))
 
 
-BROADBAND = ("random", "sampled")  # excitations whose responses have a root mean square
-MODEL_ENTRIES = ("static_force_n", "open_frequencies_hz", "closed_frequencies_hz")
-"""Entries that responses are made of whatever is asked for; the model has them anyway."""
+def entries_of(asked: Collection[str], excitation: str) -> tuple[str, ...]:
+    """Entries of a run's summary that the responses asked for need, with a kind of excitation."""
+    quantities = {name.rpartition("/")[2] for name in asked} or set(OF_RUNS)
+    if excitation not in ("random", "sampled"):  # whose responses have a root mean square
+        quantities = {name for name in quantities if not name.startswith("rms_")}
+    quantities |= {"static_force", "open_frequencies_hz", "closed_frequencies_hz"}  # which the model has anyway
+    return tuple(dict.fromkeys(entry for name, (_, entry, _, _) in OF_RUNS.items() if name in quantities))
 
 
-def run_responses(figures: Mapping[str, Any], asked: Collection[str] = ()) -> Responses:
-    """Responses of a run, from entries of its summary; of those that are not there, none.
+def is_asked(name: str, asked: Collection[str]) -> bool:
+    """Whether a response is among those asked for, by its name or by its quantity."""
+    return not asked or name in asked or name.rpartition("/")[2] in asked
 
-    ``asked`` are quantities or whole names of responses; all of them where it is empty.
-    """
+
+def responses_of_result(result: RunResult | SweepResult | ContinuationResult) -> Responses:
+    """All responses of a case that was computed as a whole."""
+    if isinstance(result, RunResult):
+        entries = dict(result.summary)
+        for signal in result.random.signals if result.random is not None else ():
+            entries.setdefault(f"rms_{signal.quantity}", {})[signal.name] = signal.rms
+        return run_responses(entries)
+    modes, snubbers = result.modes, bool(result.scenario.all_snubbers)
+    of_curves = _of_sweep(result) if isinstance(result, SweepResult) else _of_continuation(result)
+    return of_curves | _of_frequencies(
+        modes.open_frequencies_hz.tolist(), modes.closed_frequencies_hz.tolist(), snubbers
+    )
+
+
+def run_responses(figures: Mapping[str, Any]) -> Responses:
+    """Responses of a run, from entries of its summary; of those that are not there, none."""
     values: Responses = {}
     for owner in ("probes", "snubbers", "springs", "friction", "outputs"):
         entries = {quantity: entry for quantity, (of, entry, _, _) in OF_RUNS.items() if of == owner}
@@ -75,83 +92,50 @@ def run_responses(figures: Mapping[str, Any], asked: Collection[str] = ()) -> Re
         if of == "bodies" and entry in figures:
             values[quantity] = figures[entry]
     snubbers = bool(figures["static_force_n"])
-    values |= frequency_responses(figures["open_frequencies_hz"], figures["closed_frequencies_hz"], snubbers)
-    if "energy_error" in figures:
-        values["energy_error"] = figures["energy_error"]
-    return {name: value for name, value in values.items() if is_asked(name, asked)}
+    values |= _of_frequencies(figures["open_frequencies_hz"], figures["closed_frequencies_hz"], snubbers)
+    return values | ({"energy_error": figures["energy_error"]} if "energy_error" in figures else {})
 
 
-def entries_of(asked: Collection[str], excitation: str) -> tuple[str, ...]:
-    """Entries of a run's summary that the responses asked for need, with a kind of excitation."""
-    quantities = {name.rpartition("/")[2] for name in asked} or set(OF_RUNS)
-    if excitation not in BROADBAND:
-        quantities = {name for name in quantities if not name.startswith("rms_")}
-    needed = [entry for quantity, (_, entry, _, _) in OF_RUNS.items() if quantity in quantities]
-    return tuple(dict.fromkeys((*needed, *MODEL_ENTRIES)))
-
-
-def entries_of_result(result: RunResult) -> dict[str, Any]:
-    """The entries of a whole result, with the root mean squares of a random or sampled input."""
-    entries = dict(result.summary)
-    for signal in result.random.signals if result.random is not None else ():
-        entries.setdefault(f"rms_{signal.quantity}", {})[signal.name] = signal.rms
-    return entries
-
-
-def is_asked(name: str, asked: Collection[str]) -> bool:
-    """Whether a response is among those asked for, by its name or by its quantity."""
-    return not asked or name in asked or name.rpartition("/")[2] in asked
-
-
-def sweep_responses(result: SweepResult) -> Responses:
-    """Responses of a sweep: for every curve (direction and level) the largest values and their frequencies."""
+def _of_sweep(result: SweepResult) -> Responses:
+    """For every curve (direction and level) the largest values and their frequencies."""
     values: Responses = {}
     for curve in result.curves.values():
-        for name, envelope in curve.displacement.items():
-            highest = int(np.argmax(envelope.peak))
-            values[f"{curve.name}/probes/{name}/resonance_frequency"] = float(curve.frequency_hz[highest])
         for value, of in curve.peaks():
             for name, peaks in of.items():
-                place = value.name if value.single else f"{value.section}/{name}/{value.name}"
-                values[f"{curve.name}/{place}"] = float(peaks.max())
+                best = int(np.argmax(peaks))
+                values |= _largest(curve.name, value, name, float(peaks[best]), float(curve.frequency_hz[best]))
         for name, share in curve.contact_share.items():
             values[f"{curve.name}/snubbers/{name}/contact_share"] = float(curve.weights @ share)
         for name, count in curve.contacts.items():
             values[f"{curve.name}/snubbers/{name}/contacts"] = float(np.sum(count))
-    modes = result.modes
-    opened, closed = modes.open_frequencies_hz.tolist(), modes.closed_frequencies_hz.tolist()
-    return values | frequency_responses(opened, closed, bool(result.scenario.all_snubbers))
+    return values
 
 
-def continuation_responses(result: ContinuationResult) -> Responses:
-    """Responses of a continuation: for every level the largest values of the stable motions, ``stable_<index>/…``.
-
-    Motions of all periods are included. If no motion is stable the value is nan.
-    """
+def _of_continuation(result: ContinuationResult) -> Responses:
+    """For every level the largest values of the stable motions of all periods, ``stable_<index>/…``; nan of none."""
     values: Responses = {}
     for index, level in enumerate(dict.fromkeys(repr(b.level) for b in result.branches)):
         of_level = [b for b in result.branches if repr(b.level) == level]
         for value, name, largest, parameter in largest_of_stable(of_level):
-            place = value.name if value.single else f"{value.section}/{name}/{value.name}"
-            values[f"stable_{index}/{place}"] = largest
-            if value.key == DISPLACEMENT and result.parameter == "frequency":
-                values[f"stable_{index}/probes/{name}/resonance_frequency"] = parameter
-    modes = result.modes
-    return values | frequency_responses(
-        modes.open_frequencies_hz.tolist(), modes.closed_frequencies_hz.tolist(), bool(result.scenario.all_snubbers)
-    )
-
-
-def frequency_responses(opened: list[float], closed: list[float], snubbers: bool) -> Responses:
-    """The first natural frequencies, and the bilinear frequency of the first pair."""
-    values: Responses = {"open_frequencies_hz": _first(opened)}
-    if snubbers:
-        values["closed_frequencies_hz"] = _first(closed)
-        both = opened[0] + closed[0]
-        values["bilinear_frequency_hz"] = 2.0 * opened[0] * closed[0] / both if both else math.nan
+            frequency = parameter if result.parameter == "frequency" else None
+            values |= _largest(f"stable_{index}", value, name, largest, frequency)
     return values
 
 
-def _first(frequencies: list[float]) -> list[float]:
-    kept = [float(f) for f in frequencies[:MODES_KEPT]]
-    return kept + [math.nan] * (MODES_KEPT - len(kept))
+def _largest(curve: str, value: Value, name: str, largest: float, frequency: float | None) -> Responses:
+    """The largest value along a curve, and of displacements where it is."""
+    place = value.name if value.single else f"{value.section}/{name}/{value.name}"
+    values: Responses = {f"{curve}/{place}": largest}
+    if value.key == DISPLACEMENT and frequency is not None:
+        values[f"{curve}/probes/{name}/resonance_frequency"] = frequency
+    return values
+
+
+def _of_frequencies(opened: list[float], closed: list[float], snubbers: bool) -> Responses:
+    """The first six natural frequencies, and the bilinear frequency of the first pair."""
+    first = {"open_frequencies_hz": opened} | ({"closed_frequencies_hz": closed} if snubbers else {})
+    values: Responses = {name: (of[:6] + [math.nan] * 6)[:6] for name, of in first.items()}
+    if snubbers:
+        both = opened[0] + closed[0]
+        values["bilinear_frequency_hz"] = 2.0 * opened[0] * closed[0] / both if both else math.nan
+    return values

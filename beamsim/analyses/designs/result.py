@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.result import Result
+from beamsim.analyses.values import LIMITED, OUTPUT
 from beamsim.fields import JSON, Axes, Counter, Entry, as_text, attribute, axis, dataset, declared, key, members, stored
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.parameters import Value
+from beamsim.scenario.reporting import OF_OUTPUTS
+from beamsim.scenario.studies import Vary
 from beamsim.typing import Bools, Floats, Ints
 
 _GROUP = "designs"
@@ -115,15 +119,12 @@ class Tolerance:
 
 
 @declared
-class RealisedResponse:
+class RealisedResponse(Response):
     """One response of every realisation of every case."""
 
-    name: str = attribute("", "name of the response")
     values: Floats = dataset(  # the design's shape, then realisations; nan: failed
         "{unit}", "{long_name}", name=".", along=_CASES._replace(more=_REALISATION)
     )
-    unit: str = attribute("", "its unit", name="units")
-    long_name: str = attribute("", "its meaning")
 
 
 _PARAMETER = Counter("parameter", "number of the varied parameter")
@@ -294,3 +295,63 @@ def responses_of(responses: Mapping[str, Response], name: str) -> list[Response]
 def is_scalar(response: Response, shape: tuple[int, ...]) -> bool:
     """Whether a response is one number per case."""
     return response.values.shape == shape
+
+
+def limited_response(limit: str) -> str:
+    """The end of the names of the responses that a limit is compared with.
+
+    >>> limited_response("gap"), limited_response("outputs.clamp")
+    ('largest_gap', 'outputs/clamp/peak_output')
+    """
+    if limit.startswith(OF_OUTPUTS):
+        return f"outputs/{limit.removeprefix(OF_OUTPUTS)}/{OUTPUT.name}"
+    return LIMITED[limit].name
+
+
+class Objective(NamedTuple):
+    """What makes a case better than another."""
+
+    response: str = ""  # a quantity, whose worst place counts, or the name of a response; empty: the smallest margin
+    largest: bool = True  # whether large values are better
+
+    @classmethod
+    def of(cls, vary: Vary | None) -> Objective:
+        """What a study asks for; without an objective the smallest margin of a case shall be large."""
+        if vary is None or not (vary.minimise or vary.maximise):
+            return cls()
+        return cls(vary.minimise or vary.maximise, bool(vary.maximise))
+
+    @property
+    def text(self) -> str:
+        """For people."""
+        if not self.response:
+            return "largest margin"
+        return f"{'largest' if self.largest else 'smallest'} {self.response.replace('/', ' ').replace('_', ' ')}"
+
+    def values(self, responses: Mapping[str, Response], shape: tuple[int, ...], quantile: float = 1.0) -> Floats | None:
+        """(cases,) the response at its worst place, by which a case is judged; None if there is no such response.
+
+        ``responses`` have the given shape, whose last axis is that of the realisations.
+        """
+        asked = [r.values.ravel() for r in responses_of(responses, self.response) if is_scalar(r, shape)]
+        if not asked:
+            return None
+        worst = np.asarray((np.min if self.largest else np.max)(np.stack(asked), axis=0)).reshape(-1, shape[-1])
+        deciding = judging(worst, quantile, large_is_good=self.largest)
+        return np.asarray(worst[np.arange(deciding.size), deciding])
+
+
+def judging(values: Floats, quantile: float, *, large_is_good: bool) -> Ints:
+    """(cases,) the realisation at the quantile of the values (cases, realisations), or one that is not known."""
+    badness = -values if large_is_good else values
+    order = np.argsort(badness, axis=1, kind="stable")  # nan comes last
+    place = math.ceil(quantile * (values.shape[1] - 1))
+    unknown = np.isnan(badness)
+    return np.where(unknown.any(axis=1), unknown.argmax(axis=1), order[:, place])
+
+
+def judged(response: RealisedResponse, quantile: float, *, large_is_good: bool = False) -> Floats:
+    """The value of a response by which each case is judged, of the design's shape."""
+    rows = response.values.reshape(-1, response.values.shape[-1])
+    chosen = judging(rows, quantile, large_is_good=large_is_good)
+    return np.asarray(rows[np.arange(len(rows)), chosen].reshape(response.values.shape[:-1]))

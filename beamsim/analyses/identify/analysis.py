@@ -4,51 +4,50 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.assurance import assurance
-from beamsim.analyses.identify.contact_point import mode_shapes, snubber_point
-from beamsim.analyses.identify.covariance import widening
-from beamsim.analyses.identify.model_updating import frequency_table, update_model
+from beamsim.analyses.identify.fit import (
+    Best,
+    Fit,
+    Sought,
+    UnpredictableError,
+    correlation_of,
+    sought_numbers,
+    varied,
+)
 from beamsim.analyses.identify.result import (
-    FrequencyCurve,
     FrequencyTable,
     IdentificationResult,
     ModelUpdate,
     NonlinearEstimate,
     ParameterEstimate,
-    ProfileLikelihood,
-    Sensitivity,
     StiffnessEstimate,
-    TableSlope,
 )
 from beamsim.analyses.identify.stiffness import (
-    MeasuredModes,
-    check_reach,
-    fit_stiffness,
-    individual_stiffness,
-    misfit,
-    thesis_loop,
+    POOR_MODEL,
+    permanent_contact,
+    snubber_point,
 )
-from beamsim.analyses.identify.tables import compared, table_slope, with_factor
-from beamsim.analyses.identify.uncertainty import monte_carlo, sensitivities, spread_of, stiffness_profile
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasuredSignal
-from beamsim.outcomes import COMPLETE, Stop, never, together
+from beamsim.outcomes import Stop, never, together
 from beamsim.scenario import Scenario
-from beamsim.scenario.parameters import with_values
+from beamsim.scenario.base import Path, path_text
+from beamsim.scenario.parameters import choices_at, value_at, with_values
 from beamsim.scenario.studies import IdentifyStiffness
-from beamsim.structures.assembly import joined_to
+from beamsim.structures.assembly import assemble, joined_to
+from beamsim.structures.modes import natural_modes
+from beamsim.structures.places import Place
 from beamsim.structures.secular import SpringPoint
 from beamsim.typing import Floats
 
 _HZ = 2 * np.pi
-_NARROWEST = 1e-3  # the curves cover the identified stiffness times this factor to divided by it
 _MIN_MODES = 3  # in the tables
-_POOR_MODEL = 3.0  # percent; a larger frequency error without snubber gives a warning
 
 
 def identify_stiffness(
@@ -99,17 +98,17 @@ def _identify(
     rigid = int(np.sum(point.omega == 0))
     count += rigid
     _enough_modes(point, section, rigid)
-    without = frequency_table(point.omega[:count] / _HZ, section.measured_without, rigid)
+    without = FrequencyTable.of(point.omega[:count] / _HZ, section.measured_without, rigid)
     mac = _mac(current, section, warnings)
     warnings += _structure_warnings(without) if update is None else update.warnings
     warnings += _others(scenario, section.snubber)
-    contact = None
+    contact: dict[str, Any] = {"sensitivities": (), "curves": ()}
     if section.measured_with:
-        contact = _permanent_contact(current, section, point, count, update)
-        current, warnings = contact.scenario, warnings + contact.warnings
+        contact, current, remarks = permanent_contact(current, section, point, count, update)
+        warnings += remarks
     nonlinear: NonlinearEstimate | None = None
     if section.nonlinear is not None:
-        from beamsim.analyses.identify.nonlinear_fit import fit_nonlinear
+        from beamsim.analyses.identify.vibrations import fit_nonlinear
 
         nonlinear = fit_nonlinear(current, section, measurements, progress, stop)
         warnings += nonlinear.warnings
@@ -120,18 +119,13 @@ def _identify(
         pad = fit_pad(scenario, section.pad, section.pad.data)
         warnings += pad.warnings
     spent = clock.process_time() - processor
-    estimate = None if contact is None else contact.estimate
+    estimate = contact.get("estimate")
     parts = [part.outcome for part in (estimate, nonlinear) if part is not None and not part.outcome.complete]
     result = IdentificationResult(
         scenario=scenario,
         outcome=together(parts),
-        estimate=estimate,
-        table_slope=None if contact is None else contact.resting,
-        with_snubber=None if contact is None else contact.table,
+        **contact,
         without_snubber=without,
-        sensitivities=() if contact is None else contact.sensitivities,
-        curves=() if contact is None else _curves(point, count, contact.estimate.stiffness),
-        profile=None if contact is None else contact.profile,
         update=update,
         mac=mac,
         nonlinear=nonlinear,
@@ -142,49 +136,6 @@ def _identify(
         wall_time_s=clock.perf_counter() - begin,
     )
     return result.with_summary(**_summary(result))
-
-
-@dataclass(frozen=True)
-class _Contact:
-    """What frequencies with permanent contact say."""
-
-    estimate: StiffnessEstimate
-    table: FrequencyTable
-    sensitivities: tuple[Sensitivity, ...]
-    profile: ProfileLikelihood | None
-    resting: TableSlope | None
-    scenario: Scenario  # with the stiffness, or the scale of the table
-    warnings: list[str]
-
-
-def _permanent_contact(
-    scenario: Scenario, section: IdentifyStiffness, point: SpringPoint, count: int, update: ModelUpdate | None
-) -> _Contact:
-    snubber = section.snubber
-    rigid = int(np.sum(point.omega == 0))
-    unconstrained = int(np.sum(point.pinned(rigid) == 0)) if rigid else 0  # rigid-body modes with the snubber closed
-    resting = table_slope(scenario, snubber)
-    measured = _measured(section, unconstrained)
-    warnings = list(check_reach(point, measured, section.measured_without))
-    measured, remarks = _widened(point, section, measured)
-    warnings += remarks
-    estimate = _estimate(point, section, measured)
-    stiffness = estimate.stiffness
-    known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
-    known |= {} if update is None else _updated(update)
-    sensitive = sensitivities(scenario, point, snubber, measured, stiffness, known)
-    estimate = replace(estimate, total_standard_deviation=_total(estimate, sensitive, update))
-    table = frequency_table(point.frequencies(stiffness, count) / _HZ, section.measured_with, unconstrained)
-    warnings += _fit_warnings(table, estimate)
-    if resting is None:
-        path = (*scenario.located_snubber(snubber).path, "stiffness")
-        found = with_values(scenario, {path: stiffness})
-    else:
-        resting, remarks = compared(scenario, snubber, resting, stiffness)
-        warnings += remarks
-        found = with_factor(scenario, snubber, resting.factor)
-    profile = stiffness_profile(point, measured, stiffness, estimate.standard_deviation)
-    return _Contact(estimate, table, tuple(sensitive), profile, resting, found, warnings)
 
 
 def _others(scenario: Scenario, snubber: str) -> Iterator[str]:
@@ -214,126 +165,21 @@ def _enough_modes(point: SpringPoint, section: IdentifyStiffness, rigid: int) ->
             )
 
 
-def _measured(section: IdentifyStiffness, unconstrained: int) -> MeasuredModes:
-    return MeasuredModes(
-        tuple(unconstrained + listed for listed in section.fit_to),
-        _HZ * np.array([section.measured_with[listed - 1] for listed in section.fit_to]),
-        np.array([section.uncertainty_of(listed) for listed in section.fit_to]),
-        unconstrained,
-    )
-
-
-def _widened(
-    point: SpringPoint, section: IdentifyStiffness, measured: MeasuredModes
-) -> tuple[MeasuredModes, list[str]]:
-    """The modes with uncertainties that explain what they contradict each other by, and a warning if these grow."""
-    freedom = len(measured.mode) - 1
-    if section.method == "thesis" or freedom < 1 or not measured.sigma.all():
-        return measured, []
-    largest = float(misfit(point, measured, np.array([fit_stiffness(point, measured)]))[0])
-    wider = widening(largest, freedom)
-    if wider == 1.0:
-        return measured, []
-    return replace(measured, sigma=np.sqrt(wider) * measured.sigma), [
-        f"the fitted modes contradict each other by more than their uncertainty (misfit {largest:.3g} with {freedom} "
-        f"degree{'s' if freedom > 1 else ''} of freedom): the intervals are widened accordingly; see what each mode "
-        "alone gives, and check the model and the order of the modes"
-    ]
-
-
-def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: MeasuredModes) -> StiffnessEstimate:
-    outcome, solutions = COMPLETE, 1  # the modes of the structure without snubber
-    if section.method == "thesis":
-        loop = thesis_loop(
-            point, measured.mode[0], float(measured.omega[0]), tolerance=section.tolerance,
-            most_solutions=section.most_solutions, rigid=int(np.sum(point.omega == 0)),
-        )  # fmt: skip
-        k, outcome, solutions = loop.stiffness, loop.outcome, loop.solutions
-    else:
-        k = fit_stiffness(point, measured)
-    single = individual_stiffness(point, measured)
-    predicted = point.frequencies(k, max(measured.mode))[np.array(measured.mode) - 1]
-    relative = (predicted - measured.omega) / measured.omega
-    source = "given" if measured.sigma.all() else ""
-    weighted = measured
-    if not source and len(measured.mode) > 1:
-        scatter = float(np.sqrt(np.sum(relative**2) / (len(measured.mode) - 1)))
-        weighted = replace(measured, sigma=np.full(measured.omega.size, scatter))
-        source = "scatter" if scatter > 0 else ""
-    spread = spread_of(point, weighted, k, section.coverage)
-    deviation, interval, unreachable = np.nan, (np.nan, np.nan), 0.0
-    if source:
-        deviation, interval, unreachable = monte_carlo(
-            point, weighted, k, samples=section.monte_carlo.samples, coverage=section.coverage,
-            generator=np.random.default_rng(section.monte_carlo.seed),
-        )  # fmt: skip
-    return StiffnessEstimate(
-        snubber=section.snubber,
-        method=section.method,
-        stiffness=k,
-        fit_to=measured.mode,
-        individual=np.where((single > 0) & np.isfinite(single), single, np.nan),
-        reach_hz=np.array([point.reach(mode) for mode in measured.mode]) / _HZ,
-        condition=np.asarray(point.slope(predicted) * k / predicted),
-        residual=float(np.sqrt(np.mean(relative**2))),
-        standard_deviation=spread.standard_deviation,
-        interval_first_order=spread.interval_first_order,
-        interval=spread.interval,
-        monte_carlo_standard_deviation=deviation,
-        monte_carlo_interval=interval,
-        monte_carlo_samples=section.monte_carlo.samples if source else 0,
-        monte_carlo_unreachable=unreachable,
-        coverage=section.coverage,
-        total_standard_deviation=spread.standard_deviation,
-        uncertainty_from=source,
-        eigenvalue_solutions=solutions,
-        outcome=outcome,
-    )
-
-
-def _updated(update: ModelUpdate) -> dict[str, float]:
-    """Relative standard deviations of the parameters fitted in the update."""
-    return {p.parameter: p.standard_deviation / p.value for p in update.parameters if np.isfinite(p.standard_deviation)}
-
-
-def _total(estimate: StiffnessEstimate, sensitive: list[Sensitivity], update: ModelUpdate | None) -> float:
-    """Standard deviation including the contributions of all parameters with known uncertainty.
-
-    Parameters fitted together are correlated; the others are treated as independent.
-    """
-    fitted = {} if update is None else _updated(update)
-    parts = {s.parameter: s.relative * s.uncertainty for s in sensitive if np.isfinite(s.contribution)}
-    deviation = estimate.standard_deviation
-    if not parts:
-        return deviation
-    variance = sum(part**2 for name, part in parts.items() if name not in fitted)
-    if update is not None:
-        names = [p.parameter for p in update.parameters]
-        vector = np.array([parts.get(name, 0.0) for name in names])
-        variance += float(vector @ np.nan_to_num(update.correlation) @ vector)
-    return float(np.hypot(0.0 if np.isnan(deviation) else deviation, estimate.stiffness * np.sqrt(variance)))
-
-
-def _curves(point: SpringPoint, count: int, stiffness: float) -> tuple[FrequencyCurve, ...]:
-    """Frequency against stiffness around the identified value, in closed form on the frequencies within reach."""
-    k = stiffness if 0 < stiffness < np.inf else 1.0
-    share = 1 / (1 + np.exp(-np.linspace(-14, 14, 240)))
-    curves = []
-    for mode in range(1, min(count, point.omega.size) + 1):
-        low, high = point.reach(mode)
-        omega = low + (min(high, 1e3 * low + 1e3) - low) * share
-        value = point.stiffness(omega)
-        kept = (value > _NARROWEST * k) & (value < k / _NARROWEST)
-        curves.append(FrequencyCurve(mode, value[kept], omega[kept] / _HZ))
-    return tuple(curves)
+def mode_shapes(scenario: Scenario, snubber: str, count: int, positions: tuple[float, ...]) -> Floats:
+    """(p, count) modes at positions, every contact open, of the one body that a snubber acts on, without rigid ones."""
+    bodies = scenario.located_snubber(snubber).bodies
+    model = assemble(scenario, bodies)
+    rigid = model.rigid.shape[1]
+    modes = natural_modes(model, count=count + rigid).first(count + rigid)
+    return np.asarray(model.rows([Place(bodies[0], x) for x in positions]) @ modes.vectors[:, rigid:])
 
 
 def _mac(scenario: Scenario, section: IdentifyStiffness, warnings: list[str]) -> Floats | None:
     given = section.shapes_without
     if given is None:
         return None
-    _, predicted = mode_shapes(scenario, section.snubber, max(len(given.shapes), _MIN_MODES), given.positions)
-    mac = assurance(np.array(given.shapes).T, predicted.T)
+    predicted = mode_shapes(scenario, section.snubber, max(len(given.shapes), _MIN_MODES), given.positions)
+    mac = assurance(np.array(given.shapes).T, predicted)
     for i, row in enumerate(mac):
         best = int(np.argmax(row))
         if best != i:
@@ -347,31 +193,13 @@ def _mac(scenario: Scenario, section: IdentifyStiffness, warnings: list[str]) ->
 def _structure_warnings(table: FrequencyTable) -> list[str]:
     off = table.difference_percent
     known = np.isfinite(off)
-    if not known.any() or np.max(np.abs(off[known])) <= _POOR_MODEL:
+    if not known.any() or np.max(np.abs(off[known])) <= POOR_MODEL:
         return []
     worst = int(np.nanargmax(np.abs(off)))
     return [
         f"without the snubber the model's mode {worst + 1} differs by {off[worst]:+.1f} % from the measured frequency: "
         "correct the parameters of the structure first (identify_stiffness.update fits them)"
     ]
-
-
-def _fit_warnings(table: FrequencyTable, estimate: StiffnessEstimate) -> list[str]:
-    warnings = []
-    off = table.difference_percent
-    for i, mode in enumerate(table.mode):
-        if np.isfinite(off[i]) and mode not in estimate.fit_to and abs(off[i]) > _POOR_MODEL:
-            warnings.append(f"with this stiffness mode {mode}, which was not fitted, is off by {off[i]:+.1f} %")
-    low, high = estimate.interval
-    if low == 0.0 or np.isinf(high):
-        warnings.append(
-            "the uncertainty of the frequency extends to "
-            + ("the frequency without snubber" if low == 0.0 else "the frequency with the point pinned")
-            + ": the stiffness has no "
-            + ("lower" if low == 0.0 else "upper")
-            + " bound; use a mode whose frequency depends more on the snubber"
-        )
-    return warnings
 
 
 def _pad_modulus(section: IdentifyStiffness, estimate: StiffnessEstimate | None) -> float:
@@ -407,3 +235,101 @@ def _plain(p: ParameterEstimate) -> dict[str, Any]:
         "standard_deviation": p.standard_deviation,
         "interval": list(p.interval),
     }
+
+
+def free_frequencies(scenario: Scenario, snubber: str, count: int) -> Floats:
+    """Natural frequencies, every contact open, of the bodies that a snubber acts on, Hz.
+
+    Zeros of rigid-body modes come first, then `count` others (or all there are).
+    """
+    model = assemble(scenario, scenario.located_snubber(snubber).bodies)
+    count += model.rigid.shape[1]
+    return np.asarray(natural_modes(model, count=count).omega[:count] * model.frequency_scale / (2 * np.pi))
+
+
+def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
+    """Fit the parameters of ``section.update`` to ``section.measured_without``.
+
+    Raises
+    ------
+    ValueError
+        If nothing was measured without the snubber (the schema refuses that).
+    """
+    numbers, words = sought_numbers(scenario, section.update)
+    tried = [_with_supports(scenario, section, numbers, words, choice)
+             for choice in product(*(choices_at(scenario, place) for place in words))]  # fmt: skip
+    tried.sort(key=lambda each: each.misfit)
+    first = tried[0]
+    if first.fit is None or first.best is None:
+        raise ValueError("the model has fewer modes than were measured")
+    fit, best = first.fit, first.best
+    freedom, known = len(section.measured_without) - len(numbers), _sigma(section).all()
+    # an unknown standard deviation is that of the residuals
+    scale = 1.0 if known else best.misfit / freedom if freedom > 0 else np.nan
+    parameters, covariance, warnings = fit.estimates(best, fit.jacobian(best.x), scale, section.coverage)
+    profiles = fit.profiles(best, covariance, scale, points=13) if scale > 0.0 else ()
+    if len(tried) > 1 and tried[1].misfit < best.misfit + 4.0 * scale:
+        warnings.append(f"the supports {tried[1].text} fit nearly as well: these frequencies do not distinguish them")
+    updated = varied(first.scenario, numbers, best.x)
+    return ModelUpdate(
+        parameters=parameters,
+        choices={path_text(place): str(value_at(updated, place)) for place in words},
+        alternatives=tuple((each.text, each.misfit) for each in tried if words),
+        correlation=correlation_of(covariance),
+        before=_frequencies(scenario, section),
+        after=_frequencies(updated, section),
+        misfit_before=float(np.sum(_fit(scenario, section, numbers).residuals(np.zeros(len(numbers))) ** 2)),
+        misfit_after=best.misfit,
+        profiles=profiles,
+        evaluations=sum(each.fit.evaluations for each in tried if each.fit is not None),
+        warnings=tuple(warnings),
+        scenario=updated,
+    )
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """The fit with one combination of supports; none where that has no case or too few modes."""
+
+    text: str
+    scenario: Scenario  # with these supports, before the numbers
+    fit: Fit | None = None
+    best: Best | None = None
+
+    @property
+    def misfit(self) -> float:
+        return np.inf if self.best is None else self.best.misfit
+
+
+def _with_supports(
+    scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought], words: list[Path], choice: tuple[str, ...]
+) -> _Tried:
+    text = ", ".join(choice)
+    try:
+        scenario = with_values(scenario, dict(zip(words, choice, strict=True))).rechecked()
+        fit = _fit(scenario, section, numbers)
+        return _Tried(text, scenario, fit, fit.best(np.zeros(len(numbers))))
+    except (ScenarioError, UnpredictableError):  # a support that holds the snubber's point, for example
+        return _Tried(text, scenario)
+
+
+def _fit(scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought]) -> Fit:
+    measured, sigma = np.array(section.measured_without), _sigma(section)
+
+    def residuals(x: Floats, _: bool) -> Floats:
+        predicted = free_frequencies(varied(scenario, numbers, x), section.snubber, measured.size)
+        predicted = predicted[predicted > 0]
+        if predicted.size < measured.size:
+            raise UnpredictableError("the model has fewer modes than were measured")
+        return np.asarray((predicted - measured) / (measured * (sigma if sigma.all() else 1.0)))
+
+    return Fit(numbers, residuals)
+
+
+def _sigma(section: IdentifyStiffness) -> Floats:
+    return np.array([section.uncertainty_of(j + 1) for j in range(len(section.measured_without))])
+
+
+def _frequencies(scenario: Scenario, section: IdentifyStiffness) -> FrequencyTable:
+    predicted = free_frequencies(scenario, section.snubber, len(section.measured_without))
+    return FrequencyTable.of(predicted, section.measured_without, int(np.sum(predicted == 0)))

@@ -9,7 +9,7 @@ differences.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -18,11 +18,10 @@ import numpy as np
 from beamsim.analyses.identify.result import ParameterEstimate, ProfileLikelihood
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
+from beamsim.scenario.base import Path
 from beamsim.scenario.parameters import choices_at, find_parameters, read_as, value_at, with_values
 from beamsim.scenario.studies import SoughtParameter
 from beamsim.typing import Bools, Floats
-
-Place = tuple[str | int, ...]
 
 MOST_EVALUATIONS = 100  # of the residuals beside derivatives, in one fit
 _WIDEST_FACTOR = 100.0  # without bounds, the search range is this factor on either side of the scenario's value
@@ -39,7 +38,7 @@ class Sought:
     """A parameter to be identified, located in its scenario."""
 
     parameter: str
-    places: tuple[Place, ...]
+    places: tuple[Path, ...]
     values: tuple[float, ...]  # SI, one for each place
     bounds: tuple[float, float]  # SI, of the first place's value; infinite without
     prior: float  # relative standard deviation; nan without
@@ -74,10 +73,10 @@ class Sought:
         return any(place[-1] == "gap" for place in self.places)
 
 
-def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tuple[list[Sought], list[Place]]:
+def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tuple[list[Sought], list[Path]]:
     """The numeric parameters, and the places of the non-numeric ones (supports)."""
     numbers: list[Sought] = []
-    words: list[Place] = []
+    words: list[Path] = []
     for item in items:
         places = find_parameters(scenario, item.parameter)
         if choices_at(scenario, places[0]):
@@ -101,7 +100,7 @@ def varied(scenario: Scenario, numbers: Sequence[Sought], x: Floats) -> Scenario
     UnpredictableError
         If there is no such case.
     """
-    values: dict[Place, object] = {}
+    values: dict[Path, object] = {}
     for number, each in zip(numbers, x, strict=True):
         values |= zip(number.places, number.at(float(each)), strict=True)
     try:
@@ -212,27 +211,48 @@ class Fit:
         )  # fmt: skip
         return Best(whole(found.x), float(2 * found.cost), found.status != 0)
 
-    def estimates(self, x: Floats, deviation: Floats, coverage: float) -> tuple[ParameterEstimate, ...]:
+    def estimates(
+        self, best: Best, jacobian: Floats, scale: float, coverage: float, without: Collection[int] = ()
+    ) -> tuple[tuple[ParameterEstimate, ...], Floats, list[str]]:
         """The parameters with their intervals.
 
         Parameters
         ----------
-        x, deviation : (p,) estimates and their standard deviations, nan where unknown.
+        best : the estimate.
+        jacobian : (r, p) derivatives of the residuals there, zero of those in ``without``.
+        scale : factor on the covariance; nan where it is unknown.
         coverage : probability of the intervals.
+        without : numbers of parameters of which the measurements cannot say anything, and need no warning.
+
+        Returns
+        -------
+        the parameters, their (p, p) covariance, and warnings about those that are on a bound or not determined.
         """
-        z = NormalDist().inv_cdf(0.5 + coverage / 2)
-        return tuple(
-            ParameterEstimate(
-                parameter=number.parameter,
-                before=number.start,
-                value=number.at(float(x[i]))[0],
-                standard_deviation=float(deviation[i]) * (number.shift or number.at(float(x[i]))[0]),
-                interval=(number.at(float(x[i] - z * deviation[i]))[0], number.at(float(x[i] + z * deviation[i]))[0]),
-                bounds=number.bounds,
-                prior=number.prior,
-                at_bound=bool(min(abs(x[i] - self.lower[i]), abs(self.upper[i] - x[i])) < 1e-6),
+        covariance = inverse_information(jacobian) * scale
+        z, estimates = NormalDist().inv_cdf(0.5 + coverage / 2), []
+        for number, x, deviation, low, high in zip(
+            self.numbers, best.x.tolist(), np.sqrt(np.diag(covariance)).tolist(), self.lower, self.upper, strict=True
+        ):
+            value = number.at(x)[0]
+            estimates.append(
+                ParameterEstimate(
+                    parameter=number.parameter,
+                    before=number.start,
+                    value=value,
+                    standard_deviation=deviation * (number.shift or value),
+                    interval=(number.at(x - z * deviation)[0], number.at(x + z * deviation)[0]),
+                    bounds=number.bounds,
+                    prior=number.prior,
+                    at_bound=bool(min(abs(x - low), abs(high - x)) < 1e-6),
+                )
             )
-            for i, number in enumerate(self.numbers)
+        on_bound = [f"{p.parameter} ended on its bound, {p.value:g}" for p in estimates if p.at_bound]
+        told = [i for i in range(len(self.numbers)) if i not in without]
+        names = [self.numbers[i].parameter for i in told]
+        return (
+            tuple(estimates),
+            covariance,
+            (confounded(names, jacobian[:, told], covariance[np.ix_(told, told)]) + on_bound),
         )
 
     def profiles(self, best: Best, covariance: Floats, scale: float, points: int) -> tuple[ProfileLikelihood, ...]:
@@ -263,3 +283,72 @@ class Fit:
                 misfit.append(max(again.misfit - best.misfit, 0.0) / scale)
             profiles.append(ProfileLikelihood(number.parameter, np.array(value), np.array(misfit)))
         return tuple(profiles)
+
+
+def widening(misfit: float, freedom: int) -> float:
+    """Factor on a covariance: chi^2 per degree of freedom where noise as given hardly explains it, else 1."""
+    from scipy.special import gammaincc
+
+    unexplained = freedom > 0 and float(gammaincc(freedom / 2, misfit / 2)) < 1e-3  # probability of chi^2
+    return misfit / freedom if unexplained else 1.0
+
+
+def inverse_information(jacobian: Floats) -> Floats:
+    """(p, p) inverse of ``jacobian.T @ jacobian``, nan for parameters that the residuals do not determine.
+
+    These are parameters without influence, and those of a combination without influence. If a derivative is not known
+    (nan), no variance is.
+    """
+    if not jacobian.size or not np.all(np.isfinite(jacobian)):
+        return np.full((jacobian.shape[1],) * 2, np.nan)
+    size = np.linalg.norm(jacobian, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    scaled = jacobian / size
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    # 1e-14: ratio of eigenvalues below which a combination of parameters has no influence
+    null = values <= 1e-14 * values[-1]
+    inverse = np.asarray((vectors[:, ~null] / values[~null]) @ vectors[:, ~null].T / np.outer(size, size))
+    undetermined = (vectors[:, null] ** 2).sum(axis=1) > 1e-12
+    inverse[undetermined, :] = inverse[:, undetermined] = np.nan
+    return inverse
+
+
+def confounded(names: Sequence[str], jacobian: Floats, covariance: Floats) -> list[str]:
+    """Warnings about parameters that the measurements cannot distinguish."""
+    if len(names) == 0:
+        return []
+    size = np.linalg.norm(jacobian, axis=0)
+    warnings = [
+        f"{name} has no influence on the measured quantities and cannot be identified from them"
+        for name, s in zip(names, size, strict=True)
+        if s <= 1e-9 * size.max()
+    ]
+    usable = size > 1e-9 * size.max()
+    if usable.sum() > 1:
+        kept = [name for name, ok in zip(names, usable, strict=True) if ok]
+        _, values, directions = np.linalg.svd(jacobian[:, usable] / size[usable], full_matrices=True)
+        values = np.concatenate([values, np.zeros(len(kept) - values.size)])
+        for value, direction in zip(values, directions, strict=True):
+            if value < 1e-6 * values[0]:
+                together = [n for n, d in zip(kept, direction, strict=True) if abs(d) > 0.2]
+                warnings.append(
+                    f"{' and '.join(together)} cannot be distinguished: the measurements depend only on a "
+                    "combination of them; fix one of them, or give it a prior"
+                )
+        if not any("cannot be distinguished" in w for w in warnings):
+            correlation = correlation_of(covariance)
+            for i in range(len(names)):
+                warnings += [
+                    f"{names[j]} and {names[i]} can hardly be distinguished: their correlation is "
+                    f"{correlation[i, j]:.4f}; fix one of them, give it a prior, or measure more"
+                    for j in range(i)
+                    if abs(correlation[i, j]) > 0.995
+                ]
+    return warnings
+
+
+def correlation_of(covariance: Floats) -> Floats:
+    """(p, p) correlation; nan where it is unknown."""
+    with np.errstate(all="ignore"):
+        deviation = np.sqrt(np.diag(covariance))
+        return np.asarray(covariance / np.outer(deviation, deviation))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -40,6 +41,13 @@ class FrequencyTable:
     mode: Ints = axis("1", "number of the mode")  # (m,) from 1
     measured_hz: Floats = dataset("Hz", "measured natural frequency")  # nan: not measured
     predicted_hz: Floats = dataset("Hz", "predicted natural frequency")
+
+    @classmethod
+    def of(cls, predicted_hz: Floats, measured_hz: Sequence[float], rigid: int) -> FrequencyTable:
+        """Predicted frequencies and the measured ones, which start after so many rigid-body modes."""
+        measured = np.full(predicted_hz.size, np.nan)
+        measured[rigid : rigid + len(measured_hz)] = measured_hz[: predicted_hz.size - rigid]
+        return cls(np.arange(1, predicted_hz.size + 1), measured, predicted_hz)
 
     @property
     @stored(dataset("percent", "100 (predicted - measured) / measured"))
@@ -195,6 +203,13 @@ class ModelUpdate:
     evaluations: int = attribute("1", "eigenvalue problems solved")
     scenario: Scenario = attribute("", "the scenario with the identified parameters, YAML", codec=SCENARIO)
     warnings: tuple[str, ...] = ()  # stored with those of the result
+
+    @property
+    def relative_deviations(self) -> dict[str, float]:
+        """Relative standard deviations of the parameters that have one."""
+        return {
+            p.parameter: p.standard_deviation / p.value for p in self.parameters if np.isfinite(p.standard_deviation)
+        }
 
 
 @declared

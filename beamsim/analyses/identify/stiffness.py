@@ -7,16 +7,41 @@ because every f_j increases with k. Algorithm 1 of the thesis (Hazim 2010) is ke
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.identify.fit import widening
+from beamsim.analyses.identify.result import (
+    FrequencyCurve,
+    FrequencyTable,
+    ModelUpdate,
+    ProfileLikelihood,
+    Sensitivity,
+    StiffnessEstimate,
+    TableSlope,
+)
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
-from beamsim.structures.modes import closed_frequencies
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import path_text
+from beamsim.scenario.parameters import find_parameters, value_at, with_values
+from beamsim.scenario.studies import IdentifyStiffness
+from beamsim.structures.assembly import assemble, snubber_site
+from beamsim.structures.modes import DENSE_LIMIT, closed_frequencies, natural_modes
+from beamsim.structures.point_sensitivity import stiffness_sensitivities
+from beamsim.structures.reduction import reduce_model
 from beamsim.structures.secular import SpringPoint
+from beamsim.structures.structure import LoadPattern
+from beamsim.system.build import build_system
+from beamsim.system.force_tables import curves_of
 from beamsim.typing import Floats
 
+_HZ = 2 * np.pi
+_NARROWEST = 1e-3  # the curves cover the identified stiffness times this factor to divided by it
+POOR_MODEL = 3.0  # percent; a larger frequency error without snubber gives a warning
 _PATH = "identify_stiffness.measured_with"
 _WIDEST = 1e9  # search range: this factor on either side of one over the compliance of the structure
 
@@ -36,6 +61,10 @@ class MeasuredModes:
         sigma = self.sigma if self.sigma.all() else np.ones(self.omega.size)
         return np.asarray(1.0 / (sigma * self.omega))
 
+    def predicted(self, point: SpringPoint, stiffness: float | Floats) -> Floats:
+        """(..., m) frequencies of these modes, rad/s, with springs of such stiffnesses."""
+        return np.asarray(point.frequencies(stiffness, max(self.mode))[..., np.array(self.mode) - 1])
+
 
 def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
     """Stiffness, N/m, that fits the measured frequencies best; 0 or infinity if no stiffness reaches them."""
@@ -53,15 +82,13 @@ def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
 
     x = np.linspace(np.log(low), np.log(high), 241)
     start = x[1:-1][np.argmin(misfit(point, measured, np.exp(x[1:-1])))]
-    number = np.array(measured.mode) - 1
 
     def residuals(y: Floats) -> Floats:
-        predicted = point.frequencies(float(np.exp(y[0])), max(measured.mode))[number]
-        return np.asarray((predicted - measured.omega) * measured.weight)
+        return np.asarray((measured.predicted(point, float(np.exp(y[0]))) - measured.omega) * measured.weight)
 
     def slopes(y: Floats) -> Floats:
         k = float(np.exp(y[0]))
-        return (point.slope(point.frequencies(k, max(measured.mode))[number]) * k * measured.weight)[:, None]
+        return (point.slope(measured.predicted(point, k)) * k * measured.weight)[:, None]
 
     found = least_squares(residuals, [start], jac=slopes, bounds=(x[0], x[-1]), xtol=1e-15, ftol=None, gtol=None)
     return float(np.exp(found.x[0]))
@@ -69,8 +96,7 @@ def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
 
 def misfit(point: SpringPoint, measured: MeasuredModes, stiffness: Floats) -> Floats:
     """(s,) chi^2 at stiffnesses (s,)."""
-    predicted = point.frequencies(stiffness, max(measured.mode))[:, np.array(measured.mode) - 1]
-    return np.asarray(np.sum(((predicted - measured.omega) * measured.weight) ** 2, axis=1))
+    return np.asarray(np.sum(((measured.predicted(point, stiffness) - measured.omega) * measured.weight) ** 2, axis=1))
 
 
 def reached_stiffness(point: SpringPoint, mode: int, omega: Floats) -> Floats:
@@ -174,18 +200,9 @@ def _fits(point: SpringPoint, mode: int, omega: float) -> int | None:
     return number if low < omega < high else None
 
 
-@dataclass(frozen=True)
-class LoopResult:
-    """Result of the loop of the thesis."""
-
-    stiffness: float  # N/m, of the last step
-    solutions: int  # eigenvalue solutions
-    outcome: Outcome
-
-
 def thesis_loop(
     point: SpringPoint, mode: int, omega: float, *, tolerance: float, most_solutions: int, rigid: int = 0
-) -> LoopResult:
+) -> tuple[float, Outcome, int]:
     """Algorithm 1 of the thesis: k grows by 1 % from 0.01 N/m until the frequency agrees within a tolerance.
 
     Every step solves the whole eigenvalue problem. A step can jump over a narrow tolerance. The frequency
@@ -198,13 +215,17 @@ def thesis_loop(
     tolerance : relative difference in frequency at which the loop ends.
     most_solutions : largest number of eigenvalue solutions.
     rigid : number of rigid-body modes.
+
+    Returns
+    -------
+    stiffness of the last step, N/m, how the loop ended, and the number of eigenvalue solutions.
     """
     # 0.01: N/m; thesis, algorithm 1
     k, previous = 0.01, np.nan
     for count in range(1, most_solutions + 1):
         predicted = float(closed_frequencies(point.omega, point.shape[None, :], np.array([k]), rigid)[mode - 1])
         if abs(predicted - omega) <= tolerance * omega:
-            return LoopResult(k, count, COMPLETE)
+            return k, COMPLETE, count
         if predicted > omega:
             outcome = Outcome.of(
                 OutcomeKind.STOPPED, "stepped_over",
@@ -212,7 +233,7 @@ def thesis_loop(
                 f"{100 * tolerance:g} %",
                 remedy="widen identify_stiffness.tolerance, or use method: secular",
             )  # fmt: skip
-            return LoopResult(k, count, outcome)
+            return k, outcome, count
         previous = k
         # 1.01: thesis, algorithm 1
         k *= 1.01
@@ -220,4 +241,416 @@ def thesis_loop(
         OutcomeKind.STOPPED, "solution_limit", f"not converged after {most_solutions} eigenvalue solutions",
         remedy="raise identify_stiffness.most_solutions, or use method: secular",
     )  # fmt: skip
-    return LoopResult(previous, most_solutions, outcome)
+    return previous, outcome, most_solutions
+
+
+def spread_of(
+    point: SpringPoint, measured: MeasuredModes, stiffness: float, coverage: float
+) -> tuple[float, tuple[float, float], tuple[float, float]]:
+    """First-order standard deviation and interval, and the interval that is not symmetric; nan without uncertainties.
+
+    Parameters
+    ----------
+    point : modes at the snubber.
+    measured : the fitted modes.
+    stiffness : the identified value, N/m.
+    coverage : probability of the intervals.
+    """
+    if not measured.sigma.all():
+        return np.nan, (np.nan, np.nan), (np.nan, np.nan)
+    information = float(np.sum((point.slope(measured.predicted(point, stiffness)) * measured.weight) ** 2))
+    deviation = float(1.0 / np.sqrt(information))
+    z = NormalDist().inv_cdf(0.5 + coverage / 2)
+    first = (stiffness - z * deviation, stiffness + z * deviation)
+    if len(measured.mode) == 1:
+        ends = measured.omega[0] * (1 + np.array([-z, z]) * measured.sigma[0])
+        low, high = reached_stiffness(point, measured.mode[0], ends)
+        return deviation, first, (float(low), float(high))
+    return deviation, first, _profile_interval(point, measured, stiffness, deviation / stiffness, z)
+
+
+def _profile_interval(
+    point: SpringPoint, measured: MeasuredModes, stiffness: float, relative: float, z: float
+) -> tuple[float, float]:
+    """Where chi^2 stays within z^2 of its minimum."""
+    from scipy.optimize import brentq
+
+    least = float(misfit(point, measured, np.array([stiffness]))[0])
+
+    def excess(log_k: float) -> float:
+        return float(misfit(point, measured, np.exp(np.array([log_k])))[0]) - least - z * z
+
+    centre, ends = float(np.log(stiffness)), []
+    for side in (-1.0, 1.0):
+        reach = 2 * z * relative
+        while excess(centre + side * reach) < 0 and reach < 40:
+            reach *= 2
+        if excess(centre + side * reach) < 0:
+            ends.append(0.0 if side < 0 else np.inf)
+        else:
+            ends.append(float(np.exp(brentq(excess, centre, centre + side * reach, xtol=1e-12))))
+    return ends[0], ends[1]
+
+
+def monte_carlo(
+    point: SpringPoint,
+    measured: MeasuredModes,
+    stiffness: float,
+    *,
+    samples: int,
+    coverage: float,
+    generator: np.random.Generator,
+) -> tuple[float, tuple[float, float], float]:
+    """Standard deviation and interval of k for normally distributed frequencies, and the share of unreachable samples.
+
+    Every sample is identified separately: in closed form from one mode; from several by the smallest misfit in a table
+    and a parabola through its three lowest points. Samples that no stiffness explains count as 0 or infinity in the
+    interval and are excluded from the standard deviation.
+    """
+    omega = measured.omega * (1 + measured.sigma * generator.standard_normal((samples, measured.omega.size)))
+    if len(measured.mode) == 1:
+        k = reached_stiffness(point, measured.mode[0], omega[:, 0])
+    else:
+        relative = spread_of(point, measured, stiffness, coverage)[0] / stiffness
+        k = _least_on_table(point, measured, stiffness, relative, omega)
+    usable = np.isfinite(k) & (k > 0)
+    low, high = np.quantile(k, [0.5 - coverage / 2, 0.5 + coverage / 2], method="nearest")
+    deviation = float(np.std(k[usable], ddof=1)) if usable.sum() > 1 else np.nan
+    return deviation, (float(low), float(high)), float(1 - usable.mean())
+
+
+def _least_on_table(
+    point: SpringPoint, measured: MeasuredModes, stiffness: float, relative: float, omega: Floats
+) -> Floats:
+    # 8.0: of the table, in standard deviations of ln k
+    width = min(8.0 * relative, 20.0)
+    # 1201: stiffnesses at which several modes are tabulated for Monte Carlo
+    x = np.log(stiffness) + np.linspace(-width, width, 1201)
+    table = measured.predicted(point, np.exp(x))
+    # chi^2 up to a constant of each sample: (t, m) products instead of a (samples, t, m) array.
+    w2 = measured.weight**2
+    value = np.sum(table**2 * w2, axis=1)[None, :] - 2 * (omega * w2) @ table.T
+    best = np.argmin(value, axis=1)
+    inner = np.clip(best, 1, x.size - 2)
+    row = np.arange(omega.shape[0])
+    a, b, c = (value[row, inner + d] for d in (-1, 0, 1))
+    curvature = a - 2 * b + c
+    offset = np.where(curvature > 0, 0.5 * (a - c) / np.where(curvature > 0, curvature, 1.0), 0.0)
+    k = np.exp(x[inner] + np.clip(offset, -1, 1) * (x[1] - x[0]))
+    return np.asarray(np.where(best == 0, 0.0, np.where(best == x.size - 1, np.inf, k)))
+
+
+def stiffness_profile(
+    point: SpringPoint, measured: MeasuredModes, stiffness: float, deviation: float
+) -> ProfileLikelihood | None:
+    """chi^2 above its minimum against k; None without uncertainties."""
+    if not np.isfinite(deviation) or not 0 < stiffness < np.inf:
+        return None
+    width = min(4 * deviation / stiffness, 5.0)
+    k = stiffness * np.exp(np.linspace(-width, width, 81))
+    value = misfit(point, measured, k)
+    least = float(misfit(point, measured, np.array([stiffness]))[0])
+    return ProfileLikelihood("stiffness", k, np.maximum(value - least, 0.0))
+
+
+def sensitivities(
+    scenario: Scenario,
+    point: SpringPoint,
+    snubber: str,
+    measured: MeasuredModes,
+    stiffness: float,
+    known: dict[str, float],
+) -> list[Sensitivity]:
+    """d ln k / d ln p at fixed frequencies for every number of the structure, largest first.
+
+    One mode: exact for the finite-element model. Several: to first order in the misfit. A path with ``[*]`` is a
+    common factor.
+
+    Parameters
+    ----------
+    point : modes at the snubber.
+    stiffness : the identified value, N/m.
+    known : relative standard deviations by path.
+    """
+    if not 0 < stiffness < np.inf:
+        return []
+    predicted = measured.predicted(point, stiffness)
+    share = (point.slope(predicted) * measured.weight) ** 2
+    share /= share.sum()
+    each = [stiffness_sensitivities(scenario, snubber, float(omega)) for omega in predicted]
+    relative = {
+        place: float(sum(w * part.get(place, 0.0) for w, part in zip(share, each, strict=True)))
+        for place in dict.fromkeys(place for part in each for place in part)
+    }
+    rows = {path_text(place): [place] for place in relative}
+    given = {}
+    for path, uncertainty in known.items():
+        places = find_parameters(scenario, path)
+        name = path_text(places[0]) if len(places) == 1 else path
+        rows[name], given[name] = places, uncertainty
+    result = [
+        Sensitivity(
+            name,
+            float(value_at(scenario, places[0])),
+            sum(relative.get(place, 0.0) for place in places),
+            given.get(name, np.nan),
+        )
+        for name, places in rows.items()
+    ]
+    return sorted(result, key=lambda s: -abs(s.relative))
+
+
+def permanent_contact(
+    scenario: Scenario, section: IdentifyStiffness, point: SpringPoint, count: int, update: ModelUpdate | None
+) -> tuple[dict[str, Any], Scenario, list[str]]:
+    """What frequencies with permanent contact say.
+
+    Parameters
+    ----------
+    scenario : after the update of its structure.
+    section : what was measured.
+    point : modes at the snubber.
+    count : how many are in the tables.
+    update : of the structure, whose parameters are uncertain.
+
+    Returns
+    -------
+    fields of an `IdentificationResult`, the scenario with the stiffness, or the scale of the table, and warnings.
+    """
+    snubber = section.snubber
+    rigid = int(np.sum(point.omega == 0))
+    unconstrained = int(np.sum(point.pinned(rigid) == 0)) if rigid else 0  # rigid-body modes with the snubber closed
+    resting = table_slope(scenario, snubber)
+    measured = MeasuredModes(
+        tuple(unconstrained + listed for listed in section.fit_to),
+        _HZ * np.array([section.measured_with[listed - 1] for listed in section.fit_to]),
+        np.array([section.uncertainty_of(listed) for listed in section.fit_to]),
+        unconstrained,
+    )
+    warnings = list(check_reach(point, measured, section.measured_without))
+    measured, remarks = _widened(point, section, measured)
+    warnings += remarks
+    estimate = _estimate(point, section, measured)
+    stiffness = estimate.stiffness
+    known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
+    fitted = {} if update is None else update.relative_deviations
+    sensitive = sensitivities(scenario, point, snubber, measured, stiffness, known | fitted)
+    estimate = replace(estimate, total_standard_deviation=_total(estimate, sensitive, update))
+    table = FrequencyTable.of(point.frequencies(stiffness, count) / _HZ, section.measured_with, unconstrained)
+    warnings += _fit_warnings(table, estimate)
+    if resting is None:
+        path = (*scenario.located_snubber(snubber).path, "stiffness")
+        found = with_values(scenario, {path: stiffness})
+    else:
+        resting, remarks = compared(scenario, snubber, resting, stiffness)
+        warnings += remarks
+        found = with_factor(scenario, snubber, resting.factor)
+    fields = {
+        "estimate": estimate,
+        "table_slope": resting,
+        "with_snubber": table,
+        "sensitivities": tuple(sensitive),
+        "curves": _curves(point, count, stiffness),
+        "profile": stiffness_profile(point, measured, stiffness, estimate.standard_deviation),
+    }
+    return fields, found, warnings
+
+
+def _widened(
+    point: SpringPoint, section: IdentifyStiffness, measured: MeasuredModes
+) -> tuple[MeasuredModes, list[str]]:
+    """The modes with uncertainties that explain what they contradict each other by, and a warning if these grow."""
+    freedom = len(measured.mode) - 1
+    if section.method == "thesis" or freedom < 1 or not measured.sigma.all():
+        return measured, []
+    largest = float(misfit(point, measured, np.array([fit_stiffness(point, measured)]))[0])
+    wider = widening(largest, freedom)
+    if wider == 1.0:
+        return measured, []
+    return replace(measured, sigma=np.sqrt(wider) * measured.sigma), [
+        f"the fitted modes contradict each other by more than their uncertainty (misfit {largest:.3g} with {freedom} "
+        f"degree{'s' if freedom > 1 else ''} of freedom): the intervals are widened accordingly; see what each mode "
+        "alone gives, and check the model and the order of the modes"
+    ]
+
+
+def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: MeasuredModes) -> StiffnessEstimate:
+    outcome, solutions = COMPLETE, 1  # the modes of the structure without snubber
+    if section.method == "thesis":
+        k, outcome, solutions = thesis_loop(
+            point, measured.mode[0], float(measured.omega[0]), tolerance=section.tolerance,
+            most_solutions=section.most_solutions, rigid=int(np.sum(point.omega == 0)),
+        )  # fmt: skip
+    else:
+        k = fit_stiffness(point, measured)
+    single = individual_stiffness(point, measured)
+    predicted = measured.predicted(point, k)
+    relative = (predicted - measured.omega) / measured.omega
+    source = "given" if measured.sigma.all() else ""
+    weighted = measured
+    if not source and len(measured.mode) > 1:
+        scatter = float(np.sqrt(np.sum(relative**2) / (len(measured.mode) - 1)))
+        weighted = replace(measured, sigma=np.full(measured.omega.size, scatter))
+        source = "scatter" if scatter > 0 else ""
+    first_order, first_order_interval, interval = spread_of(point, weighted, k, section.coverage)
+    deviation, sampled, unreachable = np.nan, (np.nan, np.nan), 0.0
+    if source:
+        deviation, sampled, unreachable = monte_carlo(
+            point, weighted, k, samples=section.monte_carlo.samples, coverage=section.coverage,
+            generator=np.random.default_rng(section.monte_carlo.seed),
+        )  # fmt: skip
+    return StiffnessEstimate(
+        snubber=section.snubber,
+        method=section.method,
+        stiffness=k,
+        fit_to=measured.mode,
+        individual=np.where((single > 0) & np.isfinite(single), single, np.nan),
+        reach_hz=np.array([point.reach(mode) for mode in measured.mode]) / _HZ,
+        condition=np.asarray(point.slope(predicted) * k / predicted),
+        residual=float(np.sqrt(np.mean(relative**2))),
+        standard_deviation=first_order,
+        interval_first_order=first_order_interval,
+        interval=interval,
+        monte_carlo_standard_deviation=deviation,
+        monte_carlo_interval=sampled,
+        monte_carlo_samples=section.monte_carlo.samples if source else 0,
+        monte_carlo_unreachable=unreachable,
+        coverage=section.coverage,
+        total_standard_deviation=first_order,
+        uncertainty_from=source,
+        eigenvalue_solutions=solutions,
+        outcome=outcome,
+    )
+
+
+def _total(estimate: StiffnessEstimate, sensitive: list[Sensitivity], update: ModelUpdate | None) -> float:
+    """Standard deviation including the contributions of all parameters with known uncertainty.
+
+    Parameters fitted together are correlated; the others are treated as independent.
+    """
+    fitted = {} if update is None else update.relative_deviations
+    parts = {s.parameter: s.relative * s.uncertainty for s in sensitive if np.isfinite(s.contribution)}
+    deviation = estimate.standard_deviation
+    if not parts:
+        return deviation
+    variance = sum(part**2 for name, part in parts.items() if name not in fitted)
+    if update is not None:
+        names = [p.parameter for p in update.parameters]
+        vector = np.array([parts.get(name, 0.0) for name in names])
+        variance += float(vector @ np.nan_to_num(update.correlation) @ vector)
+    return float(np.hypot(0.0 if np.isnan(deviation) else deviation, estimate.stiffness * np.sqrt(variance)))
+
+
+def _curves(point: SpringPoint, count: int, stiffness: float) -> tuple[FrequencyCurve, ...]:
+    """Frequency against stiffness around the identified value, in closed form on the frequencies within reach."""
+    k = stiffness if 0 < stiffness < np.inf else 1.0
+    share = 1 / (1 + np.exp(-np.linspace(-14, 14, 240)))
+    curves = []
+    for mode in range(1, min(count, point.omega.size) + 1):
+        low, high = point.reach(mode)
+        omega = low + (min(high, 1e3 * low + 1e3) - low) * share
+        value = point.stiffness(omega)
+        kept = (value > _NARROWEST * k) & (value < k / _NARROWEST)
+        curves.append(FrequencyCurve(mode, value[kept], omega[kept] / _HZ))
+    return tuple(curves)
+
+
+def _fit_warnings(table: FrequencyTable, estimate: StiffnessEstimate) -> list[str]:
+    warnings = []
+    off = table.difference_percent
+    for i, mode in enumerate(table.mode):
+        if np.isfinite(off[i]) and mode not in estimate.fit_to and abs(off[i]) > POOR_MODEL:
+            warnings.append(f"with this stiffness mode {mode}, which was not fitted, is off by {off[i]:+.1f} %")
+    low, high = estimate.interval
+    if low == 0.0 or np.isinf(high):
+        warnings.append(
+            "the uncertainty of the frequency extends to "
+            + ("the frequency without snubber" if low == 0.0 else "the frequency with the point pinned")
+            + ": the stiffness has no "
+            + ("lower" if low == 0.0 else "upper")
+            + " bound; use a mode whose frequency depends more on the snubber"
+        )
+    return warnings
+
+
+def table_slope(scenario: Scenario, snubber: str) -> TableSlope | None:
+    """The slope of a snubber's table at static equilibrium, with the factor of an estimate still to come.
+
+    None of a snubber that has a stiffness.
+
+    Raises
+    ------
+    ScenarioError
+        Where the snubber is open at rest: its slope there is not that of a permanent contact.
+    """
+    names = [item.name for _, _, item, _ in scenario.located_snubbers]
+    index = names.index(snubber)
+    curve = curves_of(scenario)[index]
+    if curve is None:
+        return None
+    force = build_system(scenario, assessed=False).snubbers[index].preload
+    if not force > 0.0:
+        raise ScenarioError(
+            Problem(
+                "identify_stiffness.measured_with",
+                f"gives the slope of the table of {snubber} where it rests, and the snubber is open at rest",
+                f"give {path_text(scenario.located_snubber(snubber).path)} the preload of the test, or measure "
+                "vibrations (nonlinear)",
+            )
+        )
+    knots = curve.force[:-1]
+    segment = int(np.searchsorted(knots, force, side="left"))
+    slope = float(curve.slopes[segment - 1])
+    deflection = float(curve.deflection[segment - 1] + (force - curve.force[segment - 1]) / slope)
+    bends = curve.deflection[1:-1]
+    return TableSlope(
+        force=force, deflection=deflection, segment=segment, segments=curve.slopes.size, slope=slope, factor=np.nan,
+        at_a_bend=bool(np.any(np.abs(bends - deflection) < 1e-3 * deflection)),
+    )  # fmt: skip
+
+
+def with_factor(scenario: Scenario, snubber: str, factor: float) -> Scenario:
+    """The scenario with all forces of a snubber's table multiplied by a factor."""
+    path, _, item, _ = scenario.located_snubber(snubber)
+    assert item.table is not None
+    scaled = item.table.model_copy(update={"scale": factor * item.table.scale})
+    return with_values(scenario, {(*path, "force_deflection"): scaled})
+
+
+def compared(scenario: Scenario, snubber: str, resting: TableSlope, stiffness: float) -> tuple[TableSlope, list[str]]:
+    """The slope of the table beside the identified one, and what there is to say about it."""
+    resting = replace(resting, factor=stiffness / resting.slope)
+    warnings = []
+    if resting.at_a_bend:
+        warnings.append(
+            f"{snubber} rests at a bend of its table, {1e3 * resting.deflection:.4g} mm: its slope is that of the "
+            "segment below, and a vibration is on both"
+        )
+    if 0.0 < stiffness < np.inf:
+        scaled = table_slope(with_factor(scenario, snubber, resting.factor), snubber)
+        if scaled is None or scaled.segment != resting.segment:
+            warnings.append(
+                f"with all forces of the table multiplied by {resting.factor:.4g} {snubber} would rest on another "
+                "segment: the identified stiffness is not that of a table of this shape"
+            )
+    return resting, warnings
+
+
+def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPoint:
+    """Modes of the bodies that a snubber acts on, every contact open: all of the finite-element model's.
+
+    A model with more degrees of freedom than `DENSE_LIMIT` gives `requested` + 60 modes and the static vector of the
+    snubber, which carries the static compliance of the rest.
+    """
+    snubber = scenario.located_snubber(name)
+    model, site = assemble(scenario, snubber.bodies), snubber_site(snubber)
+    row = model.row(site)
+    if model.size <= DENSE_LIMIT:
+        modes = natural_modes(model)
+        omega, vectors = modes.omega, modes.vectors
+    else:
+        patterns = [LoadPattern(model.row(loaded), loaded) for loaded in model.loaded_sites([site])]
+        # 60: Modes of a large model that are kept beyond those requested; a static vector represents the others.
+        basis = reduce_model(model, patterns, count=requested + 60)
+        omega, vectors = basis.omega, basis.vectors
+    return SpringPoint.of_modes(omega * model.frequency_scale, row @ vectors / np.sqrt(model.mass_scale))

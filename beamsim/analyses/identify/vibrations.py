@@ -19,29 +19,35 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.compare.measured import Harmonics, best_phase, harmonics_of
-from beamsim.analyses.identify.covariance import confounded, correlation_of, inverse_information, widening
+from beamsim.analyses.compare.analysis import Harmonics, best_phase, harmonics_of
 from beamsim.analyses.identify.fit import (
     MOST_EVALUATIONS,
     Best,
     Fit,
     Sought,
     UnpredictableError,
+    correlation_of,
     sought_numbers,
     varied,
+    widening,
 )
 from beamsim.analyses.identify.result import NonlinearEstimate, TestFit
-from beamsim.analyses.identify.steady import SteadyVibration, steady_vibration
-from beamsim.analyses.identify.tables import SoughtSegment, sought_segments
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.variational import VariationalFlow
+from beamsim.inputs.signal import Signal
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
+from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import Reduction
 from beamsim.scenario.studies import IdentifyStiffness, MeasuredTest, NonlinearFit
+from beamsim.system.build import build_system
+from beamsim.system.force_tables import curves_of
 from beamsim.system.parts import SharedBuilds
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
 
 
@@ -83,27 +89,23 @@ def fit_nonlinear(
     agreeing = sum(each.misfit <= best.misfit + max(0.5, 1e-3 * best.misfit) for each in solutions)
 
     fit.residuals(best.x)
-    unknown = vibrations.unreached(list(sought_segments(scenario, fit.numbers)))
+    penetration = np.array([vibration.penetration for vibration in vibrations.last])
+    unknown = _unreached(scenario, fit.numbers, penetration)
     best = replace(best, x=np.where([i in unknown for i in range(len(fit.numbers))], 0.0, best.x))
     jacobian = fit.jacobian(best.x)
     jacobian[:, list(unknown)] = 0.0
     fit.residuals(best.x)
     predicted = vibrations.compared
     vibrations.take_out_phases(jacobian)
-    known = [i for i in range(len(fit.numbers)) if i not in unknown]
-    freedom = first.size - sum(test.free_phase for test in tests) - len(known)
+    freedom = first.size - sum(test.free_phase for test in tests) - (len(fit.numbers) - len(unknown))
     scale, warnings = _scatter(tests, best.misfit, freedom)
-    covariance = inverse_information(jacobian) * scale
-    parameters = fit.estimates(best.x, np.sqrt(np.diag(covariance)), section.coverage)
-    names = [number.parameter for number in fit.numbers]
-    warnings += confounded([names[i] for i in known], jacobian[:, known], covariance[np.ix_(known, known)])
-    warnings += [f"{p.parameter} ended on its bound, {p.value:g}" for p in parameters if p.at_bound]
-    warnings += unknown.values()
+    parameters, covariance, remarks = fit.estimates(best, jacobian, scale, section.coverage, unknown)
+    warnings += [*remarks, *unknown.values()]
     warnings += _yielding(scenario, fit.numbers) + vibrations.without_contact()
     if agreeing == 1 < len(solutions):
         warnings.append("only one start reached the lowest misfit: there are other minima; use better initial values")
     interrupted = stop()
-    without = [name for name, column in zip(names, jacobian.T, strict=True) if np.isnan(column).any()]
+    without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
     stopped = f"after {tried} of {nonlinear.starts} starts" if interrupted else None
     return NonlinearEstimate(
         outcome=_outcome(stopped, best, without),
@@ -318,12 +320,6 @@ class _Vibrations:
                 by_phase = np.concatenate([turned.real, turned.imag]) / np.linalg.norm(turned)
                 jacobian[rows] -= np.outer(by_phase, by_phase @ jacobian[rows])
 
-    def unreached(self, segments: Sequence[SoughtSegment]) -> dict[int, str]:
-        """Numbers of the parameters that are segments of a table which none of the last vibrations reaches, and why."""
-        penetration = np.array([vibration.penetration for vibration in self.last])
-        remarks = ((segment.number, segment.remark(penetration)) for segment in segments)
-        return {number: remark for number, remark in remarks if remark is not None}
-
     def without_contact(self) -> list[str]:
         """Warnings about tests that say nothing of the snubbers."""
         return [
@@ -402,3 +398,152 @@ def _test_fit(test: _Test, before: tuple[Complexes, float], predicted: tuple[Com
         predicted=predicted[0],
         delay_s=float(np.angle(np.exp(1j * predicted[1]))) / (2 * np.pi * test.frequency_hz),
     )
+
+
+_SAMPLES = 512  # of a period, for the harmonics of the displacement
+_SETTLE = 300  # most periods of transient
+
+
+@dataclass(frozen=True)
+class SteadyVibration:
+    """A periodic response with the period of its excitation."""
+
+    system: StructuralSystem
+    omega: float  # rad/s
+    start: Floats  # (N,) state at t = 0, initial guess for neighbouring parameters
+    coordinates: Complexes  # (h, n) harmonics 1 to h of q: q = Im sum c_k e^{i k omega t}
+    touching: bool  # whether contact is made and lost
+    residual: float  # of periodicity, against the motion's size
+    penetration: Floats  # (m,) largest one of each contact, at samples and events, m
+
+    def harmonics(self, probe: int, quantity: str, count: int) -> Complexes:
+        """(count,) harmonics of a quantity of a probe, as sines in the time of the excitation, zero to peak."""
+        order = np.arange(1, count + 1)
+        value = self.coordinates[:count] @ self.system.probes[probe].shape.astype(complex)
+        if quantity == "velocity":
+            return np.asarray(1j * order * self.omega * value)
+        if quantity == "absolute_acceleration":
+            value = -((order * self.omega) ** 2) * value
+            value[0] += self.system.carried[probe] * _amplitude(self.system.base_acceleration)
+        elif quantity == "absolute_displacement":
+            value = value.copy()
+            value[0] += self.system.carried[probe] * _amplitude(self.system.base_displacement)
+        return np.asarray(value)
+
+    def largest_deflection(self, snubber: int) -> float:
+        """Sum of the harmonics' amplitudes of the deflection at a snubber, m."""
+        shape = self.system.dynamics.contacts.shape[snubber]
+        return float(np.abs(self.coordinates @ shape.astype(complex)).sum())
+
+
+def steady_vibration(
+    scenario: Scenario,
+    guess: Floats | None = None,
+    *,
+    harmonics: int = 16,
+    shared: SharedBuilds | None = None,
+) -> SteadyVibration:
+    """The periodic response, by Newton's method on the exact flow with its exact monodromy matrix.
+
+    Harmonics of accelerations are taken from those of the displacement, which fall two orders faster, so that a
+    jump in the contact force costs no accuracy.
+
+    Parameters
+    ----------
+    scenario : with a harmonic excitation, without cubic springs.
+    guess : state at t = 0 of a neighbouring response.
+    harmonics : number wanted.
+    shared : keeps what was built for scenarios with the same structure.
+
+    Raises
+    ------
+    UnpredictableError
+        Where neither Newton's method nor a transient of 300 periods ends in such a motion.
+    """
+    system = build_system(scenario, shared, assessed=False, recovered=False)
+    if system.cubic.count:
+        raise UnpredictableError("cubic springs have no exact flow")
+    omega = 2 * np.pi * system.excitation_frequency_hz
+    flow = VariationalFlow(system.dynamics, _periodic(system, omega), omega, 1.0)
+    problem = ForcedOrbits(flow, "level")
+    if guess is not None and guess.size != flow.size:
+        guess = None
+    try:
+        point = find_orbit(problem, guess, settle=_SETTLE)
+        if point is None and guess is not None:
+            point = find_orbit(problem, None, settle=_SETTLE)
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise UnpredictableError(str(error)) from error
+    if point is None:
+        raise UnpredictableError(
+            f"no vibration with the period of the excitation ({system.excitation_frequency_hz:g} Hz) was found"
+        )
+    passage = point.data
+    period = 2 * np.pi / omega
+    times = np.arange(_SAMPLES, dtype=np.float64) * (period / _SAMPLES)
+    states = flow.states_at(passage, np.asarray(times, dtype=np.float64))
+    n = system.dynamics.size
+    # q = Re sum X e^{i k w t} = Im sum (i X) e^{i k w t}
+    spectrum = 1j * np.fft.rfft(states[:, :n], axis=0)[1 : harmonics + 1] * (2.0 / _SAMPLES)
+    at = np.concatenate([times, passage.time])
+    penetration = flow.penetration_of(np.concatenate([states, passage.y]), at)[0].max(axis=0)
+    return SteadyVibration(
+        system, omega, point.u[:-1], spectrum, passage.event_time.size > 0, point.residual, penetration
+    )
+
+
+def _periodic(system: StructuralSystem, omega: float) -> PeriodicForcing:
+    """The loads of a system under one harmonic, as a phasor: sin(w t + p) is Re(-i e^{i p} e^{i w t})."""
+    force = np.zeros(system.dynamics.size, dtype=complex)
+    for load, signal in zip(system.forcing.load, system.forcing.signal, strict=True):
+        force += load * signal.coefficient[0, 0, 0]
+    base = np.zeros(1, dtype=complex)
+    if system.forcing.base_displacement is not None:
+        base[0] = system.forcing.base_displacement.coefficient[0, 0, 0]
+    return PeriodicForcing(np.ones(1, dtype=np.int64), force[None, :], np.zeros(1), base, np.zeros(1), omega)
+
+
+def _amplitude(signal: Signal | None) -> complex:
+    """Of a harmonic signal: c with signal = Im(c e^{i w t})."""
+    return 0j if signal is None else complex(1j * signal.coefficient[0, 0, 0])
+
+
+def _unreached(scenario: Scenario, numbers: Sequence[Sought], penetration: Floats) -> dict[int, str]:
+    """Numbers of the parameters that are segments of a table which no test reaches, and why.
+
+    Parameters
+    ----------
+    scenario : of which the parameters are numbers.
+    numbers : the parameters.
+    penetration : (tests, m) the largest penetration of each contact, m.
+
+    Raises
+    ------
+    ScenarioError
+        For a segment without slope, which no factor changes.
+    """
+    remarks = {}
+    for index, number in enumerate(numbers):
+        if len(number.places) > 1 or number.places[0][-3:-1] != ("force_deflection", "segment_factors"):
+            continue
+        *path, _, _, segment = number.places[0]
+        contacts = [j for j, located in enumerate(scenario.located_snubbers) if located.path == tuple(path)]
+        curve = curves_of(scenario)[contacts[0]]
+        assert curve is not None
+        assert isinstance(segment, int)
+        if curve.slopes[segment] == 0.0:
+            raise ScenarioError(
+                Problem(
+                    "identify_stiffness.nonlinear.estimate",
+                    f"names {number.parameter}, a segment without slope, which no factor changes",
+                    "leave it out, or give the table a small slope there",
+                )
+            )
+        begin, largest = float(curve.deflection[segment]), max(float(penetration[:, contacts].max()), 0.0)
+        if largest <= begin * (1.0 + 1e-9):  # a motion that ends at the beginning is in no later segment
+            remarks[index] = (
+                f"{number.parameter}: no test reaches segment {segment + 1}, which begins at {1e3 * begin:.4g} mm "
+                f"(largest penetration {1e3 * largest:.4g} mm): it keeps its value; add a test at a higher level, or "
+                "leave it out"
+            )
+    return remarks

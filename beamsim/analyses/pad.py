@@ -1,4 +1,28 @@
-"""``beamsim pad``: a snubber's numbers from a material, a measured curve or an impact, and back."""
+r"""``beamsim pad``: a snubber's numbers from a material, a measured curve or an impact, and back.
+
+**Blocks.** A rubber block of height h and loaded area A, bonded to both plates or held by friction, cannot spread at
+its faces. Its apparent modulus in compression is (A. N. Gent, P. B. Lindley, The compression of bonded rubber blocks,
+Proc. Inst. Mech. Eng. 173 (1959) 111–122)
+
+.. math:: E_c = E\,(1 + 2 \kappa S^2), \qquad \frac{1}{E_c'} = \frac{1}{E_c} + \frac{1}{B}, \qquad k = E_c' A / h,
+
+with the shape factor S, loaded area over the area that is free to bulge, a factor :math:`\kappa` (1 for soft unfilled
+rubber, down to 0.5 for hard filled rubber), and the bulk modulus B where it is given. It holds for small strains, to
+about 10 %, and compact blocks (circular or square). Lubricated faces: S = 0.
+
+**Impacts.** With :math:`m\ddot\delta + c\dot\delta + k\delta = 0`, :math:`\omega^2 = k/m`,
+:math:`\zeta = c/(2 m \omega)` and :math:`s = \sqrt{1 - \zeta^2}`, contact of a mass begins at :math:`\delta = 0` with
+the speed v and ends
+
+* after half a damped period, where :math:`\delta = 0` (Kelvin–Voigt): :math:`e = \exp(-\pi\zeta/s)`, which needs
+  :math:`\zeta < 1`;
+* where the force vanishes (no tension): after :math:`2\arccos\zeta / (s\omega)` with
+  :math:`e = \exp(-2 \zeta \arccos(\zeta) / s)`, which holds for :math:`\zeta \ge 1` too, with
+  :math:`\arccos(\zeta)/s = \operatorname{arcosh}(\zeta)/\sqrt{\zeta^2 - 1}`.
+
+T. Schwager, T. Pöschel, Coefficient of restitution and linear-dashpot model revisited, Granular Matter 9 (2007)
+465–469, derive both. Gravity and other forces on the mass are left out: they must be small against the contact force.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +33,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.analyses.pad.restitution import (
-    contact_time,
-    damping_ratio,
-    largest_penetration,
-    peak_force,
-    restitution,
-)
-from beamsim.analyses.pad.rubber_block import LARGEST_STRAIN, block_modulus, block_stiffness
 from beamsim.contacts.pads import ForceCurve, fit_curve
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasurementError
@@ -243,3 +259,96 @@ def _impact(known: PadInput, stiffness: float, dashpot: float) -> dict[str, Any]
         if known.height is not None:
             out["strain"] = out["penetration"] / known.height
     return out
+
+
+LARGEST_STRAIN = 0.1  # for which the stiffness is taken as constant
+
+
+def block_stiffness(
+    modulus: float, area: float, height: float, shape_factor: float, factor: float = 1.0, bulk: float | None = None
+) -> float:
+    """Stiffness in N/m; modulus and bulk in Pa, area in m^2, height in m.
+
+    >>> block_stiffness(2e6, 1e-4, 0.01, 0.5)
+    30000.0
+    """
+    apparent = modulus * (1.0 + 2.0 * factor * shape_factor**2)
+    if bulk is not None:
+        apparent = 1.0 / (1.0 / apparent + 1.0 / bulk)
+    return apparent * area / height
+
+
+def block_modulus(
+    stiffness: float, area: float, height: float, shape_factor: float, factor: float = 1.0, bulk: float | None = None
+) -> float:
+    """The modulus, Pa, of a block of this stiffness; infinite where the bulk modulus alone is too soft.
+
+    >>> block_modulus(30000.0, 1e-4, 0.01, 0.5)
+    2000000.0
+    """
+    apparent = stiffness * height / area
+    if bulk is not None:
+        apparent = 1.0 / (1.0 / apparent - 1.0 / bulk) if apparent < bulk else float("inf")
+    return apparent / (1.0 + 2.0 * factor * shape_factor**2)
+
+
+def angle(ratio: float) -> float:
+    """Arccos(zeta) / sqrt(1 - zeta^2), continued beyond critical damping.
+
+    >>> angle(0.0) == math.pi / 2, angle(1.0)
+    (True, 1.0)
+    """
+    distance = ratio - 1.0
+    # 1e-5: distance of the damping ratio from 1 within which the quotient is taken by its series
+    if abs(distance) < 1e-5:
+        return 1.0 - distance / 3.0 + 2.0 / 15.0 * distance**2
+    if ratio < 1.0:
+        return math.acos(ratio) / math.sqrt(1.0 - ratio**2)
+    return math.acosh(ratio) / math.sqrt(ratio**2 - 1.0)
+
+
+def restitution(ratio: float, law: str) -> float:
+    """Separation over approach speed at a damping ratio; nan where Kelvin–Voigt is damped so much that the mass stays.
+
+    >>> restitution(1.0, "no_tension") == math.exp(-2.0)
+    True
+    """
+    if law == "no_tension":
+        return math.exp(-2.0 * ratio * angle(ratio))
+    return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else math.nan
+
+
+def damping_ratio(value: float, law: str) -> float:
+    """The damping ratio that gives a restitution between 0 and 1.
+
+    >>> round(damping_ratio(restitution(0.3, "no_tension"), "no_tension"), 12)
+    0.3
+    """
+    if value == 1.0:
+        return 0.0
+    if law == "no_tension":
+        from scipy.optimize import brentq
+
+        high = 1.0 + 1.0 / math.sqrt(value)  # e tends to 1 / (4 zeta^2)
+        return float(brentq(lambda ratio: 2.0 * ratio * angle(ratio) + math.log(value), 0.0, high, xtol=1e-15))
+    return -math.log(value) / math.hypot(math.pi, math.log(value))
+
+
+def contact_time(ratio: float, omega: float, law: str) -> float:
+    """Time in contact, s, with omega = sqrt(k / m) in rad/s; infinite where the mass stays."""
+    if law == "no_tension":
+        return 2.0 * angle(ratio) / omega
+    return math.pi / (omega * math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else math.inf
+
+
+def largest_penetration(ratio: float, omega: float, speed: float) -> float:
+    """M, where the speed is zero."""
+    return speed / omega * math.exp(-ratio * angle(ratio))
+
+
+def peak_force(ratio: float, omega: float, mass: float, speed: float) -> float:
+    """Largest force, N: at the beginning from zeta = 0.5 on, where the dashpot's is the largest."""
+    if ratio >= 0.5:
+        return 2.0 * ratio * omega * mass * speed
+    turned = 0.5 * math.pi - 3.0 * math.asin(ratio)
+    return mass * speed * omega * math.exp(-ratio * turned / math.sqrt(1.0 - ratio**2))

@@ -1,4 +1,6 @@
-"""Functions of time and frequency in a result file of any kind, and mode shapes, as records of a universal file.
+"""Universal files: functions of time and frequency of a result of any kind, nodes, lines and mode shapes.
+
+The data sets are 151 (header), 164 (units), 15 (nodes), 82 (lines), 55 (modes) and 58 (functions).
 
 Nodes are the probes of the scenario, then its snubbers, then the base of a run (at the origin), then the stations of
 the structure at which its modes are stored; x is the position along the beam or on the plate (the number of the mass in
@@ -13,35 +15,26 @@ coordinates are in no data set 15, and the header names their bodies.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+import warnings
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from beamsim.files import replacing
+from beamsim.matrix_files.formats import DIRECTIONS
 from beamsim.scenario import Scenario
 from beamsim.store.flat import Item, Items, joined, last, parent
-from beamsim.store.uff import (
-    FREQUENCY_RESPONSE,
-    GENERAL,
-    LOAD_CODES,
-    ORDINATES,
-    UP,
-    Function,
-    Source,
-    header_151,
-    record_55,
-    record_58,
-    trace_lines,
-)
 from beamsim.structures.places import DEFLECTION
 from beamsim.structures.stations import NODES, Stations
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Floats, Ints
 
 Coordinates = tuple[float, float, float]  # m
-APART = 0.1  # between bodies, of the longest
 
-_OF_SNUBBERS = ("force", "penetration")
 _STATISTICS = ("peak_", "max_", "min_", "rms_", "mean_", "harmonic_")
 
 
@@ -57,12 +50,13 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
 
     stations = _stations(result)
     heights = _heights(stations)
-    nodes, upside_down = _nodes(result.scenario, heights)
+    placed = _placed(stations, heights)
+    nodes = _nodes(result.scenario, stations, placed, heights)
+    upside_down = {s.name for s in result.scenario.all_snubbers if getattr(s, "side", "") == "above"}
     if "/base" in items:
         nodes["base", "base"] = (0.0, 0.0, 0.0)
-    placed = _placed(stations, heights)
-    nodes |= _at_nodes(result.scenario, stations, placed)
-    first = _first_free(stations)
+    own = _own_numbers(stations)
+    first = 1 + max((int(numbers.max(initial=0)) for numbers in own.values()), default=0)
     root = items["/"].attributes
     source = Source(result.title, result.created, f"beamsim {root['beamsim_version']} {root['command']}")
     records = []
@@ -78,7 +72,9 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
                 records.append(record_58(source, function, name, node, -UP if turned else UP))
     if not records:
         return []
-    number = _numbers(stations, first + len(nodes))
+    number = first + len(nodes) + np.arange(stations.position.size)
+    for part in stations:
+        number[part.stations] = own.get(part.body, number[part.stations])
     points = np.concatenate([np.array([*nodes.values()], dtype=float).reshape(-1, 3), placed])
     numbers = np.concatenate([first + np.arange(len(nodes)), number])
     known = np.all(np.isfinite(points), axis=1)
@@ -86,40 +82,36 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
     of_nodes = pyuff.prepare_15(node_nums=numbers[known], x=x, y=y, z=z)
     nowhere = bodies_without_places(result)
     remark = f"nodes without coordinates: {', '.join(nowhere)}" if nowhere else ""
-    shapes = [] if stations is None else _mode_shapes(result, placed, number, source)
+    shapes = [] if not stations.position.size else _mode_shapes(result, placed, number, source)
     return [header_151(source, remark), of_nodes, *shapes, *records]
 
 
 def bodies_without_places(result: Any) -> list[str]:
     """Names of the imported bodies of whose nodes some have no coordinates, so that other programs cannot draw them."""
     stations = _stations(result)
-    if stations is None:
-        return []
     placed = _placed(stations, _heights(stations))
     lacking = [part.body for part in stations if not np.all(np.isfinite(placed[part.stations]))]
     return lacking if len(stations.parts) > 1 else list(result.scenario.all_bodies)[: len(lacking)]
 
 
-def _stations(result: Any) -> Stations | None:
-    """Where the mode shapes of a result are known; None where there are none."""
+def _stations(result: Any) -> Stations:
+    """Where the mode shapes of a result are known."""
     stations: Stations | None = getattr(getattr(result, "modes", None), "stations", None)
-    return stations if stations is not None and stations.position.size else None
+    return stations if stations is not None else Stations.of_recoveries(())
 
 
-def _heights(stations: Stations | None) -> dict[str, float]:
+def _heights(stations: Stations) -> dict[str, float]:
     """By body the z of its nodes, m; of imported bodies what is added to it."""
-    if stations is None:
-        return {}
-    lengths = [np.ptp(stations.position[part.stations]) for part in stations if part.axis.continuous]
+    on_axes = [stations.position[part.stations] for part in stations if part.axis.continuous]
+    lengths = [np.ptp(x) for x in on_axes if x.size]
     if stations.points is not None:
         lengths += [np.ptp(of[np.isfinite(of)]) for of in stations.points.T if np.any(np.isfinite(of))]
-    return {part.body: APART * max(lengths, default=1.0) * k for k, part in enumerate(stations)}
+    # 0.1: distance between bodies, of the longest
+    return {part.body: 0.1 * max(lengths, default=1.0) * k for k, part in enumerate(stations)}
 
 
-def _placed(stations: Stations | None, heights: dict[str, float]) -> Floats:
+def _placed(stations: Stations, heights: dict[str, float]) -> Floats:
     """(nx, 3) coordinates of the stations of the modes, m; NaN for nodes of imported bodies that have none."""
-    if stations is None:
-        return np.zeros((0, 3))
     y = np.zeros(stations.position.size) if stations.across is None else np.nan_to_num(stations.across)
     placed = np.stack([stations.position, y, np.zeros(y.size)], axis=1)
     for part in stations:
@@ -129,55 +121,47 @@ def _placed(stations: Stations | None, heights: dict[str, float]) -> Floats:
     return placed
 
 
-def _at_nodes(scenario: Scenario, stations: Stations | None, placed: Floats) -> dict[tuple[str, str], Coordinates]:
-    """Coordinates of the probes and snubbers at nodes of imported bodies; NaN where the table has none."""
-    imported = [part for part in stations or () if part.axis is NODES]
-    if stations is None or not imported:
-        return {}
-    alone = len(stations.parts) == 1
-    at = {
-        ("" if alone else part.body, int(stations.position[k])): placed[k]
-        for part in imported
-        for k in range(part.stations.start, part.stations.stop)
+def _nodes(
+    scenario: Scenario, stations: Stations, placed: Floats, heights: dict[str, float]
+) -> dict[tuple[str, str], Coordinates]:
+    """Coordinates of every probe and snubber, NaN where a table has none; the first place of a snubber between two.
+
+    They are the position along the body, or the number of the mass, and y on a plate.
+    """
+    several = len(stations.parts) > 1
+    imported = {
+        part.body if several else "": dict(
+            zip(stations.position[part.stations].astype(int).tolist(), placed[part.stations].tolist(), strict=True)
+        )
+        for part in stations
+        if part.axis is NODES
     }
+    located: list[tuple[str, Any, str]] = [("probe", p, scenario.default_body) for p in scenario.effective_probes]
+    located += [("snubber", each.item, each.body) for each in scenario.located_snubbers]
     nodes = {}
-    for kind, items in (("probe", scenario.effective_probes), ("snubber", scenario.all_snubbers)):
-        for item in items:
-            place = getattr(item, "probed_places", item.places)[0]
-            body = "" if alone else place.body or ""
-            if alone or body in {part.body for part in imported}:
-                x, y, z = at.get((body, place.node or 0), np.full(3, np.nan))
-                nodes[kind, item.name] = (float(x), float(y), float(z))
+    for kind, item, default in located:
+        place = getattr(item, "probed_places", item.places)[0]
+        body = place.body or default
+        of_table = imported.get(body if several else "")
+        if of_table is not None:
+            x, y, z = of_table.get(place.node or 0, (np.nan,) * 3)
+        else:
+            point = scenario.all_bodies[body].point_of(place)
+            x, y = point if isinstance(point, tuple) else (point, 0.0)
+            z = heights.get(place.body or "", 0.0)
+        nodes[kind, item.name] = (float(x), float(y), float(z))
     return nodes
 
 
-def _own_numbers(stations: Stations | None) -> dict[str, Ints]:
+def _own_numbers(stations: Stations) -> dict[str, Ints]:
     """By imported body the numbers of its nodes; raised by a power of ten where another has the same."""
     own: dict[str, Ints] = {}
-    if stations is None:
-        return own
     for k, part in enumerate(part for part in stations if part.axis is NODES):
         numbers = stations.position[part.stations].astype(np.int64)
         if any(np.any(np.isin(numbers, other)) for other in own.values()):
             numbers = numbers + k * 10 ** len(str(int(max(np.max(stations.position), 1))))
         own[part.body] = numbers
     return own
-
-
-def _first_free(stations: Stations | None) -> int:
-    """The first number of a node that no imported body has."""
-    return 1 + max((int(numbers.max(initial=0)) for numbers in _own_numbers(stations).values()), default=0)
-
-
-def _numbers(stations: Stations | None, first: int) -> Ints:
-    """(nx,) node of each station: of imported bodies its own, else from ``first`` on."""
-    if stations is None:
-        return np.zeros(0, dtype=np.int64)
-    own, numbers = _own_numbers(stations), first + np.arange(stations.position.size)
-    for part in stations:
-        if part.body in own:
-            numbers[part.stations] = own[part.body]
-    return numbers
 
 
 def _mode_shapes(result: Any, placed: Floats, number: Ints, source: Source) -> list[dict[str, Any]]:
@@ -220,39 +204,13 @@ def _lines(number: Ints, x: Floats, y: Floats) -> list[Ints]:
     return [line for line in (*along, *across) if line.size > 1]
 
 
-def _nodes(scenario: Scenario, heights: dict[str, float]) -> tuple[dict[tuple[str, str], Coordinates], set[str]]:
-    """Coordinates of every probe and snubber, and the snubbers that push downwards."""
-    probes = {
-        ("probe", p.name): _coordinates(p, scenario.default_body, scenario, heights) for p in scenario.effective_probes
-    }
-    snubbers = {
-        ("snubber", each.item.name): _coordinates(each.item, each.body, scenario, heights)
-        for each in scenario.located_snubbers
-    }
-    return {**probes, **snubbers}, {s.name for s in scenario.all_snubbers if getattr(s, "side", "") == "above"}
-
-
 def _kind_of_place(path: str, quantity: str) -> str:
     """Whether an array belongs to a probe, a snubber, the base or, in a chain, a spring."""
-    parts = path.split("/")
-    for folder, kind in (
-        ("base", "base"),
-        ("springs", "spring"),
-        ("friction", "friction"),
-        ("snubbers", "snubber"),
-        ("probes", "probe"),
-    ):
-        if folder in parts[:-1]:
+    folders = path.split("/")[:-1]
+    for kind in ("base", "spring", "friction", "snubber", "probe"):
+        if kind in folders or f"{kind}s" in folders:
             return kind
-    return "snubber" if quantity in _OF_SNUBBERS else "probe"
-
-
-def _coordinates(item: Any, body: str, scenario: Scenario, heights: dict[str, float]) -> Coordinates:
-    """Position along its body, or number of the mass, and y on a plate; the first place of a snubber between two."""
-    place = getattr(item, "probed_places", item.places)[0]
-    point = scenario.all_bodies[place.body or body].point_of(place)
-    x, y = point if isinstance(point, tuple) else (point, 0.0)
-    return float(x), float(y), heights.get(place.body or "", 0.0)
+    return "snubber" if quantity in ("force", "penetration") else "probe"
 
 
 def _name(items: Items, path: str) -> str:
@@ -324,3 +282,168 @@ def _input(items: Items) -> str:
     curves = (str(item.attributes["quantity"]) for item in items.values() if "direction" in item.attributes)
     quantity = next(curves, "")
     return quantity if quantity in LOAD_CODES else "acceleration"
+
+
+# Codes of the universal file format: (specific data type, length exponent, force exponent).
+ORDINATES = {
+    "displacement": (8, 1, 0),
+    "absolute_displacement": (8, 1, 0),
+    "penetration": (8, 1, 0),
+    "velocity": (11, 1, 0),
+    "absolute_acceleration": (12, 1, 0),
+    "acceleration": (12, 1, 0),
+    "force": (9, 0, 1),
+}
+GENERAL, TIME_RESPONSE, FREQUENCY_RESPONSE = 0, 1, 4
+_TIME, _FREQUENCY = 17, 18
+LOAD_CODES = {"force": (13, 0, 1), "force_per_length": (0, -1, 1), "pressure": (15, -2, 1)}
+"""Data type and exponents of length and force of the loads that a response may refer to."""
+UP = 3  # +z: deflections are positive upwards
+
+
+class Source(NamedTuple):
+    """Origin of the records of one file."""
+
+    title: str
+    created: str  # ISO 8601
+    maker: str
+
+
+class Function(NamedTuple):
+    """A quantity at one place over time or frequency."""
+
+    quantity: str  # one of `ORDINATES`
+    unit: str
+    label: str  # first line of the record
+    x: Floats  # s of a time response, otherwise Hz
+    y: NDArray[Any]  # may be complex
+    kind: int = TIME_RESPONSE
+    over: str = ""  # of a frequency response the input: "acceleration" of the base, or one of `LOAD_CODES`
+
+
+def record_58(source: Source, function: Function, name: str, node: int, direction: int = UP) -> dict[str, Any]:
+    """One function at one place, for :mod:`pyuff`.
+
+    An equally spaced abscissa is stored as start and increment with 6 digits; if that is not exact, the record is
+    stored in binary (58b) with all abscissae.
+
+    Parameters
+    ----------
+    source : of the file.
+    function : what is recorded.
+    name : of the probe or snubber.
+    node, direction : where, and along which axis.
+
+    Returns
+    -------
+    dict
+        The data set.
+    """
+    specific, length_exponent, force_exponent = ORDINATES[function.quantity]
+    of_frequency, x, y = function.kind != TIME_RESPONSE, function.x, function.y
+    quantity = function.quantity.replace("_", " ")
+    exact = False
+    if x.size > 1:
+        increment = (x[-1] - x[0]) / (x.size - 1)
+        even = np.allclose(np.diff(x), increment, rtol=1e-9, atol=0.0) and increment > 0
+        exact = bool(even) and all(abs(float(f"{v:.5e}") - v) <= 1e-12 * increment for v in (x[0], increment))
+    below = {"": (0, 0, 0), "acceleration": (12, 1, 0), **LOAD_CODES}[function.over]
+    return {
+        "type": 58,
+        "binary": 0 if exact else 1,
+        "func_type": function.kind,
+        "rsp_ent_name": _ascii(name, 10),
+        "rsp_node": node,
+        "rsp_dir": direction,
+        "ref_ent_name": "NONE",
+        "ref_node": 0,
+        "ref_dir": 0,
+        "id1": _ascii(function.label, 80),
+        "id2": _ascii(source.title, 80),
+        "id3": _date(source.created),
+        "id4": _ascii(source.maker, 80),
+        "abscissa_spacing": int(exact),
+        "abscissa_spec_data_type": _FREQUENCY if of_frequency else _TIME,
+        "abscissa_axis_lab": "Frequency" if of_frequency else "Time",
+        "abscissa_axis_units_lab": "Hz" if of_frequency else "s",
+        "ordinate_spec_data_type": specific,
+        "ordinate_len_unit_exp": length_exponent,
+        "ordinate_force_unit_exp": force_exponent,
+        "ordinate_axis_lab": _ascii(quantity.capitalize(), 20),
+        "ordinate_axis_units_lab": function.unit,
+        "orddenom_spec_data_type": below[0],
+        "orddenom_len_unit_exp": below[1],
+        "orddenom_force_unit_exp": below[2],
+        "x": np.array(x, dtype=float),
+        "data": np.array(y, dtype=complex if np.iscomplexobj(y) else float),
+    }
+
+
+def header_151(source: Source, description: str = "") -> dict[str, Any]:
+    """The header of a file: what it is of, and what wrote it."""
+    import pyuff
+
+    day, _, clock = _date(source.created).partition(" ")
+    return dict(
+        pyuff.prepare_151(
+            model_name=_ascii(source.title, 80), description=_ascii(description, 80), db_app=_ascii(source.maker, 80),
+            program=_ascii(source.maker, 80), date_db_created=day, time_db_created=clock, version_db1=0, version_db2=0,
+            file_type=0, date_db_saved=day, time_db_saved=clock, date_db_written=day, time_db_written=clock,
+        )
+    )  # fmt: skip
+
+
+def trace_lines(number: int, name: str, lines: Sequence[Ints]) -> dict[str, Any]:
+    """The lines through the nodes of a body (data set 82): between two of them, as node 0, the pen is lifted."""
+    lifted = [part for line in lines for part in (np.zeros(1, dtype=np.int64), line)][1:]
+    nodes = np.concatenate(lifted)
+    return {"type": 82, "trace_num": number, "color": 0, "id": _ascii(name, 80), "n_nodes": nodes.size, "nodes": nodes}
+
+
+def record_55(
+    source: Source, mode: int, frequency_hz: float, damping_ratio: float, nodes: Ints, deflection: Floats,
+    direction: str | Sequence[str] = "z",
+) -> dict[str, Any]:  # fmt: skip
+    """A normal mode of unit modal mass: its deflection at nodes, in one direction or one for each (data set 55)."""
+    along = np.broadcast_to(np.asarray(direction), nodes.shape)
+    turning = not set(direction if not isinstance(direction, str) else (direction,)) <= set(DIRECTIONS[:3])
+    components = DIRECTIONS if turning else DIRECTIONS[:3]
+    moved = np.asarray(deflection, dtype=float)
+    return {
+        "type": 55, "id1": _ascii(source.title, 80), "id2": "NONE", "id3": _date(source.created),
+        "id4": _ascii(source.maker, 80), "id5": f"mode {mode}", "model_type": 1, "analysis_type": 2,
+        "data_ch": 3 if turning else 2, "spec_data_type": 8, "data_type": 2, "n_data_per_node": len(components),
+        "load_case": 1, "mode_n": mode,
+        "freq": frequency_hz, "modal_m": 1.0, "modal_damp_vis": damping_ratio, "modal_damp_his": 0.0,
+        "node_nums": nodes.astype(float),
+        **{f"r{k}": np.where(along == each, moved, 0.0) for k, each in enumerate(components, 1)},
+    }  # fmt: skip
+
+
+def write_uff(sets: Sequence[dict[str, Any]], path: Path) -> None:
+    """Write data sets to a universal file, after the data set of the units (SI).
+
+    Raises
+    ------
+    ResultFileError
+        If the file cannot be written.
+    """
+    import pyuff
+
+    units = pyuff.prepare_164(
+        units_code=1, units_description="SI", temp_mode=1, length=1.0, force=1.0, temp=1.0, temp_offset=0.0
+    )
+    with replacing(path) as temporary, warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)  # pyuff leaves the closing of binary sets to Python
+        pyuff.UFF(str(temporary)).write_sets([units, *sets], mode="overwrite")
+
+
+def _ascii(text: str, width: int) -> str:
+    return " ".join(text.encode("ascii", "replace").decode().split())[:width] or "NONE"
+
+
+def _date(created: str) -> str:
+    try:
+        return datetime.fromisoformat(created).strftime("%d-%b-%y %H:%M:%S").upper()
+    except ValueError:
+        return "NONE"

@@ -1,0 +1,371 @@
+r"""``beamsim compare-modes``: which computed mode is which measured one.
+
+Shapes m and p at the same places are compared by the modal assurance criterion
+:math:`|m^H p|^2 / (m^H m\; p^T p)` (R. J. Allemang, D. L. Brown, A correlation coefficient for modal vector analysis,
+IMAC 1982), which is 1 for shapes that differ by a factor alone. Modes are paired so that the sum of the criterion is
+largest; of shapes that are alike at the places, the nearer frequency decides. Measured shapes are read from CSV, or UFF
+dataset 55.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import ValidationError
+
+from beamsim.analyses.assurance import assurance
+from beamsim.analyses.result import Result
+from beamsim.errors import Problem, ScenarioError
+from beamsim.fields import Counter, Entry, attribute, dataset, declared, stored
+from beamsim.measurements.read import TEXT, UFF, data_sets, read_rows
+from beamsim.measurements.signal import MeasurementError, split_heading
+from beamsim.outcomes import COMPLETE
+from beamsim.scenario import Scenario, units
+from beamsim.scenario.body import AtPlace, Body
+from beamsim.scenario.checks import place_problems
+from beamsim.scenario.run import Reduction
+from beamsim.structures.assembly import site_in
+from beamsim.system.build import build_system
+from beamsim.system.parts import reduced_parts
+from beamsim.typing import Complexes, Floats, Ints
+
+_MEASURED = Counter("measured", "number of the measured mode")
+_PREDICTED = Counter("predicted", "number of the computed mode")
+UNPAIRED = 0.2  # largest MAC of a pair that is none
+
+
+@declared(along=(_MEASURED,))
+class ModeComparison(Result):
+    """Result of ``beamsim compare-modes``."""
+
+    SUMMARY = (
+        Entry("pairs", "", "by measured mode: number, measured_hz, predicted (0 where no mode fits), predicted_hz, "
+                 "difference (relative, of the prediction), mac", "modes"),
+        Entry("lowest_mac", "1", "smallest MAC of the pairs, 0 where a mode has no partner", "lowest MAC"),
+        Entry("largest_difference", "1", "largest relative difference of a paired frequency",
+                 "largest difference of frequency"),
+    )  # fmt: skip
+
+    contacts: str = attribute("", "open or closed: how the snubbers are in the computed modes")
+    source: str = attribute("", "file of the measured shapes")
+    measured_hz: Floats = dataset("Hz", "measured natural frequency")
+    predicted_hz: Floats = dataset("Hz", "computed natural frequency", along=(_PREDICTED,))
+    mac: Floats = dataset(
+        "1", "modal assurance criterion |m^H p|^2 / (m^H m p^T p) of measured and computed shapes at the places",
+        along=(_MEASURED, _PREDICTED),
+    )  # fmt: skip
+    auto_mac: Floats = dataset(
+        "1", "MAC of computed shapes with each other: near 1 off the diagonal, the places cannot tell them apart",
+        along=(_PREDICTED, Counter("other", "number of the other computed mode")),
+    )  # fmt: skip
+    paired: Ints = dataset("1", "number of the computed mode of each measured one, 0 where none fits")
+
+    @property
+    @stored(dataset("1", "computed over measured frequency less 1; NaN where no mode fits"))
+    def difference(self) -> Floats:
+        """(m,) relative difference of the frequencies of each pair."""
+        has_pair = self.paired > 0
+        computed = np.where(has_pair, self.predicted_hz[np.maximum(self.paired, 1) - 1], np.nan)
+        return np.asarray(computed / self.measured_hz - 1.0)
+
+
+@dataclass(frozen=True)
+class ShapesAtPlaces:
+    """Natural frequencies, and the motion of some places in each mode, in any unit."""
+
+    places: tuple[AtPlace, ...]  # p of them
+    frequency_hz: Floats  # (m,)
+    shapes: Complexes  # (p, m)
+    source: str = "the measurement"  # file
+    labels: tuple[str, ...] = ()  # where each place is written, for messages
+
+
+def compare_modes(
+    scenario: Scenario, measured: ShapesAtPlaces, *, contacts: Literal["open", "closed"] = "open"
+) -> ModeComparison:
+    """Compare measured mode shapes with those of the structure.
+
+    Parameters
+    ----------
+    contacts : whether the snubbers are open or all closed in the computed modes.
+
+    Raises
+    ------
+    ScenarioError
+        If a place is not on the structure, there are less than two places, or a shape is zero.
+    """
+    begin = perf_counter()
+    _check(measured)
+    frequencies, shapes = _computed(scenario, measured, closed=contacts == "closed")
+    mac, auto = (np.nan_to_num(assurance(shape, shapes)) for shape in (measured.shapes, shapes))
+    paired = _paired(mac, measured.frequency_hz, frequencies)
+    pairs = [
+        {
+            "number": k + 1,
+            "measured_hz": float(f),
+            "predicted": int(number),
+            "predicted_hz": float(frequencies[number - 1]) if number else None,
+            "difference": float(frequencies[number - 1] / f - 1.0) if number else None,
+            "mac": float(mac[k, number - 1] if number else mac[k].max(initial=0.0)),
+        }
+        for k, (f, number) in enumerate(zip(measured.frequency_hz, paired, strict=True))
+    ]
+    fitting: list[dict[str, Any]] = [pair for pair in pairs if pair["predicted"]]
+    return ModeComparison(
+        scenario=scenario,
+        outcome=COMPLETE,
+        warnings=tuple(_warnings(scenario, paired, auto, measured)),
+        contacts=contacts,
+        source=measured.source,
+        measured_hz=measured.frequency_hz,
+        predicted_hz=frequencies,
+        mac=mac,
+        auto_mac=auto,
+        paired=paired,
+        wall_time_s=perf_counter() - begin,
+    ).with_summary(
+        pairs=pairs,
+        lowest_mac=min(pair["mac"] for pair in fitting) if len(fitting) == len(pairs) else 0.0,
+        largest_difference=max((abs(pair["difference"]) for pair in fitting), default=float("nan")),
+    )
+
+
+def _check(measured: ShapesAtPlaces) -> None:
+    if len(measured.places) < 2:
+        raise _wrong(measured.source, f"has {len(measured.places)} place", "shapes need two places at least")
+    norms = np.linalg.norm(measured.shapes, axis=0)
+    if not np.all(np.isfinite(norms)) or np.any(norms == 0.0):
+        k = int(np.flatnonzero(~(norms > 0.0) | ~np.isfinite(norms))[0])
+        raise _wrong(
+            measured.source, f"has no motion in the mode at {measured.frequency_hz[k]:g} Hz", "leave the mode out"
+        )
+    if np.any(measured.frequency_hz <= 0.0):
+        raise _wrong(measured.source, "has a frequency that is not above zero", "give natural frequencies in Hz")
+
+
+def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> tuple[Floats, Floats]:
+    """(n,) Hz and (p, n) shapes of computed modes at the places."""
+    # 1.5: times the highest measured frequency, up to which computed modes are compared
+    # 4: more than were measured
+    highest, least = 1.5 * float(measured.frequency_hz.max()), measured.frequency_hz.size + 4
+    sites = []
+    for label, place in zip(measured.labels or [""] * len(measured.places), measured.places, strict=True):
+        for problem in place_problems(scenario, ("probes",), place):
+            raise _wrong(measured.source, f"{label}: {problem.message}".strip(": "), problem.remedy)
+        sites.append(site_in(scenario, place))
+    if scenario.reduction is None:
+        scenario = scenario.model_copy(update={"reduction": Reduction(highest_frequency=highest)})
+        if reduced_parts(scenario).basis.modes < least:
+            scenario = scenario.model_copy(update={"reduction": Reduction(modes=least)})
+    parts = reduced_parts(scenario)
+    try:
+        shapes = parts.shapes(sites)
+    except ValueError as error:
+        raise _wrong(measured.source, f"names a place that the structure does not have: {error}", "") from None
+    omega = parts.omega[: parts.basis.modes]
+    if closed:
+        contacts, count = build_system(scenario, assessed=False).dynamics.contacts, len(parts.snubber_sites)
+        stops, stiffness = contacts.shape[:count], contacts.slow[0][:count]
+        squared, vectors = np.linalg.eigh(np.diag(parts.stiffness) + (stops.T * stiffness) @ stops)
+        omega, shapes = np.sqrt(np.maximum(squared, 0.0)), shapes @ vectors
+    frequencies = omega / (2 * np.pi)
+    order = np.argsort(frequencies, kind="stable")
+    most = max(int(np.sum(frequencies <= highest)), min(least, frequencies.size))
+    return frequencies[order][:most], shapes[:, order[:most]]
+
+
+def _paired(mac: Floats, measured: Floats, computed: Floats) -> Ints:
+    """(m,) number from 1 of the computed mode of each measured one; 0 where none fits."""
+    from scipy.optimize import linear_sum_assignment
+
+    apart = np.abs(np.log(np.maximum(computed, 1e-3 * measured.min())[None, :] / measured[:, None]))
+    # 0.01: weight of a frequency's logarithm beside the MAC
+    rows, columns = linear_sum_assignment(mac - 0.01 * apart, maximize=True)
+    paired = np.zeros(measured.size, dtype=np.int64)
+    fits = mac[rows, columns] > UNPAIRED
+    paired[rows[fits]] = columns[fits] + 1
+    return paired
+
+
+def _warnings(scenario: Scenario, paired: Ints, auto: Floats, measured: ShapesAtPlaces) -> Iterator[str]:
+    for k in np.flatnonzero(paired == 0):
+        yield f"no computed mode fits the one measured at {measured.frequency_hz[k]:g} Hz"
+    count = auto.shape[0]
+    groups: dict[tuple[int, ...], list[int]] = {}  # by what looks like a mode, itself included, the paired ones
+    for number in paired[paired > 0] - 1:
+        # 0.9: MAC of two computed shapes that the places cannot tell apart
+        alike = tuple(j + 1 for j in range(count) if j == number or auto[number, j] > 0.9)
+        if len(alike) > 1:
+            groups.setdefault(alike, []).append(number + 1)
+    # 4: warnings about that; more become one
+    if len(groups) > 4:
+        doubtful = sum(map(len, groups.values()))
+        yield (
+            f"{len(measured.places)} measured places do not tell {doubtful} of {np.count_nonzero(paired)} paired modes "
+            "from others: measure at more places"
+        )
+        return
+    for alike, numbers in groups.items():
+        listed = ", ".join(str(number) for number in alike if number not in numbers or len(numbers) > 1)
+        called = f"modes {listed} look alike" if len(numbers) > 1 else f"mode {numbers[0]} looks like mode {listed}"
+        yield f"at the measured places {called}: measure at more places"
+
+
+_PLACE = ("body", "position", "x", "y", "mass", "node", "direction")
+_COMPONENTS = {"x": "r1", "y": "r2", "z": "r3", "rx": "r4", "ry": "r5", "rz": "r6"}
+_LAYOUT = "give columns position (and y), mass, or node and direction, then a column a mode, headed by its frequency"
+
+
+def read_shapes(path: Path, scenario: Scenario) -> ShapesAtPlaces:
+    """The mode shapes of a file; nodes of a UFF file are placed by their coordinates where bodies have no nodes.
+
+    Raises
+    ------
+    ScenarioError
+        If the file is missing or empty, or a value in it is wrong: with its line and column.
+    """
+    if not path.is_file():
+        raise _wrong(path, "does not exist", "check the path")
+    if path.stat().st_size == 0:
+        raise _wrong(path, "is empty", "export the shapes again")
+    suffix = path.suffix.lower()
+    try:
+        if suffix in (*UFF, ".55"):
+            return _read_uff(path, scenario)
+        if suffix in TEXT:
+            return _read_csv(path)
+    except MeasurementError as fault:
+        raise _wrong(path, fault.message, fault.remedy) from None
+    raise _wrong(path, "has an unknown format", "use .csv or .uff")
+
+
+def _read_csv(path: Path) -> ShapesAtPlaces:
+    rows, _ = read_rows(path)
+    if len(rows) < 2:
+        raise _wrong(path, "has no table", _LAYOUT)
+    first, heading = rows[0]
+    named = [split_heading(cell) for cell in heading]
+    of_place = {name.lower(): k for k, (name, _) in enumerate(named) if name.lower() in _PLACE}
+    modes = [k for k in range(len(heading)) if k not in of_place.values()]
+    if not of_place or not modes:
+        raise _wrong(path, f"line {first}: has no {'mode' if of_place else 'place'} among its columns", _LAYOUT)
+    frequencies = [_frequency(path, first, k, heading[k]) for k in modes]
+    places, labels, shapes = [], [], []
+    for number, row in rows[1:]:
+        if len(row) != len(heading):
+            raise _wrong(path, f"line {number}: has {len(row)} columns, its heading {len(heading)}", "complete the row")
+        given = {name: (row[k], named[k][1]) for name, k in of_place.items() if row[k]}
+        places.append(_place(path, number, given))
+        labels.append(f"line {number}")
+        shapes.append([_number(path, number, k, row[k]) for k in modes])
+    return ShapesAtPlaces(tuple(places), np.array(frequencies), np.array(shapes), str(path), tuple(labels))
+
+
+def _frequency(path: Path, line: int, column: int, text: str) -> float:
+    try:
+        return units.read_quantity(text, units.FREQUENCY)
+    except units.UnitError as error:
+        message = f"line {line}, column {column + 1} = {text} is neither a place nor a frequency: {error.message}"
+        raise _wrong(path, message, _LAYOUT) from None
+
+
+def _number(path: Path, line: int, column: int, text: str) -> complex:
+    try:
+        value = complex(text.replace(" ", "").replace("i", "j"))
+    except ValueError:
+        value = complex("nan")
+    if not np.isfinite(value):
+        raise _wrong(path, f"line {line}, column {column + 1} = {text} is not a number", "write 0.3, or 0.3+0.1j")
+    return value
+
+
+def _place(path: Path, line: int, given: Mapping[str, tuple[str, str]]) -> AtPlace:
+    def length(name: str) -> Any:
+        text, unit = given[name]
+        return text if text.endswith("%") else f"{text} {unit}" if unit else text
+
+    keys: dict[str, Any] = {name: given[name][0] for name in ("body", "direction") if name in given}
+    keys |= {name: _whole(given[name][0]) for name in ("mass", "node") if name in given}
+    first = "position" if "position" in given else "x"
+    if first in given:
+        keys["position"] = [length(first), length("y")] if "y" in given else length(first)
+    try:
+        return AtPlace.model_validate(keys)
+    except ValidationError as error:
+        details = error.errors(include_url=False)[0]
+        context = details.get("ctx", {})
+        message = context.get("message", details["msg"])
+        raise _wrong(path, f"line {line}: the place {message}", str(context.get("remedy") or _LAYOUT)) from None
+
+
+def _whole(text: str) -> Any:
+    return int(text) if text.isdigit() else text
+
+
+def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
+    sets = data_sets(path)
+    modes = [each for each in sets if each["type"] == 55 and each.get("analysis_type") in (2, 3)]
+    if not modes:
+        raise _wrong(path, "has no mode shapes", "export them as dataset 55 (normal or complex modes)")
+    per_metre = next((float(each["length"]) for each in sets if each["type"] == 164 and each.get("length")), 1.0)
+    coordinates = {
+        int(node): (float(x), float(y))
+        for each in sets
+        if each["type"] == 15
+        for node, x, y in zip(each["node_nums"], each["x"], each["y"], strict=True)
+    }
+    nodes = [int(node) for node in modes[0]["node_nums"]]
+    if any([int(node) for node in mode["node_nums"]] != nodes for mode in modes):
+        raise _wrong(path, "has modes at different nodes", "export all modes at the same nodes")
+    frequencies = np.array([_uff_frequency(mode) for mode in modes])
+    bodies = scenario.all_bodies
+    lines = {str(each["id"]).strip(): each["nodes"] for each in sets if each["type"] == 82}
+    owners = {int(node): name for name, numbers in lines.items() if name in bodies for node in numbers if node}
+    places, labels, rows = [], [], []
+    for k, node in enumerate(nodes):
+        name = owners.get(node) if len(bodies) > 1 else next(iter(bodies))
+        if name is None:
+            raise _wrong(
+                path, f"says of no body that node {node} is on it, and there are several",
+                f"give each a trace line (dataset 82) named {', '.join(bodies)}, or use CSV with a column body",
+            )  # fmt: skip
+        body = bodies[name]
+        of = {"body": name} if len(bodies) > 1 else {}
+        has_nodes = not any(body.node_problems((), ()))
+        for direction, component in _COMPONENTS.items():
+            row = [complex(np.atleast_1d(mode.get(component, np.zeros(len(nodes))))[k]) for mode in modes]
+            if not any(row) or not (has_nodes or direction == "z"):
+                continue
+            if has_nodes:
+                places.append(AtPlace.model_validate({**of, "node": node, "direction": direction}))
+            elif node in coordinates:
+                places.append(AtPlace.model_validate({**of, **_point_of(body, coordinates[node], per_metre)}))
+            else:
+                raise _wrong(path, f"has no coordinates of node {node}", "export dataset 15 too, or use CSV")
+            labels.append(f"node {node} {direction}")
+            rows.append(row)
+    return ShapesAtPlaces(tuple(places), frequencies, np.array(rows).reshape(len(rows), -1), str(path), tuple(labels))
+
+
+def _point_of(body: Body, coordinates: tuple[float, float], per_metre: float) -> dict[str, Any]:
+    """The keys of a place: both coordinates on a plate, x along a beam, which numbers the masses of a chain."""
+    usual = body.default_probe()[1] if body.has_default_probe else None
+    if usual is not None and usual.mass is not None:
+        return {"mass": round(coordinates[0])}
+    x, y = (each / per_metre for each in coordinates)
+    return {"position": (x, y) if usual is not None and isinstance(usual.position, tuple) else x}
+
+
+def _uff_frequency(mode: Mapping[str, Any]) -> float:
+    if mode["analysis_type"] == 2:
+        return float(np.real(mode["freq"]))
+    return float(abs(np.imag(mode["eig"])) / (2 * np.pi))
+
+
+def _wrong(source: Path | str, message: str, remedy: str) -> ScenarioError:
+    return ScenarioError(Problem("", f"{source} {message}", remedy))
