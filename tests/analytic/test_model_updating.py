@@ -105,7 +105,7 @@ def test_supports_are_chosen_by_trying_them():
 
 def test_mac_is_one_for_the_own_shapes_and_tells_swapped_ones():
     positions = (0.05, 0.1, 0.15, 0.2, 0.27)
-    _, shapes = mode_shapes(load_scenario(BASE), "tip", 3, positions)
+    shapes = mode_shapes(load_scenario(BASE), "tip", 3, positions).T
     assert np.diag(assurance(-3 * shapes.T, shapes.T)) == pytest.approx(np.ones(3))
     assert assurance(np.array([[1.0], [0.0]]), np.array([[0.0], [2.0]])) == pytest.approx(np.zeros((1, 1)))
     swapped = {"positions": list(positions), "shapes": shapes[[1, 0, 2]].tolist()}
