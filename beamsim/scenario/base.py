@@ -117,6 +117,11 @@ class Schema(BaseModel):
     known_by: ClassVar[tuple[str, ...]] = ()
     """Keys that tell it apart from the other members of a union, see `Variants`."""
 
+    @classmethod
+    def is_meant(cls, value: Mapping[str, Any]) -> bool:
+        """Whether a mapping is written as one of it rather than as another member of a union, see `Variants`."""
+        return any(value.get(key) is not None for key in cls.known_by)
+
     def check(self) -> None:
         """Compare fields with each other; raises what `fail` builds."""
 
@@ -127,14 +132,16 @@ class Schema(BaseModel):
             raise fail(f"and {given[0]} exclude each other", remedy, (key,))
 
     @classmethod
+    @cache
     def keys(cls) -> dict[str, str]:
         """Map the key as it is written in YAML to the name of its field."""
-        return _keys(cls)
+        return {field.alias or name: name for name, field in cls.model_fields.items()}
 
     @classmethod
+    @cache
     def attributes(cls) -> dict[str, str]:
         """Map the key as it is written in YAML to the attribute that gives its value, by default or as written."""
-        return _attributes(cls)
+        return {key: key if hasattr(cls, key) else name for key, name in cls.keys().items()}
 
     def named_in_addition(self) -> dict[str, object]:
         """What `plain` says beside the numbers that were written, because their units said it."""
@@ -172,16 +179,6 @@ class Schema(BaseModel):
         return self
 
 
-@cache
-def _keys(schema: type[Schema]) -> dict[str, str]:
-    return {field.alias or name: name for name, field in schema.model_fields.items()}
-
-
-@cache
-def _attributes(schema: type[Schema]) -> dict[str, str]:
-    return {key: key if hasattr(schema, key) else name for key, name in _keys(schema).items()}
-
-
 def descriptions(schema: type[Schema]) -> dict[str, str]:
     """Map the name of every field to the docstring below it.
 
@@ -216,7 +213,7 @@ def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
     if isinstance(value, Schema):
         yield path, value
         held = value.__dict__
-        parts = [(key, held.get(name)) for key, name in _keys(type(value)).items()]
+        parts = [(key, held.get(name)) for key, name in value.keys().items()]
     elif isinstance(value, tuple):
         parts = enumerate(value)
     elif isinstance(value, dict):
@@ -230,7 +227,7 @@ def plain(value: object) -> Any:
     """A part of a scenario as the plain data that it was read from, numbers in SI units, keys as they are written."""
     if isinstance(value, Schema):
         written, in_addition = dict[str, Any](), value.named_in_addition()
-        for key, name in _keys(type(value)).items():
+        for key, name in value.keys().items():
             held = value.__dict__[name]
             given = name in value.model_fields_set or name == "kind"
             empty = held in ((), {}) and held == type(value).model_fields[name].get_default(call_default_factory=True)
@@ -248,14 +245,20 @@ def plain(value: object) -> Any:
     return float(value) if isinstance(value, float) else str(value)
 
 
+def within(annotation: Any) -> Iterator[Any]:
+    """An annotation and all that it is made of: types, metadata, words."""
+    yield annotation
+    for inner in get_args(annotation):
+        yield from within(inner)
+
+
 def words_of(annotation: Any) -> tuple[str, ...]:
     """Words that an annotation, or a member of a union in it, allows."""
-    if get_origin(annotation) is Literal:
-        return tuple(map(str, get_args(annotation)))
-    return tuple(word for member in get_args(annotation) for word in words_of(member))
+    words = (get_args(each) for each in within(annotation) if get_origin(each) is Literal)
+    return tuple(str(word) for each in words for word in each)
 
 
-def kind_of(value: Any) -> Any:
+def kind_of(value: Any) -> object:
     """The kind of a raw value or of a part of a scenario, None without one."""
     return value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
 
@@ -294,9 +297,9 @@ def tag_of(member: Any) -> str:
 class Variants:
     """Marks a union whose members are told apart by the form of the raw value.
 
-    A mapping by its key ``kind``, else by the keys in `Schema.known_by`; the member that has none of these takes every
-    other mapping. Besides there may be words, a list, and a number or text. With a message, it stands for all errors
-    about the choice itself.
+    A mapping by its key ``kind`` where that differs, and by the keys in `Schema.known_by`; the member that has none of
+    these takes every other mapping. Besides there may be words, a list, and a number or text. With a message, it stands
+    for all errors about the choice itself.
     """
 
     message: str = ""
@@ -322,14 +325,15 @@ class Variants:
 
     def _by_form(self, members: tuple[Any, ...], value: Any) -> str | None:
         schemas = [(tag_of(member), schema) for member in members if (schema := _schema_of(member)) is not None]
-        by_kind = [(tag, schema) for tag, schema in schemas if _kinds(schema)]
+        by_kind = len({kind for _, schema in schemas for kind in _kinds(schema)}) > 1
+        default = next((tag for tag, schema in schemas if not schema.known_by), None)
         if isinstance(value, Schema):
             return next((tag for tag, schema in schemas if isinstance(value, schema)), None)
         if isinstance(value, dict) and by_kind:
-            return next((tag for tag, schema in by_kind if value.get("kind") in _kinds(schema)), None)
-        if isinstance(value, dict) and schemas:
-            given = (tag for tag, schema in schemas if any(value.get(key) is not None for key in schema.known_by))
-            return next(given, next((tag for tag, schema in schemas if not schema.known_by), None))
+            schemas = [(tag, schema) for tag, schema in schemas if value.get("kind") in _kinds(schema)]
+            default = next(iter(schemas), (None, None))[0]
+        if isinstance(value, dict) and (schemas or by_kind):
+            return next((tag for tag, schema in schemas if schema.is_meant(value)), default)
         others = {tag_of(member): member for member in members if _schema_of(member) is None}
         words = get_args(others.get("<text>"))
         if isinstance(value, (list, tuple)) and "<list>" in others:
@@ -342,7 +346,9 @@ class Variants:
             return "<text>"
         if self.message or by_kind:
             return "<number>" if "<number>" in others else None
-        return next((tag for tag in ("<number>", "<text>") if tag in others), schemas[-1][0] if schemas else None)
+        return next(
+            (tag for tag in ("<number>", "<text>") if tag in others), default or (schemas[-1][0] if schemas else None)
+        )
 
 
 BY_FORM = Variants()

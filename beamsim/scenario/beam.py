@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
@@ -12,7 +12,7 @@ from pydantic import Field, Tag
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, fail, path_text, problem
+from beamsim.scenario.base import BY_FORM, Path, Schema, fail, kind_of, path_text, problem
 from beamsim.scenario.body import AtPlace, BeamDamping, Body, ModalDamping, WrittenPosition
 
 
@@ -283,6 +283,11 @@ class SolidBending(Bent):
 class SandwichBending(Bent):
     """A sandwich of two materials."""
 
+    @classmethod
+    def is_meant(cls, value: Mapping[str, Any]) -> bool:
+        """By the kind of its section."""
+        return kind_of(value.get("section")) == "sandwich"
+
     section: SandwichSection
     """The sandwich; its faces and core have their own materials."""
 
@@ -299,6 +304,8 @@ class SandwichBending(Bent):
 
 class StatedBending(Bent):
     """Bending stiffness and mass per length as they are stated, such as those of a sandwich panel."""
+
+    known_by: ClassVar[tuple[str, ...]] = ("bending_stiffness",)
 
     bending_stiffness: q.BendingStiffness
     """Bending stiffness E I."""
@@ -352,26 +359,11 @@ class StatedSegment(StatedBending, SegmentBase):
     """A segment by its bending stiffness and mass per length."""
 
 
-def bending_tag(value: Any) -> str:
-    """Which variant a raw beam or segment is, by what it gives."""
-    if isinstance(value, dict):
-        section = value.get("section")
-        if "bending_stiffness" in value:
-            return "<stiffness>"
-        sandwich = isinstance(section, SandwichSection) or (
-            isinstance(section, dict) and section.get("kind") == "sandwich"
-        )
-        return "<sandwich>" if sandwich else "<section>"
-    if isinstance(value, StatedBending):
-        return "<stiffness>"
-    return "<sandwich>" if isinstance(value, SandwichBending) else "<section>"
-
-
 Segment = Annotated[
     Annotated[SolidSegment, Tag("<section>")]
     | Annotated[SandwichSegment, Tag("<sandwich>")]
     | Annotated[StatedSegment, Tag("<stiffness>")],
-    Variants(choose=bending_tag),
+    BY_FORM,
 ]
 
 
@@ -711,6 +703,8 @@ class SandwichBeam(SandwichBending, UniformBeam):
 class SegmentedBeam(BeamBody):
     """A beam of segments, each with properties of its own."""
 
+    known_by: ClassVar[tuple[str, ...]] = ("segments",)
+
     segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
     """The segments from left to right; together they cover the beam."""
 
@@ -766,16 +760,10 @@ class SegmentedBeam(BeamBody):
         yield from super().doubts(where, highest_hz)
 
 
-def beam_tag(value: Any) -> str:
-    """Which variant a raw beam is, by what it gives."""
-    segmented = isinstance(value, SegmentedBeam) or (isinstance(value, dict) and "segments" in value)
-    return "<segments>" if segmented else bending_tag(value)
-
-
 AnyBeam = Annotated[
     Annotated[Beam, Tag("<section>")]
     | Annotated[StiffnessBeam, Tag("<stiffness>")]
     | Annotated[SandwichBeam, Tag("<sandwich>")]
     | Annotated[SegmentedBeam, Tag("<segments>")],
-    Variants(choose=beam_tag),
+    BY_FORM,
 ]

@@ -464,17 +464,9 @@ class Body(Schema):
         return math.inf
 
     @property
-    def own_snubbers(self) -> tuple[Any, ...]:
-        """Snubbers listed in the body itself, under ``snubbers``."""
-        return ()
-
-    def own_names(self) -> list[tuple[Path, tuple[Any, ...]]]:
-        """Lists below the body whose items share one set of names."""
-        return []
-
-    def nonlinear_springs(self) -> list[tuple[Path, Any]]:
-        """Springs of the body with a law of their own, with their paths below the body."""
-        return []
+    def own_lists(self) -> dict[str, tuple[Any, ...]]:
+        """Snubbers and springs that are listed in the body itself, by key; they share one set of names."""
+        return {}
 
     @property
     def marks(self) -> tuple[tuple[float, str], ...]:

@@ -12,10 +12,8 @@ from pydantic import Field
 from beamsim.errors import Problem
 from beamsim.scenario.base import Path, counted, fail, path_text, problem
 from beamsim.scenario.body import AtPlace, Body, ChainDamping, numbered
-from beamsim.scenario.connections import AnySnubber, GroundSpring, LinkSpring, PiecewiseLinearSpring, has_own_law
+from beamsim.scenario.connections import AnySnubber, GroundSpring, LinkSpring, PiecewiseLinearSpring
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
-
-_NAMED = ("snubbers", "springs_to_ground", "springs_between")
 
 
 class Chain(Body):
@@ -75,12 +73,19 @@ class Chain(Body):
 
     @property
     def rough_frequency_hz(self) -> float:
-        """That of the lightest mass on the stiffest spring, Hz."""
-        return math.sqrt(self.stiffest_spring / min(self.masses)) / (2.0 * math.pi)
+        """That of the lightest mass on the stiffest linear or piecewise-linear spring, Hz."""
+        slopes = list(self.springs)
+        for spring in (*self.springs_to_ground, *self.springs_between):
+            if spring.kind == "linear":
+                slopes.append(spring.stiffness)
+            elif spring.kind == "piecewise_linear":
+                slopes.extend(spring.stiffnesses)
+        return math.sqrt(max(slopes) / min(self.masses)) / (2.0 * math.pi)
 
-    def own_names(self) -> list[tuple[Path, tuple[Any, ...]]]:
-        """Snubbers and springs share one set of names."""
-        return [((name,), getattr(self, name)) for name in _NAMED]
+    @property
+    def own_lists(self) -> dict[str, tuple[Any, ...]]:
+        """Its snubbers and springs."""
+        return {key: getattr(self, key) for key in ("snubbers", "springs_to_ground", "springs_between")}
 
     @property
     def spring_links(self) -> tuple[tuple[float | None, float | None], ...]:
@@ -119,7 +124,8 @@ class Chain(Body):
 
     def factor_problems(self, where: Path, key: str, largest: float) -> Iterator[Problem]:
         """The factor multiplies changes of slope; no slope of a softening spring may become negative."""
-        for (name, index), spring in self.nonlinear_springs():
+        springs = [(key, k, item) for key, items in self.own_lists.items() for k, item in enumerate(items)]
+        for name, index, spring in springs:
             if not isinstance(spring, PiecewiseLinearSpring):
                 continue
             slope = spring.slope_at_rest
@@ -131,28 +137,3 @@ class Chain(Body):
                     f"multiplies its changes of slope from the {slope:g} N/m at rest",
                     f"go up to {slope / (slope - min(spring.stiffnesses)):.6g} at most",
                 )
-
-    @property
-    def own_snubbers(self) -> tuple[Any, ...]:
-        """Snubbers listed in the body itself, under ``snubbers``."""
-        return self.snubbers
-
-    def nonlinear_springs(self) -> list[tuple[Path, Any]]:
-        """Springs of the body with a law of their own, with their paths below the body."""
-        return [
-            ((name, index), spring)
-            for name in ("springs_to_ground", "springs_between")
-            for index, spring in enumerate(getattr(self, name))
-            if has_own_law(spring)
-        ]
-
-    @property
-    def stiffest_spring(self) -> float:
-        """Largest slope of a linear or piecewise-linear spring, N/m."""
-        slopes = list(self.springs)
-        for spring in (*self.springs_to_ground, *self.springs_between):
-            if spring.kind == "linear":
-                slopes.append(spring.stiffness)
-            elif spring.kind == "piecewise_linear":
-                slopes.extend(spring.stiffnesses)
-        return max(slopes)

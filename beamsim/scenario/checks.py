@@ -16,7 +16,6 @@ from beamsim.scenario.connections import SpringToGround, placed
 from beamsim.scenario.distributed import DistributedLoad, LineLoad, TableShape
 from beamsim.scenario.excitation import Forces, Harmonic, Notch, ProfilePoint, sine_problems
 from beamsim.scenario.parameters import (
-    VariedParameter,
     case_count,
     choices_at,
     find_parameters,
@@ -42,7 +41,7 @@ from beamsim.scenario.reporting import (
     unit_of_dimension,
 )
 from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
-from beamsim.scenario.studies import IdentifyStiffness, MeasuredShapes, Sobol, SoughtParameter, Vary, Zipped
+from beamsim.scenario.studies import IdentifyStiffness, MeasuredShapes, Sobol, SoughtParameter, Zipped
 from beamsim.scenario.sweep import Continuation, HarmonicBalance, LevelPath, PhaseResonance, PositionPath, SnubberPath
 
 MOST_SAMPLES = 50_000_000
@@ -61,7 +60,7 @@ def problems(scenario: ScenarioParts) -> list[Problem]:
     checks = (
         _bodies,
         _directions, _places, _joints, _names, _outputs, _run, _start, _sweeps, _levels, _identification, _modes,
-        _designs, _limits, _pressed_friction,
+        _cases, _tolerances, _limits, _pressed_friction,
     )  # fmt: skip
     return [found for check in checks for found in check(scenario)]
 
@@ -227,25 +226,20 @@ def _distributed(scenario: ScenarioParts, path: Path, load: DistributedLoad) -> 
 def _joints(scenario: ScenarioParts) -> Problems:
     """A rotation acts only between points that turn."""
     for index, joint in enumerate(scenario.joints):
-        yield from _joint(scenario, ("joints", index), joint)
-
-
-def _joint(scenario: ScenarioParts, where: Path, joint: Any) -> Problems:
-    for place in joint.places:
-        name = place.body or scenario.default_body
-        body = scenario.all_bodies.get(name)
-        if body is not None and not body.has_slope and joint.turns_against:
-            yield problem(
-                where,
-                f"acts on the rotation of {name}, but the points of a {body.body_kind} only deflect",
-                "use kind: hinge, or kind: spring with stiffness alone",
-            )
-    if len(joint.places) == 2 and len({place.body or scenario.default_body for place in joint.places}) == 1:
-        name = joint.places[0].body or scenario.default_body
-        if joint.kind != "spring" and scenario.all_bodies[name].has_slope:
-            yield problem(
-                where, f"joins {name} to itself: the two points would have to deflect alike", "use kind: spring"
-            )
+        where: Path = ("joints", index)
+        names = [place.body or scenario.default_body for place in joint.places]
+        for name in names:
+            body = scenario.all_bodies.get(name)
+            if body is not None and not body.has_slope and joint.turns_against:
+                yield problem(
+                    where,
+                    f"acts on the rotation of {name}, but the points of a {body.body_kind} only deflect",
+                    "use kind: hinge, or kind: spring with stiffness alone",
+                )
+        itself = len(names) == 2 and names[0] == names[1]
+        if itself and joint.kind != "spring" and scenario.all_bodies[names[0]].has_slope:
+            message = f"joins {names[0]} to itself: the two points would have to deflect alike"
+            yield problem(where, message, "use kind: spring")
 
 
 def _names(scenario: ScenarioParts) -> Problems:
@@ -253,7 +247,7 @@ def _names(scenario: ScenarioParts) -> Problems:
         ((key,), getattr(scenario, key)) for key in ("snubbers", "springs_to_ground", "springs_between", "friction")
     ]
     for name, body in scenario.all_bodies.items():
-        shared += [((*scenario.body_path(name), *path), items) for path, items in body.own_names()]
+        shared += [((*scenario.body_path(name), key), items) for key, items in body.own_lists.items()]
     yield from _unique(shared)
     of_run = () if scenario.run is None else scenario.run.outputs
     named = [(("probes",), scenario.probes), (("outputs",), scenario.outputs), (("run", "outputs"), of_run)]
@@ -277,10 +271,13 @@ def _unique(lists: Iterable[tuple[Path, Sequence[Any]]]) -> Problems:
 def _outputs(scenario: ScenarioParts) -> Problems:
     checks: dict[type, Any] = {
         MotionOutput: _motion_output, BendingOutput: _bending_output, ReactionOutput: _reaction_output,
-        JointOutput: _joint_output, RecoveredOutput: _recovered_output,
+        RecoveredOutput: _recovered_output,
     }  # fmt: skip
     for path, output in scenario.requested_outputs:
-        if type(output) in checks:
+        if isinstance(output, JointOutput):
+            joints = (joint.name for joint in scenario.joined_by)
+            yield from unknown((*path, "joint"), output.joint, "joint", joints)
+        elif type(output) in checks:
             yield from checks[type(output)](scenario, path, output)
         else:
             yield from _body_named(scenario, path, output.body, "add body: BODY")
@@ -331,11 +328,6 @@ def _reaction_output(scenario: ScenarioParts, at: Path, output: ReactionOutput) 
     if output.direction is not None and (len(output.direction) == 2) != (output.kind == "reaction_moment"):
         yield problem((*at, "direction"), f"= {output.direction} is none of a {output.kind.replace('_', ' ')}",
                        "forces have x, y and z, moments rx, ry and rz")  # fmt: skip
-
-
-def _joint_output(scenario: ScenarioParts, at: Path, output: JointOutput) -> Problems:
-    """The joint must be there."""
-    yield from unknown((*at, "joint"), output.joint, "joint", (joint.name for joint in scenario.joined_by))
 
 
 def _recovered_output(scenario: ScenarioParts, at: Path, output: RecoveredOutput) -> Problems:
@@ -635,7 +627,7 @@ def _sweeps(scenario: ScenarioParts) -> Problems:
 
 def _notch_problems(scenario: ScenarioParts, limits: Mapping[str, float]) -> Problems:
     """Limits on what this structure does not have, and limits in a unit of something else."""
-    outputs = scenario.outputs_of_sweeps
+    outputs = {output.name: output for output in scenario.outputs}  # sweeps have none of the run alone
     names = {
         "probes": [probe.name for probe in scenario.effective_probes],
         "snubbers": [snubber.name for snubber in scenario.all_snubbers],
@@ -787,17 +779,12 @@ _TOP = "identify_stiffness"
 
 
 def _identification(scenario: ScenarioParts) -> Problems:
-    """What an identification does not fit."""
+    """Parameters that do not exist, bounds that make no sense, tests that nothing predicts."""
     section = scenario.identify_stiffness
     if section is None:
         return
-    names = (snubber.name for snubber in scenario.all_snubbers)
-    yield from unknown((_TOP, "snubber"), section.snubber, "snubber", names, "give the snubber in snubbers")
-    yield from _measurements(scenario, section)
-
-
-def _measurements(scenario: ScenarioParts, section: IdentifyStiffness) -> Problems:
-    """Parameters that do not exist, bounds that make no sense, tests that nothing predicts."""
+    snubbers = (snubber.name for snubber in scenario.all_snubbers)
+    yield from unknown((_TOP, "snubber"), section.snubber, "snubber", snubbers, "give the snubber in snubbers")
     if section.shapes_without is not None:
         yield from _shapes(scenario, section, section.shapes_without)
     for index, known in enumerate(section.parameter_uncertainty):
@@ -838,14 +825,11 @@ def _shapes(scenario: ScenarioParts, section: IdentifyStiffness, shapes: Measure
             yield from body.shape_problems(where, (*at, "positions", index), position)
 
 
-def _is_number(scenario: ScenarioParts, place: Path) -> bool:
-    return not choices_at(scenario, place) and not isinstance(value_at(scenario, place), str)
-
-
 def _known(scenario: ScenarioParts, path: str) -> None:
     """Demand numbers at a path."""
-    if not all(_is_number(scenario, place) for place in find_parameters(scenario, path, (), ("parameter",))):
-        raise fail(f"= {path} is not a number", "name a number", ("parameter",))
+    for place in find_parameters(scenario, path, (), ("parameter",)):
+        if choices_at(scenario, place) or isinstance(value_at(scenario, place), str):
+            raise fail(f"= {path} is not a number", "name a number", ("parameter",))
 
 
 def _sought(scenario: ScenarioParts, item: SoughtParameter, *, words: bool) -> None:
@@ -955,15 +939,11 @@ def _driven_through_contacts(scenario: ScenarioParts) -> Problems:
 # --- studies ---
 
 
-def _designs(scenario: ScenarioParts) -> Problems:
-    """What is wrong with varied numbers and their tolerances."""
-    if scenario.vary is not None:
-        yield from _cases(scenario, scenario.vary)
-        yield from _tolerances(scenario)
-
-
-def _cases(scenario: ScenarioParts, vary: Vary) -> Problems:
+def _cases(scenario: ScenarioParts) -> Problems:
     """Unknown paths, values that their fields do not accept, too many cases."""
+    vary = scenario.vary
+    if vary is None:
+        return
     yield from _parameter_problems(scenario, vary.parameters, ("vary", "parameters"))
     if isinstance(vary, Zipped):
         counts = [value_count(parameter) for parameter in vary.parameters]
@@ -1026,15 +1006,7 @@ def _tolerances(scenario: ScenarioParts) -> Problems:
         at = path_text((*_TOLERATED, k, "path"))
         if number.whole:
             yield Problem(at, f"= {asked.path} is a whole number, which has no tolerance", "vary it: values: [...]")
-        yield from _partly_varied(at, number, varied)
-
-
-def _partly_varied(at: str, number: VariedParameter, varied: tuple[VariedParameter, ...]) -> Problems:
-    places: set[Any] = set(number.places)
-    for other in varied:
-        if places & set(other.places) and places != set(other.places):
-            yield Problem(
-                at,
-                f"= {number.path} is varied in part, as {other.path}",
-                f"write the path as it is varied: {other.path}, with the same `also`",
-            )
+        for other in varied:
+            if set(number.places) & set(other.places) and set(number.places) != set(other.places):
+                message = f"= {number.path} is varied in part, as {other.path}"
+                yield Problem(at, message, f"write the path as it is varied: {other.path}, with the same `also`")

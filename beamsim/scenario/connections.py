@@ -7,7 +7,7 @@ from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field
 
@@ -376,13 +376,6 @@ ForceDeflection = Annotated[
 """Pairs, the name of a file, or either with a fit."""
 
 
-def as_measured(value: Any) -> MeasuredForces:
-    """The curve in its long form."""
-    if isinstance(value, MeasuredForces):
-        return value
-    return MeasuredForces(file=value) if isinstance(value, str) else MeasuredForces(points=value)
-
-
 class SnubberRatioDamping(Schema):
     """Dashpot by a damping ratio: c = 2 ratio k / Omega.
 
@@ -483,8 +476,11 @@ class SnubberBase(Named):
 
     @property
     def table(self) -> MeasuredForces | None:
-        """The force-deflection curve, where one is given."""
-        return None if self.force_deflection is None else as_measured(self.force_deflection)
+        """The force-deflection curve in its long form, where one is given."""
+        given = self.force_deflection
+        if given is None or isinstance(given, MeasuredForces):
+            return given
+        return MeasuredForces(file=given) if isinstance(given, str) else MeasuredForces(points=given)
 
     @property
     def stops(self) -> tuple[Self, ...]:

@@ -15,7 +15,7 @@ from pydantic_core import ErrorDetails
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario.base import Path, Schema, descriptions, plain, problem, single_line, tag_of, words_of
-from beamsim.scenario.quantities import FieldType
+from beamsim.scenario.quantities import FieldType, Quantity, example_of
 from beamsim.scenario.reporting import DisplayUnits
 from beamsim.scenario.scenario import Scenario, named_files
 from beamsim.scenario.tree import (
@@ -125,7 +125,7 @@ def _validated(root: WrittenMapping) -> Scenario:
         ]
     else:
         shown = (scenario.units or DisplayUnits()).filled(written)
-        return scenario if shown.is_empty else scenario.model_copy(update={"units": shown})
+        return scenario if not shown.scales else scenario.model_copy(update={"units": shown})
     unique = list(dict.fromkeys(located_problem(root, each) for each in problems))
     raise ScenarioError(sorted(unique, key=lambda each: (each.file != root.mark[0], each.line or 0)))
 
@@ -221,8 +221,9 @@ def _how_to_give(key: str, schema: type[Schema], field: FieldInfo | None) -> str
     if field is None:
         return ""
     for item in field.metadata:
-        if isinstance(item, FieldType) and (example := item.example_for(key)):
-            return f"give for example {key}: {example}"
+        if isinstance(item, FieldType) and item.example:
+            usual = example_of(key, item.dimension.unit) if isinstance(item, Quantity) else None
+            return f"give for example {key}: {usual or item.example}"
     if get_origin(field.annotation) is Literal:
         return f"give {key}: " + " or ".join(str(choice) for choice in get_args(field.annotation))
     described = descriptions(schema).get(schema.keys().get(key, key), "")

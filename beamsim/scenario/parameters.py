@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 from pydantic_core import PydanticCustomError
 
@@ -26,6 +26,7 @@ from beamsim.scenario.base import (
     refused,
     single_line,
     suggestion,
+    within,
     words_of,
 )
 from beamsim.scenario.body import Body
@@ -203,15 +204,8 @@ def field_type_at(scenario: ScenarioParts, place: Path) -> FieldType | None:
     if not isinstance(owner, Schema):
         return None
     field = _field(owner, str(place[last]))
-    types = [item for item in field.metadata if isinstance(item, FieldType)] or _field_types(field.annotation)
-    return types[0].absolute if types else None
-
-
-def _field_types(annotation: Any) -> list[FieldType]:
-    types = [item for item in getattr(annotation, "__metadata__", ()) if isinstance(item, FieldType)]
-    for argument in get_args(annotation):
-        types += _field_types(argument)
-    return types
+    types = (item for item in (*field.metadata, *within(field.annotation)) if isinstance(item, FieldType))
+    return next((item.absolute for item in types), None)
 
 
 def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: tuple[type, ...]) -> list[Path]:

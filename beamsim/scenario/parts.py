@@ -7,15 +7,15 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, Tag
 
-from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, kind_of
-from beamsim.scenario.beam import AnyBeam, Beam, SandwichBeam, SegmentedBeam, StiffnessBeam, beam_tag
+from beamsim.scenario.base import BY_FORM, Path, Schema, Variants
+from beamsim.scenario.beam import AnyBeam, Beam, SandwichBeam, SegmentedBeam, StiffnessBeam
 from beamsim.scenario.body import AtPlace, Body, Located, Probe, numbered
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.connections import AnyFriction, AnyJoint, AnySnubber, GroundSpring, LinkSpring, has_own_law
 from beamsim.scenario.distributed import AnyDeadLoad
 from beamsim.scenario.excitation import Excitation, NoExcitation
 from beamsim.scenario.matrices import MatricesBody
-from beamsim.scenario.plate import Plate, StiffnessPlate, plate_by_stiffness
+from beamsim.scenario.plate import Plate, StiffnessPlate
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
 from beamsim.scenario.reporting import AnyOutput, DisplayUnits, Limits, ReactionOutput
 from beamsim.scenario.run import Reduction, Run
@@ -24,15 +24,6 @@ from beamsim.scenario.sweep import NonlinearMode, Sweep
 
 MANY_SAMPLES = 5_000_000
 """More output samples than this make a file of a gigabyte or so."""
-
-
-def _body_tag(value: Any) -> str | None:
-    kind = kind_of(value)
-    if kind == "beam":
-        return beam_tag(value)
-    if kind == "plate":
-        return "<plate by stiffness>" if plate_by_stiffness(value) else "<plate>"
-    return f"<{kind}>" if kind in ("chain", "matrices") else None
 
 
 AnyBody = Annotated[
@@ -44,7 +35,7 @@ AnyBody = Annotated[
     | MatricesBody
     | Plate
     | Annotated[StiffnessPlate, Tag("<plate by stiffness>")],
-    Variants("does not say which kind of body it is", "give kind: beam, chain, plate or matrices", _body_tag),
+    Variants("does not say which kind of body it is", "give kind: beam, chain, plate or matrices"),
 ]
 
 
@@ -183,7 +174,7 @@ class ScenarioParts(Schema):
         of_bodies = (
             self._located((*self.body_path(name), "snubbers", k), name, snubber)
             for name, body in bodies.items()
-            for k, snubber in enumerate(body.own_snubbers)
+            for k, snubber in enumerate(body.own_lists.get("snubbers", ()))
         )
         return (*shared, *of_bodies)
 
@@ -207,9 +198,11 @@ class ScenarioParts(Schema):
             if has_own_law(spring)
         )
         of_bodies = tuple(
-            self._located((*self.body_path(name), *path), name, spring)
+            self._located((*self.body_path(name), key, index), name, spring)
             for name, body in self.all_bodies.items()
-            for path, spring in body.nonlinear_springs()
+            for key, items in body.own_lists.items()
+            for index, spring in enumerate(items)
+            if key != "snubbers" and has_own_law(spring)
         )
         rubbing = tuple(
             self._located(("friction", index), self.default_body, contact)
@@ -230,11 +223,6 @@ class ScenarioParts(Schema):
             *((("outputs", k), output) for k, output in enumerate(self.outputs)),
             *((("run", "outputs", k), output) for k, output in enumerate(of_run)),
         )
-
-    @property
-    def outputs_of_sweeps(self) -> dict[str, Any]:
-        """The outputs by name, but for those of the run alone."""
-        return {output.name: output for output in self.outputs}
 
     @property
     def base_force(self) -> str | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field
 
@@ -354,6 +354,8 @@ class Plate(PlateBody):
 class StiffnessPlate(PlateBody):
     """A rectangular, thin, orthotropic plate by its stiffnesses and mass per area, such as a sandwich panel."""
 
+    known_by: ClassVar[tuple[str, ...]] = ("bending_stiffness",)
+
     bending_stiffness: Rigidity
     """Bending stiffnesses per width: {dx, dy, nu, dxy}."""
     mass_per_area: q.MassPerArea
@@ -368,8 +370,3 @@ class StiffnessPlate(PlateBody):
         """As they are given; the stress is the inverse of the section modulus."""
         stress = None if self.section_modulus is None else 1.0 / self.section_modulus
         return PlateBending(self.bending_stiffness, self.mass_per_area, stress, self.thickness)
-
-
-def plate_by_stiffness(value: Any) -> bool:
-    """Whether a raw plate is given by its bending stiffness."""
-    return isinstance(value, StiffnessPlate) or (isinstance(value, dict) and "bending_stiffness" in value)

@@ -31,10 +31,6 @@ class FieldType:
         """How to write one; empty if anything goes."""
         return ""
 
-    def example_for(self, key: str) -> str:
-        """How to write one of a size that is usual for this key."""
-        return self.example
-
     def read(self, value: Any) -> Any:
         """Return the value; raises `UnitError`."""
         raise NotImplementedError
@@ -139,10 +135,6 @@ class Quantity(Bounded):
     def example(self) -> str:
         """How to write one."""
         return self.dimension.example
-
-    def example_for(self, key: str) -> str:
-        """How to write one of a size that is usual for this key."""
-        return example_of(key, self.dimension.unit) or self.example
 
     def read(self, value: Any) -> float:
         """Return the SI number."""

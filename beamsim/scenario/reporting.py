@@ -294,11 +294,6 @@ class DisplayUnits(Schema):
         return self.model_copy(update=most)
 
     @property
-    def is_empty(self) -> bool:
-        """Whether no unit is chosen."""
-        return all(getattr(self, name) is None for name in self.named)
-
-    @property
     def scales(self) -> dict[str, tuple[float, str]]:
         """By SI unit the factor of SI values and the unit that is shown."""
         chosen = {name: getattr(self, name) for name in self.named}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path as FilePath
@@ -17,7 +17,7 @@ from typing import Any, Self
 from pydantic_core import PydanticCustomError
 
 from beamsim.errors import ScenarioError
-from beamsim.scenario.base import Path, Schema, path_text, plain, problem, refused, walk
+from beamsim.scenario.base import Path, Schema, path_text, plain, problem, refused, walk, within
 from beamsim.scenario.body import ModalDamping, Sited
 from beamsim.scenario.checks import problems
 from beamsim.scenario.connections import SnubberRatioDamping, placed
@@ -44,35 +44,7 @@ def named_files(scenario: Schema) -> Iterator[tuple[Path, str]]:
 @cache
 def _names_file(section: type[Schema], name: str) -> bool:
     field = section.model_fields[name]
-    return _holds_file_type((*field.metadata, field.annotation))
-
-
-def _holds_file_type(items: Iterable[Any]) -> bool:
-    return any(
-        isinstance(item, FileType)
-        or _holds_file_type((*getattr(item, "__metadata__", ()), *getattr(item, "__args__", ())))
-        for item in items
-    )
-
-
-def records_of(scenario: Any, since: float) -> dict[str, Record]:
-    """What the files of a scenario hold, by the keys that name them; of those that are gone nothing.
-
-    Parameters
-    ----------
-    since : when the computation began, s since the epoch; what was changed later may not be what was solved.
-    """
-    records: dict[str, Record] = {}
-    for path, name in named_files(scenario):
-        folder = scenario.folder_of(*path)
-        try:
-            state = (folder / name).stat()
-            content = {"bytes": state.st_size}
-            content |= {} if state.st_mtime > since else {"sha256": _sha256(folder / name)}
-        except OSError:
-            content = {}
-        records[path_text(path)] = {"file": name, "folder": str(folder.absolute()), **content}
-    return records
+    return any(isinstance(item, FileType) for item in (*field.metadata, *within(field.annotation)))
 
 
 def _sha256(path: FilePath) -> str:
@@ -113,7 +85,8 @@ class SolvedFiles:
         }  # each once, under the name that is nearest to the user
         there = [folder for folder in reversed(folders) if (folder / name).is_file()]
         for folder in there:
-            if _is_solved(folder / name, record):
+            same_size = (folder / name).stat().st_size == record.get("bytes")
+            if same_size and _sha256(folder / name) == record.get("sha256"):
                 return folder
         if there:
             reason = (
@@ -128,10 +101,6 @@ class SolvedFiles:
             message = f"is not found; searched: {searched}"
             remedy = "give the command in the folder of the case, or put the file beside the result"
         raise ScenarioError(problem(path, f"= {name} {message}", remedy))
-
-
-def _is_solved(path: FilePath, record: Record) -> bool:
-    return path.stat().st_size == record.get("bytes") and _sha256(path) == record.get("sha256")
 
 
 def doubts(scenario: ScenarioParts) -> Iterator[str]:
@@ -319,8 +288,25 @@ class Scenario(ScenarioParts):
         return copy
 
     def file_records(self, since: float) -> Mapping[str, Record]:
-        """What the files hold that the scenario names, see `beamsim.scenario.scenario.records_of`."""
-        return records_of(self, since) if self._solved is None else self._solved.records
+        """What the files hold that the scenario names, by the keys that name them; of those that are gone nothing.
+
+        Parameters
+        ----------
+        since : when the computation began, s since the epoch; what was changed later may not be what was solved.
+        """
+        if self._solved is not None:
+            return self._solved.records
+        records: dict[str, Record] = {}
+        for path, name in named_files(self):
+            folder = self.folder_of(*path)
+            try:
+                state = (folder / name).stat()
+                content: dict[str, Any] = {"bytes": state.st_size}
+                content |= {} if state.st_mtime > since else {"sha256": _sha256(folder / name)}
+            except OSError:
+                content = {}
+            records[path_text(path)] = {"file": name, "folder": str(folder.absolute()), **content}
+        return records
 
     def located(self, error: ScenarioError) -> ScenarioError:
         """Return the error with the file and line of every path, for problems that only the model could find."""

@@ -216,16 +216,6 @@ class Continuation(Schema):
             return self.continue_in
         return FrequencyPath.model_construct(from_=self.from_, to=self.to, points_at=self.points_at)
 
-    @property
-    def follows_side_branches(self) -> bool:
-        """Whether coexisting motions are sought, and branches followed from bifurcations."""
-        return self.side_branches != "none"
-
-    @property
-    def demands_side_branches(self) -> bool:
-        """Whether the result is incomplete where a limit cuts such a branch."""
-        return self.side_branches == "required"
-
 
 def refuse_empty_levels(sweep: Any) -> None:
     """Reject a list of levels that is given and has none."""

@@ -175,7 +175,7 @@ def _trace(
                 )
             )
         )
-    if settings.follows_side_branches:
+    if settings.side_branches != "none":
         beside = side_reach(first, last, reach)
         if settings.seek_at and (model.system.dynamics.contacts.count or model.system.cubic.count):
             values = np.linspace(first, last, settings.seek_at) if settings.seek_at > 1 else [0.5 * (first + last)]
@@ -215,7 +215,7 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     parts += [part for part in failed if not any(part in known.parts for known in parts)]
     settings = model.scenario.sweep
     assert isinstance(settings, Continuation)
-    incomplete = bool(gaps) or settings.demands_side_branches
+    incomplete = bool(gaps) or settings.side_branches == "required"
     exceeded = budget.exceeded(incomplete=incomplete)
     if exceeded is not None:
         parts.append(exceeded)
@@ -233,14 +233,14 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
 def _left_out(model: ResponseModel, settings: Continuation, traced: list[OrbitBranch]) -> Iterator[Outcome]:
     """What was not followed or sought because of the method or a setting."""
     by_balance = isinstance(settings.method, HarmonicBalance)
-    reason = "sweep.side_branches is none" if not settings.follows_side_branches else "harmonic balance follows none"
+    reason = "sweep.side_branches is none" if settings.side_branches == "none" else "harmonic balance follows none"
     bifurcations = sum(len(leavings(branch, settings.longest_period)) for branch in traced)
-    if bifurcations and (by_balance or not settings.follows_side_branches):
+    if bifurcations and (by_balance or settings.side_branches == "none"):
         yield Outcome.of(
             OutcomeKind.NOTED, "not_branched", f"from {bifurcations} bifurcations no branch was followed: {reason}",
             bifurcations=bifurcations,
         )  # fmt: skip
-    if by_balance and settings.seek_at and settings.follows_side_branches and model.system.cubic.count:
+    if by_balance and settings.seek_at and settings.side_branches != "none" and model.system.cubic.count:
         sentence = "coexisting motions were not sought: harmonic balance seeks none with cubic springs"
         yield Outcome.of(OutcomeKind.NOTED, "not_sought", sentence)
 
