@@ -27,4 +27,6 @@ def energy_of_segments(trajectory):
 
 
 def _balance(times, history, exchanged):
-    return Balance(history, EnergyBalance.of(times, history, exchanged).error)
+    balance = EnergyBalance()
+    balance.add(times, history, exchanged)
+    return Balance(history, balance.error)

@@ -81,10 +81,12 @@ def test_energies_beyond_floating_point_are_an_outcome(size):
     times = np.linspace(0.0, 1.0, 11)
     stored = np.where(times < 0.45, 1.0, size)
     with np.errstate(invalid="ignore"):
-        balance = EnergyBalance.of(times, EnergyHistory(0 * times, 0 * times, stored), 0.0)
-    assert balance.checked(COMPLETE).code == "not_finite"
-    limit = too_many_events(1.0, 7)
-    kept = EnergyBalance.of(times, EnergyHistory(0 * times, 0 * times, times), 0.0).checked(limit)
+        lost = EnergyBalance()
+        lost.add(times, EnergyHistory(0 * times, 0 * times, stored), 0.0)
+    assert lost.checked(COMPLETE).code == "not_finite"
+    limit, balance = too_many_events(1.0, 7), EnergyBalance()
+    balance.add(times, EnergyHistory(0 * times, 0 * times, times), 0.0)
+    kept = balance.checked(limit)
     assert (kept.code, kept.parts) == ("energy_not_balanced", (limit,))
 
 

@@ -91,10 +91,9 @@ def asked_figures(
     for stretch in motion.stretches():
         figures.add(stretch)
         squares.add(stretch)
-    balance = figures.balance.result()
-    outcome = balance.checked(with_limit(motion.outcome))
+    outcome = figures.balance.checked(with_limit(motion.outcome))
     found: dict[str, Any] = {name: value for name, value in static_figures(system).items() if name in _STATIC}
-    found["energy_error"] = balance.error
+    found["energy_error"] = figures.balance.error
     closings = np.bincount(motion.event_contact[motion.event_closing], minlength=motion.flow.system.contacts.count)
     extremes = figures.extremes if outcome.complete else {}
     found |= motion_figures(system, extremes, motion.contact_share(), closings)

@@ -6,7 +6,6 @@ the motion. Relative frame; what the motion of a ground-mounted snubber does to 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -18,6 +17,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import penetration_of_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Outcome, OutcomeKind
+from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Floats, Ints
 
 PowerFactors = tuple[OutputOf, OutputOf, Floats]  # left and right factors of powers, and weights of their products
@@ -26,49 +26,21 @@ FEW_TIMES = np.linspace(0.0, 1.0, 33) ** 1.1  # shares of a motion, uneven so th
 LARGEST_ERROR = 1e-6  # of the balance, above which a motion is not to be trusted
 
 
-def stored_energy(flow: ExactFlow, y: Floats, penetration: Floats, phases: Ints) -> Floats:
+def stored_energy(system: PiecewiseLinearSystem, y: Floats, penetration: Floats, phases: Ints) -> Floats:
     """(nt,) kinetic and strain energy of the structure and of its contacts, J.
 
     ``y`` is (nt, N), the others (nt, m).
     """
-    n = flow.system.size
+    n = system.size
     return np.asarray(
         0.5 * np.einsum("ti,ti->t", y[:, n : 2 * n], y[:, n : 2 * n])
-        + 0.5 * (y[:, :n] ** 2) @ flow.system.stiffness
-        + flow.system.contacts.stored_energy(phases, penetration, y[:, 2 * n :])
+        + 0.5 * (y[:, :n] ** 2) @ system.stiffness
+        + system.contacts.stored_energy(phases, penetration, y[:, 2 * n :])
     )
 
 
-@dataclass(frozen=True)
 class EnergyBalance:
-    """How far energies are from balance."""
-
-    error: float  # largest imbalance over max(stored energy, integral of |power in|); 0 for a motionless structure
-    lost_at: float | None  # s, from when on it is larger than `LARGEST_ERROR`
-
-    @classmethod
-    def of(cls, times: Floats, history: EnergyHistory, exchanged: float) -> EnergyBalance:
-        """Compare the energies; ``exchanged`` is the integral of the loads' power without its sign, J."""
-        sums = BalanceOfStretches()
-        sums.add(times, history, exchanged)
-        return sums.result()
-
-    def checked(self, outcome: Outcome, remedy: str = "") -> Outcome:
-        """The outcome of the motion, which is not to be trusted where the balance is lost."""
-        if self.lost_at is None or outcome.code == NOT_FINITE:
-            return outcome
-        if not np.isfinite(self.error):
-            return not_finite(self.lost_at)
-        return Outcome.of(
-            OutcomeKind.UNTRUSTED, "energy_not_balanced",
-            f"the energy balance is wrong by {self.error:.2g} of the energy, from {self.lost_at:.6g} s on by more than "
-            f"{LARGEST_ERROR:g}",
-            *outcome.unless_complete, remedy=remedy, error=self.error, time=self.lost_at,
-        )  # fmt: skip
-
-
-class BalanceOfStretches:
-    """The energy balance of a motion, stretch by stretch."""
+    """How far energies are from balance, of a motion that is given stretch by stretch."""
 
     def __init__(self) -> None:
         self._imbalance = self._exchanged = self._largest_stored = 0.0  # J, at the end of the latest
@@ -96,15 +68,25 @@ class BalanceOfStretches:
     def _scale(self) -> float:
         return max(self._largest_stored, self._exchanged)
 
-    def result(self) -> EnergyBalance:
-        """That of all stretches."""
-        scale = self._scale
-        if scale == 0.0:
-            return EnergyBalance(0.0, None)
-        allowed = min(LARGEST_ERROR * scale, np.finfo(float).max)
-        lost = (when for size, when in self._worst if when is not None and not size <= allowed)
-        worst = float(np.max([size for size, _ in self._worst]))
-        return EnergyBalance(worst / scale, next(lost, None))
+    @property
+    def error(self) -> float:
+        """Largest imbalance over max(stored energy, integral of |power in|); 0 of a motionless structure."""
+        return float(np.max([size for size, _ in self._worst])) / self._scale if self._scale else 0.0
+
+    def checked(self, outcome: Outcome, remedy: str = "") -> Outcome:
+        """The outcome of the motion, which is not to be trusted where the balance is lost."""
+        allowed = min(LARGEST_ERROR * self._scale, np.finfo(float).max)
+        lost_at = next((when for size, when in self._worst if when is not None and not size <= allowed), None)
+        if lost_at is None or self._scale == 0.0 or outcome.code == NOT_FINITE:
+            return outcome
+        if not np.isfinite(self.error):
+            return not_finite(lost_at)
+        return Outcome.of(
+            OutcomeKind.UNTRUSTED, "energy_not_balanced",
+            f"the energy balance is wrong by {self.error:.2g} of the energy, from {lost_at:.6g} s on by more than "
+            f"{LARGEST_ERROR:g}",
+            *outcome.unless_complete, remedy=remedy, error=self.error, time=lost_at,
+        )  # fmt: skip
 
 
 def sampled_energies(trajectory: Trajectory, times: Floats) -> tuple[Floats, EnergyHistory, float]:
@@ -126,7 +108,7 @@ def energies(
     integral = before + trajectory.product_integrals(times, left, right, weight, begin)
     phases, states = trajectory.phases_at(times), _states(flow)
     y, penetration = np.split(trajectory.sample(times, lambda _: states), [flow.size], axis=1)
-    stored = stored_energy(flow, y, penetration, phases)
+    stored = stored_energy(flow.system, y, penetration, phases)
     events = np.cumsum(trajectory.event_losses().sum(axis=1))
     at, first = (
         np.clip(np.searchsorted(trajectory.time, t, side="right") - 1, 0, None) for t in (times, np.array([begin]))
@@ -150,19 +132,19 @@ def energies_of_segments(trajectory: Trajectory) -> tuple[Floats, EnergyHistory,
         events = np.cumsum(trajectory.event_losses().sum(axis=1))
         sums[:, 0] += np.append(events, events[-1:])
         times = np.append(trajectory.time, trajectory.end)
-        phases = trajectory.phases_of(np.append(trajectory.state, trajectory.state[-1:]))
-        y, penetration = contact_motion(trajectory)
-        history = EnergyHistory(sums[:, 1], sums[:, 0], stored_energy(flow, y, penetration, phases))
+        history = EnergyHistory(sums[:, 1], sums[:, 0], stored_at_ends(trajectory))
         return times, history, float(np.abs(integrals[:, 1]).sum())
 
 
-def contact_motion(trajectory: Trajectory) -> tuple[Floats, Floats]:
-    """(S + 1, N) states and (S + 1, m) penetrations where the segments begin, and at the end."""
+def stored_at_ends(trajectory: Trajectory) -> Floats:
+    """(S + 1,) stored energy where the segments begin, and at the end, J."""
     flow, times = trajectory.flow, np.append(trajectory.time, trajectory.end)
     y = np.vstack([trajectory.y, trajectory.final_y])
     base = None if flow.base_channel < 0 else flow.forcing.base_displacement
     moved = None if base is None else (base(times), np.zeros(times.size))
-    return y, penetration_of_states(flow.system.contacts, y, moved)[0]
+    penetration, _ = penetration_of_states(flow.system.contacts, y, moved)
+    phases = trajectory.phases_of(np.append(trajectory.state, trajectory.state[-1:]))
+    return stored_energy(flow.system, y, penetration, phases)
 
 
 def contact_losses(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearOutput]:
@@ -181,16 +163,6 @@ def contact_losses(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearO
         forces += flow.pressing_forces(phases).combined(place * factor)
         moved += flow.pressing_force_rates(phases).combined(-place * contacts.pressing_stretches(phases))
     return forces, moved
-
-
-def _base_rate(flow: ExactFlow) -> LinearOutput | None:
-    """(m,) velocity of the base at contacts on the ground; None where no contact feels it."""
-    if flow.base_channel < 0:
-        return None
-    rate = flow.empty_output(flow.system.contacts.count)
-    of_base = flow.sources.channel == flow.base_channel
-    rate.direct_slope[:, of_base] = flow.system.contacts.felt[:, None]
-    return rate
 
 
 def _states(flow: ExactFlow) -> LinearOutput:
@@ -227,20 +199,20 @@ def power_factors(flow: ExactFlow) -> PowerFactors:
     for index in range(loads.shape[0]):
         signals.direct[index + 1, sources.channel == index] = 1.0
     loaded = _velocities(flow, np.vstack([system.constant_load, loads]))
-    base_rate = _base_rate(flow)
-    driven = 0 if base_rate is None else m
+    base_rate = flow.empty_output(m if flow.base_channel >= 0 else 0)  # of contacts on the ground
+    driven = base_rate.row.shape[0]
+    base_rate.direct_slope[:, sources.channel == flow.base_channel] = contacts.felt[:driven, None]
 
     @lru_cache(maxsize=1)  # both factors of one state are asked for in turn
     def losses(phases: bytes) -> tuple[LinearOutput, LinearOutput]:
         return contact_losses(flow, np.frombuffer(phases, dtype=np.int64))
 
     def left(phases: Ints) -> LinearOutput:
-        forces = () if base_rate is None else (flow.contact_forces(phases),)
+        forces = (flow.contact_forces(phases),) if driven else ()
         return LinearOutput.stacked(moving, losses(phases.tobytes())[0], signals, *forces)
 
     def right(phases: Ints) -> LinearOutput:
-        rates = () if base_rate is None else (base_rate,)
-        return LinearOutput.stacked(moving, losses(phases.tobytes())[1], loaded, *rates)
+        return LinearOutput.stacked(moving, losses(phases.tobytes())[1], loaded, base_rate)
 
     inside = m + contacts.internal_states
     weight = np.zeros((used.size + inside + loads.shape[0] + 1 + driven, 2))

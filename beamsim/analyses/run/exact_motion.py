@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from beamsim.analyses.run.energy import BalanceOfStretches, energies, energies_of_segments, power_factors
+from beamsim.analyses.run.energy import EnergyBalance, energies, energies_of_segments, power_factors
 from beamsim.analyses.run.filters import LowPassFilter, filtered
 from beamsim.analyses.run.friction import friction_contacts
 from beamsim.analyses.run.impacts import ImpactRecord
@@ -58,7 +58,8 @@ def motion_in_stretches(
     most_events : by default as many as the settings allow and the memory has room for.
     progress, stop : see `beamsim.flow.transient.simulate`.
     """
-    pieces, at_once = pieces_of(system), None
+    record, at_once = common_record(system.forcing.signal), None  # of which all loads are made
+    pieces = 0 if record is None else record.pieces
     if pieces * BYTES_A_PIECE > MOTION_SHARE * settings.memory:
         at_once = max(int(STRETCH_SHARE * settings.memory / BYTES_A_PIECE), CHECKPOINT_PIECES)
     flow = exact_flow(
@@ -113,8 +114,7 @@ def exact_motion_of(
     figures = StretchFigures.of_run(system, settings, motion.flow, times)
     for stretch in motion.stretches():
         figures.add(stretch)
-    balance = figures.balance.result()
-    extremes = figures.extremes
+    balance, extremes = figures.balance, figures.extremes
     of_first_probe = np.array([extremes[DISPLACEMENT][k][0] for k in (1, 3)])
     order = np.argsort(of_first_probe)
     return RunMotion(
@@ -258,7 +258,7 @@ class StretchFigures:
         self, observed: Observed, impacts: ImpactRecord | None = None, low_passed: LowPassed | None = None
     ) -> None:
         self.observed, self.impacts, self.low_passed = observed, impacts, low_passed
-        self.balance, self.extremes = BalanceOfStretches(), dict[Key, Extreme]()
+        self.balance, self.extremes = EnergyBalance(), dict[Key, Extreme]()
 
     @classmethod
     def of_run(cls, system: StructuralSystem, settings: Run, flow: ExactFlow, times: Floats) -> StretchFigures:
@@ -362,9 +362,3 @@ def exact_flow(
                     )
                 )
     return ExactFlow(system.dynamics, system.forcing, duration, observers, most, pieces)
-
-
-def pieces_of(system: StructuralSystem) -> int:
-    """Number of pieces of the record of which all loads are made; 0 where they are not made of one, or it is short."""
-    record = common_record(system.forcing.signal)
-    return 0 if record is None else record.pieces

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.analyses.branch import MotionBranch
-from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors
+from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors, stored_energy
 from beamsim.flow.passage import Passage
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
@@ -118,10 +118,8 @@ def _relative(difference: float, scale: float) -> float:
 
 def _stored(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Floats:
     """(nt,) kinetic and strain energy, J."""
-    n, system = flow.system.size, flow.system
     delta, _ = flow.penetration_of(y, times)
-    energy = 0.5 * (y[:, n : 2 * n] ** 2).sum(axis=1) + 0.5 * (y[:, :n] ** 2) @ system.stiffness
-    energy += system.contacts.stored_energy(phases, delta, y[:, 2 * n :])
+    energy = stored_energy(flow.system, y, delta, phases)
     if isinstance(flow, SmoothFlow):
         energy += 0.25 * flow.cubic_stretch(y, times) ** 4 @ flow.springs.stiffness
     return np.asarray(energy)

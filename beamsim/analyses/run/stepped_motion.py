@@ -63,12 +63,13 @@ def stepped_motion_of(
     sampled = SteppedChannels(system, flow, system.channels.without(STRESS))
     values = sampled.of_states(at, trajectory.y, trajectory.phases)
     penetration = flow.outputs_of_states(at, trajectory.y, trajectory.phases, lambda _: flow.penetrations[0])
-    stored = stored_energy(flow, trajectory.y, penetration, trajectory.phases)
+    stored = stored_energy(flow.system, trajectory.y, penetration, trajectory.phases)
     if system.cubic.count:
         stored = stored + 0.25 * cubic_stretch(system, at, trajectory.y) ** 4 @ system.cubic.stiffness
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
     exchanged = float(np.abs(np.diff(trajectory.work_in)).sum())
-    balance = EnergyBalance.of(at, energy, exchanged)
+    balance = EnergyBalance()
+    balance.add(at, energy, exchanged)
     extremes = outputs.extremes(trajectory)
     histories = Histories(at, sampled.channels, values, flow.system.contacts.touching(trajectory.phases), energy)
     return RunMotion(

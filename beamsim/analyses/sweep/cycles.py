@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.run.energy import LARGEST_ERROR, contact_motion, power_factors, stored_energy
+from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors, stored_at_ends
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.endings import not_finite
@@ -227,10 +227,8 @@ def _products(motion: Trajectory, output_of: OutputOf) -> tuple[Floats, Floats]:
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite shows in the balance
         integrals = motion.segment_integrals(above(left), above(right), weights)
         dissipated, work_in = integrals[:, outputs:].T
-        y, penetration = contact_motion(motion)
-        stored = stored_energy(flow, y, penetration, motion.phases_of(np.append(motion.state, motion.state[-1:])))
         lost = np.append(motion.event_losses().sum(axis=1)[1:], 0.0)
-        return integrals[:, :outputs], dissipated - work_in + np.diff(stored) + lost
+        return integrals[:, :outputs], dissipated - work_in + np.diff(stored_at_ends(motion)) + lost
 
 
 def _harmonics(motion: Trajectory, output_of: OutputOf, orders: Sequence[float], phase: SinePhase) -> Complexes:
