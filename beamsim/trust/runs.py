@@ -27,7 +27,7 @@ import numpy as np
 
 from beamsim.analyses.run.analysis import Solution, motion_of, solved
 from beamsim.analyses.run.exact_motion import motion_in_stretches
-from beamsim.analyses.run.filters import FilteredMotion, filtered
+from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
 from beamsim.analyses.run.motion import Histories, RunMotion
 from beamsim.analyses.run.random_response import statistics_of
 from beamsim.analyses.run.records import Record, SampledRecord
@@ -437,8 +437,6 @@ class DerivedValues:
         return of_parts
 
     def _shock_response(self, system: StructuralSystem, motion: Trajectory | Histories) -> ShockResponse:
-        from beamsim.analyses.run.shock_response import shock_response
-
         assert self.scenario.run is not None
         assert self.scenario.run.srs is not None
         if isinstance(motion, Histories):

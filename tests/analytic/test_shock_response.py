@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter, lsim
 
 import beamsim
-from beamsim.analyses.run.shock_response import frequencies_of, shock_spectra
+from beamsim.analyses.run.filters import frequencies_of, shock_spectra
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.run import ShockSpectrumSettings

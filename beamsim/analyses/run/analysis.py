@@ -11,6 +11,7 @@ import numpy as np
 
 from beamsim.analyses.doubts import compressed_beyond_tables, deflection_warnings, reduction_checked
 from beamsim.analyses.run.exact_motion import exact_motion_of
+from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, shock_response
 from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of
 from beamsim.analyses.run.motion import (
     Histories,
@@ -174,11 +175,9 @@ def _shock_response(
     system: StructuralSystem, motion: RunMotion, histories: Histories, settings: ShockSpectrumSettings
 ) -> tuple[ShockResponse, list[str]]:
     """Shock response spectra, and what to say of them."""
-    from beamsim.analyses.run.shock_response import SAMPLES_A_PERIOD, shock_response
-
     if motion.trajectory is not None:
         return shock_response(settings, system, motion.trajectory), []
-    time, least = histories.time, SAMPLES_A_PERIOD * settings.to
+    time, least = histories.time, SAMPLES_OF_OSCILLATOR * settings.to
     shock = shock_response(settings, system, (time, histories.of(ACCELERATION)))
     if (time.size - 1) / time[-1] >= least:
         return shock, []

@@ -25,9 +25,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.run.result import MAIN_QUANTITY, ShockResponse, ShockSpectrum
+from beamsim.analyses.values import ACCELERATION
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.channels import Observed
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.trajectory import Trajectory
+from beamsim.inputs.signal import Signal as Pieces
+from beamsim.scenario.run import ShockSpectrumSettings
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
 
 NODES = 8
@@ -53,6 +59,8 @@ PEAK_ERROR = 1e-5  # relative, of the largest peak; steps are shortened where th
 SHORTEST = 1 / 8  # of the steps
 AT_ONCE = 2**14  # steps
 NEAREST_POLE = 1e-6  # relative distance of an exponent from a pole of the filter, which loses as many digits
+PANELS_OF_OSCILLATOR = 16  # of the highest oscillator; peaks between panels are then right to 1e-4
+SAMPLES_OF_OSCILLATOR = 10  # of the highest oscillator, of a time-stepped motion
 
 
 @dataclass(frozen=True)
@@ -244,13 +252,6 @@ class LowPassFilter:
         return np.concatenate(ends), np.vstack(values), np.vstack(slopes), of_times
 
 
-def known_times(part: Trajectory, times: Floats) -> tuple[Floats, float]:
-    """Ends of panels that a motion and output times ask for, and how long panels may be, s."""
-    fastest = part.flow.largest_exponent
-    known = np.unique(np.concatenate([part.time, times[times <= part.end], [part.end]]))
-    return known, LONGEST_TURN / fastest if fastest > 0 else np.inf
-
-
 def butterworth(frequency_hz: float) -> tuple[Complexes, Complexes]:
     """Poles with a positive imaginary part, rad/s, and their residues; the others are their conjugates."""
     omega = 2 * np.pi * frequency_hz
@@ -280,7 +281,9 @@ def filtered(
     """
     if trajectory.exponentials and not _near_poles(trajectory, butterworth(frequency_hz)[0]):
         return FilteredSegments.of(trajectory, output_of, frequency_hz)
-    known, longest = known_times(trajectory, times)
+    known = np.unique(np.concatenate([trajectory.time, times[times <= trajectory.end], [trajectory.end]]))
+    fastest = trajectory.flow.largest_exponent
+    longest = LONGEST_TURN / fastest if fastest > 0 else np.inf
     through = before or LowPassFilter(frequency_hz, output_of(trajectory.flow.system.contacts.start).row.shape[0])
     return FilteredPanels(*through.curve(known, lambda at: trajectory.sample(at, output_of), longest)[:3])
 
@@ -488,3 +491,103 @@ def _peaks(
         *lower(ends, value, slope[:-1], slope[1:], low, low_time),
         *higher(ends, value, slope[:-1], slope[1:], high, high_time),
     )
+
+
+def frequencies_of(settings: ShockSpectrumSettings) -> Floats:
+    """(nf,) Hz, equally spaced in the logarithm from the lowest to the highest, which both belong to them."""
+    steps = max(round(settings.per_octave * np.log2(settings.to / settings.from_)), 1)
+    return np.geomspace(settings.from_, settings.to, steps + 1)
+
+
+def shock_spectra(settings: ShockSpectrumSettings, times: Floats, signal: Signal, fastest: float) -> Floats:
+    r"""(k, 4, nf) positive and negative peaks during the record and after it, of k signals, in their unit.
+
+    They are those of the absolute acceleration of oscillators on a base that moves as a signal does. An oscillator of
+    natural frequency :math:`\omega` and damping ratio :math:`\zeta = 1 / (2 Q)` is the linear filter
+    :math:`H(s) = (2 \zeta \omega s + \omega^2) / (s^2 + 2 \zeta \omega s + \omega^2)` (ISO 18431-4), so there is no
+    sample rate to choose. After the end of the record it moves freely, and its peaks follow from its state there.
+
+    Parameters
+    ----------
+    times : increasing, s, from the begin of the record to its end; the signal is smooth between two of them.
+    signal : times (nt,) -> (nt, k); zero before the record and after it.
+    fastest : rad/s, of the signal's motion.
+    """
+    frequency = frequencies_of(settings)
+    longest = min(LONGEST_TURN / fastest if fastest > 0 else np.inf, 1.0 / (PANELS_OF_OSCILLATOR * frequency[-1]))
+    count = signal(times[:1]).shape[1]
+    oscillators = [LinearFilter(*_oscillator(hz, settings.quality), count) for hz in frequency]
+    blocks, _ = panels(times, signal, longest)
+    for block in blocks:
+        for oscillator in oscillators:
+            oscillator.through(block)
+    peaks = np.empty((count, 4, frequency.size))
+    for i, oscillator in enumerate(oscillators):
+        low, _, high, _ = oscillator.extremes
+        after_low, after_high = _free_peaks(oscillator.poles[0], oscillator.residues[0] * oscillator.state[0])
+        peaks[:, :, i] = np.column_stack([high, -low, after_high, -after_low])
+    return peaks
+
+
+def shock_response(
+    settings: ShockSpectrumSettings, system: StructuralSystem, motion: Trajectory | tuple[Floats, Floats]
+) -> ShockResponse:
+    """Spectra of the base's acceleration, where it moves, and of the absolute acceleration of every probe.
+
+    Parameters
+    ----------
+    motion : in closed form; or output times (nt,) and accelerations (nt, probes), which a cubic spline joins.
+    """
+    from scipy.interpolate import CubicSpline
+
+    names, peaks = [(probe.name, MAIN_QUANTITY) for probe in system.probes], []
+    if isinstance(motion, Trajectory):
+        times, fastest = np.append(motion.time, motion.end), motion.flow.largest_exponent
+        accelerations = Observed(motion.flow, system.channels.of_keys(ACCELERATION)).linear
+        responses: Signal = lambda at: motion.sample(at, accelerations)  # noqa: E731
+    else:
+        times, fastest = motion[0], 0.0
+        responses = CubicSpline(*motion)
+    times = np.unique(times)
+    if (base := system.base_acceleration) is not None:
+        end = _end(base, float(times[-1]))
+        until = np.append(times[times < end], end)
+        names.insert(0, ("input", "acceleration"))
+        peaks.append(shock_spectra(settings, until, lambda at: base(at)[:, None], fastest))
+    peaks.append(shock_spectra(settings, times, responses, fastest))
+    spectra = tuple(_spectrum(*of, *signal) for of, signal in zip(names, np.concatenate(peaks), strict=True))
+    return ShockResponse(settings.quality, frequencies_of(settings), spectra)
+
+
+def _spectrum(
+    name: str, quantity: str, high: Floats, low: Floats, after_high: Floats, after_low: Floats
+) -> ShockSpectrum:
+    """From the positive and negative peaks during the record and after it."""
+    primary, residual = np.maximum(high, low), np.maximum(after_high, after_low)
+    return ShockSpectrum(
+        name=name, quantity=quantity, maximax=np.maximum(primary, residual), primary=primary, residual=residual,
+        positive=np.maximum(high, after_high), negative=np.maximum(low, after_low),
+    )  # fmt: skip
+
+
+def _end(signal: Callable[[Floats], Floats], end: float) -> float:
+    """When the record of the base's motion ends: with its pulse, at the latest with the run."""
+    if isinstance(signal, Pieces) and not signal.coefficient[-1].any() and signal.start[-1] > 0.0:
+        return min(float(signal.start[-1]), end)
+    return end
+
+
+def _oscillator(frequency_hz: float, quality: float) -> tuple[Complexes, Complexes]:
+    """Pole with a positive imaginary part, rad/s, and its residue."""
+    omega, damping = 2 * np.pi * frequency_hz, 0.5 / quality
+    pole = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
+    return np.array([pole]), np.array([(2 * damping * omega * pole + omega**2) / (2j * pole.imag)])
+
+
+def _free_peaks(pole: complex, state: Complexes) -> tuple[Floats, Floats]:
+    """Lowest and highest value of ``2 Re(state exp(pole t))`` for t >= 0, not above and not below zero."""
+    # the slope vanishes where pole * state * exp(pole t) is imaginary
+    first = np.mod(0.5 * np.pi - np.angle(state) - np.angle(pole), np.pi) / pole.imag
+    times = (np.zeros_like(first), first, first + np.pi / pole.imag)
+    values = np.stack([2 * (state * np.exp(pole * t)).real for t in times])
+    return np.minimum(values.min(axis=0), 0.0), np.maximum(values.max(axis=0), 0.0)

@@ -247,17 +247,6 @@ def _of_sine(system: StructuralSystem, excitation: Harmonic | Forces) -> OfSnubb
     return gapping(levels, frequency, np.array([abs(excitation.level) * omega**power])) if levels else {}
 
 
-class _Excursion(NamedTuple):
-    """Extremes (m,) of penetration, m, and force, N, of a linear motion, and when they are reached, s."""
-
-    lowest: Floats
-    lowest_at: Floats
-    highest: Floats
-    highest_at: Floats
-    lowest_force: Floats
-    lowest_force_at: Floats
-
-
 def _of_motion(
     system: StructuralSystem, settings: Run, motion: RunMotion, level: float | None, stop: Callable[[], bool]
 ) -> OfSnubbers:
@@ -267,7 +256,7 @@ def _of_motion(
     closed = penetration > 0
     resting, pressed = contacts.resting_phases(penetration), pressed_phases(system, penetration)
     unchanged = motion.work.events == 0
-    at_rest = _excursion(motion.extremes) if unchanged else _linear_motion(system, settings, resting, stop)
+    at_rest = motion.extremes if unchanged else _linear_motion(system, settings, resting, stop)
     same = bool(np.array_equal(resting[:count], pressed[:count]))
     shut = at_rest if same else _linear_motion(system, settings, pressed, stop)
     if at_rest is None or shut is None:
@@ -291,31 +280,30 @@ def _of_motion(
     return of_snubber
 
 
-def _factor(law: ContactLaw, rest: float, linear: _Excursion, j: int) -> tuple[float, float]:
+def _factor(law: ContactLaw, rest: float, linear: Extremes, j: int) -> tuple[float, float]:
     """Factor of the input from which contact changes, and when; inf where no input of this shape does."""
+    lowest, lowest_at, highest, highest_at = linear[PENETRATION][:, j].tolist()
     if rest <= 0:
-        return _ratio(-rest, float(linear.highest[j]) - rest), float(linear.highest_at[j])
+        return _ratio(-rest, highest - rest), highest_at
     if law.parts is None:  # without tension: where the force vanishes
-        force = law.stiffness * rest
-        return _ratio(force, force - float(linear.lowest_force[j])), float(linear.lowest_force_at[j])
-    return _ratio(rest, rest - float(linear.lowest[j])), float(linear.lowest_at[j])
+        force, (lowest, lowest_at) = law.stiffness * rest, linear[FORCE][:2, j].tolist()
+        return _ratio(force, force - lowest), lowest_at
+    return _ratio(rest, rest - lowest), lowest_at
 
 
 def _ratio(rest: float, excursion: float) -> float:
     return rest / excursion if excursion > ALWAYS_CLOSED * rest else float("inf")
 
 
-def _needed(law: ContactLaw, rest: float, linear: _Excursion, j: int) -> float:
+def _needed(law: ContactLaw, rest: float, linear: Extremes, j: int) -> float:
     """Contact force at rest, N, that the linear motion just keeps positive."""
     if law.parts is None:
-        return max(law.stiffness * rest - float(linear.lowest_force[j]), 0.0)
-    return law.stiffness * max(rest - float(linear.lowest[j]), 0.0)
+        return max(law.stiffness * rest - float(linear[FORCE][0, j]), 0.0)
+    return law.stiffness * max(rest - float(linear[PENETRATION][0, j]), 0.0)
 
 
-def _linear_motion(
-    system: StructuralSystem, settings: Run, phases: Ints, stop: Callable[[], bool]
-) -> _Excursion | None:
-    """The motion from equilibrium in which no contact leaves its phase; None if it was interrupted."""
+def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints, stop: Callable[[], bool]) -> Extremes | None:
+    """Of the motion from equilibrium in which no contact leaves its phase; None if it was interrupted."""
     contacts = system.dynamics.contacts
     laws = tuple(
         replace(law, phases=(replace(law.phases[phase], guards=()),), start=0)
@@ -326,11 +314,7 @@ def _linear_motion(
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, stop=stop)
     if not trajectory.outcome.complete:
         return None
-    return _excursion(Observed(flow, linear.channels.of_keys(PENETRATION, FORCE)).extremes(trajectory))
-
-
-def _excursion(extremes: Extremes) -> _Excursion:
-    return _Excursion(*extremes[PENETRATION], *extremes[FORCE][:2])
+    return Observed(flow, linear.channels.of_keys(PENETRATION, FORCE)).extremes(trajectory)
 
 
 def _of_random(scenario: Scenario, system: StructuralSystem) -> OfSnubbers:
