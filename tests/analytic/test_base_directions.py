@@ -113,6 +113,15 @@ def test_energies_balance_with_contact_while_the_base_turns():
     assert result.base_unit == "rad"
 
 
+def test_a_rotation_and_its_angular_acceleration_are_the_same_motion():
+    omega = 2 * np.pi * 23.0
+    degrees = np.degrees(30 / omega**2)
+    given = case({**TURN, "level": f"{degrees} deg", "phase": "180 deg"})
+    assert given.excitation.quantity == "rotation"
+    a, b = (beamsim.run(scenario).probes["p"].displacement for scenario in (given, case(TURN)))
+    np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * np.abs(b).max())
+
+
 # --- imported matrices ------------------------------------------------------------------------------------------------
 
 

@@ -80,6 +80,22 @@ def test_a_snubber_and_a_joint_on_the_base_share_the_moment():
     assert found["foot"] == pytest.approx(weight * (0.8 - L / 2) / 0.6, rel=1e-9)
 
 
+def test_the_base_of_a_plate_holds_its_weight_about_any_axis():
+    plate = {"kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.003, "youngs_modulus": 70e9,
+             "poissons_ratio": 0.3, "density": 2700.0, "elements": [4, 4],
+             "supports": {"bottom": "clamped", "points": [{"position": [0.5, 0.3]}]},
+             "point_masses": [{"position": [0.1, 0.2], "mass": 0.5}]}  # fmt: skip
+    scenario = load_scenario({
+        "bodies": {"panel": plate}, "gravity": 9.81, "run": {"duration": 0.01, "sample_rate": 1000.0},
+        "outputs": [{"name": "rx", "kind": "reaction_moment", "support": "base", "direction": "rx"},
+                    {"name": "ry", "kind": "reaction_moment", "support": "base", "about": [0.1, 0.2]}],
+    })  # fmt: skip
+    found = {name: output.value[0] for name, output in beamsim.run(scenario).outputs.items()}
+    weight = 2700 * 0.003 * 0.5 * 0.3 * 9.81
+    assert found["rx"] == pytest.approx(weight * 0.15 + 0.5 * 9.81 * 0.2, rel=1e-9)
+    assert found["ry"] == pytest.approx(weight * (0.1 - 0.25), rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("output", "path", "message"),
     [

@@ -62,6 +62,14 @@ def test_a_prestressed_snubber_has_not_begun(method):
     assert hard.summary["linear"] is False
 
 
+def test_a_mass_released_from_the_stop_has_not_begun():
+    """Pressed by the given start; it opens, and every later contact counts."""
+    result = beamsim.run(case({"displacement": [-0.1]}))
+    assert not result.events.closing[0]
+    assert result.events.time[0] == pytest.approx(np.pi / 2 / CLOSED, rel=1e-12)
+    assert result.summary["contacts"]["stop"] == result.events.closing.sum()
+
+
 @pytest.mark.parametrize("masses", [1, 2])
 @pytest.mark.parametrize("kind", ["step", "half_sine"])
 def test_a_mass_that_rests_at_a_closed_gap_until_it_is_pushed(kind, masses):

@@ -22,6 +22,33 @@ def beam(**more):
     return load_scenario({"beam": BEAM, "snubbers": [TIP], "excitation": SHAKEN, "run": run} | more)
 
 
+def by_frequency(result, quantity="absolute_acceleration"):
+    return {round(line.frequency_hz, 6): line for line in result.spectra["tip", quantity].lines}
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    return beamsim.run(beam())
+
+
+def test_changes_are_those_of_the_finer_model_itself(shaken):
+    modes = shaken.summary["convergence_model"]["modes"]
+    finer = beamsim.run(beam(beam=BEAM | {"elements": 40}, reduction={"modes": modes}, run={"convergence": "off"}))
+    for quantity in ("absolute_acceleration", "displacement"):
+        other, compared = by_frequency(finer, quantity), 0
+        for frequency, line in by_frequency(shaken, quantity).items():
+            if line.kind in ("fundamental", "superharmonic") and frequency in other:
+                a, b = line.amplitude, other[frequency].amplitude
+                # the set of lines that are projected together is not quite the same
+                assert line.relative_change == pytest.approx(abs(a - b) / max(a, b), rel=0.05, abs=1e-5)
+                compared += 1
+        assert compared > 4
+    changes = shaken.summary["convergence"]
+    for figure in ("rms_displacement_m", "rms_acceleration_g"):
+        a, b = (result.summary[figure]["tip"] for result in (shaken, finer))
+        assert changes[figure]["tip"] == pytest.approx(abs(a - b) / max(a, b), rel=1e-5, abs=1e-12)
+
+
 def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     """Table, JSON, file and picture; the largest change over the strongest line is that of the spectrum."""
     result = beamsim.run(beam(reduction={"modes": 1}))
@@ -51,6 +78,13 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     within = [line for line in changed if line.frequency_hz <= above.get_xlim()[1] * spectrum.excitation_hz]
     assert len(marks.get_xdata()) == len(within) > 0
     assert any("lines not converged" in text.get_text() for text in above.texts)
+
+
+def test_a_good_model_has_none(shaken):
+    assert not any("spectral_lines" in name or "rms" in name for name in shaken.summary["doubtful"])
+    below = run_figures(shaken)["spectrum"].axes[1]
+    assert DOUBTFUL_LINES not in {line.get_label() for line in below.lines}
+    assert not below.texts
 
 
 def test_a_free_line_is_found_again_at_its_own_frequency():

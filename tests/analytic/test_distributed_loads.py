@@ -140,6 +140,35 @@ def test_static_deflection_and_moment_are_those_of_the_beam(shape, supports, def
     np.testing.assert_allclose(body.bending_moment @ q, 40 * L**2 * moment(s), rtol=0, atol=1e-9 * 40 * L**2)
 
 
+def test_moment_inside_a_partly_loaded_element():
+    scenario = case(load("step", line=[0.2 * L, 0.55 * L]), supports=PINNED, reduction={"modes": 2})
+    system, q = static_motion(scenario)
+    x, a, b = system.bodies[0].position, 0.2 * L, 0.55 * L
+    right = 40 * (b - a) * (a + b) / 2 / L
+    left = 40 * (b - a) - right
+    beyond = np.clip(x - a, 0, None) ** 2 / 2 - np.clip(x - b, 0, None) ** 2 / 2
+    np.testing.assert_allclose(
+        system.bodies[0].bending_moment @ q, -(left * x - 40 * beyond), rtol=0, atol=1e-9 * 40 * L**2
+    )
+
+
+def test_a_mode_shaped_load_drives_that_mode_of_a_uniform_beam():
+    system = build_system(case(load(line="whole", shape={"kind": "mode", "mode": 2}), reduction={"modes": 5}))
+    modal = np.abs(system.forcing.load[0])
+    assert np.delete(modal, 1).max() < 1e-10 * modal[1]
+
+
+def test_a_product_of_half_waves_drives_one_mode_of_a_simply_supported_plate():
+    edges = dict.fromkeys(("left", "right", "bottom", "top"), "pinned")
+    scenario = case(
+        load(area="whole", shape={"kind": "sine", "half_waves": [2, 1]}),
+        plate={"supports": edges, "elements": [10, 10]}, reduction={"modes": 8},
+    )  # fmt: skip
+    modal = np.abs(build_system(scenario).forcing.load[0])
+    one = int(np.argmax(modal))
+    assert np.delete(modal, one).max() < 1e-3 * modal[one]
+
+
 @pytest.mark.parametrize(
     ("excitation", "message"),
     [

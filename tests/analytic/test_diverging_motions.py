@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.cli.report import ONE_OF_MANY, table_rows
 from beamsim.scenario import load_scenario
 from beamsim.trust.convergence import ContactEvents, divergence
 
@@ -73,6 +74,20 @@ def test_a_peak_above_all_that_follows_is_not_marked():
     start = {"displacement": [5.0]}
     stiffer = beamsim.run(oscillator(stiffness=1.0 + 1e-9, start=start, duration=400.0, convergence="off")).summary
     assert stiffer["peak_force_n"]["stop"] == pytest.approx(result.summary["peak_force_n"]["stop"], rel=1e-7)
+
+
+def test_status_table_and_file_say_so(chaotic, tmp_path):
+    assert chaotic.complete
+    assert chaotic.outcome.code == "motion_sensitive"
+    assert "run.impacts" in chaotic.outcome.remedy
+    rows = [text for _, text in table_rows("run", chaotic)]
+    assert any(text.startswith("stop") and text.endswith(f"{ONE_OF_MANY}, no change") for text in rows)
+    assert any("with round-off" in text for text in rows)
+    stored = beamsim.open_result(beamsim.write_result(chaotic, tmp_path / "run.h5"))
+    assert stored.outcome == chaotic.outcome
+    assert stored.summary["after_parting"] == chaotic.summary["after_parting"]
+    assert stored.snubbers["stop"].force_after_parting
+    assert stored.probes["stop"].displacement_after_parting
 
 
 def test_a_periodic_motion_has_no_marks():

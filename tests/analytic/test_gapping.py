@@ -7,6 +7,7 @@ import beamsim
 from beamsim.analyses.gapping import contact_levels
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.analysis import sweep_system
+from beamsim.cli.report import table_rows
 from beamsim.scenario import load_scenario
 
 
@@ -104,6 +105,26 @@ def test_a_preload_as_advised_keeps_contact_in_the_sweep():
         assert (of["share_of_level"] < 1.0) is opened
 
 
+@pytest.mark.parametrize(
+    ("direction", "level", "unit", "static"),
+    [("z", 3.0, ("m/s^2", "m/s", "m"), 0.3**4 / 8), ("ry", 30.0, ("rad/s^2", "rad/s", "rad"), 11 * 0.3**5 / 120)],
+)
+@pytest.mark.parametrize("integrals", [0, 1, 2])
+def test_base_motion_in_displacement_or_rotation_counts_its_acceleration(direction, level, unit, static, integrals):
+    """Slow against the 18 Hz of the beam: the static deflection under the inertia of a rigid rise or turn."""
+    w = 2 * np.pi * 0.5
+    scenario = {
+        "beam": {"length": 0.3, "bending_stiffness": 2.0, "mass_per_length": 0.25},
+        "snubbers": [{"name": "tip", "position": 0.3, "side": "below", "stiffness": 5000.0, "gap": 0.001}],
+        "excitation": {"kind": "harmonic", "applied_to": "base", "direction": direction, "frequency": 0.5,
+                       "level": f"{level / w**integrals} {unit[integrals]}"},
+        "run": {"duration": 0.1, "convergence": "off"},
+    }  # fmt: skip
+    said = beamsim.run(load_scenario(scenario)).summary["gapping"]["tip"]
+    assert said["share_of_level"] == pytest.approx(said["level"] / level)
+    assert said["level"] == pytest.approx(0.001 / (0.25 * static / 2.0), rel=2e-3)
+
+
 def test_the_level_of_a_moved_support_is_that_of_the_beam_in_closed_form():
     """w = sin(beta x) / sin(beta L) + sinh(beta x) / sinh(beta L), halved, from the pinned end at rest."""
     result = beamsim.run(
@@ -126,6 +147,14 @@ def test_the_level_of_a_moved_support_is_that_of_the_beam_in_closed_form():
     assert of["share_of_level"] == pytest.approx(0.5 / abs(shape), rel=1e-6)
 
 
+def test_level_zero_changes_nothing():
+    of = beamsim.run(mass(gap="-1 mm", level="0 N")).summary["gapping"]["stop"]
+    assert np.isnan(of["share_of_level"])
+    assert of["level"] > 0
+    assert of["preload_n"] == 0
+    assert of["first_change_s"] is None
+
+
 def test_laws_that_are_no_single_spring_say_nothing_of_it():
     """A table that stiffens while it is pressed leaves the linear motion before it opens."""
     table = [[0, 0], [1e-3, 0.2], [2e-3, 1.0]]
@@ -141,3 +170,22 @@ def test_laws_that_are_no_single_spring_say_nothing_of_it():
         )
     )  # fmt: skip
     assert "gapping" not in result.summary
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        # on the way to the steady motion the mass goes further than there
+        ({"level": "2.424 N", "frequency": "2.2 Hz", "gap": "2 cm"},
+         ["steady linear motion, above the level here", "this motion touched first at 824.7 ms", "restitution 0.99"]),
+        ({"level": "20 N", "frequency": "3.5 Hz", "gap": "-1 mm"},
+         ["in steady linear motion", "this motion opened first at", "separation / approach speed 1.02"]),
+        ({"level": "20 N", "frequency": "3.5 Hz", "gap": 0.0}, ["touches as soon as it moves"]),
+    ],
+)  # fmt: skip
+def test_the_table_of_a_run_does_not_contradict_itself(given, said):
+    run = {"run.duration": 2.0, "run.impacts": {}, "run.convergence": "off"}
+    rows = table_rows("run", beamsim.run(load_scenario(mass(**given).to_yaml(), run)))
+    text = " ".join(word for _, text in rows for word in text.split())
+    for part in said:
+        assert part in text

@@ -5,7 +5,10 @@ import pytest
 
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.stiffness import snubber_point
+from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
+from beamsim.scenario.parameters import value_at, with_values
+from beamsim.structures.point_sensitivity import stiffness_sensitivities
 
 PANEL = {
     "kind": "beam", "length": 0.77, "width": 0.44, "thickness": 0.005, "youngs_modulus": 70e9, "density": 2700,
@@ -91,3 +94,49 @@ def test_a_snubber_between_two_bodies():
     assert sum(1 / float(part.stiffness(2 * np.pi * hz)) for part in parts) == pytest.approx(1 / 2e4, rel=1e-9)
     result = identify_stiffness(load_scenario(scenario, {"identify_stiffness.measured_with": [hz]}))
     assert result.estimate.stiffness == pytest.approx(2e4, rel=1e-9)
+
+
+def between_places_of_one_beam():
+    place = [{"position": 0.2}, {"position": 0.7}]
+    return load_scenario(
+        {
+            "beam": {key: value for key, value in PANEL.items() if key != "kind"},
+            "snubbers": [{"name": "stop", "between": place, "stiffness": 1e4}],
+            "identify_stiffness": {"snubber": "stop", "measured_with": [1.0]},
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [between_bodies(), between_places_of_one_beam(), on_body("panel")[0], on_body("sandwich")[0]],
+    ids=["between bodies", "between places of one beam", "on the first of three", "on a beam given by its stiffness"],
+)
+def test_sensitivities_are_those_of_direct_differences(scenario):
+    omega = float(snubber_point(scenario, "stop").frequencies(2e4, 1)[0])
+    relative = stiffness_sensitivities(scenario, "stop", omega)
+    snubber_places = [path for path in relative if path[0] == "snubbers"]
+    assert len(snubber_places) == len(scenario.snubbers[0].places)
+    step = 1e-4
+    for path, rate in relative.items():
+        stiffness = []
+        for sign in (1, -1):
+            changed = with_values(scenario, {path: value_at(scenario, path) * (1 + sign * step)})
+            stiffness.append(float(snubber_point(changed, "stop").stiffness(omega)))
+        difference = np.log(stiffness[0] / stiffness[1]) / (2 * step)
+        moved = path[-1] in ("position", "length")  # nodes move, and with them the error of the discretisation
+        assert rate == pytest.approx(difference, rel=5e-3 if moved else 1e-6, abs=1e-3 if moved else 1e-8), path
+
+
+@pytest.mark.parametrize(
+    ("body", "positions", "message"),
+    [
+        ("panel", [0.1, 0.9], r"positions\[1\] = 0.9 m lies beyond bodies.panel.length"),
+        ("masses", [1, 5], r"positions\[1\] = 5 is not the number of a mass"),
+        ("masses", [1.5, 2], r"positions\[0\] = 1.5 is not the number of a mass"),
+    ],
+)
+def test_positions_of_shapes_lie_on_the_body(body, positions, message):
+    scenario, _ = on_body(body)
+    with pytest.raises(ScenarioError, match=message):
+        load_scenario(scenario, {"identify_stiffness.shapes_without": {"positions": positions, "shapes": [[1.0, 2.0]]}})

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import beamsim
 from beamsim.analyses.rainflow import damage, equivalent_range, rainflow
@@ -177,6 +178,32 @@ def test_rainflow_of_the_worked_example():
     assert equivalent_range(cycles, 100.0, limit=largest) == 0.0
 
 
+def test_stress_and_force_are_counted_as_dense_samples_are():
+    """Turning points in closed form give the cycles of a record sampled at 2 MHz."""
+    case = load_scenario(
+        EXAMPLES / "one_sided_65hz.yaml",
+        ["run.duration=0.1", "run.sample_rate=2 MHz", "run.convergence=off", "run.impacts={}", "run.spectrum.last=0.1",
+         "run.fatigue={stress_range: 80 MPa, exponent: 5, cycles: 2e6}"],
+    )  # fmt: skip
+    result = beamsim.run(case)
+    (snubber,) = result.impacts.snubbers.values()
+    sampled = rainflow(next(iter(result.snubbers.values())).force)
+    counted = np.stack([snubber.rainflow.range, snubber.rainflow.mean, snubber.rainflow.count], axis=1)
+    large = 1e-3 * snubber.peak_force_n
+    exact, of_samples = (np.sort(x[x[:, 0] > large, 0]) for x in (counted, sampled))
+    np.testing.assert_allclose(exact, of_samples, rtol=1e-3, atol=1e-3 * snubber.peak_force_n)
+    (body,) = result.fatigue.values()
+    assert body.largest_range_pa <= 2.0 * result.summary["largest_bending_stress_pa"]
+    assert np.max(np.abs(body.rainflow.mean) + 0.5 * body.rainflow.range) == pytest.approx(
+        result.summary["largest_bending_stress_pa"], rel=1e-9
+    )
+    assert body.damage == pytest.approx(
+        damage(np.stack([body.rainflow.range, body.rainflow.mean, body.rainflow.count], axis=1), 80e6, 2e6, 5.0)
+    )
+    assert body.life_s == pytest.approx(0.1 / body.damage, rel=1e-12)
+    assert body.cycles * (body.equivalent_range_pa / 80e6) ** 5 / 2e6 == pytest.approx(body.damage, rel=1e-12)
+
+
 def test_failure_within_a_run_is_doubted():
     """Stress ranges of 80 Pa instead of 80 MPa gave a life of 0 s without a word."""
     case = EXAMPLES / "one_sided_65hz.yaml"
@@ -186,6 +213,27 @@ def test_failure_within_a_run_is_doubted():
         result = beamsim.run(load_scenario(case, [*short, fatigue]))
         doubts = [text for text in result.warnings if "is failure within the run" in text]
         assert [text.startswith("the damage of beam = ") for text in doubts] == [True] * doubted
+
+
+@pytest.mark.slow
+def test_intervals_of_a_random_input():
+    """That of the rate is Student's t interval of the counts in equal blocks; the others hold their value."""
+    psd = "[{frequency: 20, density: 0.5 g^2/Hz}, {frequency: 300, density: 0.5 g^2/Hz}]"
+    random = f"excitation={{kind: random, applied_to: base, psd: {psd}, seed: 3}}"
+    overrides = ["run.spectrum.last=0.1", "run.convergence=off", "run.impacts={}", "run.duration=3", random]
+    case = load_scenario(EXAMPLES / "one_sided_65hz.yaml", overrides)
+    impacts = beamsim.run(case).impacts
+    (snubber,) = impacts.snubbers.values()
+    rows = {row.figure: row for row in snubber.intervals}
+    edges = np.linspace(0.3, 3.0, 21)
+    counts = np.histogram(impacts.begin, edges)[0]
+    half = stats.t.ppf(0.975, 19) * counts.std(ddof=1) / np.sqrt(20)
+    rate = rows["rate_hz"]
+    assert counts.sum() > 100
+    assert rate.value == pytest.approx(counts.sum() / 2.7, rel=1e-12)
+    assert [rate.low, rate.high] == pytest.approx([(20 * (counts.mean() + x)) / 2.7 for x in (-half, half)], rel=1e-9)
+    assert all(row.low < row.value < row.high for row in rows.values())
+    assert rows["rms_force_n"].value == pytest.approx(snubber.rms_force_n, rel=0.2)
 
 
 @pytest.mark.parametrize(

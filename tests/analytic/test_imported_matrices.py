@@ -85,6 +85,16 @@ def problems(folder, mass, stiffness, table, **given):
     return str(caught.value)
 
 
+def test_a_free_beam_keeps_its_rigid_motions(tmp_path):
+    model = exported(BEAM.replace("left: clamped", "left: free"))
+    case = imported(tmp_path, model.mass, model.stiffness, model.table, base="free")
+    assert model.base == ()
+    known = frequencies(built(BEAM.replace("left: clamped", "left: free")))
+    read = frequencies(case)
+    assert np.array_equal(read[:2], [0.0, 0.0])
+    np.testing.assert_allclose(read[2:], known[2:], rtol=1e-8)
+
+
 def test_motions_without_mass_follow_statically(tmp_path):
     """Rotations without inertia: the condensed eigenproblem in closed form."""
     model = exported()

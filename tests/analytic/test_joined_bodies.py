@@ -8,8 +8,10 @@ from scipy.optimize import brentq
 import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
+from beamsim.store.results import open_result, write_result
 from beamsim.structures.assembly import assemble
 from beamsim.system.build import build_system
+from beamsim.system.parts import reduced_parts
 
 BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.01, "youngs_modulus": 70e9, "density": 2700.0}
 EI, MASS = 70e9 * 0.05 * 0.01**3 / 12, 2700 * 0.05 * 0.01
@@ -121,6 +123,21 @@ def test_rotational_spring_at_the_root_adds_its_compliance_and_its_dashpot_damps
     np.testing.assert_allclose(system.dynamics.damping, dashpot * np.outer(slope, slope), rtol=1e-4, atol=1e-3)
 
 
+def test_spring_joint_and_springs_of_the_scenario_are_the_same():
+    bodies = {"a": beam(0.5, left="clamped"), "b": beam(0.5, left="clamped")}
+    ends = [at("a", 0.5), at("b", 0.35)]
+    joint = frequencies(joined(bodies, [{"kind": "spring", "stiffness": 3e3, "between": ends}]))
+    spring = {"kind": "linear", "stiffness": 3e3}
+    np.testing.assert_allclose(
+        frequencies({**joined(bodies, []), "springs_between": [{**spring, "between": ends}]}), joint, rtol=1e-12
+    )
+    to_base = frequencies(joined(bodies, [{"kind": "spring", "stiffness": 3e3, "between": [ends[0], "base"]}]))
+    grounded = {**joined(bodies, []), "springs_to_ground": [{**spring, "at": ends[0]}], **SHAKEN}
+    np.testing.assert_allclose(frequencies(grounded), to_base, rtol=1e-12)
+    load = build_system(load_scenario(grounded)).forcing.load  # the ground stays where it is when the base moves
+    assert load.shape[0] == 2
+
+
 def test_modal_ratios_are_weighted_by_strain_energy():
     damping = [{"damping": {"kind": "modal", "ratio": ratio}} for ratio in (0.03, 0.01)]
     bodies = {"a": beam(0.5, 40, "clamped", **damping[0]), "b": beam(0.4, 40, **damping[1])}
@@ -163,6 +180,15 @@ def test_mechanism_is_refused_with_the_name_of_the_free_motion():
     case["snubbers"] = []
     with pytest.raises(ScenarioError, match=r"joints\[0\] \(joint_1\) leaves panel free to turn there, and nothing"):
         build_system(load_scenario(case))
+
+
+def test_floating_as_a_whole_is_no_mechanism():
+    bodies = {"a": beam(0.5), "b": beam(0.5)}
+    case = joined(bodies, [{"kind": "rigid", "between": [at("a", 0.5), at("b", 0.0)]}])
+    whole = {key: value for key, value in beam(1.0, 20).items() if key != "kind"}
+    together, expected = frequencies(case), frequencies({"beam": whole, "reduction": {"modes": "all"}})
+    np.testing.assert_array_equal(together[:2], 0.0)
+    np.testing.assert_allclose(together[2:], expected[2:], rtol=1e-10)
 
 
 def test_points_that_do_not_lie_together_give_a_warning_with_their_distance():
@@ -277,6 +303,15 @@ def test_snubber_where_a_joint_leaves_no_motion_is_refused():
         build_system(load_scenario(case))
 
 
+def test_mass_of_a_chain_hinged_to_a_beam_is_a_point_mass():
+    bodies = {"a": beam(0.5, left="clamped"), "c": {"kind": "chain", "masses": [0.3], "springs": [0.0]}}
+    case = joined(bodies, [{"kind": "hinge", "between": [at("a", 0.5), {"body": "c", "mass": 1}]}])
+    alone = {key: value for key, value in bodies["a"].items() if key != "kind"}
+    alone["point_masses"] = [{"position": 0.5, "mass": 0.3}]
+    expected = frequencies({"beam": alone, "reduction": {"modes": "all"}})
+    np.testing.assert_allclose(frequencies(case), expected, rtol=1e-9)
+
+
 def test_start_of_a_beam_that_is_joined_to_the_base():
     plain = {key: value for key, value in beam(0.5, left="pinned").items() if key != "kind"}
     held = {"kind": "rigid", "between": [{"position": 0.0}, "base"]}
@@ -292,3 +327,78 @@ def test_start_of_a_beam_that_is_joined_to_the_base():
     tip = support.probes["tip"].displacement
     assert tip[0] == pytest.approx(0.01 * 0.25, rel=1e-6)
     np.testing.assert_allclose(joint.probes["tip"].displacement, tip, atol=1e-9 * np.abs(tip).max())
+
+
+def test_start_of_bodies_that_are_joined():
+    case = yoke() | {"snubbers": [], "reduction": {"modes": "all"}}
+    rise = 0.01 / 0.09
+    bodies = {"yoke": {"displacement": [0.0, 0.0, rise]}, "panel": {"displacement": [0.01, 0.02]}}
+    case["run"] = {"duration": 0.01, "sample_rate": 2000.0, "start": {"bodies": bodies}}
+    result = beamsim.run(load_scenario(case))
+    assert result.probes["yoke"].displacement[0] == pytest.approx(rise * 0.25**2, rel=1e-9)
+    assert result.probes["panel"].displacement[0] == pytest.approx(0.01 + 0.02 * 0.25, rel=1e-9)
+    assert abs(result.probes["alone"].displacement[0]) < 1e-15
+    assert not any("relative error" in warning for warning in result.warnings)
+
+
+def test_piecewise_linear_spring_at_a_point_is_a_pair_of_stops_on_the_ground():
+    spring = {"name": "s", "kind": "piecewise_linear", "breakpoints": [-1e-3, 1e-3], "stiffnesses": [1e4, 0.0, 1e4]}
+    stop = {"name": "s", "side": "both", "mounted_on": "ground", "stiffness": 1e4, "gap": 1e-3}
+    case = {**yoke(), "snubbers": [], "reduction": {"modes": 8}}
+    with_spring = beamsim.run(load_scenario(case | {"springs_to_ground": [{**spring, "at": at("panel", "80 %")}]}))
+    with_stops = beamsim.run(load_scenario(case | {"snubbers": [{**stop, "at": at("panel", "80 %")}]}))
+    assert sum(with_stops.summary["contacts"].values()) >= 2
+    expected = with_stops.probes["panel"].displacement
+    np.testing.assert_allclose(with_spring.probes["panel"].displacement, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_position_as_a_share_of_the_length():
+    case = load_scenario(yoke() | {"probes": [{"name": "p", "at": at("panel", "60 %")}]})
+    assert case.all_bodies["panel"].point_of(case.effective_probes[0].place) == pytest.approx(0.54)
+    assert load_scenario(case.to_yaml()) == case
+    with pytest.raises(ScenarioError, match=r"probes\[0\].at.position = 0.99 m lies beyond"):
+        load_scenario(yoke() | {"probes": [{"name": "p", "at": at("panel", "110 %")}]})
+    path = "snubbers.end.at.position"
+    vary = {"kind": "grid", "parameters": [{"path": path, "values": [0.5, "60 %"]}]}
+    with pytest.raises(ScenarioError, match="60 % must be a position, not a ratio"):
+        load_scenario(yoke() | {"vary": vary})
+
+
+@pytest.mark.parametrize("spring", [0.0, 150.0])
+def test_energies_of_modes_are_those_of_the_bodies_and_of_the_springs_between(spring, tmp_path):
+    """Of every coordinate: kinetic energies add up, and what strain energy the bodies lack is in the hinge's spring."""
+    ends = [at("a", 0.4), at("b", 0.0)]
+    case = joined(
+        {"a": beam(0.4, 8, "clamped"), "b": beam(0.6, 12)},
+        [{"name": "h", "kind": "hinge", "between": ends, "rotational_stiffness": spring}],
+        snubbers=[{"name": "s", "at": at("b", 0.6), "side": "below", "stiffness": 1e4, "gap": 1e-3}],
+        reduction={"modes": 5},
+        run={"duration": 0.01, "sample_rate": 1000.0, "start": "rest"},
+    )
+    result = beamsim.run(load_scenario(case))
+    modes = result.modes
+    kinetic, strain = modes.kinetic_energy_share, modes.strain_energy_share
+    assert list(kinetic) == list(strain) == ["a", "b"]
+    np.testing.assert_allclose(sum(kinetic.values()), 1.0, rtol=1e-10)
+    flexible = modes.open_frequencies_hz > 0
+    assert flexible.sum() == 6 - (spring == 0.0)
+    if spring == 0.0:
+        np.testing.assert_allclose(sum(strain.values())[flexible], 1.0, rtol=1e-9)
+        assert np.isnan(strain["a"][0])
+        # the free bar turns about the hinge, and the beam that it hangs on is still
+        np.testing.assert_allclose([kinetic["a"][0], kinetic["b"][0]], [0.0, 1.0], atol=1e-12)
+    else:
+        structure = assemble(load_scenario(case))
+        coupling = next(c for c in structure.couplings if c.stiffness)
+        vectors = np.array([np.asarray(structure.row(coupling.site))])
+        reduced = vectors @ reduced_basis(case)
+        omega = 2 * np.pi * modes.open_frequencies_hz
+        in_spring = spring * reduced[0] ** 2 / structure.mass_scale / omega**2
+        assert in_spring[0] > 0.05
+        np.testing.assert_allclose(1 - sum(strain.values()), in_spring, atol=1e-9)
+    again = open_result(write_result(result, tmp_path / "r.h5"))
+    np.testing.assert_array_equal(again.modes.strain_energy_share["b"], strain["b"])
+
+
+def reduced_basis(case):
+    return reduced_parts(load_scenario(case)).basis.vectors

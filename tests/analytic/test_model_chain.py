@@ -39,6 +39,11 @@ def test_floating_chain_has_an_exact_zero():
     assert np.isnan(s.modes.damping_ratios[0])
 
 
+def test_a_very_soft_wall_spring_is_no_rigid_body():
+    s = system({"masses": [1, 1, 1], "springs": [1e-12, 1, 1]})
+    assert s.dynamics.stiffness[0] == pytest.approx(1e-12 / 3, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("springs", "grounded", "expected"),
     [
@@ -69,6 +74,13 @@ def test_dashpots_project():
     stiffness = np.linalg.inv(shape).T @ np.diag(s.dynamics.stiffness) @ np.linalg.inv(shape)
     np.testing.assert_allclose(stiffness, [[7, -4], [-4, 9]], atol=1e-13)
     np.testing.assert_allclose(np.linalg.inv(shape @ shape.T), np.diag([1.0, 2.0]), atol=1e-14)
+
+
+def test_modal_damping_adds_to_dashpots():
+    chain = {"masses": [1], "springs": [4], "dashpots": [0.1], "damping": {"kind": "modal", "ratio": 0.05}}
+    s = system(chain)
+    assert s.dynamics.damping[0, 0] == pytest.approx(0.1 + 2 * 0.05 * 2)
+    assert s.modes.damping_ratios[0] == pytest.approx((0.1 + 0.2) / 4)
 
 
 def test_moving_walls_push_relative_coordinates_with_the_inertia():

@@ -154,6 +154,11 @@ def test_root_moment_under_harmonic_base_motion(modes):
         assert np.abs(without - exact).max() > 10 * np.abs(moment - exact).max()
 
 
+def test_effective_mass_of_the_first_cantilever_mode():
+    s = system(harmonic(), beam={"elements": 40})
+    assert s.forcing.load[0, 0] ** 2 / (LINE * 0.5) == pytest.approx(0.61308, rel=1e-4)
+
+
 def test_a_free_body_stays_where_it_is_when_the_base_moves():
     free = {"left": "free", "right": "free"}
     s = system(harmonic(), beam={"supports": free, "point_masses": [{"position": 0.2, "mass": 0.05}]})

@@ -106,6 +106,14 @@ def test_shape_under_a_released_force(modes):
     np.testing.assert_allclose(s.static_equilibrium, 0.0, atol=1e-18)
 
 
+def test_a_released_force_presses_the_contact():
+    stop = {"position": 1.0, "side": "below", "stiffness": 1e4, "gap": 1e-4}
+    s = system({"released_force": {"position": 1.0, "force": -20.0}}, snubbers=[stop])
+    tip = s.snubbers[0].shape @ s.initial_state[: s.dynamics.size]
+    beam = 3 * EI
+    assert tip == pytest.approx(-(20 + 1e4 * 1e-4) / (beam + 1e4), rel=1e-10)
+
+
 def test_a_released_force_that_nothing_balances_is_refused():
     stop = {"position": 1.0, "side": "below", "stiffness": 1e4, "gap": 1e-4}
     with pytest.raises(ScenarioError, match=r"run\.start\.released_force"):

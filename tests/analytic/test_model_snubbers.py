@@ -64,11 +64,29 @@ def test_a_preload_on_a_hinged_panel_between_two_stops():
     np.testing.assert_allclose(contact_forces(s, s.static_equilibrium), [5.0, 5.0], rtol=1e-9)
 
 
+def test_no_equilibrium_when_gravity_pulls_a_hinged_panel_off():
+    hinged = {"supports": {"left": "pinned", "right": "free"}}
+    s = system(stop(side="above", gap=1e-3), gravity=9.81, start="rest", **hinged)
+    assert s.static_equilibrium is None
+    assert "not in balance" in s.static_reason
+    assert np.isnan(s.snubbers[0].preload)
+    with pytest.raises(ScenarioError, match=r"run\.start .*not in balance.*start from rest"):
+        system(stop(side="above", gap=1e-3), gravity=9.81, **hinged)
+
+
 def test_a_floating_panel_has_no_single_equilibrium():
     hinged = {"supports": {"left": "pinned", "right": "free"}}
     with pytest.raises(ScenarioError, match=r"run\.start .*floats"):
         system(stop(gap=1e-3), **hinged)
     assert system(stop(gap=1e-3), start="rest", **hinged).static_equilibrium is None
+
+
+def test_a_hinged_panel_rests_on_its_stop():
+    s = system(stop(gap=1e-3), gravity=9.81, supports={"left": "pinned", "right": "free"})
+    weight = 2700 * 0.05 * 0.01 * 9.81
+    assert s.snubbers[0].preload == pytest.approx(weight / 2, rel=1e-9)
+    tip = s.snubbers[0].shape @ s.static_equilibrium
+    assert tip == pytest.approx(-1e-3 - weight / 2 / 2e4, rel=1e-9)
 
 
 def test_a_very_stiff_snubber_pins_the_point():
@@ -86,6 +104,15 @@ def test_dashpot_from_ratio_of_one_mass():
     assert c == pytest.approx(2 * 0.05 * np.sqrt(400.0 * 4.0), rel=1e-14)
     with pytest.raises(ValueError, match="no natural frequency"):
         dashpot_from_ratio(0.05, 400.0, np.zeros(1), np.zeros(1), 1)
+
+
+def test_dashpot_uses_only_its_own_snubber():
+    alone = system(stop(gap=0.0, damping={"kind": "ratio", "ratio": 0.02}))
+    pair = system(stop(gap=0.0, damping={"kind": "ratio", "ratio": 0.02}), stop(0.6, stiffness=5e6, gap=0.0))
+    omega = 2 * np.pi * alone.modes.closed_frequencies_hz[0]
+    assert alone.snubbers[0].dashpot == pytest.approx(2 * 0.02 * 2e4 / omega, rel=1e-12)
+    assert pair.snubbers[0].dashpot == pytest.approx(alone.snubbers[0].dashpot, rel=1e-6)
+    assert pair.snubbers[1].dashpot == 0.0
 
 
 def test_dashpot_skips_a_rigid_body_mode_that_the_snubber_leaves():

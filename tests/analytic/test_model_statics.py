@@ -64,6 +64,20 @@ def test_cantilever_under_gravity_with_and_without_a_tip_mass(modes, mass):
     np.testing.assert_allclose(moment, -load * (L - x) ** 2 / 2 - mass * G * (L - x), rtol=1e-8, atol=1e-9)
 
 
+@pytest.mark.parametrize("place", [0.25, 0.3, 0.31])  # a node of ten elements is at 0.24 and 0.32
+def test_force_between_the_nodes_of_a_pinned_beam_peaks_where_it_acts(place):
+    force = 5.0
+    system = build_system(scenario("pinned", "pinned", constant_forces=[{"position": place, "force": force}]))
+    x, w, moment = recovered(system)
+    a, b = place, L - place
+    assert place in x
+    expected = np.where(x < a, -force * b * x / L, -force * a * (L - x) / L)
+    np.testing.assert_allclose(moment, expected, atol=1e-8 * force * L)
+    at = int(np.flatnonzero(x == place)[0])
+    # Inside its element the force sees the cubic interpolation's compliance.
+    assert w[at] == pytest.approx(force * a**2 * b**2 / (3 * EI * L), rel=2e-3)
+
+
 def test_propped_cantilever_limit_of_a_stiff_preloaded_stop():
     # A huge stop that just touches under gravity's push: the reaction is 3/8 of the weight.
     system = build_system(
@@ -103,6 +117,23 @@ def test_without_the_static_vector_the_compliance_would_be_off():
     assert off < -1e-3
 
 
+def test_two_contacts_know_each_other():
+    places = [0.3 * L, L]
+    system = build_system(
+        scenario(
+            modes=2,
+            elements=20,
+            snubbers=[{"position": x, "side": "below", "stiffness": 1e4, "gap": 0.0} for x in places],
+        )
+    )
+    shape = system.dynamics.contacts.shape
+    flexibility = (shape / system.dynamics.stiffness) @ shape.T
+    x, y = places
+    expected = np.array([[x**3 / 3, x**2 * (3 * y - x) / 6], [x**2 * (3 * y - x) / 6, y**3 / 3]]) / EI
+    np.testing.assert_allclose(flexibility, expected, rtol=1e-10)
+    assert system.modes.static_vectors == 2
+
+
 def test_inertia_relief_of_a_free_beam():
     """The flexible compliance of a free-free beam at its end, in steady acceleration: L^3 / (105 E I)."""
     system = build_system(
@@ -136,3 +167,12 @@ def test_moment_rows_reproduce_the_strain_energy():
     for j in range(3):
         square = CubicSpline(x, moment[:, j] ** 2)
         assert square.integrate(0, L) / EI == pytest.approx(system.dynamics.stiffness[j], rel=2e-4)
+
+
+def test_stiffness_ratio_and_blocked_force():
+    system = build_system(scenario(snubbers=[{"position": L, "side": "below", "stiffness": 2e4, "gap": -1e-4}]))
+    info = system.snubbers[0]
+    assert info.stiffness_ratio == pytest.approx(2e4 * L**3 / EI)
+    assert info.blocked_force == pytest.approx(2.0)
+    # Prestress z against the tip's compliance: N = k z / (1 + k L^3 / 3 E I).
+    assert info.preload == pytest.approx(2.0 / (1 + 2e4 * L**3 / (3 * EI)), rel=1e-10)

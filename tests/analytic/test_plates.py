@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from beamsim.scenario.beam import Beam
 from beamsim.scenario.loading import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
-from beamsim.scenario.plate import EDGES, Plate, PlateSupports, Stiffener, StiffnessPlate
+from beamsim.scenario.plate import EDGES, Plate, PlateSupports, Stiffener
 from beamsim.structures.assembly import assemble, snubber_site
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.modes import natural_modes
@@ -49,6 +51,57 @@ def stiffener(start: tuple[float, float], end: tuple[float, float], **given: flo
     return Stiffener(**{"from": start, "to": end, **numbers})
 
 
+def levy_determinant(squared: float, m: int, bottom: str, top: str, width: float, nu: float) -> float:
+    """Of the conditions at y = 0 and width for w = Y(y) sin(m pi x) at a frequency parameter, length 1.
+
+    Y'''' - 2 k^2 Y'' + (k^4 - lambda^2) Y = 0 with k = m pi (A. W. Leissa, J. Sound Vib. 31 (1973), equations 5 to 9).
+    """
+    k = m * np.pi
+    p = np.sqrt(k**2 + squared)
+    r = squared - k**2
+    q = np.sqrt(abs(r))
+    # sinh and cosh from both edges, which does not overflow, and the pair of the other root
+    values = {
+        "decaying": lambda y, n: (-p) ** n * np.exp(-p * y),
+        "growing": lambda y, n: p**n * np.exp(-p * (width - y)),
+    }
+
+    def other(y: float, n: int) -> tuple[float, float]:
+        if r >= 0:
+            return q**n * np.cos(q * y + n * np.pi / 2), q ** (n - 1) * np.sin(q * y + n * np.pi / 2) if n else (
+                np.sin(q * y) / q if q > 0 else y
+            )
+        return (
+            q**n * (np.cosh(q * y) if n % 2 == 0 else np.sinh(q * y)),
+            q ** (n - 1) * (np.sinh(q * y) if n % 2 == 0 else np.cosh(q * y)),
+        )
+
+    def row(y: float, n: int) -> np.ndarray:
+        return np.array([values["decaying"](y, n), values["growing"](y, n), *other(y, n)])
+
+    rows = []
+    for y, edge in ((0.0, bottom), (width, top)):
+        deflection, slope = row(y, 0), row(y, 1)
+        moment = row(y, 2) - nu * k**2 * deflection
+        force = row(y, 3) - (2 - nu) * k**2 * slope
+        rows += {"C": [deflection, slope], "S": [deflection, moment], "F": [moment, force]}[edge]
+    matrix = np.array(rows)
+    return float(np.linalg.det(matrix / np.linalg.norm(matrix, axis=1, keepdims=True)))
+
+
+def levy_parameters(bottom: str, top: str, count: int, width: float = 1.0, nu: float = 0.3) -> np.ndarray:
+    """The lowest frequency parameters, length 1, left and right edges pinned."""
+    roots: list[float] = []
+    highest = 140.0 if width == 1.0 else 70.0
+    for m in range(1, 4):
+        grid = np.linspace(0.02, highest, 500)
+        found = [levy_determinant(g, m, bottom, top, width, nu) for g in grid]
+        for (a, fa), (b, fb) in pairwise(zip(grid, found, strict=True)):
+            if fa * fb < 0 and not a < (m * np.pi) ** 2 < b:
+                roots.append(brentq(levy_determinant, a, b, args=(m, bottom, top, width, nu), xtol=1e-12))
+    return np.sort(roots)[:count]
+
+
 def test_all_edges_pinned_converge_with_order_four() -> None:
     exact = np.sort([np.pi**2 * (m**2 + (n / 0.7) ** 2) for m in range(1, 6) for n in range(1, 6)])[:6]
     errors = [parameters(plate("SSSS", (n, n), width=0.7), 6) / exact - 1 for n in (6, 12)]
@@ -58,24 +111,28 @@ def test_all_edges_pinned_converge_with_order_four() -> None:
     assert order == pytest.approx(4.0, abs=0.15)
 
 
-def test_orthotropic_plate_with_pinned_edges() -> None:
-    stiffness = {"dx": 3000.0, "dy": 800.0, "nu": 0.4, "dxy": 500.0}
-    section = StiffnessPlate(
-        length=0.9, width=0.6, bending_stiffness=stiffness, mass_per_area=4.0, elements=(14, 14),
-        supports=supports("SSSS"),
-    )  # fmt: skip
-    h = 0.4 * 800.0 + 2 * 500.0
-    squared = np.sort(
-        [
-            (3000.0 * x**4 + 2 * h * x**2 * y**2 + 800.0 * y**4) / 4.0
-            for x in np.arange(1, 8) * np.pi / 0.9
-            for y in np.arange(1, 8) * np.pi / 0.6
-        ]
-    )[:8]
-    structure = assemble_plate(section)
-    omega = natural_modes(structure, count=8).first(8).omega * structure.frequency_scale
-    np.testing.assert_allclose(omega, np.sqrt(squared), rtol=2e-4)
-    assert np.all(omega >= np.sqrt(squared))
+@pytest.mark.parametrize(
+    ("edges", "width", "published"),
+    [("CC", 1.0, 28.9509), ("FF", 1.0, 9.6314), ("CS", 1.0, 23.6463), ("SF", 1.0, 11.6845), ("CF", 1.0, 12.6874),
+     ("SS", 1.0, 19.7392), ("CF", 2.5, None), ("SF", 2.5, None)],
+)  # fmt: skip
+def test_levy_cases(edges: str, width: float, published: float | None) -> None:
+    """A. W. Leissa, J. Sound Vib. 31 (1973), tables C1 to C6, square, nu = 0.3; five modes of the solution itself."""
+    exact = levy_parameters(edges[0], edges[1], 5, width)
+    assert exact.size == 5
+    if published is not None:
+        assert exact[0] == pytest.approx(published, abs=6e-5)
+    coarse, fine = (parameters(plate(f"SS{edges}", (n, n), width=width), 5) / exact - 1 for n in (6, 12))
+    assert np.all(fine > -1e-10)
+    assert np.all(fine < 1e-3)
+    assert np.all(fine < coarse / 10)  # fourth order: 16, of the highest of them not yet
+
+
+def test_axes_exchanged_give_the_same() -> None:
+    one = assemble_plate(plate("CFSF", (5, 7), length=0.8, width=0.5))
+    other = assemble_plate(plate("SFCF", (7, 5), length=0.5, width=0.8))
+    a, b = (natural_modes(s, count=10).first(10).omega * s.frequency_scale for s in (one, other))
+    np.testing.assert_allclose(a, b, rtol=1e-11)
 
 
 @pytest.mark.parametrize("ends", ["CF", "CC", "SS", "FF"])
@@ -161,6 +218,34 @@ def test_stiffeners_alone_bend_and_twist_as_beams() -> None:
     omega = natural_modes(structure, count=1).omega[0] * structure.frequency_scale
     # Slightly less: across its width the strip bends at the stiffener, which carries the most of it.
     assert omega == pytest.approx(first, rel=2e-3)
+
+
+def test_energy_of_a_stiffener_along_a_diagonal() -> None:
+    """w = x^2 and w = x y are in the space of the elements; their energies along a line are exact."""
+    beam = stiffener((0.1, 0.05), (0.7, 0.45))
+    bare = plate("FFFF", (5, 4), length=0.8, width=0.5)
+    forms = []
+    for section in (bare, bare.model_copy(update={"stiffeners": (beam,)})):
+        s = assemble_plate(section)
+        x, y = s.mesh.x.nodes, s.mesh.y.nodes
+        square = np.column_stack([(0.8 * x) ** 2, 2 * 0.8 * x * 0.8]).ravel()
+        one_y = np.tile([1.0, 0.0], y.size)
+        linear_x = np.column_stack([0.8 * x, np.full(x.size, 0.8)]).ravel()
+        linear_y = np.column_stack([0.5 * y, np.full(y.size, 0.5)]).ravel()
+        fields = np.column_stack([np.kron(square, one_y), np.kron(linear_x, linear_y)])
+        bent = s.factor @ fields
+        forms.append(
+            (s.stiffness_scale * (bent.T @ bent).diagonal(), s.mass_scale * np.diag(fields.T @ (s.mass @ fields)))
+        )
+    length = np.hypot(0.6, 0.4)
+    c, sn = 0.6 / length, 0.4 / length
+    stiffness = forms[1][0] - forms[0][0]
+    assert stiffness[0] == pytest.approx(length * (30.0 * (2 * c**2) ** 2 + 7.0 * (2 * c * sn) ** 2), rel=1e-9)
+    assert stiffness[1] == pytest.approx(length * (30.0 * (2 * c * sn) ** 2 + 7.0 * (c**2 - sn**2) ** 2), rel=1e-9)
+    points, weights = np.polynomial.legendre.leggauss(8)
+    t = (points + 1) / 2
+    x = 0.1 + 0.6 * t
+    assert forms[1][1][0] - forms[0][1][0] == pytest.approx(0.4 * length * (weights / 2 @ x**4), rel=1e-9)
 
 
 def test_sensitivities_of_a_plate_against_differences() -> None:

@@ -1,6 +1,7 @@
 """Reactions, joint forces, motions and energies while supports move, against full matrices and equal models."""
 
 import numpy as np
+import pytest
 from independent import Beam
 from scipy.linalg import expm
 
@@ -22,6 +23,10 @@ RUN = {"duration": 0.2, "convergence": "off"}
 
 def force(name, **where):
     return {"name": name, "kind": "reaction_force", **where}
+
+
+def moment(name, **where):
+    return {"name": name, "kind": "reaction_moment", **where}
 
 
 ENERGIES = [{"name": kind, "kind": f"{kind}_energy"} for kind in ("kinetic", "strain")]
@@ -118,3 +123,52 @@ def test_of_the_walls_of_a_chain():
     agree(found["right"], 400.0 * (wall - y) + 0.3 * (rate - w), 1e-10)
     agree(found["strain"], 150.0 * x**2 + 100.0 * (y - x) ** 2 + 200.0 * (wall - y) ** 2, 1e-10)
     agree(found["kinetic"], 0.5 * v**2 + w**2, 1e-10)
+
+
+def joined(*joints, excitation, outputs, **changed):
+    body = {**BEAM, "kind": "beam", "supports": {"left": "free"}, **changed}
+    between = lambda at: [{"body": "panel", "position": at}, "base"]  # noqa: E731
+    return load_scenario({
+        "bodies": {"panel": body}, "run": RUN, "outputs": outputs,
+        "joints": [{**joint, "between": between(joint["between"])} for joint in joints], "excitation": excitation,
+        "probes": [{"name": "p", "at": {"body": "panel", "position": 0.6 * L}}],
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("direction", ["z", "slope"])
+def test_a_joint_to_the_base_exerts_what_the_support_exerts_that_it_stands_for(direction):
+    level = {"level": "1 mm" if direction == "z" else "1 deg"}
+    outputs = [{"name": f"joint_{what}", "kind": f"joint_{what}", "joint": "root"} for what in ("force", "moment")]
+    excitation = {**LEFT, **level, "applied_to": {"joint": "root", "direction": direction}}
+    root = {"name": "root", "kind": "rigid", "between": 0}
+    _, one = values(joined(root, excitation=excitation, outputs=[*outputs, *ENERGIES]))
+    outputs = [force("joint_force", support="left"), moment("joint_moment", support="left")]
+    _, other = values(load_scenario({
+        "beam": {**BEAM, "supports": {"left": "clamped"}}, "run": RUN, "outputs": [*outputs, *ENERGIES],
+        "excitation": {**LEFT, **level, "applied_to": {"support": "left", "direction": direction}},
+        "probes": [{"name": "p", "position": 0.6 * L}],
+    }))  # fmt: skip
+    for name in other:
+        agree(one[name], other[name], 1e-7)
+
+
+def test_a_hinge_and_a_spring_to_the_base_that_both_move():
+    """Against a pinned end and a spring at the other end: what one moves, the other feels."""
+    hinge = {"name": "root", "kind": "hinge", "between": 0}
+    spring = {"name": "strut", "kind": "spring", "between": L, "stiffness": 3e3, "dashpot": 2.0}
+    both = {"kind": "forces", "forces": [{**LEFT, "applied_to": {"joint": "root"}},
+                                         {**RIGHT, "applied_to": {"joint": "strut"}}]}  # fmt: skip
+    outputs = [{"name": name, "kind": "joint_force", "joint": joint}
+               for name, joint in (("left", "root"), ("right", "strut"))]  # fmt: skip
+    kinetic = ENERGIES[:1]
+    damping = {"kind": "rayleigh", "mass": 3.0}  # which has no part in the spring
+    _, one = values(joined(hinge, spring, excitation=both, outputs=[*outputs, *kinetic], damping=damping))
+    _, other = values(load_scenario({
+        "beam": {**BEAM, "damping": damping,
+                 "supports": {"left": "pinned", "right": {"stiffness": 3e3, "dashpot": 2.0}}},
+        "excitation": {"kind": "forces", "forces": [LEFT, RIGHT]}, "run": RUN,
+        "outputs": [force("left", support="left"), force("right", support="right"), *kinetic],
+        "probes": [{"name": "p", "position": 0.6 * L}],
+    }))  # fmt: skip
+    for name in other:
+        agree(one[name], other[name], 1e-8)

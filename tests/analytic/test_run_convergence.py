@@ -103,6 +103,21 @@ def test_status_table_file_and_pictures_say_so(damped, tmp_path):
     assert not any("not converged" in t.get_text() for t in run_figures(stored)["displacement"].axes[0].texts)
 
 
+def test_an_undamped_step_force():
+    case = {
+        "beam": {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25},
+        "excitation": {"kind": "step", "applied_to": {"position": 0.27}, "level": "1 N"},
+        "probes": [{"name": "tip", "position": 0.27}],
+        "run": {"duration": 0.05},
+    }
+    s = beamsim.run(load_scenario(case)).summary
+    assert s["doubtful"] == ["peak_acceleration_g.tip", "rms_acceleration_g.tip"]  # each line by itself converges
+    assert s["convergence"]["peak_acceleration_g"]["tip"] > 0.2
+    assert s["convergence"]["peak_displacement_m"]["tip"] < 1e-3
+    case["run"]["low_pass"] = "1 kHz"
+    assert "peak_acceleration_g.tip" not in beamsim.run(load_scenario(case)).summary["doubtful"]
+
+
 def test_all_modes_kept_leaves_nothing_to_compare():
     run = {"duration": 10, "start": {"mode": 1, "amplitude": 1}}
     case = {"chain": {"masses": [1, 1], "springs": [1, 1, 0]}, "run": run}
@@ -207,3 +222,35 @@ def test_low_passed_peaks_of_a_fast_motion_are_right_on_long_steps(frequency):
     size = max(high[0], -low[0])
     assert high[0] == pytest.approx(fine.max(), abs=1e-5 * size)
     assert low[0] == pytest.approx(fine.min(), abs=1e-5 * size)
+
+
+def test_low_passed_peaks_reach_summary_histories_and_limits():
+    raw, read = (beamsim.run(harmonic_beam(run=r, limits={"peak_acceleration": "30 g"}))
+                 for r in ({"convergence": "off"}, {"convergence": "off", "low_pass": "200 Hz"}))  # fmt: skip
+    a, b = raw.summary["peak_acceleration_g"]["tip"], read.summary["peak_acceleration_g"]["tip"]
+    assert b < 0.7 * a
+    history = read.probes["tip"].low_passed_acceleration
+    assert np.abs(history).max() / 9.80665 == pytest.approx(b, rel=0.02)
+    np.testing.assert_array_equal(read.probes["tip"].absolute_acceleration, raw.probes["tip"].absolute_acceleration)
+    assert read.summary["margins"]["peak_acceleration"]["value"] == pytest.approx(b * 9.80665)
+    assert raw.probes["tip"].low_passed_acceleration is None
+
+
+@pytest.mark.slow
+def test_a_shoulder_beside_a_strong_line_is_not_sought_at_that_line():
+    """Order 3 has a weak line at 3.045 beside it, which the finer model does not show: order 3 changed by 80 %."""
+    pad = {"name": "pad", "position": 0.6, "side": "below", "stiffness": 1e5, "law": "no_tension", "gap": 1e-3,
+           "damping": {"kind": "ratio", "ratio": 0.05}}  # fmt: skip
+    beam = {"length": 1.2, "bending_stiffness": 2967, "mass_per_length": 2.4,
+            "damping": {"kind": "modal", "ratio": 0.02}, "supports": {"left": "pinned", "right": "pinned"}}  # fmt: skip
+    excitation = {"kind": "harmonic", "applied_to": "base", "level": "0.5 g", "frequency": "40 Hz"}
+    case = {
+        "beam": beam, "snubbers": [pad], "excitation": excitation, "reduction": {"highest_frequency": "2 kHz"},
+        "run": {"duration": 2.0, "low_pass": "2 kHz"},
+    }  # fmt: skip
+    result = beamsim.run(beamsim.load_scenario(case))
+    lines = [line for line in result.summary["spectral_lines"] if line["quantity"] == "absolute_acceleration"]
+    changes = {round(line["order"], 3): line["relative_change"] for line in lines}
+    assert 3.045 in changes
+    assert changes[3.0] < 0.01
+    assert result.summary["convergence"]["spectral_lines"]["pad absolute_acceleration"] < 0.02

@@ -36,6 +36,19 @@ def values(result):
     return {name: output.value[:] for name, output in result.outputs.items()}
 
 
+def test_static_reactions_of_a_cantilever():
+    force, x, mass = 20.0, 0.3, LINE * BEAM["length"]
+    case = {"beam": held("clamped", "free"), "gravity": 9.81, "constant_forces": [{"position": x, "force": force}]}
+    result = run(case, [support("force", "left"), support("moment", "left"), support("force", "base")])
+    expected = mass * 9.81 - force
+    assert result.summary["max_output"]["force_left"] == pytest.approx(expected, rel=1e-10)
+    assert result.summary["min_output"]["force_base"] == pytest.approx(expected, rel=1e-10)
+    # the clamp turns the beam up against its weight
+    moment = mass * 9.81 * BEAM["length"] / 2 - force * x
+    np.testing.assert_allclose(result.outputs["moment_left"].value[:], moment, rtol=1e-10)
+    assert result.outputs["moment_left"].unit == "N m"
+
+
 @pytest.mark.parametrize("modes", ["all", 4])
 def test_static_reactions_of_a_beam_clamped_at_both_ends(modes):
     """R = P b^2 (3 a + b) / L^3 and M = P a b^2 / L^2, also where the force acts within the element at the support."""
@@ -111,6 +124,69 @@ def test_sum_of_reactions_is_inertia_and_loads_with_contact():
     np.testing.assert_allclose(found["force_base"], base, atol=1e-10 * scale)
 
 
+def test_spring_support_and_spring_joint_pull_by_their_stretch():
+    """With all modes the force that follows from equilibrium is that of stiffness and dashpot."""
+    at = {"body": "outer", "position": 0.5}
+    more = [
+        {"name": "w", "kind": "displacement", "at": at}, {"name": "v", "kind": "velocity", "at": at},
+        {"name": "s", "kind": "displacement", "at": {"body": "inner", "position": 0.5}},
+        {"name": "r", "kind": "velocity", "at": {"body": "inner", "position": 0.5}},
+        {"name": "slope_in", "kind": "rotation", "at": {"body": "inner", "position": 0.8}},
+        {"name": "slope_out", "kind": "rotation", "at": {"body": "outer", "position": 0.0}},
+        {"name": "moment", "kind": "joint_moment", "joint": "hinge"},
+    ]  # fmt: skip
+    case = {**CONTACT, "reduction": {"modes": "all"}}
+    case["bodies"] = {
+        name: {k: v for k, v in body.items() if k != "damping"} for name, body in CONTACT["bodies"].items()
+    }
+    found = values(run(case, [*HOLDING, *more], duration=0.05))
+    pull = -4e4 * found["w"] - 3.0 * found["v"]
+    np.testing.assert_allclose(found["force_right"], pull, atol=1e-8 * np.abs(pull).max())
+    pull = -2e3 * found["s"] - found["r"]
+    np.testing.assert_allclose(found["strut"], pull, atol=1e-7 * np.abs(pull).max())
+    # without its dashpot, whose rate of rotation is no output
+    turned = 30.0 * (found["slope_out"] - found["slope_in"])
+    rate = np.gradient(turned / 30.0, 1 / 2000.0)
+    assert np.abs(found["moment"] + turned + 0.02 * rate)[2:-2].max() < 0.2 * np.abs(0.02 * rate).max()
+
+
+@pytest.mark.parametrize("modes", ["all", 6])
+def test_joint_of_a_cut_beam_carries_shear_and_moment_of_the_uncut_one(modes):
+    length, cut = 0.8, 0.32
+    common = {"excitation": SHAKEN, "gravity": 9.81, "reduction": {"modes": modes}}
+    stop = {"name": "s", "side": "below", "stiffness": 2e5, "gap": 1e-4}
+    points, weights = np.polynomial.legendre.leggauss(4)
+    x = (cut + (length - cut) / 12 * (np.arange(12)[:, None] + (points + 1) / 2)).ravel()
+    uncut = held("clamped", "free", elements=20, nodes=[cut])
+    outputs = [{"name": f"a{k}", "kind": "acceleration", "position": float(at)} for k, at in enumerate(x)]
+    outputs.append({"name": "moment", "kind": "bending_moment", "position": cut})
+    whole = run({**common, "beam": uncut, "snubbers": [{**stop, "position": length}]}, outputs, duration=0.1)
+    halves = {
+        "inner": {"kind": "beam", **held("clamped", "free", length=cut, elements=8)},
+        "outer": {"kind": "beam", **held("free", "free", length=length - cut, elements=12)},
+    }
+    joint = {
+        "name": "cut",
+        "kind": "rigid",
+        "between": [{"body": "inner", "position": cut}, {"body": "outer", "position": 0}],
+    }
+    asked = [
+        {"name": "force", "kind": "joint_force", "joint": "cut"},
+        {"name": "moment", "kind": "joint_moment", "joint": "cut"},
+    ]
+    stops = [{**stop, "at": {"body": "outer", "position": length - cut}}]
+    two = run({**common, "bodies": halves, "joints": [joint], "snubbers": stops}, asked, duration=0.1)
+    found, one = values(two), values(whole)
+    assert two.summary["events"] == whole.summary["events"] > 4
+    weight = np.tile(weights, 12) * (length - cut) / 24
+    outboard = LINE * sum(w * one[f"a{k}"] for k, w in enumerate(weight)) + LINE * (length - cut) * 9.81
+    shear = outboard - whole.snubbers["s"].force[:]
+    np.testing.assert_allclose(found["force"], shear, atol=1e-8 * np.abs(shear).max())
+    if modes == "all":  # else moments are recovered from displacements of few modes, forces from accelerations
+        # the moment on the outer half's left end is -E I w''
+        np.testing.assert_allclose(found["moment"], -one["moment"], atol=2e-6 * np.abs(one["moment"]).max())
+
+
 def test_energies_of_bodies_add_up_to_what_is_stored():
     case = {key: value for key, value in CONTACT.items() if key not in ("springs_to_ground", "snubbers")}
     case["joints"] = [{**CONTACT["joints"][0], "rotational_stiffness": 0.0, "rotational_dashpot": 0.0}]
@@ -154,6 +230,31 @@ def test_plate_carries_its_weight_to_edges_and_points():
     assert sum(found[f"force_{name}"][0] for name in names) == pytest.approx(weight, rel=1e-10)
     assert found["force_base"][0] == pytest.approx(weight, rel=1e-10)
     assert min(found[f"force_{name}"][0] for name in names) > 0.05 * weight
+
+
+@pytest.mark.parametrize("cubic", [False, True])
+def test_time_stepping_gives_the_same_outputs(cubic):
+    case = {**CONTACT, "excitation": {**SHAKEN, "frequency": 60.0}}
+    outputs = [*HOLDING, support("force", "base"), {"name": "T", "kind": "kinetic_energy", "body": "outer"}]
+    if not cubic:
+        settings = {"duration": 0.02, "sample_rate": 4000.0}
+        exact, stepped = (run(case, outputs, **settings, **more) for more in (
+            {}, {"method": "reference", "integrator": "DOP853", "rtol": 1e-10}))  # fmt: skip
+        for name, value in values(exact).items():
+            np.testing.assert_allclose(stepped.outputs[name].value[:], value, atol=1e-6 * np.abs(value).max())
+            assert stepped.summary["peak_output"][name] == pytest.approx(exact.summary["peak_output"][name], rel=1e-4)
+        return
+    # of a spring as stiff as a linear one at rest, the pull goes to the supports beside
+    chain = {
+        "chain": {"masses": [1.0, 2.0], "springs": [100.0, 50.0, 80.0],
+                  "springs_to_ground": [{"mass": 2, "kind": "cubic", "stiffness": 4e3}]},
+        "excitation": {**SHAKEN, "applied_to": {"mass": 1}, "level": 20.0, "frequency": 1.0},
+        "probes": [{"name": "one", "mass": 1}, {"name": "two", "mass": 2}],
+    }  # fmt: skip
+    result = run(chain, [support("force", "left"), support("force", "right")], duration=2.0, sample_rate=100.0)
+    one, two = result.probes["one"].displacement[:], result.probes["two"].displacement[:]
+    np.testing.assert_allclose(result.outputs["force_left"].value[:], -100.0 * one, atol=1e-8 * 100 * np.abs(one).max())
+    np.testing.assert_allclose(result.outputs["force_right"].value[:], -80.0 * two, atol=1e-8 * 80 * np.abs(two).max())
 
 
 def test_outputs_come_back_from_the_file_with_spectra_and_densities(tmp_path):

@@ -202,6 +202,26 @@ def test_parameter_uncertainties_add_in_quadrature():
     )
 
 
+@pytest.mark.parametrize(("left", "right", "position"), [("pinned", "free", 0.8), ("free", "free", 0.6)])
+def test_rigid_body_modes_are_not_counted_in_what_was_measured(left, right, position):
+    scenario = beam(position, left, right, elements=12)
+    point = snubber_point(scenario, "stop")
+    rigid = 1 if left == "pinned" else 2
+    closed = point.frequencies(3e4, 5) / (2 * np.pi)
+    closed = closed[closed > 1e-3]
+    changes = {
+        "identify_stiffness.measured_with": closed[:2].tolist(),
+        "identify_stiffness.measured_without": (point.omega[rigid : rigid + 2] / (2 * np.pi)).tolist(),
+    }
+    for listed in (1, 2):
+        result = identify_stiffness(load_scenario(scenario, {**changes, "identify_stiffness.fit_to": [listed]}))
+        assert result.estimate.stiffness == pytest.approx(3e4, rel=1e-9)
+        for table in (result.with_snubber, result.without_snubber):
+            known = np.isfinite(table.measured_hz)
+            assert table.difference_percent[known] == pytest.approx(np.zeros(2), abs=1e-8)
+        assert np.isnan(result.without_snubber.measured_hz[:rigid]).all()
+
+
 def test_of_several_modes_one_beyond_reach_is_a_warning():
     scenario = beam(0.9, elements=20)
     point = snubber_point(scenario, "stop")

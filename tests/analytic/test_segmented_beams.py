@@ -95,6 +95,30 @@ def test_rotary_inertia_inside_a_stepped_beam():
     assert np.all(without / got - 1 > 1e-3)
 
 
+def test_deflections_at_structural_nodes_are_exact():
+    """Of a coarse mesh under a load along the beam: between nodes they lack the particular solution."""
+    at, load = 0.371 * L, -3.0
+
+    def deflection(nodes):
+        case = beam(**THIN, elements=2, nodes=nodes)
+        case |= {
+            "constant_forces": [{"line": "whole", "force_per_length": load}],
+            "probes": [{"name": "inside", "position": at}],
+            "reduction": {"modes": "all"},
+            "run": {"duration": 0.01, "sample_rate": 1000.0},
+        }
+        system = build_system(load_scenario(case))
+        return float(system.probes[0].shape @ system.static_equilibrium), system
+
+    exact = load * at**2 * (6 * L**2 - 4 * L * at + at**2) / (24 * EI)
+    got, system = deflection([at])
+    assert got == pytest.approx(exact, rel=1e-9)
+    assert np.abs(system.bodies[0].position - at).min() < 1e-12
+    moment = system.bodies[0].bending_moment @ system.static_equilibrium
+    assert abs(deflection([])[0] / exact - 1) > 1e-4
+    assert moment[np.abs(system.bodies[0].position - at).argmin()] == pytest.approx(load * (L - at) ** 2 / 2, rel=1e-6)
+
+
 def test_uniform_beam_in_segments_is_the_uniform_beam():
     shaken = {
         "snubbers": [{"name": "s", "position": L, "stiffness": 5e4, "gap": 1e-4, "side": "below"}],

@@ -99,6 +99,18 @@ def test_convergence_summary_files_and_pictures(tmp_path):
     assert "middle_absolute_acceleration_maximax" in header
 
 
+@pytest.mark.slow
+def test_samples_of_a_time_stepped_run_agree_and_coarse_ones_warn():
+    exact = beamsim.run(panel(run={"convergence": "off", "sample_rate": "40 kHz"}))
+    more = {"convergence": "off", "method": "reference", "integrator": "DOP853", "rtol": 1e-9}
+    stepped = beamsim.run(panel(run={**more, "sample_rate": "40 kHz"}))
+    for a, b in zip(exact.srs.signals, stepped.srs.signals, strict=True):
+        np.testing.assert_allclose(b.maximax, a.maximax, rtol=0.01)
+    assert not [w for w in stepped.warnings if "shock response" in w]
+    coarse = beamsim.run(panel(run={**more, "sample_rate": "5 kHz"}))
+    assert any("run.sample_rate to 20000 Hz" in w for w in coarse.warnings)
+
+
 @pytest.mark.parametrize(
     ("srs", "said"),
     [

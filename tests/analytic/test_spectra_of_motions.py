@@ -89,6 +89,16 @@ def test_a_shock_is_seen_from_its_beginning():
     assert level[0] > level[1] + 6.0
 
 
+@pytest.mark.parametrize(("case", "expected"), [(BOUNCING, None), (RELEASED, "no motion")], ids=["bouncing", "at rest"])
+def test_none_is_never_said_of_a_motion(case, expected):
+    changes = {"run__start": "rest"} if expected else {"run__duration": 0.02}
+    rows = [text for _, text in table_rows("run", run(case, **changes))]
+    said = [text for text in rows if text.startswith(("tip absolute acceleration", "tip displacement"))]
+    assert len(said) == 2
+    assert not any(text.endswith("none") for text in said)
+    assert all((expected in text) if expected else ("no motion" not in text) for text in said)
+
+
 def test_amplitudes_at_chosen_frequencies(tmp_path):
     """A mass that swings at 5.3 Hz with an amplitude of 20 mm; nothing is at 9 Hz; 5.3 Hz is listed as it is given."""
     case = {

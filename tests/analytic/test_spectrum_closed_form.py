@@ -58,6 +58,17 @@ def test_lines_do_not_leak_when_the_record_is_no_whole_number_of_samples(how):
     assert second.order == 2.0
 
 
+@pytest.mark.parametrize("length", [16_000, 15_999])
+def test_parseval(length):
+    x = np.random.default_rng(1).normal(size=length) + 0.7
+    result = spectrum(np.arange(length) / RATE, x, settings(window="rectangular"), np.nan, "tip", "displacement", "m")
+    power = result.amplitude**2
+    power[1:] /= 2.0  # a zero-to-peak amplitude A carries A^2 / 2
+    if length % 2 == 0:
+        power[-1] *= 2.0  # except at half the sample rate
+    assert np.sum(power) == pytest.approx(np.mean(x**2), rel=1e-12)
+
+
 def test_half_wave_rectified_sine():
     # max(sin, 0) = 1/pi + sin/2 - (2/pi) sum cos(2 k w t) / (4 k^2 - 1)
     time = clock(0.8, 200_000.0)
@@ -98,6 +109,14 @@ def test_transient_near_a_superharmonic_is_not_taken_for_one():
     assert set(by_kind(steady, "superharmonic")) == {3.0}
 
 
+def test_noise_makes_no_lines():
+    time = clock(0.8)
+    noise = np.random.default_rng(7).normal(size=time.size)
+    result = analyse(time, np.sin(2 * np.pi * 65 * time) + 0.05 * noise, last=0.4)
+    assert [line.kind for line in result.lines] == ["mean", "fundamental"]
+    assert [line.kind for line in analyse(time, noise, last=0.4).lines] == ["mean"]
+
+
 def test_without_excitation_the_main_peaks_are_listed():
     time = clock(1.0)
     x = 1.0 + 0.5 * np.sin(2 * np.pi * 52.7 * time) + 0.01 * np.sin(2 * np.pi * 328.5 * time)
@@ -106,6 +125,31 @@ def test_without_excitation_the_main_peaks_are_listed():
     assert [line.frequency_hz for line in result.lines] == pytest.approx([0, 52.7, 328.5], abs=0.01)
     assert [line.amplitude for line in result.lines] == pytest.approx([1.0, 0.5, 0.01], rel=1e-3)
     assert all(np.isnan(line.order) for line in result.lines)
+
+
+def test_a_drift_does_not_leak_into_the_lines():
+    time = clock(0.4)
+    x = 20.0 * time + 1e-3 * np.sin(2 * np.pi * 235 * time)
+    (line,) = (k for k in analyse(time, x, excitation_hz=np.nan).lines if k.kind == "other")
+    assert line.amplitude == pytest.approx(1e-3, rel=0.01)  # 26e-3 without the weight
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, 8])
+@pytest.mark.parametrize("excitation_hz", [np.nan, 65.0, 9000.0])
+@pytest.mark.parametrize("how", [{}, {"periods": 3}, {"last": 1.0, "window": "blackman"}])
+def test_very_short_records_give_a_spectrum(length, excitation_hz, how):
+    x = np.random.default_rng(length).normal(size=length)
+    result = analyse(np.arange(length) / RATE, x, excitation_hz=excitation_hz, **how)
+    assert np.all(np.isfinite(result.amplitude))
+    assert result.frequency_hz.shape == result.amplitude.shape == result.amplitude_db.shape
+    assert result.lines[0].kind == "mean"
+
+
+def test_periods_longer_than_the_record_use_the_whole_periods_there_are():
+    time = clock(0.05)  # 3.25 periods
+    result = analyse(time, np.sin(2 * np.pi * 65 * time), periods=40)
+    assert result.duration_s == pytest.approx(3 / 65, abs=0.5 / RATE)
+    assert result.start_s == pytest.approx(0.05 - 3 / 65, abs=2 / RATE)
 
 
 def test_empty_record_is_refused():
