@@ -1,6 +1,11 @@
 """``beamsim sweep``: files, summary, plots, exit codes, and sweeps that are killed and resumed."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import h5py
@@ -34,6 +39,26 @@ def here(tmp_path, monkeypatch):
 
 def call(*arguments):
     return invoke("sweep", *arguments)
+
+
+def same(a, b):
+    """Two files hold the same datasets and the same numbers in the summary, processor and wall times aside."""
+    with h5py.File(a) as one, h5py.File(b) as two:
+        names = []
+        one.visit(names.append)
+        others = []
+        two.visit(others.append)
+        assert names == others
+        for name in names:
+            if isinstance(one[name], h5py.Dataset):
+                np.testing.assert_array_equal(one[name][()], two[name][()], err_msg=name)
+        skip = {"processor_time_s", "created", "wall_time_s", "convergence_model"}
+        models = [json.loads(file["summary"].attrs["convergence_model"]) for file in (one, two)]
+        assert [model | {"processor_time_s": 0.0} for model in models[:1]] == [models[1] | {"processor_time_s": 0.0}]
+        for group in ("/", "summary", "work"):
+            for key, value in one[group].attrs.items():
+                if key not in skip:
+                    assert value == two[group].attrs[key], key
 
 
 @pytest.mark.parametrize("kind", ["swept_sine", pytest.param("stepped", marks=pytest.mark.slow)])
@@ -131,3 +156,24 @@ def test_resume_of_what_is_complete_and_of_another_scenario(here):
     done = call("case.yaml", "--no-plots", "-o", "a.h5", "--resume", "--set", "sweep.to=0.3")
     assert done.exit_code == 2
     assert "another scenario" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
+def test_a_killed_sweep_is_resumed_to_the_same_datasets(here):
+    many = "sweep.levels=[" + ", ".join(f"{0.1 + 0.02 * k:.2f}" for k in range(8)) + "]"
+    arguments = ["case.yaml", "--no-plots", "-q", "--set", many, "--set", "sweep.rate=0.1 oct/min"]
+    assert call(*arguments, "-o", "whole.h5").exit_code == 0
+    for seed in range(2):
+        Path("killed.h5").unlink(missing_ok=True)
+        process = subprocess.Popen([sys.executable, "-m", "beamsim", "sweep", *arguments, "-o", "killed.h5"])
+        while not Path("killed.h5").exists() and process.poll() is None:
+            time.sleep(0.01)
+        time.sleep(np.random.default_rng(seed).uniform(0.0, 0.5))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        assert 1 <= len(open_result("killed.h5").levels) <= 8
+        assert call(*arguments, "-o", "killed.h5", "--resume").exit_code == 0
+        same("whole.h5", "killed.h5")
+        leftovers = [name for name in os.listdir() if name.startswith(".beamsim-")]
+        assert len(leftovers) <= seed + 1  # what was being written when it was killed

@@ -90,6 +90,19 @@ def test_reported_peaks_are_the_largest_of_all_motions(results):
     assert len(rows) == len(result.summary["peaks"])
 
 
+def test_the_sweep_rides_on_the_stable_motions(results):
+    result = results["continuation_overlay"]
+    assert list(result.overlay) == ["up_0", "down_0"]
+    (main,) = [b for b in result.branches if b.period_multiple == 1]
+    tops = {name: o.displacement["tip"].peak.max() for name, o in result.overlay.items()}
+    for top in tops.values():
+        assert top == pytest.approx(main.peak_displacement["tip"].max(), rel=0.02)
+    up = result.overlay["up_0"]
+    assert up.level == main.level
+    assert up.frequency_hz.min() > 75.0
+    assert up.frequency_hz.max() < 95.0
+
+
 @pytest.mark.slow
 def test_too_few_harmonics_are_not_trusted(tmp_path):
     few = "sweep.method={kind: harmonic_balance, harmonics: 3}"
@@ -144,6 +157,25 @@ def test_limits_are_checked(tmp_path):
         assert name in done.stderr
     assert "peak force" not in done.stderr
     assert sweep(*case, "--check").exit_code == 2
+
+
+@pytest.mark.slow
+def test_a_study_of_continuations(tmp_path):
+    case = tmp_path / "study.yaml"
+    case.write_text(
+        f"extends: {CHAIN}\nlimits: {{peak_force: 1 N}}\n"
+        "vary: {kind: grid, parameters: [{path: chain.snubbers.stop.gap, values: [1, 2]}]}\n"
+    )
+    done = sweep(case, "-o", tmp_path, "--workers", 1, "--no-plots", "--json")
+    assert done.exit_code == 0, done.output
+    from beamsim.store.results import open_result
+
+    stored = open_result(tmp_path / "study.h5")
+    peak = stored.responses["stable_0/probes/first/peak_displacement"].values
+    single = continuation(load_scenario(CHAIN))
+    assert peak[0] == max(float(b.peak_displacement["first"][b.stable].max()) for b in single.branches)
+    assert peak[1] > peak[0]
+    assert set(stored.margins) == {"peak_force"}
 
 
 @pytest.mark.parametrize(

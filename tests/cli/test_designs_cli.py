@@ -148,6 +148,17 @@ def test_check_ends_with_4_when_a_limit_is_exceeded():
     assert invoke(*arguments, "--set", "limits.peak_force=200 N").exit_code == 0
 
 
+def test_check_of_a_run():
+    arguments = ("run", "case.yaml", "--no-plots", "--check")
+    done = invoke(*arguments)
+    assert done.exit_code == 0, done.output
+    assert " ok, " in done.stdout
+    done = invoke(*arguments, "--set", "limits.peak_force=10 N", "--json")
+    assert done.exit_code == 4
+    assert json.loads(done.stdout)["margins"]["peak_force"]["exceeded"] is True
+    assert "exceeds limits.peak_force = 10 N" in done.stderr
+
+
 @pytest.mark.parametrize("command", ["run", "sweep"])
 def test_check_without_limits(command, here):
     (here / "case.yaml").write_text(CASE.replace("limits:", "nnm: null\n#"))

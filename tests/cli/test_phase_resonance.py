@@ -82,6 +82,22 @@ def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):
     np.testing.assert_allclose(np.array(tried[1:3]) / tried[0], [0.5, 0.25], rtol=1e-6)
 
 
+def test_response_rides_the_backbone(held):
+    """The largest response at each level lies on the backbone; the twin, the smaller level's curve, does not."""
+    ridge = held.phase_resonance.predicted
+
+    def beside(curve, amplitude):
+        return np.interp(amplitude, ridge.amplitude["tip"], ridge.frequency_hz) - curve
+
+    peaks = []
+    for m in held.phase_resonance.motions:
+        k = int(np.argmax(m.curve.peak_displacement["tip"]))
+        peaks.append((m.curve.frequency_hz[k], m.curve.peak_displacement["tip"][k]))
+        assert m.curve.frequency_hz[0] == pytest.approx(0.94 * m.frequency_hz, rel=1e-9)
+        assert abs(beside(*peaks[-1])) < 2e-3 * peaks[-1][0]
+    assert abs(beside(peaks[0][0], peaks[1][1])) > abs(beside(*peaks[1]))
+
+
 def test_a_transient_comes_to_the_same_motion(held):
     """The exact motion at phase resonance, by `beamsim run` from rest."""
     m = held.phase_resonance.motions[0]
@@ -95,6 +111,36 @@ def test_a_transient_comes_to_the_same_motion(held):
     if np.abs(x).max() < 0.5 * m.amplitude["tip"]:
         pytest.fail("the transient fell to the other stable motion")
     assert np.abs(x).max() == pytest.approx(m.amplitude["tip"], rel=1e-3)
+
+
+def test_held_motion(held):
+    """Carried from the mode itself it stays near, and its second instant is half a period after the first."""
+    for m in held.phase_resonance.motions:
+        h = m.held
+        assert h.departure.size == 12
+        assert h.departure.max() < 0.25
+        assert np.diff(h.instants) == pytest.approx(0.5 / m.predicted_frequency_hz)
+        assert np.abs(h.shapes - h.mode_shapes).max() < 0.25 * np.abs(h.mode_shapes).max()
+        line = int(np.argmax(h.amplitude["tip"][1:])) + 1
+        assert h.frequency_hz[line] == pytest.approx(m.predicted_frequency_hz, rel=1e-9)
+        assert h.time.size == h.displacement["tip"].size
+
+
+@pytest.mark.slow
+def test_scales_with_the_level():
+    """Without gap: twice the level, twice the motion, one frequency."""
+    changes = {
+        "nnm.continue_in": {"kind": "stiffness_factor", "from": 0, "to": 0.2},
+        "nnm.phase_resonance": {"levels": ["1 g", "2 g"], "periods": 5},
+    }
+    result = nnm(load_scenario(CONFIGS / "nnm_forced_mode_1.yaml", changes)).phase_resonance
+    one, two = result.motions
+    assert result.scales
+    assert two.frequency_hz == pytest.approx(one.frequency_hz, rel=1e-9)
+    assert two.amplitude["tip"] == pytest.approx(2 * one.amplitude["tip"], rel=1e-7)
+    assert two.predicted_energy == pytest.approx(4 * one.predicted_energy, rel=1e-10)
+    per_level = result.predicted.amplitude["tip"] / result.predicted.level
+    np.testing.assert_allclose(per_level, one.predicted_amplitude["tip"] / one.level, rtol=1e-9)
 
 
 def test_point_force_on_a_chain():

@@ -10,6 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from sampling import slow_after
 
 import beamsim
 from tests.helpers.commands import invoke
@@ -149,6 +150,32 @@ def test_mat_holds_every_number(name, files, tmp_path):
             assert np.array_equal(found.ravel(), values.ravel(), equal_nan=True), place
 
 
+@pytest.mark.parametrize("name", [name for name in CASES if name not in ("run", *WITHOUT_RECORDS)])
+def test_uff_holds_what_depends_on_time_or_frequency(name, files, tmp_path):
+    import pyuff
+
+    path = files(name)
+    done = invoke("export", path, "--format", "uff", "-o", tmp_path)
+    assert done.exit_code == 0, done.output
+    units, _, nodes, *others = pyuff.UFF(str(tmp_path / f"{name}.uff")).read_sets()
+    assert units["length"] == 1.0
+    assert len(nodes["x"]) > 0
+    assert {other["type"] for other in others} <= {55, 58, 82}  # modes, functions, lines of the structure
+    functions = [other for other in others if other["type"] == 58]
+    stored = stored_datasets(path)
+    labels = {
+        "".join(p if p.isascii() else "?" for p in place).replace("/", " ").replace("_", " "): place for place in stored
+    }
+    compared = 0
+    for function in functions:
+        place = labels.get(function["id1"].strip())
+        if place is not None:
+            np.testing.assert_allclose(function["data"], stored[place], rtol=1e-11, atol=1e-30, equal_nan=True)
+            assert function["x"].size == stored[place].size
+            compared += 1
+    assert compared > 3
+
+
 @pytest.mark.parametrize("name", sorted(WITHOUT_RECORDS))
 def test_uff_refuses_what_has_no_functions(name, files, tmp_path):
     done = invoke("export", files(name), "--format", "uff", "-o", tmp_path)
@@ -194,6 +221,28 @@ def test_files_that_cannot_be_read(command, files, tmp_path):
         assert message in done.stderr, (name, done.stderr)
         assert f"{name}.h5" in done.stderr
         assert not done.stdout
+
+
+@pytest.mark.parametrize("name", slow_after(4, CASES))
+@pytest.mark.parametrize("command", [("info",), ("plot",)])
+def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path, monkeypatch):
+    """The first group or dataset that is taken away makes the file unreadable, never a traceback."""
+    monkeypatch.setattr("beamsim.cli.stored.save_figures", lambda figures, *_: [])  # which takes longer than the rest
+    data = files(name).read_bytes()
+    with h5py.File(files(name)) as file:
+        parts = [part for part in file if part not in ("summary",)]
+    outcomes = set()
+    for part in ["summary", *parts[: 4 if command[0] == "info" else 2]]:
+        path = tmp_path / f"{part}.h5"
+        path.write_bytes(data)
+        with h5py.File(path, "a") as file:
+            del file[part]
+        done = invoke(*command, path, *(("-o", tmp_path / "p") if command[0] == "plot" else ()))
+        outcomes.add(done.exit_code)
+        assert done.exit_code in (0, 2), done.output
+        if done.exit_code == 2:
+            assert f"{part}.h5" in done.stderr
+    assert 2 in outcomes
 
 
 def test_a_comparison_without_channels_is_damaged(files, tmp_path):

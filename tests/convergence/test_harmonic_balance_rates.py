@@ -6,7 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.aft import to_real
 from beamsim.orbits.continuation import Branch, Settings, solve_at
@@ -136,3 +138,25 @@ def test_kelvin_voigt_dashpot(system_of):
     start = solve_at(level, np.append(refined(coarse, near, 21, omega)[1].u[:-1], 1.0), Settings(iterations=30), 1.0)
     branch = Branch(level, start, 0.9, 1.2, Settings())
     assert list(branch)[-1].parameter in (0.9, 1.2)
+
+
+def test_cubic_spring_converges_exponentially(make_system):
+    """A smooth spring: each harmonic gains a digit, down to the integration's own round-off."""
+    system = make_system(np.sqrt(W2), V.T @ (0.1 * K) @ V, shape=np.zeros((0, 2)), stiffness=[])
+    springs = CubicSprings(V[:1], np.array([0.8]))
+    load = PeriodicForcing.harmonic(0.3 * V[1])
+    orbits = ForcedOrbits(SmoothFlow(system, load, 0.9, springs=CubicSprings(V[:1], np.array([0.8]))))
+    errors = []
+    for H in (1, 3, 5, 7, 9, 19):
+        problem = ForcedBalance(system, load, H, omega=0.9, cubic=springs)
+        point = solve_at(problem, problem.linear_guess(0.9), Settings(iterations=40), 0.9)
+        exact = solve_at(orbits, np.append(point.data.states(np.zeros(1))[0], 0.9), Settings(iterations=15), 0.9)
+        errors.append(np.abs(point.data.states(np.zeros(1))[0] - exact.u[:4]).max())
+        estimate = truncation(problem, point).error
+        assert estimate < 30 * errors[-1] + 1e-12
+    balanced = ForcedBalance(system, load, H, omega=0.9, cubic=springs)
+    np.testing.assert_allclose(
+        np.sort(np.abs(balanced.multipliers(point))), np.sort(np.abs(orbits.orbit(exact).multipliers)), atol=1e-9
+    )
+    assert errors[-1] < 1e-12
+    assert np.all(np.diff(np.log(errors[:5])) < -1.5)

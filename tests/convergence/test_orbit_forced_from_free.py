@@ -5,9 +5,12 @@ import pytest
 
 from beamsim.contacts.equilibrium import CubicSprings, find_equilibrium
 from beamsim.contacts.snubbers import springs_of
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.passage import PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
+from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
+from beamsim.inputs.signal import Signal
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.free import observed_orders
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
@@ -15,6 +18,7 @@ from beamsim.orbits.period import gauss_panels
 from beamsim.orbits.phase_resonance import appropriate_force, find_phase_resonance, quadrature
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.spring_families import SpringFamily
+from beamsim.system.equations import Forcing
 
 CHAIN = 2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
 W2, V = np.linalg.eigh(CHAIN)
@@ -133,6 +137,28 @@ def test_linear_resonance_in_closed_form(make_system):
     np.testing.assert_allclose(force.start, [-amplitude, 0.0], atol=1e-12)
     cosine = appropriate_force(system, flow, whole, np.array([1.0 + 0j]))  # the force as a cosine: a quarter earlier
     np.testing.assert_allclose(cosine.start, [0.0, 1.0], atol=1e-12)
+
+
+def test_energy_balance_on_the_exact_motion(held):
+    """Work of the force less what damping takes over a period of the exact motion is zero, by the transient solver."""
+    _, _, damped, pattern = held("two springs")
+    flow, whole, damped, pattern = held("two springs")
+    system = damped(8e-3)
+    force = appropriate_force(system, flow, whole, -1j * pattern)
+    problem, point = resonance(system, force, pattern)
+    omega, T = point.parameter, point.data.duration
+    forcing = Forcing(pattern[None, :], (Signal.harmonic(force.level, omega),))
+    run = simulate(ExactFlow(system, forcing, 40 * T), point.u[:-1][:12], duration=40 * T)
+    times = T * np.linspace(39, 40, 4001)[:-1]
+    states = run.states_at(times)
+    q, v = states[:, :6], states[:, 6:]
+    work = force.level * np.mean((v @ pattern) * np.sin(omega * times))
+    c = system.contacts
+    closed = -c.gap - c.sign * (q @ c.shape.T) > 0
+    taken = np.mean(np.einsum("ti,ij,tj->t", v, system.damping, v) + ((v @ c.shape.T) ** 2 * closed) @ c.dashpot)
+    assert work == pytest.approx(taken, rel=1e-3)
+    assert problem.orbit(point).stable
+    np.testing.assert_allclose(states[0], point.u[:-1][:12], atol=1e-7)
 
 
 def test_cubic_spring(make_system):

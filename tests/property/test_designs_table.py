@@ -63,6 +63,28 @@ def test_the_responses_asked_for_and_those_with_limits_are_computed(grid):
         plan_designs(load_scenario(BASE + GRID, {"vary.responses": ["contacts", "peak_forse"]}))
 
 
+def test_margins_are_limit_over_value_less_one(grid):
+    force = grid.responses["snubbers/tip/peak_force"].values
+    np.testing.assert_allclose(grid.margins["peak_force"].values, 20.0 / force - 1.0, rtol=1e-14)
+    worst = grid.summary["margins"]["peak_force"]
+    assert worst["value"] == force.max()
+    assert worst["exceeded"] == bool(force.max() > 20.0)
+    assert worst["cases_exceeding"] == int((force > 20.0).sum())
+    where = np.unravel_index(force.argmax(), force.shape)
+    assert worst["parameters"]["snubbers.tip.stiffness"] == (50e3, 200e3)[where[0]]
+    assert grid.case_values(worst["case"]) == tuple(worst["parameters"].values())
+
+
+def test_the_number_of_workers_makes_no_difference(grid):
+    seen = []
+    fractions = []
+    two = design_study(load_scenario(BASE + GRID), workers=2, each=seen.append, progress=fractions.append)
+    assert_same(grid, two)
+    assert sorted(outcome.index for outcome in seen) == list(range(6))
+    assert fractions == sorted(fractions)
+    assert (fractions[0], fractions[-1]) == (0.0, 1.0)
+
+
 def test_known_cases_are_not_computed_again(grid):
     plan = plan_designs(load_scenario(BASE + GRID))
     seen = []
@@ -132,6 +154,18 @@ def test_words_and_whole_numbers_are_varied_too():
     assert np.all(f[1] > f[0])  # a guided end stiffens
     assert result.coordinates[0].values.tolist() == ["free", "guided"]
     assert np.ptp(f[0]) < 1e-3 * f[0, 0]
+
+
+def test_zipped_values_go_together():
+    text = BASE + (
+        "vary:\n  kind: zip\n  parameters:\n"
+        "    - {path: beam.length, values: [250 mm, 290 mm]}\n"
+        "    - {path: snubbers.tip.position, values: [250 mm, 290 mm]}\n"
+    )
+    result = design_study(load_scenario(text, {"snubbers[0].position": "250 mm"}), workers=1)
+    assert result.complete
+    assert result.shape == (2,)
+    assert result.case_values(1) == (0.29, 0.29)
 
 
 def test_a_latin_hypercube_has_one_value_in_every_part_of_every_range():

@@ -79,3 +79,13 @@ def test_bounded_by_the_pinned_point():
 def test_a_spring_on_a_node_does_nothing():
     s = build(0.135, supports=("pinned", "pinned"))  # the middle is a node of every even mode
     np.testing.assert_allclose(omega_closed(s, 1e6)[1], np.sqrt(s.dynamics.stiffness[1]), rtol=1e-12)
+
+
+def test_rigid_body_modes_that_no_snubber_holds_stay_at_zero():
+    s = build(supports=("free", "free"))
+    assert s.modes.open_frequencies_hz[:2].tolist() == [0.0, 0.0]
+    assert s.modes.closed_frequencies_hz[0] == 0.0
+    assert s.modes.closed_frequencies_hz[1] > 1.0
+    pinned = build(supports=("pinned", "free"))
+    assert pinned.modes.open_frequencies_hz[0] == 0.0
+    assert pinned.modes.closed_frequencies_hz[0] > 1.0

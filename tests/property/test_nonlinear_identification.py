@@ -132,6 +132,20 @@ def test_a_linear_test_says_little_of_the_snubber():
     assert any("contact is never made and lost" in warning for warning in found.warnings)
 
 
+def test_amplitude_spectra_do_without_phases(vibrations):
+    harmonics = vibrations[65.0]
+    frequency = np.arange(0.0, 1000.0, 2.5)
+    line = np.full(frequency.size, 1e-4 * abs(harmonics).max())
+    line[np.round(65.0 * ORDERS / 2.5).astype(int)] = np.abs(harmonics)
+    measured = MeasuredSignal("tip", frequency, line, of_frequency=True, unit="m/s^2")
+    scenario = case([65.0], ("snubbers.tip.stiffness", "snubbers.tip.gap"), {"snubbers[0].stiffness": 140e3,
+                    "snubbers[0].gap": 1.4e-5})  # fmt: skip
+    found = identify_stiffness(scenario, [measured]).nonlinear
+    assert {p.parameter: p.value for p in found.parameters} == pytest.approx(
+        {name: SOUGHT[name] for name in ("snubbers.tip.stiffness", "snubbers.tip.gap")}, rel=1e-2
+    )
+
+
 def test_more_unknowns_than_measurements():
     scenario = case([65.0])
     tests = [{"file": "65", "frequency": 65.0, "level": "2 g", "harmonics": 2}]
@@ -170,6 +184,18 @@ def test_phases_of_the_excitation_need_no_delay(vibrations):
     assert {p.parameter: p.value for p in found.parameters} == pytest.approx(
         {name: SOUGHT[name] for name in ("snubbers.tip.stiffness", "snubbers.tip.gap")}, rel=1e-6
     )
+
+
+def test_a_prior_and_bounds_hold_a_parameter(vibrations):
+    estimate = (
+        "snubbers.tip.stiffness", {"parameter": "beam.youngs_modulus", "prior": "0.001 %"},
+        {"parameter": "snubbers.tip.gap", "bounds": ["0.01 mm", "0.018 mm"]},
+    )  # fmt: skip
+    found = identify_stiffness(case([65.0], estimate), [signal(65.0, vibrations[65.0], noise=0.02)]).nonlinear
+    values = {p.parameter: p for p in found.parameters}
+    assert values["beam.youngs_modulus"].value == pytest.approx(69e9, rel=1e-4)
+    assert values["snubbers.tip.gap"].value <= 1.8e-5 * (1 + 1e-9)
+    assert values["snubbers.tip.gap"].at_bound
 
 
 def test_a_prestress_is_found_as_a_negative_gap():

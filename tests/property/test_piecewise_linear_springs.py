@@ -7,12 +7,14 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import beamsim
+from beamsim.analyses.nnm.analysis import nnm
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import FLOATS, UNBALANCED, CubicSprings, Springs, find_equilibrium
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.flow.passage import Frequency, Level, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.scenario import Scenario
+from beamsim.system.build import build_system
 from beamsim.system.equations import PiecewiseLinearSystem
 
 
@@ -102,6 +104,25 @@ def test_static_equilibrium_with_softening_springs(seed):
     least = energy(found.q)
     for _ in range(20):
         assert energy(found.q + rng.normal(size=n) * np.abs(found.q).max()) >= least - 1e-9 * abs(least)
+
+
+def one_mass(slopes, load, bends=(-1.0, 1.0)):
+    law = {"kind": "piecewise_linear", "breakpoints": list(bends), "stiffnesses": slopes}
+    chain = {"masses": [1], "springs": [0], "springs_to_ground": [{"mass": 1, **law}]}
+    forces = [{"mass": 1, "force": load}] if load else []
+    return build_system(Scenario.model_validate({"chain": chain, "constant_forces": forces}))
+
+
+def test_statics_of_one_mass_on_a_softening_spring():
+    s = one_mass([0.5, 2.0, 0.5], 3.0)
+    assert s.probes[0].shape @ s.static_equilibrium == pytest.approx(3.0, rel=1e-12)  # 2 + 0.5 (x - 1) = 3
+    assert one_mass([0.5, 2.0, 0.5], 0.0).static_equilibrium == pytest.approx([0.0])
+    assert one_mass([0.0, 2.0, 0.0], 3.0).static_reason == UNBALANCED
+    assert one_mass([0.0, 2.0, 0.0], 2.0).static_reason == FLOATS  # anywhere beyond the breakpoint
+    assert one_mass([0.0, 2.0, 0.0], 1.0).static_reason == ""
+    assert one_mass([2.0, 0.0, 2.0], 0.0).static_reason == FLOATS  # a dead band
+    assert one_mass([2.0, 1.0, 0.0, 4.0], 3.0, (-1.0, 1.0, 2.0)).static_reason == ""
+    assert one_mass([2.0, 1.0, 0.0, 4.0], 1.0, (-1.0, 1.0, 2.0)).static_reason == FLOATS
 
 
 @pytest.mark.parametrize("load", [0.0, 1e-3])
@@ -202,3 +223,27 @@ def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
     times = np.array([1.0, 1.0 + 1e-6])
     delta, rate = flow().penetration_of(flow().states_at(passage, times), times)
     np.testing.assert_allclose(np.diff(delta, axis=0)[0] / 1e-6, rate[0], atol=1e-5)
+
+
+# -- nonlinear modes -------------------------------------------------------------------------------------------------
+LAWS = {"hardening": [4.0, 1.0, 3.0], "softening": [0.3, 1.0, 0.5]}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_modes_of_a_chain_with_a_piecewise_linear_spring_in_the_stiffness_factor(law):
+    """At the last factor the motion is that of the spring as given: a run from it returns after a period."""
+    spring = {"masses": [1, 3], "kind": "piecewise_linear", "breakpoints": [-0.2, 0.3], "stiffnesses": LAWS[law]}
+    chain = {"masses": [1, 1.5, 0.8], "springs": [1, 1, 1, 1], "springs_between": [spring]}
+    probes = [{"name": f"m{i}", "mass": i} for i in (1, 2, 3)]
+    case = Scenario.model_validate({"chain": chain, "nnm": {"mode": 3, "energy": 0.5}, "probes": probes})
+    backbone = nnm(case).branches[0]
+    assert backbone.outcome.complete
+    assert backbone.residual.max() < 1e-10
+    period = 1 / backbone.frequency_hz[-1]
+    start = {"displacement": backbone.initial_displacement[-1].tolist()}
+    run = {"duration": period * 1.0001, "sample_rate": 1 / period, "start": start}
+    motion = beamsim.run(Scenario.model_validate({"chain": chain, "run": run, "probes": probes}))
+    for probe in motion.probes.values():
+        assert probe.displacement[1] == pytest.approx(probe.displacement[0], abs=1e-8)
+    assert motion.work.events >= 4
+    assert (period < 1 / backbone.frequency_hz[0]) == (law == "hardening")

@@ -2,6 +2,7 @@
 
 import contextlib
 import copy
+import json
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -31,6 +32,20 @@ TEXTS = [
     "../..",
     "~",
 ]
+YAML = [
+    "2e5",
+    "off",
+    "null",
+    "true",
+    "1:30",
+    "~",
+    "=",
+    "- a",
+    "a: b",
+    "'",
+    "\n",
+    ".inf",
+]
 KINDS = [None, True, [], {}, {"kind": "chain"}, [{"mass": 1}], {"position": "50 %"}]
 
 
@@ -41,6 +56,23 @@ def problems(call):
     except ScenarioError as error:
         return error.problems or None
     return ()
+
+
+def tree_of(path):
+    """What a shipped config says, as a mapping; fields that it leaves out are absent."""
+    return json.loads(json.dumps(parse(shipped(path).to_yaml())))
+
+
+def comes_back(tree):
+    """The scenario of a tree, which is the same when it is written as YAML and read again."""
+    scenario = load_scenario(tree)
+    assert all(scenario.warnings)
+    text = scenario.to_yaml()
+    again = load_scenario(text)
+    assert again == scenario
+    assert hash(again) == hash(scenario)
+    assert again.to_yaml() == text
+    return scenario
 
 
 def places(value):
@@ -55,7 +87,7 @@ def places(value):
 @given(st.sampled_from(PATHS), st.data())
 def test_changed_scenarios_never_end_in_a_traceback(path, data):
     """One to three values of a shipped config replaced, taken away or exchanged; as a mapping and as YAML."""
-    tree = shipped(path).model_dump(mode="json", by_alias=True, exclude_none=True)
+    tree = tree_of(path)
     for _ in range(data.draw(st.integers(1, 3))):
         spots = list(places(tree))
         holder, key = data.draw(st.sampled_from(spots))
@@ -73,16 +105,33 @@ def test_changed_scenarios_never_end_in_a_traceback(path, data):
             case _:
                 holder[key] = new
 
-    def read():
-        scenario = load_scenario(tree)
-        assert all(scenario.warnings)
-        text = scenario.to_yaml()
-        again = load_scenario(text)
-        assert again == scenario
-        assert hash(again) == hash(scenario)
-        assert again.to_yaml() == text
+    assert problems(lambda: comes_back(tree)) is not None
 
-    assert problems(read) is not None
+
+@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.too_slow])
+@given(st.sampled_from(PATHS), st.text(max_size=20) | st.sampled_from(YAML), st.floats(0.9, 1.1))
+def test_yaml_round_trip(path, title, factor):
+    """Every number with a fraction of a shipped config changed, under any title."""
+    tree = tree_of(path) | {"title": title}
+    for holder, key in list(places(tree)):
+        if isinstance(holder[key], float):
+            holder[key] *= factor
+    assert comes_back(tree).title == title
+
+
+WORDS = [
+    *("beam", "chain", "snubbers", "gravity", "excitation", "probes", "run", "reduction", "sweep", "nnm", "title"),
+    *("what", "length", "kind", "masses", "springs", "level", "start", "side", "mass", "position"),
+]
+MAPPINGS = st.dictionaries(st.sampled_from(WORDS), st.deferred(lambda: TREES), max_size=4)
+LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.sampled_from(TEXTS)
+TREES = LEAVES | MAPPINGS | st.lists(LEAVES | MAPPINGS, max_size=3)
+
+
+@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])
+@given(MAPPINGS)
+def test_any_mapping_is_a_scenario_or_problems(data):
+    assert problems(lambda: load_scenario(data)) is not None
 
 
 @settings(deadline=None, max_examples=50)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from beamsim.analyses.identify.analysis import identify_stiffness
@@ -35,6 +35,22 @@ def points(draw):
     masses = draw(st.lists(st.tuples(places, st.floats(1e-4, 0.2)), max_size=2))
     scenario = scenario_with(draw(SUPPORTS), draw(SUPPORTS), draw(st.floats(0.02, 0.98)), masses)
     return snubber_point(scenario, "stop")
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(point=points(), mode=st.integers(1, 8), decades=st.floats(-3, 9))
+def test_own_frequencies_give_the_stiffness_back(point, mode, decades):
+    k = 10.0**decades
+    assume(not point.on_node(mode))  # refused: test_secular_closed_form.py
+    omega = float(point.frequencies(k, mode)[mode - 1])
+    assume(omega > 0)
+    slope = float(point.slope(omega))
+    assume(slope > 0)
+    condition = omega / (k * slope)
+    assume(condition < 1e11)  # else the mode sits on a node, or the spring is all but rigid or nothing: refused
+    found = fit_stiffness(point, MeasuredModes((mode,), np.array([omega]), np.zeros(1)))
+    assert abs(found - k) <= 1e-12 * condition * k
+    assert point.mode_number(omega) == mode  # interlacing
 
 
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])

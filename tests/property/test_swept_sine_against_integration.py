@@ -184,6 +184,36 @@ def test_laws_and_profiles(make_system, legs):
     assert np.abs(record.states(times) - expected).max() < 1e-9 * np.abs(expected).max()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["undamped", "coupled damping", "hardly damped", "near-critical", "coincident"])
+def test_awkward_damping(make_system, kind):
+    """Through the resonance of undamped modes, clusters of eigenvalues, couplings."""
+    omega = np.array([1.0, 2.2, 5.0])
+    rng = np.random.default_rng(3)
+    damping = {
+        "undamped": np.zeros((3, 3)),
+        "hardly damped": np.diag(1e-7 * omega),
+        "near-critical": np.diag(2 * omega * np.array([1.0, 1 - 1e-9, 0.01])),
+        "coupled damping": (lambda B: B @ B.T)(0.2 * rng.normal(size=(3, 3))),
+        "coincident": np.diag(0.02 * omega),
+    }[kind]
+    if kind == "coincident":
+        omega[:2] = 2.0
+    system = make_system(omega, damping, shape=[[1.0, 0.7, -0.4]], stiffness=[9.0], dashpot=[0.2], gap=[0.3])
+    legs = [Leg(0.1, 0.5, 0.05, True)]
+    windows = cut_into_windows(legs, Profile.constant(0.2))
+    load = np.array([1.0, -0.6, 0.4])
+    start = np.zeros(6)
+    record = Swept(system, load, windows, start)
+    times = np.linspace(0.0, windows.duration, 801)
+    sine = sine_of(legs)
+    expected, events = integrate(
+        system, load, lambda t: 0.2 * sine(t), None, start, (), times,
+    )  # fmt: skip
+    assert record.events == events
+    assert np.abs(record.states(times) - expected).max() < 1e-9 * np.abs(expected).max()
+
+
 def test_the_comparison_can_fail(make_system):
     """Twin of the tests above: one part in a million of the rate is far above the tolerance."""
     system = make_system([1.0, 2.5], [0.02, 0.05], shape=[[1.0, 0.7]], stiffness=[20.0], gap=[0.1])

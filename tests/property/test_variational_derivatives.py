@@ -150,6 +150,20 @@ def test_derivatives_by_the_structure_where_the_motion_has_powers_of_time(make_s
     np.testing.assert_allclose(columns[:2, 1], [0.5 * 2.0 * t**2, 2.0 * t], rtol=1e-8)
 
 
+def test_derivative_by_contacts_where_the_motion_has_powers_of_time(make_system):
+    """A rigid-body mode: the closed form is left for a difference, and agrees with one of another step."""
+    system = make_system(
+        [0.0, 6.3], [0.0, 0.1], shape=[[1.0, 0.5]], stiffness=30.0, gap=0.01, constant_load=[-1.0, 0.0]
+    )
+    flow = VariationalFlow(system)
+    z = np.array([0.4, 0.1, 0.0, 0.2])
+    d = ContactDirection.of(system.contacts, stiffness=2.0, gap=0.1)
+    passage = flow.carry(z, 4.0, [d])
+    assert passage.event_time.size >= 2
+    expected = central(lambda h: flow.with_system(moved_system(flow.system, d, h)).carry(z, 4.0).end, 1e-5)
+    np.testing.assert_allclose(passage.parameters[:, 0], expected, rtol=1e-5, atol=1e-7)
+
+
 def test_liouville(make_system):
     """det of the transition = exp(-int trace C), times the rate before over after at every jump of the force.
 
@@ -166,3 +180,13 @@ def test_liouville(make_system):
         total -= np.trace(state_matrices(flow.system, phases)[1]) * length
     log_det = np.linalg.slogdet(passage.transition[:6, :6])[1]
     assert log_det == pytest.approx(total, rel=1e-10)
+
+
+def test_undamped_flow_is_symplectic(make_system):
+    """Phi^T J Phi = J across many contacts."""
+    system = build(make_system, "spring", damping=0.0)
+    passage = VariationalFlow(system).carry(np.array([0.5, 0.1, 0.0, 0.0, 0.0, 0.1]), 20.0)
+    assert passage.event_time.size > 10
+    J = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.eye(3), np.zeros((3, 3))]])
+    P = passage.transition[:6, :6]
+    np.testing.assert_allclose(P.T @ J @ P, J, atol=1e-11 * np.abs(P).max() ** 2)

@@ -175,6 +175,16 @@ def test_harmonics_are_stored_as_many_as_asked_for():
     np.testing.assert_array_equal(branch.order, np.arange(13))
 
 
+@pytest.mark.slow
+def test_branches_end_at_the_ends_of_the_range():
+    """The curve from 20 Hz turns back to 19.2 Hz before it goes on."""
+    result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(20, 20.6, "longest_period: 1, seek_at: 0"))
+    values = np.concatenate([b.parameter for b in result.branches])
+    assert values.min() == 20.0
+    assert values.max() == pytest.approx(20.6, rel=1e-12)
+    assert len(result.branches) > 1
+
+
 def test_bands_without_a_stable_motion_are_listed():
     result = curve(CONFIGS / "continuation_60_120hz.yaml", sweep_of(60, 70, "seek_at: 0"))
     assert result.outcome.kind is OutcomeKind.COMPLETE
@@ -198,6 +208,41 @@ def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):
     assert (result.outcome.kind is OutcomeKind.INCOMPLETE) is demanded
     assert f"raise sweep.{limit.partition(':')[0]}" in result.status
     assert demanded or result.outcome.all_of("side_branches_cut")
+
+
+@pytest.mark.slow
+def test_harmonic_balance_seeks_coexisting_motions(levels):
+    """It begins from what shooting finds; with cubic springs it does not, and says so."""
+    balance = in_level("sweep.method={kind: harmonic_balance, harmonics: 15}")
+    contact = [b for b in balance.branches if b.peak_force["stop"].min() > 0]
+    exact = [b for b in levels.branches if b.peak_force["stop"].min() > 0 and b.period_multiple == 1]
+    assert contact
+    for branch in contact:
+        k = branch.parameter.size // 2
+        beside = [
+            np.interp(branch.parameter[k], b.parameter[order], b.peak_displacement["first"][order])
+            for b in exact for order in [np.argsort(b.parameter)]
+        ]  # fmt: skip
+        assert min(abs(np.array(beside) / branch.peak_displacement["first"][k] - 1)) < 0.05
+    force = "{kind: harmonic, quantity: force, applied_to: {mass: 1}, level: 0.01 N, frequency: 0.1 Hz}"
+    cubic = curve(
+        CONFIGS / "chain_cubic.yaml", "nnm=null", f"excitation={force}", "chain.damping={kind: modal, ratio: 0.02}",
+        sweep_of(0.05, 0.06, "method: harmonic_balance"),
+    )  # fmt: skip
+    assert cubic.outcome.all_of("not_sought")
+
+
+@pytest.mark.slow
+def test_one_branch_does_not_spend_the_points_of_all():
+    """Followed from 20 Hz alone, the curve spends hundreds of points below 21 Hz."""
+    result = curve(
+        CONFIGS / "continuation_60_120hz.yaml",
+        sweep_of(20, 120, "seek_at: 0, longest_period: 1, most_points: 700, most_branch_points: 300"),
+    )
+    covered = [(b.parameter.min(), b.parameter.max()) for b in result.branches]
+    assert max(high for _, high in covered) == pytest.approx(120.0)
+    assert any(low <= 110 <= high for low, high in covered)
+    assert not result.complete
 
 
 @pytest.mark.parametrize(

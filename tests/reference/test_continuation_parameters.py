@@ -65,6 +65,19 @@ def test_both_ends_are_the_motions_that_transients_come_to(case):
     assert abs(other - expected) > 0.01 * expected  # the comparison can fail
 
 
+def test_a_curve_in_frequency_crosses_it(case):
+    """At a value halfway, the curve in frequency passes the same motion."""
+    kind, key, result = case
+    (branch,) = result.branches
+    k = branch.parameter.size // 2
+    sweep = "{kind: continuation, from: 65 Hz, to: 66 Hz, longest_period: 1, seek_at: 0}"
+    crossing = continuation(load_scenario(BEAM, [f"sweep={sweep}", f"{key}={float(branch.parameter[k])!r}"]))
+    rel = 1e-4 if kind == "position" else 1e-7  # another basis
+    assert crossing.branches[0].peak_displacement["tip"][0] == pytest.approx(
+        branch.peak_displacement["tip"][k], rel=rel
+    )
+
+
 @pytest.fixture(scope="module")
 def moving():
     scenario = load_scenario(BEAM, {"run": None})
@@ -111,3 +124,14 @@ def test_extremes_are_those_of_a_stepped_sine():
         np.testing.assert_allclose(ours[[0, -1]], exact, rtol=2e-4)
     assert curve.summary["margins"]["peak_force"]["value"] == branch.force["tip"].peak.max()
     assert curve.summary["peak_force_n"]["tip"] == branch.force["tip"].peak[branch.stable].max()
+
+
+@pytest.mark.slow
+def test_margins_count_stable_motions_only():
+    changes = ["limits={peak_displacement: 1.85 m}", "sweep.longest_period=1"]
+    result = continuation(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
+    margin = result.summary["margins"]["peak_displacement"]
+    top = max(float(b.peak_displacement["first"].max()) for b in result.branches)
+    stable = max(float(b.peak_displacement["first"][b.stable].max()) for b in result.branches)
+    assert margin["value"] == stable < 1.85 < top
+    assert not margin["exceeded"]

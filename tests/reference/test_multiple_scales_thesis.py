@@ -184,3 +184,16 @@ def test_the_pole_is_where_a_harmonic_meets_a_mode():
     omega = np.sqrt(gapped().dynamics.stiffness)[path.pole_mode - 1] / (2 * np.pi)
     met = [path.linear_frequency_hz + sign * path.pole * path.first_hz for sign in (1, -1)]
     assert min(abs(f * path.pole_harmonic / omega - 1) for f in met) < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("last", [7.0, 10.0])
+def test_exact_motions_beside_an_expansion_are_those_of_the_backbone(last):
+    """One mass, no gap: pi + pi / sqrt(1 + k e). Far out the expansion is near none, or near one run twice."""
+    stop = {"mass": 1, "side": "above", "stiffness": 0.3, "gap": 0}
+    chain = {"masses": [1], "springs": [1], "snubbers": [stop]}
+    section = {"mode": 1, "continue_in": {"kind": "stiffness_factor", "to": last}}
+    comparison = nnm(load_scenario({"chain": chain, "nnm": section}), compare=["multiple_scales"]).expansion
+    exact = 1 / (np.pi + np.pi / np.sqrt(1 + 0.3 * comparison.path.factor))
+    assert comparison.path.factor.max() == last
+    np.testing.assert_allclose(comparison.exact.frequency_hz, exact, rtol=1e-10)

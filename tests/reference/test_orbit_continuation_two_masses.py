@@ -160,6 +160,21 @@ def test_fold_followed_in_the_level(flow_of, curve):
     assert min(abs(s.parameter - last.u[-2]) for s in found if s.kind == "fold") < 1e-6
 
 
+@pytest.mark.slow  # tests/cli/test_continuation_cli.py follows folds as well
+def test_fold_followed_in_the_gap(flow_of, curve):
+    """Lengths scale: a fold at (level 1, gap g) is the fold at level 1/g of the original."""
+    problem, _, _, special = curve
+    fold = [s for s in special if s.kind == "fold"][1]
+    flow = flow_of()
+    path = straight_path(flow, ContactDirection.of(flow.system.contacts, gap=1.0))
+    folds, start = start_of_curve(problem, fold, path, 0.0)
+    last = list(Branch(folds, start, -0.1, 0.25, Settings(tolerance=1e-9)))[-1]
+    level, start = start_of_curve(problem, fold, "level", 1.0, forward=-1)
+    other = list(Branch(level, start, 0.8, 1.5, Settings(tolerance=1e-9)))[-1]
+    assert last.parameter == 0.25
+    assert last.u[-2] == pytest.approx(other.u[-2], abs=1e-8)
+
+
 def test_grazing_followed_in_the_level(curve):
     """The linear response touches all along: ``|q1(omega)| level = gap``. The first fold, 6e-9 away, goes with it."""
     problem, _, _, special = curve
@@ -204,6 +219,31 @@ def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
         h[i] = 1e-6 * max(size, 0.1)
         difference = (curve.residual(u + h)[0] - curve.residual(u - h)[0]) / (2 * h[i])
         np.testing.assert_allclose(J[:, i], difference, atol=2e-5 * max(1.0, np.abs(J).max()))
+
+
+@pytest.mark.parametrize(
+    ("law", "turns"),
+    slow_after(1, [({"dashpot": 5.0, "no_tension": True}, "nonsmooth_fold"), ({"dashpot": 1.0}, "fold")]),
+)
+def test_with_a_dashpot(flow_of, law, turns):
+    """The force jumps at contact: the branch has corners at grazing and is followed through them.
+
+    Without tension it turns back at the first one, and no multiplier is 1 there.
+    """
+    problem = ForcedOrbits(flow_of(**law))
+    branch, points, special = walk(problem)
+    assert branch.outcome.text == "complete: reached the end of the range at parameter 0.5"
+    grazing = [s for s in special if s.kind in ("grazing", "nonsmooth_fold")]
+    np.testing.assert_allclose([s.parameter for s in grazing], [0.6534401404, 0.5818996390], atol=1e-8)
+    folds = [s for s in special if s.kind == "fold"]
+    assert (grazing[0] if turns == "nonsmooth_fold" else folds[0]).kind == turns
+    assert max(np.abs(problem.multipliers(s.point) - 1.0).min() for s in folds) < 1e-8
+    contacting = [p for p in points if p.data.event_time.size and problem.orbit(p).stable]
+    orbit = problem.orbit(contacting[len(contacting) // 2])
+    problem.flow = problem.flow.under(omega=orbit.parameter)
+    long = 300 * orbit.period
+    end = simulate(problem.flow.exact, orbit.state[:4] * (1 + 1e-4), duration=long)
+    np.testing.assert_allclose(end.final_y[:4], orbit.state[:4], atol=1e-6)
 
 
 def test_level_does_not_matter_without_gap(flow_of):

@@ -113,6 +113,12 @@ def test_a_motion_of_a_fold_curve_is_periodic(folder, second, changed):
     assert np.abs(y[1000:2000] - y[:1000]).max() > 1e-2 * np.abs(x).max()
 
 
+def test_harmonic_balance_states_are_close(folder):
+    path, branch = continued(folder, "balance", "method: harmonic_balance, from: 80 Hz, to: 82 Hz")
+    result = run_from(path, 2, 10, float(branch.frequency_hz[2]))
+    assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(branch.peak_displacement["tip"][2], rel=0.02)
+
+
 def test_states_survive_the_file(in_frequency):
     path, branch = in_frequency
     (read, *_) = beamsim.open_result(path).branches

@@ -219,6 +219,12 @@ def test_csv_files_of_laboratories(swept, tmp_path, kind):
     assert min(channel.frac for channel in stored.sweeps) > 1 - 1e-9
 
 
+def test_a_fault_right_above_the_samples_is_still_one(tmp_path):
+    (tmp_path / "bad.csv").write_text("frequency (Hz),second (g)\nabc,1.0\n2,1\n3,1\n")
+    with pytest.raises(ScenarioError, match="sample 1 of frequency"):
+        read_signals(tmp_path / "bad.csv")
+
+
 def test_stored_and_drawn(swept, tmp_path):
     pairs = [(place, "absolute_acceleration", measured(swept, place, 1.1, 1.02)) for place in ("first", "second")]
     comparison = compare_sweep(swept, pairs)

@@ -1,5 +1,6 @@
 """Where compiled code is kept, and when it is compiled again."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -73,6 +74,15 @@ def test_the_users_folder_of_caches(installed, tmp_path):
     assert folder.stat().st_mode & 0o077 == 0
 
 
+def test_a_private_temporary_folder(installed, tmp_path):
+    (tmp_path / "temporary").mkdir()
+    done = python(installed, CALL, TMPDIR=str(tmp_path / "temporary"))
+    assert done.stdout == "21 0\n"
+    (folder,) = (tmp_path / "temporary").iterdir()
+    assert list(folder.rglob("*.nbi"))
+    assert folder.stat().st_mode & 0o077 == 0
+
+
 def test_a_folder_of_somebody_else_is_not_used(installed, tmp_path):
     """Compiled code is executed: a folder that others can write is refused."""
     folder = tmp_path / f"beamsim-{os.getuid()}"
@@ -106,3 +116,30 @@ def test_a_change_of_one_file_compiles_its_callers_in_other_files_again(installe
         code = "from beamsim.flow.outer_kernels import g; print(g(10), sum(g.stats.cache_hits.values()))"
         values.append(python(installed, code, NUMBA_CACHE_DIR=str(cache)).stdout.split())
     assert values == [["21", "0"], ["21", "1"], ["31", "0"]]
+
+
+RUN_AND_COUNT = """
+import gc, sys
+from beamsim.cli import main
+sys.argv = ["beamsim", "run", {case!r}, "--no-plots", "--json", "-o", {folder!r}]
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end.code
+kernels = [x for x in gc.get_objects() if hasattr(type(x), "nopython_signatures")]
+compiled = {{x.py_func.__qualname__: sum(x.stats.cache_misses.values()) for x in kernels}}
+print({{name: count for name, count in compiled.items() if count}}, file=sys.stderr)
+"""
+
+
+@pytest.mark.slow
+def test_after_a_warm_up_a_run_compiles_nothing(tmp_path):
+    """In the cache of all tests, so that nothing is compiled for this one alone."""
+    case = PACKAGE.parent / "configs/one_sided_65hz.yaml"
+    environment = {**os.environ, "PYTHONPATH": str(PACKAGE.parent)}
+    commands = ["-m", "beamsim", "warmup", "--json"], ["-c", RUN_AND_COUNT.format(case=str(case), folder=str(tmp_path))]
+    for command in commands:
+        done = subprocess.run([sys.executable, *command], env=environment, capture_output=True, text=True, timeout=600)
+        assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["status"] == "complete"
+    assert done.stderr.splitlines()[-1] == "{}"

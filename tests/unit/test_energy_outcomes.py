@@ -10,6 +10,9 @@ import beamsim
 from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.result import EnergyHistory
+from beamsim.analyses.sweep.analysis import sweep_system
+from beamsim.analyses.sweep.outputs import SweepLevel
+from beamsim.analyses.sweep.swept_sine import sweep_level
 from beamsim.cli.conclusion import exit_code
 from beamsim.flow import stretches
 from beamsim.flow.endings import too_many_events
@@ -88,6 +91,19 @@ def test_energies_beyond_floating_point_are_an_outcome(size):
     balance.add(times, EnergyHistory(0 * times, 0 * times, times), 0.0)
     kept = balance.checked(limit)
     assert (kept.code, kept.parts) == ("energy_not_balanced", (limit,))
+
+
+def test_a_sweep_that_is_not_finite_has_an_outcome():
+    scenario = load_scenario(
+        CASE.with_name("sweep_up_down.yaml"), ["sweep.from=60 Hz", "sweep.to=70 Hz", "sweep.rate=20 oct/min"]
+    )
+    system = sweep_system(scenario)
+    whole = sweep_level(SweepLevel(system, scenario.sweep, scenario.excitation, 1.0, 0))
+    assert whole.work.outcome.complete
+    lost = replace(system, initial_state=np.nan * system.initial_state)
+    record = sweep_level(SweepLevel(lost, scenario.sweep, scenario.excitation, 1.0, 0))
+    assert record.work.outcome.code == "not_finite"
+    assert record.curves == ()
 
 
 @pytest.mark.parametrize(("share", "trusted"), [(0.0, True), (1e-8, True), (1e-4, False)])

@@ -61,6 +61,12 @@ def test_a_table_is_a_stack_of_one_sided_springs(gap):
     assert one.summary["energy_error"] < 1e-10
 
 
+def test_one_segment_is_a_stiffness():
+    table = beamsim.run(case({"name": "pad", "force_deflection": [[0, 0], [1e-3, 50]]}))
+    linear = beamsim.run(case({"name": "pad", "stiffness": 5e4}))
+    np.testing.assert_array_equal(table.probes["tip"].displacement, linear.probes["tip"].displacement)
+
+
 def beyond(result):
     return [text for text in result.warnings if "its table ends at" in text]
 
@@ -94,6 +100,15 @@ def test_a_stop_pressed_further_than_its_table_goes():
     ]
     assert [len([w for w in beyond(result) if "its table ends at 1 mm, 20 N" in w]) for result in results] == [1] * 4
     assert not beyond(beamsim.design_study(load_scenario(chain | {"vary": scales, "snubbers": points})))
+
+
+def test_a_preload_on_a_table():
+    run = beamsim.run(
+        case({"name": "pad", "force_deflection": POINTS, "preload": 0.4}, excitation={"kind": "none"})
+    )  # fmt: skip
+    pad = run.snubbers["pad"]
+    assert pad.preload == pytest.approx(0.4, rel=1e-10)
+    np.testing.assert_allclose(pad.force, 0.4, rtol=1e-8)
 
 
 def build_curve():
@@ -285,3 +300,36 @@ def test_the_scale_of_a_table_from_a_measured_vibration(noise):
     assert found.value == pytest.approx(1.25, abs=max(3.0 * found.standard_deviation, 1e-6))
     if noise:
         assert 1e-4 < found.standard_deviation < 0.05
+
+
+def of_segments(*factors, **sections):
+    """Two masses against a pad of three segments, the last of which no motion of the tests reaches."""
+    table = {"points": [[0, 0], [2e-3, 0.8], [1e-2, 6.0], [1e-1, 90.0]], "segment_factors": factors}
+    pad = {"name": "pad", "mass": 1, "side": "below", "gap": 1e-3, "force_deflection": table}
+    chain = {"masses": [1.0, 1.0], "springs": [400.0, 400.0], "dashpots": [4.0, 4.0], "snubbers": [pad]}
+    shaken = {"kind": "harmonic", "applied_to": {"mass": 1}, "level": 2.0, "frequency": 2.2}
+    return load_scenario({"chain": chain, "probes": [{"name": "a", "mass": 1}], "excitation": shaken, **sections})
+
+
+@pytest.mark.slow
+def test_segments_of_a_table_from_vibrations_at_two_levels():
+    """The first from a weak vibration, the second from a strong one; the third keeps its value, with a warning."""
+    turning, signals, tests = np.exp(2j * np.pi * 2.2 * np.outer(np.arange(600) / 200.0, np.arange(1, 13))), [], []
+    generator = np.random.default_rng(2)
+    for level in (0.6, 2.0):
+        true = load_scenario(of_segments(0.8, 1.3, 1.0), {"excitation.level": level})
+        history = np.imag(turning @ steady_vibration(true).harmonics(0, "absolute_acceleration", 12))
+        scatter = 0.01 * history.std() * generator.standard_normal(history.size)
+        signals.append(MeasuredSignal("a", np.arange(600) / 200.0, history + scatter, unit="m/s^2"))
+        tests.append({"file": "a.csv", "harmonics": 5, "level": level})
+    sought = [f"chain.snubbers.pad.force_deflection.segment_factors[{k}]" for k in range(3)]
+    fit = {"estimate": sought, "tests": tests, "starts": 1, "profiles": False}
+    section = {"snubber": "pad", "nonlinear": fit}
+    found = beamsim.identify_stiffness(of_segments(1, 1, 1, identify_stiffness=section), signals).nonlinear
+    for parameter, true in zip(found.parameters[:2], (0.8, 1.3), strict=True):
+        assert parameter.value == pytest.approx(true, abs=3.0 * parameter.standard_deviation)
+        assert 1e-4 < parameter.standard_deviation < 0.05
+    assert found.parameters[2].value == 1.0
+    assert np.isnan(found.parameters[2].standard_deviation)
+    (warning,) = found.warnings
+    assert "segment_factors[2]: no test reaches segment 3, which begins at 10 mm" in warning

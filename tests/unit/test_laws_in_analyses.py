@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.continuation.branches import explained
+from beamsim.analyses.identify.vibrations import steady_vibration
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.contacts.friction import drops
 from beamsim.errors import ScenarioError
+from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.variational import VariationalFlow
+from beamsim.measurements.signal import MeasuredSignal
+from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
@@ -159,6 +167,30 @@ def test_where_sliding_begins_at_once_a_branch_ends_and_says_why():
     assert not any(drops(law) for law in build_system(one).dynamics.contacts.laws)
 
 
+@pytest.mark.parametrize(("share", "said"), [(1.00001, "just_yields"), (1.1, "not_smooth"),
+                                              (0.9, "not_smooth")])  # fmt: skip
+def test_a_stalled_branch_says_what_a_stop_that_yields_has_to_do_with_it(share, said):
+    """With a yield force of about the peak of an elastic motion; not well above or below."""
+
+    def stalled(yield_force):
+        system = build_system(case("hardening", f"chain.snubbers[0].hardening.yield_force={yield_force} N"))
+        loads = PeriodicForcing.harmonic(3.0 * system.forcing.load[0])
+        flow = VariationalFlow(system.dynamics, loads, 2 * np.pi * 4.5, 1.0)
+        start = np.zeros(flow.size)
+        start[system.dynamics.size] = -0.2
+        passage, one = flow.carry(start, 1.0 / 4.5), np.ones(flow.size + 1)
+        point = BranchPoint(np.append(start, flow.omega), one, one, 0.0, 1.0, 0, passage)
+        return ForcedOrbits(flow, "frequency"), point
+
+    problem, point = stalled(50.0)
+    times = np.linspace(0.0, point.data.duration, 4000)
+    penetration, _ = problem.flow.penetration_of(problem.flow.states_at(point.data, times), times)
+    reason = Outcome.of(OutcomeKind.STOPPED, "not_smooth", "it stalls", at=3.0)
+    outcome = explained(reason, *stalled(share * 300.0 * penetration.max()))
+    assert outcome.code == said
+    assert outcome.place.value == 3.0
+
+
 def test_a_contact_that_sticks_throughout():
     """Any place of its slider is periodic; the continuation leaves it where it began, and did not end before."""
     rub = {**RUB, "normal_force": 100.0, "stiffness": 3000.0}
@@ -168,3 +200,21 @@ def test_a_contact_that_sticks_throughout():
     assert branch.frequency_hz.size < 100
     np.testing.assert_allclose(branch.frequency_hz[[0, -1]], [4.4, 4.52], rtol=1e-9)
     np.testing.assert_allclose(branch.floquet_multipliers[:, 0], 1.0, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["friction", "rigid friction", "pressed friction"])
+def test_a_measured_vibration_gives_its_coefficient(law):
+    """From harmonics computed with another coefficient; the interval holds it."""
+    changed = "friction[0].coefficient={}"
+    true = steady_vibration(case(law, changed.format(0.25))).harmonics(0, "displacement", 6)
+    time = np.arange(400) / (4.5 * 40.0)
+    history = np.imag(np.exp(2j * np.pi * 4.5 * np.outer(time, np.arange(1, 7))) @ true)
+    test = {"file": "a.csv", "quantity": "displacement", "harmonics": 6, "noise": 0.001}
+    fit = {"estimate": ["friction.rub.coefficient"], "tests": [test], "starts": 1, "profiles": False}
+    section = {"snubber": "pad", "nonlinear": fit}
+    scenario = case(law, changed.format(0.2), identify_stiffness=section)
+    signal = MeasuredSignal("a", time, history, unit="m")
+    found = beamsim.identify_stiffness(scenario, [signal]).nonlinear.parameters[0]
+    assert found.value == pytest.approx(0.25, rel=1e-4)
+    assert found.interval[0] < 0.25 < found.interval[1]

@@ -208,6 +208,20 @@ def test_harwell_boeing_of_complex_numbers_without_blanks(tmp_path):
     np.testing.assert_array_equal(dense(read_matrix(path, None).values), [[0, -3.5 - 4.5j], [-1.5 - 2.5j, 0]])
 
 
+@pytest.mark.parametrize("numbers", ["  1.0E+5-2.0D+003.0E+100", "  1.0E+5  -2.E0  3E+100"])
+def test_harwell_boeing_exponents_of_any_length(tmp_path, numbers):
+    path = tmp_path / "k.hb"
+    path.write_text(
+        "stiffness".ljust(72) + "K".ljust(8) + "\n"
+        f"{3:14d}{1:14d}{1:14d}{1:14d}{0:14d}\n"
+        f"RSA{2:25d}{2:14d}{3:14d}{0:14d}\n"
+        "(3I4)           (3I4)           (3E8.1)             \n"
+        "   1   3   4\n   1   2   2\n"
+        f"{numbers}\n"
+    )
+    np.testing.assert_array_equal(dense(read_matrix(path, None).values), [[1e5, -2.0], [-2.0, 3e100]])
+
+
 def test_harwell_boeing_with_one_triangle(tmp_path):
     path = tmp_path / "k.rsa"
     path.write_text(

@@ -30,6 +30,15 @@ def test_default_covers_64_times_the_first_bending_frequency_about():
     assert s.modes.static_vectors == 1
 
 
+@pytest.mark.parametrize(
+    ("rate", "duration"), [(50.0, 1.0), (1e5, 1.0), (1e4, 0.01), (2e3, 50.0), (None, 0.01), (None, 50.0)]
+)
+def test_the_output_has_no_part_in_the_model(rate, duration):
+    modes, expected = (s.modes for s in (system(rate=rate, duration=duration), system()))
+    assert modes.kept_modes == expected.kept_modes
+    assert modes.highest_frequency_hz == expected.highest_frequency_hz
+
+
 def test_without_a_run_the_default_keeps_six_flexible_modes():
     def of(supports):
         return build_system(Scenario.model_validate({"beam": {**BEAM, "supports": supports}}))
@@ -66,6 +75,13 @@ def test_a_static_vector_for_every_kind_of_load():
     }
     assert system(reduction={"modes": 3}, **everything).modes.static_vectors == 5
     assert system(reduction={"modes": 3}).modes.static_vectors == 0
+
+
+def test_modal_damping_list_and_static_vectors():
+    s = system({"damping": {"kind": "modal", "ratio": [0.01, 0.03]}}, reduction={"modes": 3}, snubbers=[STOP])
+    np.testing.assert_allclose(s.modes.damping_ratios, [0.01, 0.03, 0.03, 0.03])
+    expected = np.diag(2 * np.array([0.01, 0.03, 0.03, 0.03]) * np.sqrt(s.dynamics.stiffness))
+    np.testing.assert_allclose(s.dynamics.damping, expected)
 
 
 def test_rigid_body_modes_take_no_modal_damping():

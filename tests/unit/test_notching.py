@@ -105,6 +105,21 @@ def test_the_saved_level_gives_the_same_response_as_a_given_profile(notched, tmp
     np.testing.assert_allclose(other.outputs["base_force"].peak, one.outputs["base_force"].peak, rtol=1e-12)
 
 
+def test_a_level_given_as_displacement_is_saved_as_one(tmp_path):
+    """The table has the quantity with which the sweep begins, whose phase it keeps."""
+    settings = {"from": "18 Hz", "to": "22 Hz", "notch_to": {"probes.second.displacement": "3 mm"}}
+    displaced = {**CASE, "excitation": {**CASE["excitation"], "level": "1 mm"}}
+    one = sweep(load_scenario({**displaced, "sweep": {**SWEEP, **settings}})).curves["up_0"]
+    assert one.notching.unit == "m"
+    assert one.displacement["second"].peak.max() < 1.05 * 3e-3
+    rows = zip(one.notching.frequency_hz.tolist(), (1e3 * one.notching.level).tolist(), strict=True)
+    lines = ["frequency (Hz); level (mm)", *(f"{f!r}; {level!r}".replace(".", ",") for f, level in rows)]
+    (tmp_path / "level.csv").write_text("\n".join(lines))
+    given = {**SWEEP, **settings, "notch_to": None, "profile_file": str(tmp_path / "level.csv")}
+    other = sweep(load_scenario({**displaced, "sweep": given})).curves["up_0"]
+    np.testing.assert_allclose(other.displacement["second"].maximum, one.displacement["second"].maximum, rtol=1e-9)
+
+
 def test_limits_that_impacts_exceed_are_an_outcome():
     """A stiff stop that is hit in every cycle: its force jumps from cycle to cycle and no level holds it."""
     stop = {"name": "stop", "mass": 2, "side": "below", "stiffness": 5e6, "gap": "0 mm"}

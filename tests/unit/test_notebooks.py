@@ -52,6 +52,15 @@ def test_data_frames_and_trees_hold_the_same_bits(result):
     assert displacement.attrs["long_name"]
 
 
+def test_a_result_read_from_its_file_shows_the_same(result, tmp_path):
+    read = beamsim.open_result(beamsim.write_result(result, tmp_path / "case.h5"))
+    assert read._repr_html_() == result._repr_html_()
+    assert read.plot().keys() == result.plot().keys()
+    pytest.importorskip("pandas")
+    histories = read.to_pandas()["time_histories"]
+    np.testing.assert_array_equal(histories["probe_first_displacement_m"], result.probes["first"].displacement)
+
+
 @pytest.mark.parametrize(
     "changes",
     [

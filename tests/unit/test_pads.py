@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from balance import energy_history
+from scipy.integrate import solve_ivp
 
 import beamsim
 from beamsim.contacts.contacts import Contacts
@@ -39,6 +40,70 @@ def system_of(law, gap=GAP, stiffness=(1.0, 9.0), damping=(0.05, 0.1)):
 def moved(law, duration=20.0, load=LOAD, start=START, **others):
     forcing = Forcing(load[None], (Signal.harmonic(1.0, OMEGA),))
     return simulate(ExactFlow(system_of(law, **others), forcing, duration), start)
+
+
+def by_hand(curve, dashpot, branches, duration):
+    """The pad in plain formulas, restarted where contact is made or lost.
+
+    State: q, q', the p of the branches, and the face u where there is a dashpot.
+    """
+    k = np.array([b.stiffness for b in branches])
+    tau = np.array([b.relaxation_time for b in branches])
+    m = k.size
+
+    def spring(x):
+        return np.interp(x, curve.deflection, curve.force) + max(x - curve.deflection[-1], 0.0) * curve.slopes[-1]
+
+    def face(y):
+        if dashpot:
+            return y[4 + m]
+        pulled = k @ y[4 : 4 + m]  # spring(u) + sum k u is this, and rises with u
+        at = curve.force + k.sum() * curve.deflection
+        beyond = max(pulled - at[-1], 0.0) / (curve.slopes[-1] + k.sum())
+        return np.interp(pulled, at, curve.deflection) + beyond
+
+    def force(y):
+        delta, rate = SHAPE @ y[:2] - GAP, SHAPE @ y[2:4]
+        return spring(delta) + dashpot * rate + k @ (delta - y[4 : 4 + m])
+
+    def rhs(t, y, touching):
+        surface = SHAPE @ y[:2] - GAP if touching else face(y)
+        push = force(y) if touching else 0.0
+        a = LOAD * np.sin(OMEGA * t) - np.array([1.0, 9.0]) * y[:2] - np.array([0.05, 0.1]) * y[2:4] - push * SHAPE
+        p = (surface - y[4 : 4 + m]) / tau
+        u = []
+        if dashpot:
+            u = [SHAPE @ y[2:4] if touching else -(spring(surface) + k @ (surface - y[4 : 4 + m])) / dashpot]
+        return np.concatenate([y[2:4], a, p, u])
+
+    def changes(t, y, touching):
+        return force(y) if touching else face(y) - (SHAPE @ y[:2] - GAP)
+
+    changes.terminal, changes.direction = True, -1.0
+
+    t, y, touching, contacts = 0.0, np.concatenate([START, np.zeros(m + (dashpot > 0))]), False, []
+    while t < duration:
+        run = solve_ivp(rhs, (t, duration), y, "DOP853", args=(touching,), events=changes, rtol=1e-10, atol=1e-12)
+        t, y = run.t[-1], run.y[:, -1]
+        if run.status == 1:
+            contacts.append(t)
+            if not touching and dashpot:
+                y[4 + m] = SHAPE @ y[:2] - GAP
+            touching = not touching
+    return y, np.array(contacts)
+
+
+@pytest.mark.parametrize(("curve", "dashpot", "branches"), PADS)
+def test_against_integration_by_hand(curve, dashpot, branches):
+    trajectory = moved(recovering_law(curve, dashpot, branches))
+    expected, contacts = by_hand(curve, dashpot, branches, 20.0)
+    made_and_lost = trajectory.event_time[trajectory.touch_changes != 0]
+    np.testing.assert_allclose(made_and_lost, contacts, atol=2e-7)
+    assert contacts.size >= 8
+    assert np.any(trajectory.touch_changes == 0) == (curve is not LINE)
+    np.testing.assert_allclose(trajectory.final_y[:4], expected[:4], atol=2e-7)
+    first = 1 if dashpot else 0
+    np.testing.assert_allclose(trajectory.final_y[4 + first :], expected[4 : 4 + len(branches)], atol=2e-7)
 
 
 @pytest.mark.parametrize(("curve", "dashpot", "branches"), [PADS[0], PADS[3]])
@@ -243,3 +308,39 @@ def test_springs_with_branches_are_a_linear_system():
     np.testing.assert_allclose(link.force, 50.0 * stretch + 200.0 * (stretch - p[:, 2]), atol=1e-9 * scale)
     assert run.summary["peak_spring_force_n"]["link_spring_1"] >= np.abs(link.force).max() * (1 - 1e-12)
     assert run.summary["peak_spring_force_n"]["link_spring_1"] < np.abs(link.force).max() * 1.05
+
+
+def test_a_piecewise_linear_spring_with_a_branch_against_time_stepping():
+    bent = {"kind": "piecewise_linear", "mass": 2, "breakpoints": [-1e-3, 2e-3], "stiffnesses": [900.0, 100.0, 600.0],
+            "maxwell": [{"stiffness": 300.0, "relaxation_time": 0.1}]}  # fmt: skip
+    run = {**CHAIN["run"], "duration": 1.0}
+    chain = {**CHAIN, "run": run, "chain": {**CHAIN["chain"], "springs_to_ground": [bent]}}
+    exact = beamsim.run(load_scenario(chain))
+    stepped = beamsim.run(load_scenario({**chain, "run": {**run, "method": "reference"}}))
+    (one,), (other,) = exact.probes.values(), stepped.probes.values()
+    assert np.abs(one.displacement - other.displacement).max() < 1e-5 * np.abs(one.displacement).max()
+    assert np.abs(one.displacement).max() > 2.2e-3
+    assert exact.summary["energy_error"] < 1e-10
+
+
+def test_a_joint_with_a_branch():
+    """A beam on a joint to the base with a branch, and on a spring to ground with the same; nothing moves the base."""
+    beam = {
+        "length": 0.3, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700, "elements": 4,
+        "supports": {"left": "clamped", "right": "free"}, "damping": {"kind": "modal", "ratio": 0.01},
+    }  # fmt: skip
+    common = {
+        "beam": beam, "probes": [{"name": "tip", "position": 0.3}],
+        "excitation": {"kind": "step", "applied_to": {"position": 0.3}, "level": 5.0},
+        "run": {"duration": 0.05, "sample_rate": 5000, "convergence": "off"},
+    }  # fmt: skip
+    branch = {"stiffness": 3000.0, "relaxation_time": 0.01}
+    joint = {"kind": "spring", "between": ["base", {"position": 0.3}], "stiffness": 2000.0, "maxwell": [branch]}
+    spring = {"kind": "linear", "position": 0.3, "stiffness": 2000.0, "maxwell": [branch]}
+    joined = beamsim.run(load_scenario({**common, "joints": [joint]}))
+    sprung = beamsim.run(load_scenario({**common, "springs_to_ground": [spring]}))
+    scale = np.abs(sprung.probes["tip"].displacement).max()
+    np.testing.assert_allclose(joined.probes["tip"].displacement, sprung.probes["tip"].displacement, atol=1e-10 * scale)
+    stiffer = beamsim.run(load_scenario({**common, "springs_to_ground": [{**spring, "maxwell": []}]}))
+    assert np.abs(stiffer.probes["tip"].displacement - sprung.probes["tip"].displacement).max() > 0.05 * scale
+    assert joined.summary["energy_error"] < 1e-10

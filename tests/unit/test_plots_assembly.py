@@ -5,7 +5,10 @@ import pytest
 
 import beamsim
 from beamsim.plots.bodies import body_figures
+from beamsim.plots.run import run_figures
+from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
+from beamsim.store.results import open_result, write_result
 
 BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
 PLATE = {"kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.003, "youngs_modulus": 70e9,
@@ -43,6 +46,21 @@ def result():
 
 def line(ax, label, number=0):
     return [each for each in ax.lines if each.get_label() == label][number].get_xydata()
+
+
+def test_instant_of_the_largest_contact_force(result, tmp_path):
+    contact, at = result.contact, result.snubbers[result.contact.snubber]
+    assert (
+        contact.force == result.summary["peak_force_n"][contact.snubber] == max(result.summary["peak_force_n"].values())
+    )
+    shape = contact.deflection(result.modes)
+    stations = result.modes.stations
+    place = next(part for part in stations if part.body == "tip").stations
+    end = shape[place][stations.position[place].argmax()]
+    penetration = {"below": -at.gap - end, "above": end - at.gap}[at.side]
+    assert at.stiffness * penetration == pytest.approx(contact.force, rel=1e-6)
+    write_result(result, tmp_path / "r.h5")
+    np.testing.assert_array_equal(open_result(tmp_path / "r.h5").contact.deflection(result.modes), shape)
 
 
 def test_sketch_puts_bodies_joints_and_stops_in_place(result):
@@ -94,3 +112,20 @@ def test_plate_pictures_fill_their_figure_and_name_the_snubbers():
     assert texts == ["snubber below", "snubber above"]
     straight = body_figures(beamsim.run(load_scenario({**case, "gravity": 0.0})))["plate_deflections"]
     assert len([ax for ax in straight.axes if ax.get_title(loc="left")]) == 2  # nothing bends it at rest
+
+
+def test_a_body_with_nodes_alone_has_its_pictures(tmp_path):
+    (tmp_path / "dofs.csv").write_text("node,direction\n1,z\n2,z\n3,z\n")
+    np.savez(tmp_path / "m.npz", mass=np.diag([1.0, 1.0, 0.5]),
+             stiffness=1e4 * np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]]))  # fmt: skip
+    case = {
+        "excitation": SHAKEN["excitation"], "run": SHAKEN["run"],
+        "bodies": {"m": {"kind": "matrices", "mass": {"file": str(tmp_path / "m.npz"), "name": "mass"},
+                         "stiffness": {"file": str(tmp_path / "m.npz"), "name": "stiffness"},
+                         "dofs": str(tmp_path / "dofs.csv"), "base": {"nodes": [1], "direction": "z"}}},
+        "probes": [{"name": "end", "at": {"node": 3}}],
+    }  # fmt: skip
+    result = beamsim.run(load_scenario(case))
+    assert result.modes.stations.parts[0].body == "matrices"
+    files = save_figures(run_figures(result), tmp_path, "m")
+    assert {path.name for path in files} >= {"m_displacement.png", "m_spectrum.png"}

@@ -97,6 +97,18 @@ def test_preloads_of_opposed_snubbers_hold_a_floating_structure(tmp_path):
     assert max(at_rest.summary["peak_displacement_m"].values()) < 1e-14
 
 
+def test_a_free_beam_that_turns_between_preloaded_snubbers_starts_from_rest(tmp_path):
+    """What the snubbers leave free does not matter to their gaps."""
+    opposed = FLOATING.replace("gravity: -1.774053192204638", "gravity: 0").partition("snubbers:")[0]
+    snubbers = "".join(
+        f"  - {{name: {side}, position: 1.5, side: {side}, stiffness: 1 kN/m, preload: 3 N}}\n"
+        for side in ("below", "above")
+    )
+    text = f"{opposed}snubbers:\n{snubbers}run: {{duration: 0.05 s, sample_rate: 1 kHz, start: rest}}\n"
+    figures = beamsim.run(loaded(tmp_path, text)).summary
+    assert figures["gap_m"] == pytest.approx({"below": -3e-3, "above": -3e-3}, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("lower", "upper", "gravity", "remedy"),
     [

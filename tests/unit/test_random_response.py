@@ -78,6 +78,32 @@ def test_contact_lowers_the_coherence(result):
     assert hit.summary["random"]["stop force"]["rms"] > 0
 
 
+def coverage(amplitudes: str, seeds: int) -> tuple[float, float, float]:
+    """Share of seeds whose interval holds the RMS of all, relative scatter of the RMS, and that of theory."""
+    excitation = OSCILLATOR["excitation"] | {"amplitudes": amplitudes}
+    run = OSCILLATOR["run"] | {"duration": "12 s", "convergence": "off", "sample_rate": "200 Hz"}
+    found = []
+    for seed in range(seeds):
+        case = load_scenario(OSCILLATOR | {"excitation": excitation | {"seed": seed}, "run": run})
+        found.append(beamsim.run(case).summary["random"]["mass displacement"])
+    rms, low, high, freedom = (
+        np.array([s[key] for s in found]) for key in ("rms", "rms_low", "rms_high", "degrees_of_freedom")
+    )
+    mean = np.sqrt(np.mean(rms**2))
+    return float(np.mean((low < mean) & (mean < high))), float(rms.std() / mean), float(np.mean(0.5 / freedom)) ** 0.5
+
+
+@pytest.mark.slow
+def test_the_interval_of_a_single_run_is_that_of_the_scatter_over_seeds():
+    """Records of a Gaussian input: 95 % of the intervals hold the RMS of the process (the share is known to 3 %)."""
+    share, scatter, stated = coverage("random", 60)
+    assert 0.87 < share <= 1.0
+    assert stated == pytest.approx(scatter, rel=0.3)  # of 60 runs it is known to 9 %
+    share, fixed, _ = coverage("fixed", 12)
+    assert share == 1.0
+    assert fixed < 0.7 * scatter
+
+
 def test_degrees_of_freedom_of_gaussian_noise():
     """Flat noise in a band of B Hz for T seconds has 2 B T; the interval holds its RMS in 95 % of 2,000 records."""
     at, value, T = np.array([10.0, 40.0]), np.array([1.0, 1.0]), 2.0

@@ -309,6 +309,16 @@ def test_random_input_does_not_depend_on_the_duration(ramp):
         np.testing.assert_allclose(long[0](t + 1.0), long[0](t), rtol=0, atol=1e-11 * np.abs(long[0](t)).max())
 
 
+def test_random_run_is_reproducible():
+    psd = [{"frequency": "2 Hz", "density": "0.002 g^2/Hz"}, {"frequency": "30 Hz", "density": "0.002 g²/Hz"}]
+    one, two, other = (
+        beamsim.run(load_scenario(case(kind="random", psd=psd, seed=seed))).probes["first"].displacement
+        for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(one, two)
+    assert np.abs(one - other).max() > 0.1 * np.abs(one).max()
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -323,6 +333,24 @@ def test_random_nonsense_is_refused(change, words):
     psd = [{"frequency": "2 Hz", "density": 1}, {"frequency": "300 Hz", "density": 1}]
     with pytest.raises(ScenarioError, match=words):
         load_scenario(case(kind="random", **{"psd": psd, **change}))
+
+
+def test_swept_run_is_the_sweep(tmp_path):
+    """`run` with a swept sine, and `sweep`: the same largest displacement within the run's time."""
+    from beamsim.analyses.sweep.analysis import sweep
+
+    swept = {"from": "1 Hz", "to": "4 Hz", "rate": "60 oct/min"}
+    scenario = {**CHAIN, "excitation": {"kind": "swept_sine", "applied_to": "base", "level": "0.3 g", **swept}}
+    run = beamsim.run(load_scenario({**scenario, "run": {**CHAIN["run"], "start": "static_equilibrium"}}))
+    harmonic = {"kind": "harmonic", "applied_to": "base", "level": "0.3 g", "frequency": "2 Hz"}
+    record = sweep(load_scenario({**CHAIN, "excitation": harmonic, "sweep": {"kind": "swept_sine", **swept}}))
+    curve = record.curves["up_0"]
+    last = np.searchsorted(curve.time, 2.0) - 2
+    until = run.time < curve.time[last + 1]
+    peak = np.abs(run.probes["first"].displacement[until]).max()
+    assert curve.displacement["first"].peak[: last + 1].max() == pytest.approx(peak, rel=1e-4)
+    with pytest.raises(ScenarioError, match="longer than the sweep, which ends at 2 s"):
+        beamsim.run(load_scenario({**scenario, "run": {"duration": 3.0}}))
 
 
 def test_a_record_is_looked_for_beside_the_scenario(tmp_path, monkeypatch, record):

@@ -65,6 +65,12 @@ def test_null_takes_away(folder):
     assert scenario.run.spectrum.last is None
 
 
+def test_chains_of_extends_start_from_each_files_own_folder(folder):
+    load(folder, "extends: ../base.yaml\ntitle: middle\ngravity: 1 g\n", name="sub/middle.yaml")
+    scenario = load(folder, "extends: sub/middle.yaml\ntitle: last\n")
+    assert (scenario.title, scenario.gravity, scenario.beam.length) == ("last", 9.80665, 0.27)
+
+
 def test_problems_name_the_file_they_stand_in(folder):
     (folder / "base.yaml").write_text(BASE.replace("thickness: 5 mm", "thickness: -5 mm"))
     found = problems(load, folder, "extends: base.yaml\nbeam: {length: 260 mm}\n")
@@ -126,6 +132,11 @@ def test_overrides_as_text_and_mapping(override, value):
     assert scenario.beam.width == 0.05
 
 
+def test_overrides_come_after_extends(folder):
+    scenario = load(folder, "extends: base.yaml\nbeam: {thickness: 6 mm}\n", ["beam.thickness=4 mm"])
+    assert scenario.beam.thickness == 0.004
+
+
 def test_overrides_reach_into_lists_and_absent_mappings():
     scenario = load_scenario(
         BASE,
@@ -149,6 +160,14 @@ def test_an_override_of_a_kind_replaces_the_mapping_and_comes_first():
     assert scenario.excitation == Step(applied_to="base", level=3 * 9.80665, quantity="acceleration")
     kept = load_scenario(BASE, ["excitation.kind=harmonic"])
     assert kept == load_scenario(BASE)
+
+
+def test_null_in_an_override():
+    scenario = load_scenario(BASE, ["run.sample_rate=null", "probes=", "beam.damping=null"])
+    assert scenario.sample_rate == 121 * 65.0
+    assert scenario.probes == ()
+    assert scenario.beam.damping.ratio == 0.0
+    assert load_scenario(BASE, {"run.sample_rate": None}).sample_rate == 121 * 65.0
 
 
 def test_a_start_by_name_gives_way_to_one_by_keys():
@@ -192,6 +211,10 @@ def test_overrides_that_lead_nowhere(override, says):
     found = problems(load_scenario, BASE, [override])
     assert any(says in line for line in found)
     assert not any(line.startswith("<text>") for line in found)  # an override stands in no file
+
+
+def test_all_bad_overrides_at_once():
+    assert len(problems(load_scenario, BASE, ["a", "b c=1", "snubbers[9].gap=1", "beam.length=}"])) == 4
 
 
 def test_overrides_name_items_of_lists_as_vary_does():

@@ -5,6 +5,7 @@ import pytest
 
 from beamsim.analyses.gapping import contact_levels, transfer
 from beamsim.analyses.sweep.analysis import sweep, sweep_system
+from beamsim.analyses.sweep.stepped import frequencies_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Motion
 from beamsim.flow.transient import simulate
@@ -101,6 +102,12 @@ def test_chaos_is_told_from_a_period(make_system):
     assert kinds["periodic"]
 
 
+def test_frequencies():
+    assert frequencies_of(stepped(points=4).sweep) == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    logarithmic = frequencies_of(stepped(points=3, spacing="logarithmic").sweep)
+    assert logarithmic == pytest.approx([0.1, 0.2, 0.4])
+
+
 def linear_orbit(system, frequency, level, closed):
     """State at t = 0 of the linear steady motion with some contacts closed for good, static part included."""
     w = 2 * np.pi * frequency
@@ -127,3 +134,24 @@ def test_contact_levels_separate_linear_motions_from_others(gap):
         flow = ExactFlow(system.dynamics, Forcing(system.forcing.load, (signal,)), 50.0)
         trajectory = simulate(flow, linear_orbit(system, 0.2, factor * level, closed))
         assert bool(trajectory.event_time.size > 0) is changes
+
+
+def test_stress_and_gap_of_a_sweep_are_those_of_the_run():
+    """Limits on stress and gap: a stepped sweep's margins at one frequency against a long run there."""
+    from pathlib import Path
+
+    import beamsim
+    from beamsim.analyses.sweep.analysis import sweep
+
+    path = Path(__file__).parents[2] / "configs/one_sided_65hz.yaml"
+    limits = {"bending_stress": "1 MPa", "gap": "0.1 mm"}
+    stepped = {"kind": "stepped", "from": "65 Hz", "to": "65.001 Hz", "points": 2, "direction": "up"}
+    common = {"reduction": {"modes": 6}, "limits": limits}
+    found = sweep(beamsim.load_scenario(path, {**common, "sweep": stepped})).summary["margins"]
+    run = beamsim.load_scenario(path, {**common, "run.duration": 6.0, "run.spectrum": {"last": 0.4, "window": "hann"}})
+    tail = beamsim.run(run)
+    late = tail.time > 5.5
+    assert found["gap"]["value"] == pytest.approx(tail.probes["tip"].displacement[late].max(), rel=1e-4)
+    assert 0.3 < found["bending_stress"]["value"] / tail.summary["largest_bending_stress_pa"] < 1.0
+    assert found["gap"]["exceeded"]
+    assert found["bending_stress"]["exceeded"]

@@ -1,5 +1,6 @@
 """Result files: what is written is read back, by us, by xarray, and by nobody when it is broken."""
 
+import dataclasses
 import os
 
 import pytest
@@ -9,6 +10,17 @@ from beamsim.files import check_writable, replacing
 from beamsim.store.results import open_result, write_result
 
 pytestmark = pytest.mark.quick
+
+
+def test_long_scenario_fits(fabricated_run, tmp_path):
+    fabricated = fabricated_run()
+
+    class Long(type(fabricated.scenario)):
+        def to_yaml(self):
+            return "title: long\n" + "# padding\n" * 200_000
+
+    path = write_result(dataclasses.replace(fabricated, scenario=Long()), tmp_path / "long.h5")
+    assert len(open_result(path).scenario_yaml) > 2_000_000
 
 
 def test_write_replaces_through_a_link_and_makes_the_folder(fabricated_run, tmp_path):

@@ -12,6 +12,9 @@ from beamsim.inputs.swept import cut_into_windows, swept_signals
 pytestmark = pytest.mark.quick
 
 
+OCTAVES = float(np.log(2) / 30)  # 2 oct/min
+
+
 def sine(leg, t, profile):
     r, f = leg.signed_rate, leg.first_hz
     turns = f * np.expm1(r * t) / r if leg.logarithmic else f * t + 0.5 * r * t**2
@@ -39,6 +42,15 @@ def test_windows_are_the_sine_to_the_bound(first, last, rate, logarithmic, power
     # what is compared with loses the digits of a phase of many radians
     tolerance = (1e-11 + 1e-15 * 2 * np.pi * leg.cycles) * largest
     assert np.abs(values_at(windows, windows.coefficient, t) - sine(leg, t, profile)).max() < tolerance
+
+
+def test_the_number_of_cycles_of_the_thesis_sweep():
+    windows = cut_into_windows([Leg(20.0, 400.0, OCTAVES, True)], Profile.constant(1.0))
+    assert windows.cycles == 16447
+    assert windows.duration == pytest.approx(129.66, abs=0.01)
+    assert windows.count == windows.cycles  # a window a cycle is short enough
+    assert windows.frequency_hz[0] == pytest.approx(20.0, abs=0.02)
+    assert np.diff(windows.edge[:-1]) @ windows.frequency_hz[:-1] == pytest.approx(windows.cycles - 1, rel=1e-6)
 
 
 def test_windows_of_some_cycles_are_those_of_the_sweep():

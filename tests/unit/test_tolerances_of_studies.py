@@ -94,6 +94,18 @@ def test_by_default_the_worst_realisation_judges():
     assert result.summary["scatter"]["responses"][FORCE]["nominal"] == 20.0
 
 
+def test_a_quantile_leaves_the_worst_realisations_out():
+    result = of_forces(FORCES, f"{{quantile: 75 %, {FOUR}}}")
+    np.testing.assert_allclose(result.margins["peak_force"].values, 30.0 / np.array([13.0, 23.0, 32.0]) - 1.0)
+    assert result.passing.tolist() == [True, True, False]
+    assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(0, 13.0), (1, 23.0)]
+
+
+def test_of_a_response_that_shall_be_large_the_smallest_counts():
+    result = of_forces(FORCES, f"{{{FOUR}}}", "{peak_force: 50 N}", "maximise: peak_force, ")
+    assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(1, 20.0), (0, 10.0), (2, 5.0)]
+
+
 def test_a_limit_that_no_response_is_compared_with_is_not_met():
     result = of_forces(FORCES, f"{{{FOUR}}}", "{peak_force: 50 N, gap: 1 mm}")
     assert result.passing.tolist() == [False, False, False]
@@ -165,6 +177,14 @@ def test_a_number_that_is_varied_with_others_has_a_tolerance_with_them():
     stiffnesses = [[s.stiffness for s in plan.study.scenario(case).snubbers] for case in plan.cases]
     assert all(tip == top for tip, top in stiffnesses)
     assert len({tip for tip, _ in stiffnesses}) == 2 * 21
+
+
+def test_indices_take_no_tolerances():
+    with pytest.raises(ScenarioError, match="tolerances"):
+        load_scenario(
+            f"{BASE}vary: {{kind: sobol, samples: 4, parameters: [{{path: beam.thickness, tolerance: 1 %}}], "
+            "tolerances: {parameters: [{path: snubbers.tip.gap, tolerance: 0.1 mm}]}}"
+        )
 
 
 def test_an_objective_at_an_unknown_place_is_found_before_any_case_is_solved():

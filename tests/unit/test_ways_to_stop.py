@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import beamsim
@@ -53,3 +54,14 @@ def test_a_stepped_sweep_that_costs_too_much(monkeypatch):
     (curve,) = result.curves.values()
     assert result.outcome.place.value > curve.frequency_hz[-1]
     assert not next(iter(result.levels.values())).outcome.complete
+
+
+@pytest.mark.slow
+def test_a_fit_with_too_few_evaluations(monkeypatch):
+    monkeypatch.setattr("beamsim.analyses.identify.fit.MOST_EVALUATIONS", 1)
+    path = CONFIGS / "identify_nonlinear.yaml"
+    scenario = load_scenario(path, {"identify_stiffness.nonlinear.starts": 1})
+    result = beamsim.identify_stiffness(scenario, beamsim.read_tests(scenario, path.parent))
+    assert result.outcome.code == "fit_limit"
+    assert not result.complete
+    assert np.isfinite([p.value for p in result.nonlinear.parameters]).all()
