@@ -36,7 +36,7 @@ from beamsim.analyses.continuation.branches import (
 from beamsim.analyses.continuation.folds import follow_folds
 from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
 from beamsim.analyses.continuation.overlay import swept_overlay
-from beamsim.analyses.continuation.paths import ResponseModel, level_unit, response_model
+from beamsim.analyses.continuation.paths import ResponseModel, response_model
 from beamsim.analyses.continuation.refinement import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
 from beamsim.analyses.continuation.side_branches import leavings, side_branches
@@ -140,7 +140,7 @@ def continuation(
         parameter=f.kind,
         unit=f.unit,
         snubber=f.snubber,
-        level_unit=level_unit(scenario),
+        level_unit=scenario.level_unit or "1",
         method=settings.method.kind,
         fold_curves=tuple(folds),
         second_parameter="" if second is None else second.kind,

@@ -29,8 +29,6 @@ from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.checks import snubber_index
 from beamsim.scenario.excitation import Forces, Harmonic, Sine
-from beamsim.scenario.quantities import FACTOR
-from beamsim.scenario.quantities import level_unit as unit_of
 from beamsim.scenario.sweep import Continuation, HarmonicBalance, PositionPath, SnubberPath
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
@@ -213,11 +211,6 @@ def response_model(scenario: Scenario) -> ResponseModel:
     )
 
 
-def level_unit(scenario: Scenario) -> str:
-    """SI unit of the excitation's level."""
-    return unit_of(getattr(scenario.excitation, "quantity", None) or FACTOR)
-
-
 def moving_place(scenario: Scenario, path: PositionPath, position: float) -> Place:
     """Where a snubber that moves is at a position, on the end where round-off puts it beyond."""
     index = snubber_index(scenario, path)
@@ -230,7 +223,7 @@ def moving_place(scenario: Scenario, path: PositionPath, position: float) -> Pla
 def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, shape_at: Any) -> FollowedParameter:
     first, last = float(path.from_), float(path.to)
     if not isinstance(path, SnubberPath):
-        unit = "Hz" if path.kind == "frequency" else level_unit(scenario)
+        unit = "Hz" if path.kind == "frequency" else scenario.level_unit or "1"
         return FollowedParameter(path.kind, first, last, unit)
     index = snubber_index(scenario, path)
     assert index is not None

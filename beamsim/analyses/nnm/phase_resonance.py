@@ -16,7 +16,7 @@ import numpy as np
 
 from beamsim.analyses.continuation.branches import joined
 from beamsim.analyses.continuation.motion import Measurement
-from beamsim.analyses.continuation.paths import level_unit, periodic_flow, periodic_forcing
+from beamsim.analyses.continuation.paths import periodic_flow, periodic_forcing
 from beamsim.analyses.nnm.orbits import RATE, amplitudes_of_lines, carried, line_frequencies
 from beamsim.analyses.nnm.result import (
     HeldMotion,
@@ -231,7 +231,7 @@ def hold_mode(
     assert section is not None
     damped = build_system(scenario.model_copy(update={"run": None}), assessed=False)
     factor = orbits.split(points[-1].u)[2]
-    loads, unit = periodic_forcing(scenario, damped), level_unit(scenario)
+    loads, unit = periodic_forcing(scenario, damped), scenario.level_unit or "1"
     held = _Levels(orbits, points, damped, excitation, loads, settings.mode - 1, factor, alike, unit)
     levels = [float(level) for level in section.levels] or [excitation.level]
     predicted, probe = _predicted(held, levels)
