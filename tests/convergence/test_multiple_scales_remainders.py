@@ -127,7 +127,7 @@ def test_steady_motion_near_resonance(oscillator, six, case):
     for e in FACTORS:
         omega = resonant.omega + e * sigma
         guess = resonant.states(resonant.response(motion, e, 1), omega, np.zeros(1))[0]
-        t, exact, orbit = steady_motion(weakened(system, e, e), e * resonant.load, omega, guess)
+        t, exact, orbit = steady_motion(weakened(system, e), e * resonant.load, omega, guess)
         for order in (0, 1):
             found = resonant.states(resonant.response(motion, e, order), omega, t)
             off[order].append(np.abs(found - exact)[:, :n].max())

@@ -214,16 +214,16 @@ def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):
 def test_harmonic_balance_seeks_coexisting_motions(levels):
     """It begins from what shooting finds; with cubic springs it does not, and says so."""
     balance = in_level("sweep.method={kind: harmonic_balance, harmonics: 15}")
-    contact = [b for b in balance.branches if b.peak_force["stop"].min() > 0]
-    exact = [b for b in levels.branches if b.peak_force["stop"].min() > 0 and b.period_multiple == 1]
+    contact = [b for b in balance.branches if b.force["stop"].peak.min() > 0]
+    exact = [b for b in levels.branches if b.force["stop"].peak.min() > 0 and b.period_multiple == 1]
     assert contact
     for branch in contact:
         k = branch.parameter.size // 2
         beside = [
-            np.interp(branch.parameter[k], b.parameter[order], b.peak_displacement["first"][order])
+            np.interp(branch.parameter[k], b.parameter[order], b.displacement["first"].peak[order])
             for b in exact for order in [np.argsort(b.parameter)]
         ]  # fmt: skip
-        assert min(abs(np.array(beside) / branch.peak_displacement["first"][k] - 1)) < 0.05
+        assert min(abs(np.array(beside) / branch.displacement["first"].peak[k] - 1)) < 0.05
     force = "{kind: harmonic, quantity: force, applied_to: {mass: 1}, level: 0.01 N, frequency: 0.1 Hz}"
     cubic = curve(
         CONFIGS / "chain_cubic.yaml", "nnm=null", f"excitation={force}", "chain.damping={kind: modal, ratio: 0.02}",

@@ -73,8 +73,8 @@ def test_a_curve_in_frequency_crosses_it(case):
     sweep = "{kind: continuation, from: 65 Hz, to: 66 Hz, longest_period: 1, seek_at: 0}"
     crossing = continuation(load_scenario(BEAM, [f"sweep={sweep}", f"{key}={float(branch.parameter[k])!r}"]))
     rel = 1e-4 if kind == "position" else 1e-7  # another basis
-    assert crossing.branches[0].peak_displacement["tip"][0] == pytest.approx(
-        branch.peak_displacement["tip"][k], rel=rel
+    assert crossing.branches[0].displacement["tip"].peak[0] == pytest.approx(
+        branch.displacement["tip"].peak[k], rel=rel
     )
 
 
@@ -131,7 +131,7 @@ def test_margins_count_stable_motions_only():
     changes = ["limits={peak_displacement: 1.85 m}", "sweep.longest_period=1"]
     result = continuation(load_scenario(CONFIGS / "chain_two_dof.yaml", changes))
     margin = result.summary["margins"]["peak_displacement"]
-    top = max(float(b.peak_displacement["first"].max()) for b in result.branches)
-    stable = max(float(b.peak_displacement["first"][b.stable].max()) for b in result.branches)
+    top = max(float(b.displacement["first"].peak.max()) for b in result.branches)
+    stable = max(float(b.displacement["first"].peak[b.stable].max()) for b in result.branches)
     assert margin["value"] == stable < 1.85 < top
     assert not margin["exceeded"]
