@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from beamsim.analyses.run.motion import Histories, RunMotion
+from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.records import MotionRecord, Record, SampledRecord, Window
 from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
@@ -47,38 +47,34 @@ def spectral(system: StructuralSystem) -> ChannelSet:
     return system.channels.of_keys(ACCELERATION, DISPLACEMENT, *dict.fromkeys(outputs))
 
 
-def spectra_of_samples(
-    scenario: Scenario, system: StructuralSystem, histories: Histories
-) -> dict[tuple[str, str], Spectrum]:
-    """Spectra of a motion that is known at the output times alone.
+def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
+    """Spectra of every probe and output, whatever the output rate; of a time-stepped motion those of its samples.
 
     Parameters
     ----------
     scenario, system : what was asked for, and of what.
-    histories : there.
+    motion : of which the last part is looked at.
     """
     assert scenario.run is not None
-    channels = spectral(system)
-    samples = np.hstack([histories.of(key) for key in channels.places])
-    return {
-        (channel.name, channel.quantity): spectrum(
-            histories.time,
-            x,
-            scenario.run.spectrum,
-            system.excitation_frequency_hz,
-            channel.name,
-            channel.quantity,
-            channel.unit,
-        )
-        for channel, x in zip(channels.channels, samples.T, strict=True)
-    }
-
-
-def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
-    """Spectra of every probe and snubber: from the closed form, or of samples."""
-    if motion.trajectory is None or motion.trajectory.end <= 0.0:
-        return spectra_of_samples(scenario, system, motion.sampled())
-    return spectra_of_motion(scenario, system, motion.trajectory)
+    settings, excitation_hz = scenario.run.spectrum, system.excitation_frequency_hz
+    channels, trajectory = spectral(system), motion.trajectory
+    labels = [(channel.name, channel.quantity, channel.unit) for channel in channels.channels]
+    if trajectory is None or trajectory.end <= 0.0:
+        histories = motion.sampled()
+        samples = np.hstack([histories.of(key) for key in channels.places]).T
+        pairs = zip(labels, samples, strict=True)
+        return {of[:2]: spectrum(histories.time, x, settings, excitation_hz, *of) for of, x in pairs}
+    begin = trajectory.end - _duration(settings, trajectory.end, excitation_hz)
+    kept, modes = system.modes.kept_modes, system.modes
+    residual = (*modes.open_frequencies_hz[kept:], *modes.closed_frequencies_hz[kept:])
+    spectra = {}
+    records = records_of(scenario, system, trajectory, channels, (begin, trajectory.end))
+    for of, (record, at_end) in zip(labels, records, strict=True):
+        window = settings.window or _suited_window(scenario, record.x)
+        if window == "rectangular":
+            record.x[0] = 0.5 * (record.x[0] + at_end)  # both ends of the part are one sample of the periodic record
+        spectra[of[:2]] = spectrum_of(record, window, excitation_hz, *of, residual, settings.frequencies)
+    return spectra
 
 
 def coverage_notes(
@@ -94,33 +90,6 @@ def coverage_notes(
         f"spectra are made of samples at {rate:g} Hz, and the highest mode kept has {highest:.4g} Hz: what moves "
         f"faster than {0.5 * rate:g} Hz shows at lower frequencies; {remedy}"
     ]
-
-
-def spectra_of_motion(
-    scenario: Scenario, system: StructuralSystem, trajectory: Trajectory
-) -> dict[tuple[str, str], Spectrum]:
-    """Spectra of a motion in closed form, whatever the output rate.
-
-    Parameters
-    ----------
-    scenario, system : what was asked for, and of what.
-    trajectory : the motion, or its last part.
-    """
-    assert scenario.run is not None
-    settings, excitation_hz = scenario.run.spectrum, system.excitation_frequency_hz
-    begin = trajectory.end - _duration(settings, trajectory.end, excitation_hz)
-    kept, modes = system.modes.kept_modes, system.modes
-    residual = (*modes.open_frequencies_hz[kept:], *modes.closed_frequencies_hz[kept:])
-    spectra, channels = {}, spectral(system)
-    records = records_of(scenario, system, trajectory, channels, (begin, trajectory.end))
-    for channel, (record, at_end) in zip(channels.channels, records, strict=True):
-        window = settings.window or _suited_window(scenario, record.x)
-        if window == "rectangular":
-            record.x[0] = 0.5 * (record.x[0] + at_end)  # both ends of the part are one sample of the periodic record
-        spectra[channel.name, channel.quantity] = spectrum_of(
-            record, window, excitation_hz, channel.name, channel.quantity, channel.unit, residual, settings.frequencies
-        )
-    return spectra
 
 
 def records_of(
