@@ -14,11 +14,10 @@ Begin with `scenario`, the whole, and `loading`; every section has a module of i
 
 from __future__ import annotations
 
-from beamsim.scenario.beam import Beam, GeneralSection, TubeSection
-from beamsim.scenario.body import AtPlace, Located, ModalDamping, Probe, RayleighDamping
+from beamsim.scenario.beam import Beam
+from beamsim.scenario.body import AtPlace, Located, ModalDamping, RayleighDamping
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.connections import (
-    CubicGroundSpring,
     LinkSnubber,
     Snubber,
     SnubberRatioDamping,
@@ -27,21 +26,18 @@ from beamsim.scenario.connections import (
 from beamsim.scenario.excitation import Excitation, HalfSine, Harmonic, MultiTone, NoExcitation, Step
 from beamsim.scenario.jsonschema import json_schema
 from beamsim.scenario.loading import load_scenario, template
-from beamsim.scenario.quantities import Rate, Share
+from beamsim.scenario.quantities import Rate
 from beamsim.scenario.reporting import Limits
-from beamsim.scenario.run import ModeStart, PolynomialStart, Reduction, ReleasedForceStart, Run, SpectrumSettings
+from beamsim.scenario.run import ModeStart, PolynomialStart, ReleasedForceStart, Run, SpectrumSettings
 from beamsim.scenario.scenario import Scenario
-from beamsim.scenario.sweep import Continuation, EnergyContinuation, StiffnessFactorContinuation, SweptSine
+from beamsim.scenario.sweep import EnergyContinuation, StiffnessFactorContinuation, SweptSine
 
 __all__ = [
     "AtPlace",
     "Beam",
     "Chain",
-    "Continuation",
-    "CubicGroundSpring",
     "EnergyContinuation",
     "Excitation",
-    "GeneralSection",
     "HalfSine",
     "Harmonic",
     "Limits",
@@ -52,14 +48,11 @@ __all__ = [
     "MultiTone",
     "NoExcitation",
     "PolynomialStart",
-    "Probe",
     "Rate",
     "RayleighDamping",
-    "Reduction",
     "ReleasedForceStart",
     "Run",
     "Scenario",
-    "Share",
     "Snubber",
     "SnubberRatioDamping",
     "SnubberViscousDamping",
@@ -67,7 +60,6 @@ __all__ = [
     "Step",
     "StiffnessFactorContinuation",
     "SweptSine",
-    "TubeSection",
     "json_schema",
     "load_scenario",
     "template",

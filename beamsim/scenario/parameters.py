@@ -8,7 +8,7 @@ A path is written as in overrides, ``beam.point_masses[0].mass``; ``[*]`` means 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -330,17 +330,22 @@ def drawn_parameters(scenario: ScenarioParts, draws: Mapping[str, list[Any]]) ->
 
 
 def _drawn_parameter(scenario: ScenarioParts, path: str, values: list[Any]) -> VariedParameter:
-    places = _places(scenario, path, ("path",))
-    field = field_type_at(scenario, places[0])
+    number = _number(scenario, path, _places(scenario, path, ("path",)))
     text = any(isinstance(value, str) for value in values)
-    read = [_read(scenario, places[0], value, ()) for value in values] if text else values
-    nominal = value_at(scenario, places[0])
-    whole = isinstance(field, q.Whole) or (field is None and isinstance(nominal, int))
-    if whole:
+    read = [_read(scenario, number.places[0], value, ()) for value in values] if text else values
+    if number.whole:
         read = [int(value) if not isinstance(value, str) and float(value).is_integer() else value for value in read]
+    return replace(number, nominal=math.nan, values=tuple(read))
+
+
+def _number(scenario: ScenarioParts, path: str, places: Sequence[Path]) -> VariedParameter:
+    """The number or word at places, before it is varied."""
+    field, nominal = field_type_at(scenario, places[0]), value_at(scenario, places[0])
+    nominal = str(nominal) if isinstance(nominal, q.Rate) else nominal  # with its unit, like a word
     return VariedParameter(
-        path=path, places=tuple(places), unit=_unit(scenario, places[0], field), nominal=math.nan, values=tuple(read),
-        whole=whole,
+        path=path, places=tuple(places), unit=_unit(scenario, places[0], field),
+        nominal=nominal if isinstance(nominal, str) else float(nominal), values=(),
+        whole=isinstance(field, q.Whole) or (field is None and isinstance(nominal, int)),
     )  # fmt: skip
 
 
@@ -368,18 +373,8 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
     places = _places(scenario, parameter.path, ("path",))
     for k, path in enumerate(parameter.also):
         places += _places(scenario, path, ("also", k))
-    first = places[0]
-    field = field_type_at(scenario, first)
-    choices = choices_at(scenario, first)
-    nominal = value_at(scenario, first)
-    nominal = str(nominal) if isinstance(nominal, q.Rate) else nominal  # with its unit, like a word
-    common: dict[str, Any] = {
-        "path": parameter.path,
-        "places": tuple(places),
-        "unit": _unit(scenario, first, field),
-        "nominal": nominal if isinstance(nominal, str) else float(nominal),
-        "whole": isinstance(field, q.Whole) or (field is None and isinstance(nominal, int)),
-    }
+    first, number = places[0], _number(scenario, parameter.path, places)
+    nominal = number.nominal
 
     def read(value: Value, at: Path, place: Path = first) -> Value:
         return _read(scenario, place, value, at)
@@ -391,8 +386,8 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
                 read(value, ("values", k), place)
         if len(set(values)) < len(values):
             raise fail("lists a value twice", "list every value once", ("values",))
-        return VariedParameter(**common, values=values)
-    if choices or isinstance(nominal, str):
+        return replace(number, values=values)
+    if choices_at(scenario, first) or isinstance(nominal, str):
         raise fail(f"= {parameter.path} is a choice, which has no range", _LIST_EXAMPLE, ("path",))
     points = getattr(parameter, "points", 0)
     if isinstance(parameter, (RangedParameter, SampledRange)):
@@ -419,14 +414,12 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
     for end in (low, high):
         for place in places:
             read(end, ("tolerance" if hasattr(parameter, "tolerance") else "from",), place)
-    if common["whole"] and points and abs(high - low) + 1 < points:
+    if number.whole and points and abs(high - low) + 1 < points:
         raise fail(
             f"= {points} is more than the whole numbers from {low:g} to {high:g}", "take fewer points", ("points",)
         )
     distribution = getattr(parameter, "distribution", "uniform")
-    return VariedParameter(
-        **common, values=(), low=low, high=high, points=points, spacing=spacing, distribution=distribution
-    )
+    return replace(number, low=low, high=high, points=points, spacing=spacing, distribution=distribution)
 
 
 def _places(scenario: ScenarioParts, path: str, at: Path) -> list[Path]:
@@ -435,13 +428,10 @@ def _places(scenario: ScenarioParts, path: str, at: Path) -> list[Path]:
         if place[0] in _SECTIONS:
             raise fail(f"= {path} has no effect on a case", "vary a number of the structure or the excitation", at)
         free_text = isinstance(value_at(scenario, place), str) and len(choices_at(scenario, place)) < 2
-        if place[-1] == "kind" or (free_text and not _takes_words(scenario, place)):
+        takes_words = isinstance(field_type_at(scenario, place), q.Whole)  # reduction.modes: all
+        if place[-1] == "kind" or (free_text and not takes_words):
             raise fail(f"= {path} is neither a number nor a choice", "vary a number, or a word such as a support", at)
     return places
-
-
-def _takes_words(scenario: ScenarioParts, place: Path) -> bool:
-    return isinstance(field_type_at(scenario, place), q.Whole)  # reduction.modes: all
 
 
 def _read(scenario: ScenarioParts, place: Path, value: Value, at: Path) -> Value:
